@@ -183,7 +183,8 @@ class Branch:
         # would move it. Where the nodes of a long unstable segment have lost digits by propagation, they are corrected.
         saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
         solution = self.problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved
-        return Orbit(self.problem, solution, on_family=self._stable_at(i, i))
+        stable = int(self.points["stable"][i])
+        return Orbit(self.problem, solution, on_family=bool(stable) if stable >= 0 else None)
 
     def orbit_between(self, i: int, part: float, **asked: float) -> Orbit | None:
         """The orbit between points i and i + 1 at an energy or a quarter period; None where the corrector fails.
@@ -198,14 +199,11 @@ class Branch:
         """
         guess = (1.0 - part) * self.unknowns(i) + part * self.unknowns(i + 1)
         try:
-            return Orbit(self.problem, self.problem.solve(guess, **asked), on_family=self._stable_at(i, i + 1))
+            solution = self.problem.solve(guess, **asked)
         except NotConverged:
             return None
-
-    def _stable_at(self, i: int, j: int) -> bool | None:
-        """The stability that two neighbouring points share; None where they differ or it is undecided."""
-        first, second = (int(self.points["stable"][k]) for k in (i, j))
-        return bool(first) if first == second and first >= 0 else None
+        first, second = self.points["stable"][i].item(), self.points["stable"][i + 1].item()
+        return Orbit(self.problem, solution, on_family=bool(first) if first == second and first >= 0 else None)
 
     def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
         """All orbits of the branch at an energy or at a quarter period, in order of arclength.
@@ -222,8 +220,14 @@ class Branch:
         """
         if (energy is None) == (alpha is None):
             raise ValueError("give one of energy and alpha")
-        name = "h" if energy is not None else "alpha"
-        value = _positive(energy if energy is not None else alpha, name)
+        name, quantity = ("h", "energy h") if energy is not None else ("alpha", "quarter period alpha")
+        asked = energy if energy is not None else alpha
+        try:
+            value = real(asked)
+        except (TypeError, ValueError):
+            raise TypeError(f"the {quantity} is a number; received {shown(asked)}") from None
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"the {quantity} is a finite number above 0; received {value:g}")
         difference = self.points[name] - value
         out: list[Orbit] = []
         for i in range(len(self) - 1):
@@ -275,15 +279,3 @@ class Branch:
         if name not in known:
             raise ValueError(f"no event {name!r} on this branch; it has {', '.join(known) or 'none'}")
         return known[name]
-
-
-def _positive(value: Any, name: str) -> float:
-    """A finite number above 0."""
-    quantity = "energy h" if name == "h" else "quarter period alpha"
-    try:
-        number = real(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"the {quantity} is a number; received {shown(value)}") from None
-    if not 0.0 < number < math.inf:
-        raise ValueError(f"the {quantity} is a finite number above 0; received {number:g}")
-    return number

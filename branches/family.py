@@ -69,12 +69,6 @@ def multiplication(p: int, q: int) -> float:
     return 2.0 * math.cos(2.0 * math.pi * p / q)
 
 
-def half_multiplication(p: int, q: int) -> tuple[float, float]:
-    """Traces +-2 cos(pi p/q) of the half map composed with u -> -u at a p:q resonance: the full period's trace is their square less 2."""
-    level = 2.0 * math.cos(math.pi * p / q)
-    return level, -level
-
-
 def _describe_touch(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
     """A flight touches a stop: its letter, a note, and ("touch", flight, time after its start)."""
     modes = problem.modes
@@ -239,10 +233,12 @@ class Family:
             tests += [TestFunction("PD", "crossing", False, "period doubling")]
         if not self._two_dof and not problem.periodic:
             tests += [TestFunction("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
-        # Of a quarter the trace of the half map is followed: that of the full period passes a level twice where the former passes zero.
-        quarter = problem.quarters == 1
-        levels = {(p, q): half_multiplication(p, q) if quarter else (multiplication(p, q),) for p, q in RESONANCES}
-        self._resonant = [(p, q, level) for (p, q), both in levels.items() for level in both]
+        # Of a quarter the trace +-2 cos(pi p/q) of the half map composed with u -> -u is followed: that of the full period, its square
+        # less 2, passes a level twice where the former passes zero.
+        if problem.quarters == 1:
+            self._resonant = [(p, q, sign * math.cos(math.pi * p / q)) for p, q in RESONANCES for sign in (2.0, -2.0)]
+        else:
+            self._resonant = [(p, q, multiplication(p, q)) for p, q in RESONANCES]
         if self._two_dof:
             tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
         self._computed = len(tests)

@@ -279,8 +279,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         beside = Path(name)
         try:
             yield beside
-            beside.chmod(_mode(target))
-            _flush_to_disk(beside)
+            if target.exists():
+                mode = stat.S_IMODE(target.stat().st_mode)
+            else:
+                mask = os.umask(0)
+                os.umask(mask)
+                mode = 0o666 & ~mask
+            beside.chmod(mode)
+            with beside.open("rb+") as file:
+                os.fsync(file.fileno())
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)
@@ -303,18 +310,3 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     """
     with replacing(path) as beside:
         beside.write_text(text, encoding="utf-8", newline="")
-
-
-def _mode(target: Path) -> int:
-    """Return the mode bits that `target` has, or that a new file of this user gets."""
-    try:
-        return stat.S_IMODE(target.stat().st_mode)
-    except FileNotFoundError:
-        mask = os.umask(0)
-        os.umask(mask)
-        return 0o666 & ~mask
-
-
-def _flush_to_disk(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())

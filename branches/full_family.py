@@ -116,10 +116,6 @@ class FullFamily:
     h: np.ndarray
     alpha: np.ndarray
 
-    def __post_init__(self) -> None:
-        for name in ("h", "alpha"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-
     def reach(self, energy: tuple[float, float], quarter_period: float) -> tuple[tuple[float, float], float] | None:
         """The limits within which the family hangs together, where it leaves those given and comes back into them.
 
@@ -299,7 +295,7 @@ def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
     marks = _marks(Family(problem, window, ends_only=True), curve)
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
     ids = tuple(join_family_id(ends, sequence, digest) for digest in digests(marks))
-    return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), curve.h, curve.alpha)
+    return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), read_only(curve.h), read_only(curve.alpha))
 
 
 def _runs(inside: np.ndarray) -> int:
@@ -419,8 +415,10 @@ def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
     if curve.closed and len(runs) > 1 and runs[0][0] == 0.0 and runs[-1][1] == places[-1]:
         runs = [(runs[-1][0], runs[0][1]), *runs[1:-1]]
 
-    def is_own(run: tuple[float, float]) -> bool:
-        first, last = run[0] - TIE, run[1] + TIE
-        return first <= curve.start <= last if run[0] <= run[1] else curve.start >= first or curve.start <= last
-
-    return tuple(Piece(orbit(first), orbit(last)) for first, last in runs if not is_own((first, last)))
+    others = []
+    for first, last in runs:
+        after, before = curve.start >= first - TIE, curve.start <= last + TIE
+        own = after and before if first <= last else after or before
+        if not own:
+            others.append(Piece(orbit(first), orbit(last)))
+    return tuple(others)

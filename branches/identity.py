@@ -37,7 +37,10 @@ BORDER = 1e-9
 def is_solved_as_it_is(problem: MultipointProblem, y: np.ndarray) -> bool:
     """Whether an orbit is run through once, between neighbouring ones of its reversals, and on itself only where it has none."""
     found = symmetries(cycle_of(problem, y))
-    return found.cover == 1 and not (found.reverses_in_quarters and problem.quarters == 2) and not (found.reversals and problem.periodic)
+    if found.cover > 1 or (found.reversals and problem.periodic):
+        return False
+    # Both kinds of reversals lie a quarter period apart.
+    return problem.quarters != 2 or len({e for _, e in found.reversals}) < 2
 
 
 def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:

@@ -105,23 +105,20 @@ class Orbit:
         """What is known of the orbit, as `orbit_columns` of length 1."""
         return Frozen(orbit_columns(self.problem, [self.solution]))
 
-    def _get(self, name: str) -> Any:
-        return self.columns[name][0]
-
     @property
     def label(self) -> str:
         """Label of the grammar, "" outside it."""
-        return str(self._get("label"))
+        return str(self.columns["label"][0])
 
     @property
     def h(self) -> float:
         """Energy."""
-        return float(self._get("h"))
+        return float(self.columns["h"][0])
 
     @property
     def alpha(self) -> float:
         """Quarter period T/4."""
-        return float(self._get("alpha"))
+        return float(self.columns["alpha"][0])
 
     @property
     def period(self) -> float:
@@ -131,44 +128,44 @@ class Orbit:
     @property
     def residual(self) -> float:
         """Residual of the multipoint problem, scaled by the state."""
-        return float(self._get("residual"))
+        return float(self.columns["residual"][0])
 
     @property
     def velocities(self) -> np.ndarray | None:
         """Initial velocities (n,) at zero displacement; None where the orbit does not start at an origin."""
-        values = self._get("velocities")
+        values = self.columns["velocities"][0]
         return None if np.isnan(values).any() else values
 
     @property
     def impact_speeds(self) -> np.ndarray:
         """Speeds of approach at the impacts of the solved segment, those at its ends included."""
-        return self._get("impact_speeds")
+        return self.columns["impact_speeds"][0]
 
     @property
     def multipliers(self) -> np.ndarray:
         """Nontrivial Floquet multipliers of the full period, (2n-2,) complex."""
-        return self._get("multipliers")
+        return self.columns["multipliers"][0]
 
     @property
     def tau(self) -> float:
         """Trace of the reduced full-period map (n = 2), NaN where unbounded or not defined."""
-        return float(self._get("tau"))
+        return float(self.columns["tau"][0])
 
     @property
     def tau_half(self) -> float:
         """Trace of the reduced half map composed with u -> -u; NaN for orbits without half-period symmetry."""
-        return float(self._get("tau_half"))
+        return float(self.columns["tau_half"][0])
 
     @property
     def stable(self) -> bool | None:
         """Whether it is linearly stable; None where neither it nor the family around it decides that by more than its own error."""
-        code = int(self._get("stable"))
+        code = int(self.columns["stable"][0])
         return self.on_family if code < 0 else bool(code)
 
     @property
     def quality(self) -> dict[str, Any]:
         """How well the multipliers keep what is known: trivial, pairing, reliable."""
-        return {name: self._get(name).item() for name in ("trivial", "pairing", "reliable")}
+        return {name: self.columns[name][0].item() for name in ("trivial", "pairing", "reliable")}
 
     @cached_property
     def cycle(self) -> Cycle:

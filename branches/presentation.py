@@ -167,11 +167,6 @@ class Symmetries(NamedTuple):
     half: bool
     reversals: tuple[tuple[float, int], ...]
 
-    @property
-    def reverses_in_quarters(self) -> bool:
-        """Whether the orbit has both kinds of reversals, which lie a quarter period apart."""
-        return len({e for _, e in self.reversals}) == 2
-
 
 class Shifts:
     """Which shifts of its impacts map an orbit to itself, or to its mirror image.

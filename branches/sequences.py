@@ -23,7 +23,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 __all__ = [
-    "Ends", "PERIODIC", "ImpactSequence", "SequenceSyntaxError", "canonical_sequence", "check_ends", "format_ends", "format_sequence",
+    "Ends", "PERIODIC", "ImpactSequence", "SequenceSyntaxError", "canonical_sequence", "format_ends", "format_sequence",
     "full_sequence", "impacts_per_period", "join_family_id", "mirror", "mirror_ends", "parse_ends", "parse_sequence",
     "segments_per_period", "split_family_id", "unfolded_sequence",
 ]  # fmt: skip
@@ -154,12 +154,6 @@ def join_family_id(ends: Ends, sequence: Iterable[str], digest: str) -> str:
     return f"{format_ends(ends)}:{''.join(sequence)}:{digest}"
 
 
-def check_ends(ends: Ends) -> None:
-    """Refuse ends that do not exist."""
-    if tuple(ends) != PERIODIC:
-        parse_ends("-".join(ends))
-
-
 _SWAP = {"+": "-", "-": "+"}
 
 
@@ -210,7 +204,8 @@ def canonical_sequence(
     >>> canonical_sequence(("+", "-"), ("stop-", "origin"))
     (('+', '-'), ('origin', 'stop+'))
     """
-    check_ends(ends)
+    if ends != PERIODIC:
+        parse_ends("-".join(ends))  # refuses ends that do not exist
     if "origin" in ends and not odd_symmetry:
         raise ValueError("an origin end needs odd symmetry: each stop two-sided with equal gaps and no constant load")
     if ends != PERIODIC and not reversible:

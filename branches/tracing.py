@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -121,7 +120,7 @@ def follow_family(
         raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
     collector = _Collector(problem, energy, on_event, on_point, sign)
-    with collector.keeping():
+    try:
         run = follow_both_ways(
             family,
             start,
@@ -133,6 +132,9 @@ def follow_family(
             on_points=collector.points,
             on_event=collector.event,
         )
+    except (KeyboardInterrupt, RuntimeError) as error:
+        with defer_interrupts():
+            raise _with_branch(error, collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     with defer_interrupts() as interrupt:
@@ -291,39 +293,22 @@ class _Collector:
         self.count = 0
         self.types: dict[str, int] = {}
 
-    @contextmanager
-    def keeping(self) -> Iterator[None]:
-        """Attach the points computed so far to an error raised in the block."""
-        try:
-            yield
-        except (KeyboardInterrupt, RuntimeError) as error:
-            with defer_interrupts():
-                raise _with_branch(error, self.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
-
     def points(self, points: Sequence[Point]) -> None:
-        if self.on_point is None and isinstance(points, PlainPoints):
-            self.count += len(points)
-            self.face(points[0])
-            self.halves[self.sign].add(points)
-            return
-        for point in points:
-            self.count += 1
+        """Take the points of a block, or one by one, each into the half of the run that it continues."""
+        for part in [points] if self.on_point is None and isinstance(points, PlainPoints) else [[point] for point in points]:
+            self.count += len(part)
+            point = part[0]
             if self.begin is None:
                 self.begin = point
             else:
-                self.face(point)
-                self.halves[self.sign].add([point])
+                if point.index == 1:
+                    rises = self.direction == 0 or (point.step.parameter - self.begin.step.parameter) * self.direction >= 0.0
+                    self.sign = 1 if rises and not self.halves[1] else -1
+                elif not self.halves[self.sign] or self.halves[self.sign][-1].index + 1 != point.index:
+                    self.sign = -self.sign
+                self.halves[self.sign].add(part)
             if self.on_point is not None:
                 self.on_point(self.count)
-
-    def face(self, point: Point) -> None:
-        """Record which half of the run a point continues."""
-        assert self.begin is not None
-        if point.index == 1:
-            rises = self.direction == 0 or (point.step.parameter - self.begin.step.parameter) * self.direction >= 0.0
-            self.sign = 1 if rises and not self.halves[1] else -1
-        elif not self.halves[self.sign] or self.halves[self.sign][-1].index + 1 != point.index:
-            self.sign = -self.sign
 
     def event(self, event: Event) -> None:
         if self.on_event is None:
@@ -408,16 +393,14 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     solutions = solutions_of(run.points)
     columns = orbit_columns(problem, solutions, run.points.arclengths())
 
-    def backward(event: Event) -> bool:
-        """Whether it was found against the arclength; an event where a closed family begins is read along it."""
-        return event.index < run.start and not (run.closed and event.index == 0)
-
+    # Whether each was found against the arclength; an event where a closed family begins is read along it.
+    backward = [event.index < run.start and not (run.closed and event.index == 0) for event in run.events]
     # At an event a velocity can be zero to rounding, so its counts are those of the branch just before it.
     labels = columns["label"].astype(object)
-    for event in run.events:
+    for event, against in zip(run.events, backward, strict=True):
         if event.code in UNDECIDED_AT:
             columns["stable"][event.index] = -1
-        labels[event.index], half_waves, _ = _along(event, backward(event))
+        labels[event.index], half_waves, _ = _along(event, against)
         columns["half_waves"][event.index] = max(1, half_waves)
     columns["label"] = labels.astype(str)
     columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
@@ -425,10 +408,10 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     columns["stable"], work = decide_between(problem, lambda i: solutions.y[i], columns, barriers)
     counts: dict[str, int] = {}
     events = []
-    for event in run.events:
+    for event, against in zip(run.events, backward, strict=True):
         counts[event.code] = counts.get(event.code, 0) + 1
         name, number = f"{event.code}{counts[event.code]}", event.index - run.start
-        events.append(record_of_event(event, name, event.index, number, columns, event.index, backward=backward(event)))
+        events.append(record_of_event(event, name, event.index, number, columns, event.index, backward=against))
     ended = []
     for k, end in enumerate(run.ends):
         place = run.points[0] if k == 0 else run.points[-1]

@@ -206,7 +206,9 @@ class OrbitSearch:
         self.counts["polished"] += 1
         same = self.found.setdefault(canonical_sequence(segment.sequence, segment.ends, odd_symmetry=self.system.has_odd_symmetry), [])
         for images in same:
-            if any(_is_same(orbit, other) for other in images):
+            # Comparing the quarter periods first is cheap and separates most orbits.
+            near = [(other.problem, other.solution.y) for other in images if abs(orbit.alpha / other.alpha - 1.0) <= SAME_STATE]
+            if any(same_segment((problem, solution.y), other, SAME_STATE) for other in near):
                 self.counts["duplicates"] += 1
                 if not any(_has_start(other, problem, segment.start) for other in images):
                     images.append(orbit)
@@ -288,10 +290,3 @@ def _preference(orbit: Found) -> tuple[Any, ...]:
     crossed = label is not None and label.p is not None and label.q is not None and label.p > label.q
     start = orbit.problem.start(orbit.solution.y)
     return crossed, orbit.problem.ends, orbit.problem.sequence, tuple(np.round(-start, 9))
-
-
-def _is_same(orbit: Found, other: Found) -> bool:
-    """Whether two solutions are one orbit. Comparing the quarter periods first is cheap and separates most orbits."""
-    if abs(orbit.alpha / other.alpha - 1.0) > SAME_STATE:
-        return False
-    return same_segment((orbit.problem, orbit.solution.y), (other.problem, other.solution.y), SAME_STATE)

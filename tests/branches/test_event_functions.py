@@ -9,12 +9,12 @@ import math
 import numpy as np
 import pytest
 
-from branches.family import RESONANCES, half_multiplication, multiplication
+from branches.family import RESONANCES, multiplication
 from branches.kernels import COMMON, common_tests, two_dof_tests
 from bvp.kernels.multipoint import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
-HALF_TARGETS = [level for p, q in RESONANCES for level in half_multiplication(p, q)]
+HALF_TARGETS = [sign * math.cos(math.pi * p / q) for p, q in RESONANCES for sign in (2.0, -2.0)]
 SPEED = 0.3
 
 
