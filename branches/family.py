@@ -27,7 +27,7 @@ from branches.kernels import (
     is_orbit,
     two_dof_tests,
 )
-from branches.orbit import label_text
+from branches.orbit import label_at
 from bvp.checks import changeable
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
@@ -69,38 +69,34 @@ def multiplication(p: int, q: int) -> float:
     return 2.0 * math.cos(2.0 * math.pi * p / q)
 
 
-def _describe_touch(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
-    """A flight touches a stop: its letter, a note, and ("touch", flight, time after its start)."""
-    modes = problem.modes
-    stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
-    letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contact_side[c] == side)
-    flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
-    where = f"flight {flight + 1} of {problem.inner + 1} touches stop {letter} at {time:.6g} after its start"
-    return {"stop": letter, "note": f"{where}: a new impact becomes possible", "graze": ("touch", flight, time)}
+_GRAZING = {
+    "touches": TestFunction("GR", "guard", True, "a flight touches a stop"),
+    "vanishes": TestFunction("GR", "guard", True, "the speed of an impact reaches zero"),
+    "merge": TestFunction("GR", "guard", True, "a flight time reaches zero"),
+}
+"""The three kinds of grazing, by the verb of their notes, with their test functions."""
 
 
-def _describe_vanishing(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
-    """The speed of an impact reaches zero: its stop's letter, a note, and ("vanish", node, 0)."""
-    inner, node = problem.inner, int(solution["speed_node"])
-    stop = problem.modes.contact_letters[problem.contacts[node]]
-    place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
-    return {"stop": stop, "note": f"the impact {place} (stop {stop}) vanishes: its speed reaches zero", "graze": ("vanish", node, 0.0)}
-
-
-def _describe_merging(problem: MultipointProblem, solution: Solution) -> dict[str, Any]:
-    """A flight time reaches zero: a note, and ("merge", flight, 0)."""
+def _describe_grazing(problem: MultipointProblem, solution: Solution, verb: str) -> dict[str, Any]:
+    """What is known of a kind of grazing: the stop's letter, a note, and (kind, flight or node, time after the start of the flight)."""
+    inner = problem.inner
+    if verb == "touches":
+        modes = problem.modes
+        stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
+        letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contact_side[c] == side)
+        flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
+        where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
+        return {"stop": letter, "note": f"{where}: a new impact becomes possible", "graze": ("touch", flight, time)}
+    if verb == "vanishes":
+        node = int(solution["speed_node"])
+        letter = problem.modes.contact_letters[problem.contacts[node]]
+        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
+        note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
+        return {"stop": letter, "note": note, "graze": ("vanish", node, 0.0)}
     flight = int(solution["flight_index"])
     here = f"impact {flight}" if flight else "the start"
-    there = f"impact {flight + 1}" if flight < problem.inner else "the far end"
+    there = f"impact {flight + 1}" if flight < inner else "the far end"
     return {"note": f"{here} and {there} merge: the flight between them has no duration", "graze": ("merge", flight, 0.0)}
-
-
-_GRAZING = (
-    (TestFunction("GR", "guard", True, "a flight touches a stop"), "touches", _describe_touch),
-    (TestFunction("GR", "guard", True, "the speed of an impact reaches zero"), "vanishes", _describe_vanishing),
-    (TestFunction("GR", "guard", True, "a flight time reaches zero"), "merge", _describe_merging),
-)
-"""The three kinds of grazing: the test function, the verb of its notes, and what describes it."""
 
 
 def unphysical(problem: MultipointProblem, solution: Solution, tolerance: float = BEYOND) -> str | None:
@@ -118,12 +114,12 @@ def unphysical(problem: MultipointProblem, solution: Solution, tolerance: float 
     """
     inner = problem.inner
     if solution["clearance"] <= -tolerance:
-        touch = _describe_touch(problem, solution)
+        touch = _describe_grazing(problem, solution, "touches")
         _, flight, time = touch["graze"]
         depth = -solution["clearance"]
         return f"flight {flight + 1} of {inner + 1} passes beyond stop {touch['stop']} by {depth:.2g} at {time:.6g} after its start"
     if solution["speed"] <= -tolerance * (2.0 * solution["energy"]) ** 0.5:
-        impact = _describe_vanishing(problem, solution)["note"].partition(" vanishes")[0]
+        impact = _describe_grazing(problem, solution, "vanishes")["note"].partition(" vanishes")[0]
         return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"
     if solution["flight"] <= -tolerance * solution["quarter_period"]:
         return f"flight {int(solution['flight_index']) + 1} of {inner + 1} goes back in time: it lasts {solution['flight']:.2g}"
@@ -203,7 +199,7 @@ class Family:
         tests = [
             TestFunction("SN", "crossing", False, "fold in the energy", True),
             TestFunction("BP", "crossing", False, "branch point", True, ("SN", "SB"), _SINGULAR),
-            *(test for test, _, _ in _GRAZING),
+            *_GRAZING.values(),
             TestFunction("EP", "guard", True, "lowest energy asked for"),
             TestFunction("EP", "guard", True, "highest energy asked for"),
             TestFunction("EP", "guard", True, "longest quarter period asked for"),
@@ -394,20 +390,23 @@ class Family:
         if code in ("GR", "IO"):
             counted = self._near(before, before.step, location.s, -1)
         if code == "GR":
-            describe = next(describe for kind, _, describe in _GRAZING if kind == test)
-            data.update(describe(self.problem, solution))
+            verb = next(verb for verb, kind in _GRAZING.items() if kind == test)
+            data.update(_describe_grazing(self.problem, solution, verb))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "RT":
             data["p_q"] = list(self._resonant[index - len(self.tests)][:2])
-        elif code == "LB":
-            data["sides"] = self._side(counted), self._side(location.high.extra)
-            if data["sides"][0] == data["sides"][1]:
-                return None
+        on_sides = [counted]
+        if code == "LB":
+            on_sides.append(location.high.extra)
         elif code == "IO":
-            room = after.step_size if location.s > 0.0 else 0.0
-            data["sides"] = self._side(counted), self._side(self._near(before, after.step, location.s, 1, room))
-        data["label"], data["half_waves"] = self._side(counted)
+            on_sides.append(self._near(before, after.step, location.s, 1, after.step_size if location.s > 0.0 else 0.0))
+        sides = [(str(label_at(self.problem, one.result) or ""), int(one["waves_absorber"])) for one in on_sides]
+        if code == "LB" and sides[0] == sides[1]:
+            return None
+        if len(sides) > 1:
+            data["sides"] = tuple(sides)
+        data["label"], data["half_waves"] = sides[0]
         return EventDetails(code, test.terminal, data)
 
     def _near(self, before: Point, otherwise: Step, place: float, way: int, room: float = math.inf) -> Solution:
@@ -424,16 +423,12 @@ class Family:
         solution: Solution = otherwise.extra
         return solution
 
-    def _side(self, solution: Solution) -> tuple[str, int]:
-        """Label and half-waves on one side of an event."""
-        return label_text(self.problem, solution.result), int(solution["waves_absorber"])
-
     def grazing(self, note: str, solution: Solution) -> dict[str, Any]:
         """What `classify` gives for the grazing of an orbit, from the note of its image."""
         data: dict[str, Any] = {"stop": None, "note": note}
-        for _, verb, describe in _GRAZING:
+        for verb in _GRAZING:
             if verb in note:
-                data.update(describe(self.problem, solution))
+                data.update(_describe_grazing(self.problem, solution, verb))
         return data
 
 

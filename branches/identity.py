@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.presentation import SAME, Presentation, Shifts, presentation_of, presentations, segment_images, solved, symmetries
+from branches.presentation import SAME, Presentation, presentation_of, presentations, segment_images, shifts_of, solved, symmetries
 from branches.sequences import Ends, ImpactSequence, full_sequence, mirror, segments_per_period
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FamilyMark", "canonical_orbit", "cover_of", "digests", "first_of", "is_solved_as_it_is", "mark_of", "pattern_of",
-    "same_orbit", "same_segment",
+    "same_orbit",
 ]  # fmt: skip
 
 DIGITS = 6
@@ -89,7 +89,11 @@ def _comes_before(a: Presentation, b: Presentation) -> bool:
 
 
 def same_orbit(
-    a: tuple[MultipointProblem, np.ndarray], b: tuple[MultipointProblem, np.ndarray], tolerance: float = SAME
+    a: tuple[MultipointProblem, np.ndarray],
+    b: tuple[MultipointProblem, np.ndarray],
+    tolerance: float = SAME,
+    *,
+    between_reversals: bool = False,
 ) -> bool:
     """Whether two solutions are one orbit: exchanged ends, mirror image, reversal in time, another start, or multiple covers allowed.
 
@@ -98,29 +102,15 @@ def same_orbit(
     a, b : (problem, y)
     tolerance : float
         Of states and times, relative to the largest.
+    between_reversals : bool
+        Whether both are solved between neighbouring reversals. Then no symmetry has to be looked for: one can only be the other one's
+        mirror image, or run from its other end.
     """
-    return _is_among(presentation_of(*canonical_orbit(*a)), presentations(*b), tolerance)
-
-
-def same_segment(
-    a: tuple[MultipointProblem, np.ndarray], b: tuple[MultipointProblem, np.ndarray], tolerance: float = SAME
-) -> bool:
-    """`same_orbit` for two orbits that are each solved between neighbouring reversals: no symmetry has to be looked for.
-
-    One can then only be the other one's mirror image, or run from its other end.
-
-    Parameters
-    ----------
-    a, b : (problem, y)
-        With ends that are not periodic.
-    tolerance : float
-        Of states and times, relative to the largest.
-    """
-    return _is_among(presentation_of(*a), segment_images(*b), tolerance)
-
-
-def _is_among(presentation: Presentation, images: Iterable[Presentation], tolerance: float) -> bool:
-    """Whether a presentation is one of several."""
+    images: Iterable[Presentation]
+    if between_reversals:
+        presentation, images = presentation_of(*a), segment_images(*b)
+    else:
+        presentation, images = presentation_of(*canonical_orbit(*a)), presentations(*b)
     size = max(float(np.max(np.abs(part))) for part in (presentation.start, presentation.nodes) if part.size)
     longest = float(np.max(presentation.times))
     return any(
@@ -138,7 +128,7 @@ def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     if not _may_repeat(problem.ends, problem.sequence):
         return 1
     cycle = cycle_of(problem, solution.y)
-    shifts, count = Shifts(cycle), len(cycle.duration)
+    shifts, count = shifts_of(cycle), len(cycle.duration)
     return 2 if shifts.length == count and problem.quarters == 2 and shifts.half else count // shifts.length
 
 

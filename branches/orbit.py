@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from bvp.system import ImpactSystem
 
-__all__ = ["Impact", "Orbit", "impact_speeds", "label_at", "label_text", "orbit_columns", "stacked"]
+__all__ = ["Impact", "Orbit", "impact_speeds", "label_at", "orbit_columns", "stacked"]
 
 GRAZING = 1e-8
 """An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
@@ -184,26 +184,19 @@ class Orbit:
 
 
 def label_at(problem: MultipointProblem, result: Any) -> Label | None:
-    """The label of an orbit from its result entries; None for an orbit outside the grammar (no origin start, no absorber named).
+    """The label of an orbit from its result entries.
 
-    Raises
-    ------
-    ImpossibleLabelError
-        Where a velocity that is zero to rounding contradicts the counts.
+    None for an orbit outside the grammar (no origin start, no absorber named), and where a velocity that is zero to rounding contradicts
+    the counts.
     """
     if problem.kinds[0] != kernel.ORIGIN or result[RESULT_INDEX["waves_absorber"]] < 0:
         return None
     m, n, p, q = (int(result[RESULT_INDEX[name]]) for name in ("waves_absorber", "waves_primary", "first_quarter", "second_quarter"))
     parity = {kernel.ORIGIN: None, kernel.STOP: "O"}.get(problem.kinds[1], "E")
-    return Label("U" if parity is None else "S", m, n, parity, p, q, "+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-")
-
-
-def label_text(problem: MultipointProblem, result: Any) -> str:
-    """The label of an orbit as text, "" outside the grammar and where `label_at` raises an error."""
     try:
-        return str(label_at(problem, result) or "")
+        return Label("U" if parity is None else "S", m, n, parity, p, q, "+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-")
     except ImpossibleLabelError:
-        return ""
+        return None
 
 
 def stacked(solutions: Sequence[Solution]) -> Solution:
@@ -246,7 +239,7 @@ def orbit_columns(
         "frequency": frequency,
         "frequency_index": waves * 2.0 * np.pi / (4.0 * entry["quarter_period"]),
         "arclength": np.zeros(count) if arclength is None else np.asarray(arclength, float),
-        "label": np.array([label_text(problem, result) for result in rows.result]),
+        "label": np.array([str(label_at(problem, result) or "") for result in rows.result]),
         "half_waves": waves,
         "residual": entry["residual"],
         "start_u": physical[:, :n],

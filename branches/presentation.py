@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Presentation", "Shifts", "Symmetries", "all_presentations", "closed_presentation", "closed_presentations", "embed",
-    "presentation_of", "presentations", "run_backwards", "segment_images", "solved", "symmetries", "with_canonical_sequence",
+    "Presentation", "Symmetries", "all_presentations", "closed_presentation", "closed_presentations", "embed",
+    "presentation_of", "presentations", "run_backwards", "segment_images", "shifts_of", "solved", "symmetries", "with_canonical_sequence",
 ]  # fmt: skip
 
 SLACK = 1e-9
@@ -168,38 +168,36 @@ class Symmetries(NamedTuple):
     reversals: tuple[tuple[float, int], ...]
 
 
-class Shifts:
+class Shifts(NamedTuple):
     """Which shifts of its impacts map an orbit to itself, or to its mirror image.
 
-    Attributes
-    ----------
-    length : int
-        Impacts in the primitive period.
-    half : bool
-        Whether the primitive orbit has u(t + T/2) = -u(t).
+    length: impacts in the primitive period. half: whether the primitive orbit has u(t + T/2) = -u(t). time, state (2 n,): differences of
+    flight times and states that count as none.
     """
 
-    def __init__(self, cycle: Cycle, tolerance: float = SAME) -> None:
-        dof = cycle.after.shape[1] // 2
-        count = len(cycle.duration)
-        self.cycle = cycle
-        self.longest = tolerance * float(cycle.duration.max())
-        sizes = np.abs(cycle.after)
-        self.sizes = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
-        self.length = next(d for d in range(1, count + 1) if count % d == 0 and (d == count or self._maps(d, 1)))
-        self.half = cycle.system.has_odd_symmetry and self.length % 2 == 0 and self._maps(self.length // 2, -1)
+    length: int
+    half: bool
+    time: float
+    state: np.ndarray
 
-    def close(self, a: np.ndarray, b: np.ndarray) -> bool:
-        """Whether states are the same."""
-        return bool((np.abs(a - b) <= self.sizes).all())
 
-    def _maps(self, by: int, sign: int) -> bool:
-        """Whether the orbit is `sign` times itself so many impacts later."""
-        cycle = self.cycle
-        later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
-        if (np.abs(later - cycle.duration) > self.longest).any():
-            return False
-        return self.close(np.concatenate([cycle.after[by:], cycle.after[:by]]), sign * cycle.after)
+def shifts_of(cycle: Cycle, tolerance: float = SAME) -> Shifts:
+    """The shifts of an orbit; the tolerance is as for `symmetries`."""
+    dof, count = cycle.after.shape[1] // 2, len(cycle.duration)
+    sizes = np.abs(cycle.after)
+    time = tolerance * float(cycle.duration.max())
+    state = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
+    length = next((d for d in range(1, count) if count % d == 0 and _is_shifted(cycle, d, 1, time, state)), count)
+    half = cycle.system.has_odd_symmetry and length % 2 == 0 and _is_shifted(cycle, length // 2, -1, time, state)
+    return Shifts(length, half, time, state)
+
+
+def _is_shifted(cycle: Cycle, by: int, sign: int, time: float, state: np.ndarray) -> bool:
+    """Whether an orbit is `sign` times itself so many impacts later, within differences of flight times and states."""
+    later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
+    if (np.abs(later - cycle.duration) > time).any():
+        return False
+    return bool((np.abs(np.concatenate([cycle.after[by:], cycle.after[:by]]) - sign * cycle.after) <= state).all())
 
 
 def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
@@ -211,18 +209,18 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     tolerance : float
         Relative difference of states and flight times that counts as none.
     """
-    shifts = Shifts(cycle, tolerance)
+    shifts = shifts_of(cycle, tolerance)
     count, length, half = len(cycle.duration), shifts.length, cycle.after.shape[1] // 2
     # The flight times exclude most reversals, all at once: row j of `index` numbers the flights from j on.
     index = (np.arange(count)[:, None] + np.arange(count)) % count
-    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= shifts.longest, axis=1)
+    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= shifts.time, axis=1)
     period = cycle.period * length / count
     instants = cycle.times[:length]
     found = []
     for j in (j for j in range(length) if backwards[j]):
         for e in (-1, 1) if cycle.system.has_odd_symmetry else (1,):
             flip = np.repeat([float(e), -float(e)], half)
-            if shifts.close(cycle.after[(j - np.arange(count)) % count], flip * cycle.before):
+            if (np.abs(cycle.after[(j - np.arange(count)) % count] - flip * cycle.before) <= shifts.state).all():
                 middle = 0.5 * (instants[0] + instants[j])
                 found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
     # An instant at the very start may come out at the end of the period by rounding.

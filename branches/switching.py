@@ -22,7 +22,6 @@ import numpy as np
 from branches.branch import Branch, BranchEvent
 from branches.family import Family, scales_of
 from branches.identity import canonical_orbit
-from branches.naming.labels import ImpossibleLabelError
 from branches.orbit import label_at, orbit_columns
 from branches.presentation import Presentation, closed_presentation, embed, presentation_of, run_backwards, solved, symmetries
 from branches.tracing import follow_family
@@ -287,10 +286,7 @@ def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray
 
 def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tuple[MultipointProblem, Step]:
     """An orbit and its tangent as they are printed: with two origin ends started at the one that gives the label p <= q."""
-    try:
-        label = label_at(problem, step.extra.result)
-    except ImpossibleLabelError:
-        label = None
+    label = label_at(problem, step.extra.result)
     if label is None or label.kind != "U" or label.p is None or label.q is None or label.p <= label.q:
         return problem, step
     presentation = embed(problem, step.y, (1, 2))

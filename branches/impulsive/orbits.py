@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.impulsive.motions import ImpulsiveMotions, Traces
-from branches.orbit import Orbit, label_text
+from branches.orbit import Orbit, label_at
 from branches.search.orbits import OrbitSearch, Unpolished, is_complete, judged
 from branches.search.starts import ScannedSegment
 from bvp.checks import checked_energy_range
@@ -242,7 +242,7 @@ def labels_beside(problem: MultipointProblem, solution: Solution) -> tuple[str, 
         if beside is None:
             continue
         velocity = system.modes.to_state[n:] @ problem.start(beside.y)
-        sides[bool(velocity[system.absorber] * velocity[system.primary] < 0.0)] = label_text(problem, beside.result)
+        sides[bool(velocity[system.absorber] * velocity[system.primary] < 0.0)] = str(label_at(problem, beside.result) or "")
     return sides[True], sides[False]
 
 

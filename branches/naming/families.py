@@ -82,9 +82,11 @@ def resolve(
     """
     followed = {} if followed is None else followed
     require_system(system, conservative="families of periodic orbits")
+    # Labels count half-waves of an absorber and a primary from an origin on.
+    has_labels = system.has_odd_symmetry and system.absorber is not None and system.primary is not None
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
-        raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label))
+        raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label, has_labels))
     if name.family is not None and not name.family.startswith("origin"):
         found_orbit, branch = find_by_id(system, name, limits, energy, followed)
         chosen = _select(name, [(found_orbit, branch)])
@@ -96,7 +98,7 @@ def resolve(
     except EndsError as error:
         raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
     search = Search(system, name, limits, energy, followed)
-    if name.label is not None and not _has_labels(system):
+    if name.label is not None and not has_labels:
         raise NameNotFound(
             f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
             "expected absorber and primary (in a scene NES and LO under [coordinates])"
@@ -197,18 +199,13 @@ def trace_named(
     return cut.known_within(branch) if branch.energy[0] <= energy[0] and energy[1] <= branch.energy[1] else cut
 
 
-def _has_labels(system: ImpactSystem) -> bool:
-    """Whether orbits of a system have labels: these count half-waves of an absorber and a primary from an origin on."""
-    return system.has_odd_symmetry and system.absorber is not None and system.primary is not None
-
-
-def _linear_mode(system: ImpactSystem, label: Label) -> str:
+def _linear_mode(system: ImpactSystem, label: Label, has_labels: bool) -> str:
     modes = system.modes
     k = 0 if label.sign == "+" else 1
     w, b = modes.frequencies[k], modes.contact_gap[0, k]
     stop = system.stops[0]
     reach = min(abs(stop.lower), abs(stop.upper))
-    expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if _has_labels(system) else _BY_ID
+    expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if has_labels else _BY_ID
     return (
         f"{label} is a linear mode of frequency {w:.10g}: it has no impacts, and grazes the stops at h = "
         f"{0.5 * (w * reach / b) ** 2:.10g}; {expected}"

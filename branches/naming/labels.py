@@ -93,7 +93,8 @@ class Label:
 
     def __str__(self) -> str:
         """The label as `parse` reads it."""
-        return "".join(pieces(self)) + (self.sign or "")
+        m, n, p, q = ("" if value is None else f"({value})" if value > 9 else str(value) for value in (self.m, self.n, self.p, self.q))
+        return f"{self.kind}{m}{n}{self.parity or ''}{p}{q}{self.sign or ''}"
 
     @property
     def is_complete(self) -> bool:
@@ -140,12 +141,6 @@ def canonical_label(label: Label) -> Label:
     return label
 
 
-def pieces(label: Label) -> list[str]:
-    """The parts of the label's text, without the sign."""
-    numbers = [f"({value})" if value > 9 else str(value) for value in (label.m, label.n, label.p, label.q) if value is not None]
-    return [label.kind, *numbers[:2], label.parity or "", *numbers[2:]]
-
-
 def latex(label: Label, *, short: bool = False) -> str:
     """The label for plots, in LaTeX (and matplotlib) mathematics: upright, the sign raised.
 
@@ -159,8 +154,9 @@ def latex(label: Label, *, short: bool = False) -> str:
     >>> print(latex(parse("U8353-")), latex(parse("S13+"), short=True))
     $\\mathrm{U8353}^{-}$ $\\mathrm{S13}^{+}$
     """
-    short = short and label.parity == "O" and label.p == 0 and label.sign is not None
-    body = "".join(pieces(label)[: 3 if short else None])
+    body = str(label).removesuffix(label.sign or "")
+    if short and label.sign is not None:
+        body = body.removesuffix("O00")
     return rf"$\mathrm{{{body}}}" + (f"^{{{label.sign}}}$" if label.sign else "$")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.identity import same_segment
+from branches.identity import same_orbit
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.search.discovery import LONGEST, discover_orbits, fastest_turn
@@ -229,7 +229,8 @@ def passes(branch: Branch, orbit: Found) -> bool:
     if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=mine.system.has_odd_symmetry) != _canonical(orbit):
         return False
     return any(
-        abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7 and same_segment((mine, candidate.solution.y), (other, orbit.solution.y))
+        abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7
+        and same_orbit((mine, candidate.solution.y), (other, orbit.solution.y), between_reversals=True)
         for candidate in branch.orbits_at(energy=orbit.h)
     )
 

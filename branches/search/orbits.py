@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.identity import cover_of, same_segment
-from branches.naming.labels import ImpossibleLabelError, Label
+from branches.identity import cover_of, same_orbit
+from branches.naming.labels import Label
 from branches.orbit import label_at
 from branches.search.intervals import SAME_START, Limits, Opening, segments
 from branches.search.starts import Sampler, ScannedSegment
@@ -42,23 +42,20 @@ MOST_PROBLEMS = 1000
 Problems = dict[tuple[Ends, ImpactSequence], MultipointProblem]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Found:
-    """An admissible, primitive orbit: the problem that it solves, its solution, its label (None outside the grammar)."""
+    """An admissible, primitive orbit.
+
+    It has the problem that it solves, its solution, its label (None outside the grammar), energy h and quarter period alpha.
+    """
 
     problem: MultipointProblem
     solution: Solution
     label: Label | None
 
-    @property
-    def h(self) -> float:
-        """Energy."""
-        return self.solution["energy"]
-
-    @property
-    def alpha(self) -> float:
-        """Quarter period."""
-        return self.solution["quarter_period"]
+    def __post_init__(self) -> None:
+        self.h = self.solution["energy"]
+        self.alpha = self.solution["quarter_period"]
 
 
 class Unpolished(NamedTuple):
@@ -91,11 +88,7 @@ def judged(problem: MultipointProblem, solution: Solution) -> Found | str:
         return "inadmissible"
     if cover_of(problem, solution) > 1:
         return "covers"
-    try:
-        label = label_at(problem, solution.result)
-    except ImpossibleLabelError:
-        label = None
-    return Found(problem, solution, label)
+    return Found(problem, solution, label_at(problem, solution.result))
 
 
 def from_other_end(orbit: Found) -> Found:
@@ -208,7 +201,7 @@ class OrbitSearch:
         for images in same:
             # Comparing the quarter periods first is cheap and separates most orbits.
             near = [(other.problem, other.solution.y) for other in images if abs(orbit.alpha / other.alpha - 1.0) <= SAME_STATE]
-            if any(same_segment((problem, solution.y), other, SAME_STATE) for other in near):
+            if any(same_orbit((problem, solution.y), other, SAME_STATE, between_reversals=True) for other in near):
                 self.counts["duplicates"] += 1
                 if not any(_has_start(other, problem, segment.start) for other in images):
                     images.append(orbit)
