@@ -142,7 +142,7 @@ class Search:
     def fits(self, orbit: Found) -> bool:
         """Whether an orbit has the name, apart from its suffix and the hash of an id."""
         if self.canonical is not None:
-            return self.canonical == _canonical(orbit)
+            return self.canonical == orbit.canonical
         label, pattern = orbit.label, self.name.label
         if label is None or pattern is None or not matches(pattern, label):
             return False
@@ -217,16 +217,10 @@ def least_energy(system: ImpactSystem) -> float:
     return float(0.5 * reach**2 / compliance)
 
 
-def _canonical(orbit: Found) -> tuple[tuple[str, ...], tuple[str, str]]:
-    """The canonical sequence and ends of an orbit."""
-    problem = orbit.problem
-    return canonical_sequence(problem.sequence, problem.ends, odd_symmetry=problem.system.has_odd_symmetry)
-
-
 def passes(branch: Branch, orbit: Found) -> bool:
     """Whether a branch passes through an orbit, in whatever presentation; both are solved between neighbouring reversals."""
     mine, other = branch.problem, orbit.problem
-    if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=mine.system.has_odd_symmetry) != _canonical(orbit):
+    if canonical_sequence(mine.sequence, mine.ends, odd_symmetry=mine.system.has_odd_symmetry) != orbit.canonical:
         return False
     return any(
         abs(candidate.alpha / orbit.alpha - 1.0) < 1e-7
@@ -288,7 +282,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
             h = low * (high / low) ** (k / parts) if name.h is None else name.h
             for orbit in discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
                 found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
-                if _canonical(found) == wanted:
+                if found.canonical == wanted:
                     branch = followed_through(followed, found, span)
                     if branch.has_id(name.family):
                         return found, branch

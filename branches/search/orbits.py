@@ -46,7 +46,8 @@ Problems = dict[tuple[Ends, ImpactSequence], MultipointProblem]
 class Found:
     """An admissible, primitive orbit.
 
-    It has the problem that it solves, its solution, its label (None outside the grammar), energy h and quarter period alpha.
+    It has the problem that it solves, its solution, its label (None outside the grammar), energy h, quarter period alpha, and its canonical
+    sequence and ends.
     """
 
     problem: MultipointProblem
@@ -56,6 +57,8 @@ class Found:
     def __post_init__(self) -> None:
         self.h = self.solution["energy"]
         self.alpha = self.solution["quarter_period"]
+        problem = self.problem
+        self.canonical = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=problem.system.has_odd_symmetry)
 
 
 class Unpolished(NamedTuple):
@@ -197,7 +200,7 @@ class OrbitSearch:
             self.counts[orbit] += 1
             return None
         self.counts["polished"] += 1
-        same = self.found.setdefault(canonical_sequence(segment.sequence, segment.ends, odd_symmetry=self.system.has_odd_symmetry), [])
+        same = self.found.setdefault(orbit.canonical, [])
         for images in same:
             # Comparing the quarter periods first is cheap and separates most orbits.
             near = [(other.problem, other.solution.y) for other in images if abs(orbit.alpha / other.alpha - 1.0) <= SAME_STATE]
