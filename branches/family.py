@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -134,13 +134,11 @@ def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     return problem._factor.scale.copy()
 
 
+@dataclass(eq=False, slots=True)
 class AdvancedSteps(Sequence[Step]):
     """The steps in the rows of a block; a `Step` is created on access."""
 
-    __slots__ = ("block",)
-
-    def __init__(self, block: Block) -> None:
-        self.block = block
+    block: Block
 
     def __len__(self) -> int:
         return len(self.block.y)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -271,27 +271,20 @@ def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
         raise TraceError(str(error)) from None
 
 
+@dataclass(eq=False)
 class _Collector:
     """Reports events with their number from the start as they are found, and keeps what an interrupted run has computed."""
 
-    def __init__(
-        self,
-        problem: MultipointProblem,
-        energy: tuple[float, float],
-        on_event: Callable[[BranchEvent], object] | None,
-        on_point: Callable[[int], object] | None,
-        direction: int,
-    ) -> None:
-        self.problem = problem
-        self.energy = energy
-        self.on_event = on_event
-        self.on_point = on_point
-        self.direction = direction
-        self.halves: dict[int, Points] = {1: Points(), -1: Points()}
-        self.sign = 1
-        self.begin: Point | None = None
-        self.count = 0
-        self.types: dict[str, int] = {}
+    problem: MultipointProblem
+    energy: tuple[float, float]
+    on_event: Callable[[BranchEvent], object] | None
+    on_point: Callable[[int], object] | None
+    direction: int
+    halves: dict[int, Points] = field(default_factory=lambda: {1: Points(), -1: Points()})
+    sign: int = 1
+    begin: Point | None = None
+    count: int = 0
+    types: dict[str, int] = field(default_factory=dict)
 
     def points(self, points: Sequence[Point]) -> None:
         """Take the points of a block, or one by one, each into the half of the run that it continues."""

@@ -285,12 +285,13 @@ def parse_name(text: str) -> Name:
     return Name(Label(*fields) if fields else None, family, chosen.get("h"), chosen.get("alpha"))
 
 
+@dataclass
 class _Reader:
     """A position in a text. It advances as parts are read, and collects what was possible at the place where reading stops."""
 
-    def __init__(self, text: str):
-        self.text, self.at = text, 0
-        self.after = ""
+    text: str
+    at: int = 0
+    after: str = ""
 
     @property
     def here(self) -> str:

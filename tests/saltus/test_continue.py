@@ -375,7 +375,7 @@ def test_the_event_to_stop_at_is_the_last():
 def test_unfinished_labels_match_all_that_fit(name):
     """Oracle: the answer is a family whose label begins so, or the list of the families that do."""
     code, data, err = told("continue", name, "--energy", "0.05:1", "--points", "5")
-    labels = [data["branch"]["label"]] if code == 0 else re.findall(r"([SU]\S+?)@h=", err.partition("expected one of")[2])
+    labels = [data["branch"]["label"]] if code == 0 else re.findall(r"([SU]\S+?)@h=", err.partition("choose one of")[2])
     stem = re.match(r"[SU]\d+", name)[0]
     assert labels and code in (0, 2) and all(label.startswith(stem) for label in labels), err
     assert code == 0 or len(err.splitlines()) == 1
