@@ -142,19 +142,14 @@ def takes_options_of(inner: Callable[..., Any]) -> Callable[[Function], Function
         passed = [item for item in theirs if item.kind is item.KEYWORD_ONLY and item.name not in own.parameters]
         function.__signature__ = own.replace(parameters=[*kept, *passed])  # type: ignore[attr-defined]
         names = {item.name for item in passed}
-        described = "\n".join(text for name, text in _entries(inner.__doc__ or "") if names & set(re.findall(r"\w+", name)))
-        for name, text in _entries(function.__doc__ or ""):
-            if name.startswith("**"):
+        entries = []  # those of the section Parameters, in each docstring
+        for doc in (inspect.cleandoc(inner.__doc__ or ""), inspect.cleandoc(function.__doc__ or "")):
+            section = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", doc, re.DOTALL | re.MULTILINE)
+            entries.append(re.findall(r"^\S.*(?:\n +.*)*", section[1], re.MULTILINE) if section else [])
+        described = "\n".join(text for text in entries[0] if names & set(re.findall(r"\w+", text.partition("\n")[0].partition(" :")[0])))
+        for text in entries[1]:
+            if text.startswith("**"):
                 function.__doc__ = inspect.cleandoc(function.__doc__ or "").replace(text, described)
         return function
 
     return decorate
-
-
-def _entries(doc: str) -> list[tuple[str, str]]:
-    """The entries of the section Parameters of a docstring: the names, and the full text."""
-    from inspect import cleandoc
-
-    found = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", cleandoc(doc), re.DOTALL | re.MULTILINE)
-    texts = re.findall(r"^\S.*(?:\n +.*)*", found[1], re.MULTILINE) if found else []
-    return [(text.partition("\n")[0].partition(" :")[0], text) for text in texts]
