@@ -116,6 +116,8 @@ def trace(
     if isinstance(name, Orbit):
         from branches.tracing import follow_family
 
+        if not energy[0] * (1.0 - 1e-9) <= name.h <= energy[1] * (1.0 + 1e-9):
+            raise BadInput(f"the orbit has h = {name.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}")
         if on_start is not None:
             on_start(f"{name.label or '-'.join(name.ends)}: from h = {name.h:.10g}, alpha = {name.alpha:.10g}")
         return follow_family(name.problem, name.solution.y, energy=energy, **options)

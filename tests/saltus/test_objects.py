@@ -143,8 +143,10 @@ def test_a_family_is_followed_from_an_orbit(branch, tmp_path, capsys):
     assert saltus.main(["orbit", "S13O00+", "--energy", "0.5", "--json", str(tmp_path / "orbit.json")]) == 0
     written = saltus.read_orbit(tmp_path / "orbit.json")
     assert written.residual < 1e-12 and written.alpha == pytest.approx(searched.alpha, rel=1e-12)
-    for orbit in (searched, written, branch.orbit(5)):
+    for orbit in (searched, written, branch.orbit(int(np.argmin(np.abs(branch.points["h"] - 0.5))))):
         assert saltus.trace(orbit, energy=(0.3, 1.0), points=9).id == branch.id
+        with pytest.raises(ValueError, match=r"the orbit has h = .*, outside the energy range 30:40"):
+            saltus.trace(orbit, energy=(30.0, 40.0))
     branch.save(tmp_path / "branch.json")
     with pytest.raises(ValueError, match="is not a readable orbit file: it lacks 'orbit'"):
         saltus.read_orbit(tmp_path / "branch.json")
