@@ -96,7 +96,7 @@ def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
     """The catalogue for looking up a name; None if there is none. It is the catalogue given for reading. Without one, an id is looked up in
     the catalogue to save in, then in the scene's own."""
-    if _is_given_to_read(arguments):
+    if arguments.catalogue is not None and not getattr(arguments, "save", False):
         return open_file(arguments.catalogue, scene)
     id = name.partition("@")[0]
     for catalogue in _with_ids(arguments, scene) if ":" in id else ():
@@ -131,13 +131,9 @@ def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
     raise unknown
 
 
-def _is_given_to_read(arguments: argparse.Namespace) -> bool:
-    return arguments.catalogue is not None and not getattr(arguments, "save", False)
-
-
 def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue]:
     """The catalogues for looking up an id: the one given for reading, else the one to save in and the scene's own, if they exist."""
-    if _is_given_to_read(arguments):
+    if arguments.catalogue is not None and not getattr(arguments, "save", False):
         yield open_file(arguments.catalogue, scene)
         return
     # Damping and restitution change no family: a damped run uses the families of the system without them.

@@ -44,7 +44,7 @@ __all__ = [
     "after",
     "apart",
     "check_writable",
-    "drawn",
+    "draw",
     "json_text",
     "output_folder",
     "output_path",
@@ -318,25 +318,22 @@ class Outputs:
         return after(interrupt, code)
 
 
-def drawn(figure: str, *data: Any, **options: Any) -> Callable[[Path], None]:
-    """The function that draws data into a file, for `Outputs.write`. What draws is loaded when the file is written.
+def draw(figure: str, data: Any, path: Path, **options: Any) -> None:
+    """Draw data into a file. With all but the path bound, it is the `plot` of `Outputs.write`. What draws is loaded here.
 
     Parameters
     ----------
     figure : str
         The function that makes the figure, as "module:function".
-    *data, **options
+    data, **options
         What it takes.
+    path : path-like
     """
+    from pkgutil import resolve_name
 
-    def plot(path: Path) -> None:
-        from pkgutil import resolve_name
+    from branches.figures.style import write_figure
 
-        from branches.figures.style import write_figure
-
-        write_figure(resolve_name(figure), path, *data, **options)
-
-    return plot
+    write_figure(resolve_name(figure), path, data, **options)
 
 
 def json_text(record: dict[str, Any]) -> str:

@@ -184,5 +184,5 @@ def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
     def about() -> str:
         return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
 
-    plot = outputs.drawn("branches.figures.single:branch_figure", branch, frequency=frequency)
+    plot = partial(outputs.draw, "branches.figures.single:branch_figure", branch, frequency=frequency)
     return files.write({"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)}, table=table, about=about, plot=plot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -224,9 +225,9 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
     names = {} if arguments.names is None else {"names": arguments.names}
     if arguments.what == "velocities":
-        plot = outputs.drawn("branches.figures.atlas:velocities_figure", atlas, **names)
+        plot = partial(outputs.draw, "branches.figures.atlas:velocities_figure", atlas, **names)
     else:
-        plot = outputs.drawn("branches.figures.atlas:atlas_figure", atlas, frequency=arguments.frequency, insets=insets, **names)
+        plot = partial(outputs.draw, "branches.figures.atlas:atlas_figure", atlas, frequency=arguments.frequency, insets=insets, **names)
     return files.write(files=dict.fromkeys(files.places, write_data), plot=plot)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
@@ -52,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.export.tables import orbit_rows
     from branches.record import orbit_to_csv, orbit_to_json
 
-    plot = outputs.drawn("branches.figures.single:orbit_figure", orbit)
+    plot = partial(outputs.draw, "branches.figures.single:orbit_figure", orbit)
     texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
     return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), plot=plot)
 

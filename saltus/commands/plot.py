@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from saltus import outputs
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"{len(study)} of {study.plan.count} runs are finished"])
     files.report(best_lines(study, study.best(best), best))
 
-    plot = outputs.drawn(f"transitions.figures.study:{view}_figure", study, **options)
+    plot = partial(outputs.draw, f"transitions.figures.study:{view}_figure", study, **options)
     return files.write(table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}}, plot=plot)
 
 

@@ -7,6 +7,7 @@ import json
 import math
 import time
 from collections import Counter
+from functools import partial
 from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
@@ -115,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"note   {caption}"])
 
     names = {} if arguments.names is None else {"names": arguments.names}
-    plot = outputs.drawn("transitions.figures.section:section_figure", views, colour=arguments.colour, caption=caption, **names)
+    plot = partial(outputs.draw, "transitions.figures.section:section_figure", views, colour=arguments.colour, caption=caption, **names)
 
     from transitions.section.view import views_table
 

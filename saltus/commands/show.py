@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, outputs
@@ -35,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
         lines = _lines(catalogue, match, record)
         orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
 
-    plot = outputs.drawn("branches.figures.single:orbit_figure", orbit)
+    plot = partial(outputs.draw, "branches.figures.single:orbit_figure", orbit)
     return files.finish(lines, lambda: record, plot=plot, notes={"plot": f"the orbit {name}"})
 
 

@@ -15,6 +15,7 @@ import csv
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -106,6 +107,7 @@ _MATRIX = Kind(
 )
 
 
+@dataclass(frozen=True)
 class TomlTable:
     """Reads entries of a mapping. An error names the table and the key.
 
@@ -123,9 +125,8 @@ class TomlTable:
     saltus.errors.BadInput: scene a.toml [bounds]: energy = 'high', expected a number
     """
 
-    def __init__(self, content: Mapping[str, Any], where: str) -> None:
-        self.content = content
-        self.where = where
+    content: Mapping[str, Any]
+    where: str
 
     def only(self, *known: str) -> None:
         """Refuse an entry that is not known. The message suggests the nearest."""
@@ -144,9 +145,7 @@ class TomlTable:
             return default
         if key not in self.content:
             raise BadInput(f"{self.where}: {key} is missing, expected {kind.expected}")
-        return self._checked(key, self.content[key], kind)
-
-    def _checked(self, key: str, value: Any, kind: Kind) -> Any:
+        value = self.content[key]
         try:
             if kind.fits(value):
                 return kind.read(value)
@@ -165,12 +164,13 @@ class TomlTable:
         """A list of numbers, of a given length if `count` is given."""
         expected = "a list of numbers" if count is None else f"a list of {count} numbers"
         values = self.get(key, Kind(expected, lambda value: isinstance(value, list) and count in (None, len(value))))
-        return tuple(self._checked(f"{key}[{i}]", entry, NUMBER) for i, entry in enumerate(values))
+        entries = TomlTable({f"{key}[{i}]": entry for i, entry in enumerate(values)}, self.where)
+        return tuple(entries.get(name, NUMBER) for name in entries.content)
 
     def matrix(self, key: str) -> list[list[float]]:
         """A square matrix, given as a list of rows."""
-        rows = self.get(key, _MATRIX)
-        return [[self._checked(f"{key}[{i}][{j}]", entry, NUMBER) for j, entry in enumerate(row)] for i, row in enumerate(rows)]
+        rows = TomlTable({f"{key}[{i}]": row for i, row in enumerate(self.get(key, _MATRIX))}, self.where)
+        return [list(rows.numbers(name)) for name in rows.content]
 
     def table(self, key: str, default: Mapping[str, Any] = _REQUIRED) -> TomlTable:
         """The table with a name."""

@@ -18,7 +18,6 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cache
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -170,27 +169,18 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     >>> load_scene(mu=0.37, sigma=0.81).system.describe()["mu"]
     0.37
     """
-    shipped = _shipped()
     folder: Path | Traversable = resources.files("catalogues")
+    shipped = {entry.name.removesuffix(".toml"): entry for entry in folder.iterdir() if entry.name.endswith(".toml")}
     if path is not None and (not isinstance(path, str | os.PathLike) or not os.fspath(path)):
         raise BadInput(f"scene {shown(path)}: expected a TOML file or the name of a scene that ships: {', '.join(sorted(shipped))}")
     if path is None:
-        where, text = DEFAULT, shipped[DEFAULT]
+        where, text = DEFAULT, shipped[DEFAULT].read_text(encoding="utf-8")
     elif Path(path).exists() or os.fspath(path) not in shipped:
         where, folder = os.fspath(path), Path(path).parent
         text = read_toml(Path(path), "scene", shipped, f"; shipped: {', '.join(sorted(shipped))}")
     else:
-        where, text = os.fspath(path), shipped[os.fspath(path)]
+        where, text = os.fspath(path), shipped[os.fspath(path)].read_text(encoding="utf-8")
     return _build(parse_toml(text, f"scene {where}"), parameters, folder)
-
-
-@cache
-def _shipped() -> dict[str, str]:
-    """Return the text of each scene in the package `catalogues`, by bare name."""
-    directory = resources.files("catalogues")
-    return {
-        entry.name.removesuffix(".toml"): entry.read_text(encoding="utf-8") for entry in directory.iterdir() if entry.name.endswith(".toml")
-    }
 
 
 def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path | Traversable) -> Scene:
@@ -277,21 +267,21 @@ def _system(scene: TomlTable, overrides: Mapping[str, float]) -> tuple[ImpactSys
         for name in overrides:
             if name not in known:
                 raise BadInput(f"unknown parameter {name!r} of model {model}{nearest(name, known)}")
-        own = _described(description, scene.where)
-        if not overrides:
-            return own, own
-        return own, ImpactSystem.from_description({**description, **overrides})
-    system.only("model", "mass", "damping", "stiffness")
-    if overrides:
-        name = next(iter(overrides))
-        raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
-    for required in ("mass", "stiffness"):
-        system.matrix(required)
-    description["stops"] = [stop.content for stop in _stops(scene)]
-    if "coordinates" in scene.content:
-        description["coordinates"] = _coordinates_described(scene.table("coordinates"))
-    system_of_scene = _described(description, scene.where)
-    return system_of_scene, system_of_scene
+    else:
+        system.only("model", "mass", "damping", "stiffness")
+        if overrides:
+            name = next(iter(overrides))
+            raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
+        for required in ("mass", "stiffness"):
+            system.matrix(required)
+        description["stops"] = [stop.content for stop in _stops(scene)]
+        if "coordinates" in scene.content:
+            description["coordinates"] = _coordinates_described(scene.table("coordinates"))
+    try:
+        own = ImpactSystem.from_description(description)
+    except ValueError as error:
+        raise BadInput(f"{scene.where}: {one_line(error)}") from error
+    return own, ImpactSystem.from_description({**description, **overrides}) if overrides else own
 
 
 def _stops(scene: TomlTable) -> list[TomlTable]:
@@ -336,13 +326,3 @@ def _marked_coordinates(coordinates: TomlTable, system: ImpactSystem) -> tuple[t
         if index in found["LO"]:
             raise BadInput(f"{coordinates.where}: {system.coordinates[index]} is marked as NES and as LO, expected one of them")
     return found["NES"], found["LO"]
-
-
-def _described(description: Mapping[str, Any], where: str) -> ImpactSystem:
-    """Make the system of a description. An error message names the place of the description."""
-    from bvp.system import ImpactSystem
-
-    try:
-        return ImpactSystem.from_description(description)
-    except ValueError as error:
-        raise BadInput(f"{where}: {one_line(error)}") from error
