@@ -113,7 +113,7 @@ class StandardOutput:
                 raise WriteFailure(self.failure) from error
 
 
-@dataclass
+@dataclass(eq=False)
 class StandardError:
     """A text stream over standard error that never fails: what cannot be printed there can be printed nowhere."""
 
