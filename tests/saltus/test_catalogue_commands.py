@@ -315,7 +315,7 @@ def test_the_default_place(tmp_path, capsys, monkeypatch):
     assert code == 2 and "mu is 0.1, not 0.2" in err
     (tmp_path / "text.sqlite").write_text("text")
     code, out, err = run(capsys, "continue", "S11-", "--save", "--catalogue", tmp_path / "text.sqlite")
-    assert code == 2 and "no SQLite file" in err and not out
+    assert code == 2 and "not an SQLite file" in err and not out
     code, out, err = run(capsys, "continue", "S11-", "--save", "--catalogue", tmp_path / "no" / "such.sqlite")
     assert code == 2 and "does not exist" in err and not out
 
@@ -353,7 +353,7 @@ def test_an_empty_catalogue_can_be_browsed(tmp_path, capsys):
     at_energy = ("orbits", "--npz", "orbits.npz", "--energy", 1)
     tables = ("points", "--csv", "points.csv"), ("points", "--mat", "points.mat"), at_energy
     for what, option, file, *words in (*tables, ("fep", "--plot", "f.png")):
-        refused(run(capsys, "export", what, *words, option, tmp_path / file, "--catalogue", path), "holds no family")
+        refused(run(capsys, "export", what, *words, option, tmp_path / file, "--catalogue", path), "has no family")
         assert not (tmp_path / file).exists()
 
 
