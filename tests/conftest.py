@@ -18,6 +18,10 @@ hypothesis.settings.load_profile("saltus")
 def pytest_sessionstart(session):
     """Of two processes that test beside each other one compiles the kernels of families first, the other those of motions: each finds the
     other's on disk when it needs them."""
+    import saltus
+
+    # A public name gives data their methods. Many tests reach a branch by other ways.
+    assert saltus.Branch
     worker = getattr(session.config, "workerinput", {}).get("workerid")
     if worker == "gw0":
         from branches.warm import warm

@@ -257,7 +257,7 @@ def test_other_files_are_refused(tmp_path, good):
     path.write_bytes(b"\x89PNG\r\n\xff\xfe")
     assert "UTF-8" in refuse(path)
     path.write_text("h,alpha\n1,2\n")
-    assert "no JSON" in refuse(path)
+    assert "is not JSON" in refuse(path)
     path.write_text("[1, 2]")
     assert "expected an object" in refuse(path)
     path.write_text(good.replace('"schema": 2', '"schema": NaN'))

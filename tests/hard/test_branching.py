@@ -73,7 +73,7 @@ def test_a_pitchfork_from_its_side():
 
 
 @hard(
-    "families reached at their own multiple cover: 3, 4 and 5 turns of S11O00-, from the families that leave them",
+    "families reached at their own multiple cover: the 3-, 4- and 5-fold covers of S11O00-, from the families that leave them",
     source=CLOSED_FORM,
     limit=1e-7,
     what="energy and quarter period of the crossing, relative",

@@ -269,7 +269,7 @@ def both_at_once(system, alpha):
 
 @pytest.mark.parametrize("coupling", [0.0, -0.7])
 @hard(
-    "zero-length flights: impacts at two stops at one instant, along a whole family",
+    "zero-length flights: impacts at two stops at one instant, along a full family",
     source="closed form in 50 digits",
     limit=1e-14,
     what="velocities at the origin, relative; duration of the flight between, absolute",

@@ -24,7 +24,7 @@ CLOSED_FORM = "closed form in 50 digits"
 @pytest.mark.parametrize("pieces", [3, 20, 100])
 @hard(
     "each flight cut into 3, 20, 100 pieces (orbits of 2 to 6 masses, multipliers from 1 to 1e20)",
-    source="the same orbits whole; the product of a pair is 1",
+    source="the same orbits, not cut; the product of a pair is 1",
     limit=1e-9,
     what="trace, pairs, and each multiplier that stands apart, relative",
 )

@@ -294,7 +294,7 @@ def test_random_and_extreme_systems(mu, sigma):
     name = "S11O00-"
     code, data, err = told("continue", name, *options)
     if code == 2:
-        name = re.search(r"expected one of (\S+)", err)[1]
+        name = re.search(r"choose one of (\S+)", err)[1]
         code, data, err = told("continue", name, *options)
     assert code == 0, err
     if sigma > 0.0:

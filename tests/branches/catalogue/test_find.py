@@ -146,7 +146,7 @@ def test_a_suffix_chooses_among_several(twins):
     catalogue, twisted, other = twins
     with pytest.raises(AmbiguousName) as caught:
         catalogue.find("S77O33-")
-    listed = str(caught.value).partition("expected one of ")[2].split()
+    listed = str(caught.value).partition("choose one of ")[2].split()
     assert {catalogue.find(name).id for name in listed} == {twisted.id, other.id}
     assert catalogue.find("S73O33-@h=5,alpha=1.646").id == twisted.id
     assert catalogue.find("S73O33-@h=5,alpha=3.292").id == other.id
