@@ -38,6 +38,7 @@ def test_the_report_of_a_study_is_its_runs():
     other = integrate(found.energies[few], found.last[few])
     assert other.impacts == columns["impacts"][few].sum() and 1e-15 < other.worst < 1e-6
     total, tail = tail_time(found.energies)
-    assert 0.0 < tail and 0.0 < total
+    # Each is a least time of three: noise can make their difference negative, but never more than the whole.
+    assert 0.0 < total and tail < total
     table = study_table([found], other, (total, tail))
     assert f"60 runs with {found.impacts} impacts" in table.notes[0] and [row[0][:9] for row in table.rows] == ["saltus st", "solve_ivp"]
