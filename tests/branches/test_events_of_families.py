@@ -54,7 +54,7 @@ BORN = [
     ("rest-rest:+--+++-:f8535360", 11.389625320605),  # steps inside a step go over to the parent
     ("stop+-stop-:++++--++:f7d69f88", 4.488862331302),
 ]
-# Rounding leaves 1e-8 of the unknowns open beside this branch point: it decides whether the run goes on to the other side or stops and says so.
+# Rounding leaves 1e-8 of the unknowns open beside this branch point. It decides whether a run goes on to the other side or stops there.
 OPEN = ("origin-origin:++++---+++:f15c85e2", 85.116314855647)
 
 
