@@ -33,7 +33,7 @@ SHOWN = 20_000
 
 _SINGLE = ("times", "energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo")
 _WIDE = ("displacements", "velocities")
-_LAYOUT = Layout("transition", _SINGLE, _WIDE)
+_LAYOUT = Layout("transition", dict.fromkeys(_SINGLE, float), _WIDE)
 
 
 @brief

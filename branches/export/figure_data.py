@@ -13,7 +13,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import os
 import zipfile
 import zlib
@@ -21,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,16 +28,16 @@ from branches.export.tables import Table, csv_text, plain_columns, write_binary
 from branches.figures.atlas_data import Atlas, AtlasCurve, Bound
 from branches.files import one_line, read_input, reason, replacing, write_text
 from branches.naming.labels import most_alike
-
-if TYPE_CHECKING:
-    from branches.figures.atlas_data import Atlas
+from bvp.texts import shown
 
 __all__ = [
-    "COLUMNS", "DATA_FORMATS", "DATA_FORMATS", "KINDS", "TEXTS", "ExportError", "ExportError", "Layout", "data_format", "data_format",
-    "from_table", "read_atlas", "read_figure_data", "to_table", "reporting", "write_atlas", "write_figure_data",
+    "DATA_FORMATS", "ExportError", "Layout", "data_format", "from_table", "read_atlas", "read_figure_data", "reporting", "to_table",
+    "write_atlas", "write_figure_data",
 ]  # fmt: skip
 
 DATA_FORMATS = ("csv", "json", "npz", "mat")
+
+Columns = dict[str, np.ndarray]
 
 
 class ExportError(ValueError):
@@ -53,37 +52,27 @@ class Layout:
     ----------
     content : str
         Its kind, as ``about`` says it.
-    columns : tuple of str
-        Names of the columns with one entry in a row, in order.
+    columns : dict of str to type
+        The columns with one entry in a row, in order, as str, int or float; NaN for a number that does not exist.
     wide : tuple of str
-        Names of those with several, which follow.
-    texts, integers : tuple of str
-        Those of `columns` that hold texts, and integers. The others hold numbers, NaN for none.
+        Columns of numbers with several entries in a row, which follow.
     schema : int
     renamed : dict of str to str
         Names of columns in older schemas, by their names today.
     """
 
     content: str
-    columns: tuple[str, ...]
+    columns: Mapping[str, type]
     wide: tuple[str, ...] = ()
-    texts: tuple[str, ...] = ()
-    integers: tuple[str, ...] = ()
     schema: int = 1
     renamed: Mapping[str, str] = field(default_factory=dict)
 
-    def about(self, about: Any) -> dict[str, Any]:
-        """The head of a file, if it is of this kind and of a schema that can be read."""
+    def require(self, about: Any) -> None:
+        """Refuse the head of a file of another kind, or of a schema that cannot be read."""
         if not isinstance(about, dict) or about.get("content") != self.content:
             raise ValueError(f"it does not say that it holds {'an' if self.content[0] in 'aeiou' else 'a'} {self.content}")
         if about.get("schema") not in range(1, self.schema + 1):
             raise ValueError(f"its schema is {about.get('schema')!r}, expected {' or '.join(map(str, range(1, self.schema + 1)))}")
-        return about
-
-    def stored(self, about: Mapping[str, Any]) -> dict[str, str]:
-        """The names of all columns in a file with this head, by their names today."""
-        older = self.renamed if about["schema"] < self.schema else {}
-        return {name: older.get(name, name) for name in (*self.columns, *self.wide)}
 
 
 def data_format(path: str | os.PathLike[str]) -> str | None:
@@ -117,15 +106,15 @@ def write_figure_data(layout: Layout, about: Mapping[str, Any], columns: Mapping
     if kind == "csv":
         write_text(path, f"# {head}\n{csv_text(table, codes=True)}")
     elif kind == "json":
-        plain = plain_columns(dict(columns), codes=True)
+        plain = plain_columns(table, codes=True)
         lines = ",\n".join(f"    {json.dumps(name)}: {json.dumps(values, allow_nan=False)}" for name, values in plain.items())
         write_text(path, f'{head[:-1]},\n  "columns": {{\n{lines}\n  }}\n}}\n')
     else:
         with replacing(path) as beside, beside.open("wb") as file:
-            write_binary(dict(columns), kind, file, about=head, cells=False)
+            write_binary(table, kind, file, about=head, cells=False)
 
 
-def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict[str, Any], Columns]:
     """Read what `write_figure_data` wrote.
 
     Raises
@@ -141,10 +130,15 @@ def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict
         content = read_input(path)
     except OSError as error:
         raise ExportError(f"cannot read {name}: {reason(error)}") from error
-    reader = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind]
     with reporting(name):
-        about, columns = reader(layout, content)
-        _check(layout, columns)
+        about, stored = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind](content)
+        layout.require(about)
+        older = layout.renamed if about["schema"] < layout.schema else {}
+        types = {**layout.columns, **dict.fromkeys(layout.wide)}
+        columns = {key: _column(stored[older.get(key, key)], type) for key, type in types.items()}
+        lengths = {len(column) for column in columns.values()}
+        if len(lengths) != 1:
+            raise ValueError(f"its columns have different lengths, {', '.join(map(str, sorted(lengths)))}")
         return about, columns
 
 
@@ -159,58 +153,44 @@ def reporting(name: str) -> Iterator[None]:
         raise ExportError(f"{name} is not a readable file of figure data: {one_line(error)}") from error
 
 
-def _check(layout: Layout, columns: Mapping[str, np.ndarray]) -> None:
-    for name in (*layout.columns, *layout.wide):
-        if name not in columns:
-            raise KeyError(name)
-    lengths = {len(column) for column in columns.values()}
-    if len(lengths) != 1:
-        raise ValueError(f"its columns have different lengths, {', '.join(map(str, sorted(lengths)))}")
-    for name in (*layout.columns, *layout.wide):
-        if name not in (*layout.texts, *layout.integers) and not np.issubdtype(columns[name].dtype, np.number):
-            raise ValueError(f"the column {name} holds what is no number")
+def _column(values: Any, type: type | None) -> np.ndarray:
+    """A stored column as an array of a type; None as the type: numbers (N, k)."""
+    if type in (str, int):
+        array = np.asarray(values)
+        array = array[:, 0] if array.ndim == 2 else array  # A MAT file has no vectors.
+        return np.char.rstrip(array.astype(str)) if type is str else array.astype(int)
+    try:
+        array = np.asarray(values, dtype=float)
+    except ValueError:  # Texts of a CSV file, some of them empty.
+        cells = np.asarray(values)
+        array = np.where(cells == "", "nan", cells).astype(float)
+    return array[:, 0] if array.ndim == 2 and type is float else array
 
 
-def _from_csv(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _from_csv(content: bytes) -> tuple[Any, dict[str, Any]]:
     head, _, rest = content.decode("utf-8").partition("\n")
     if not head.startswith("# {"):
         raise ValueError("its first line is not # {...}")
-    about = layout.about(json.loads(head[2:]))
-    rows = list(csv.reader(io.StringIO(rest)))
-    if len({len(row) for row in rows}) != 1:
+    names, *rows = list(csv.reader(io.StringIO(rest))) or [[]]
+    if not rows or {len(row) for row in rows} != {len(names)}:
         raise ValueError("its rows have different numbers of cells, or there are none")
-    cells = dict(zip(rows[0], zip(*rows[1:], strict=True), strict=True)) if len(rows) > 1 else {}
-    columns: dict[str, np.ndarray] = {}
-    stored = layout.stored(about)
-    for name in layout.columns:
-        values = cells[stored[name]]
-        if name in layout.texts:
-            columns[name] = np.array(values)
-        elif name in layout.integers:
-            columns[name] = np.array([int(value) for value in values])
-        else:
-            columns[name] = np.array([float(value) if value else math.nan for value in values])
-    for wide in layout.wide:
-        names = [name for name in rows[0] if name.startswith(f"{wide}.")]
-        columns[wide] = np.array([[float(value) if value else math.nan for value in cells[name]] for name in names]).T
-    return about, columns
+    stored: dict[str, Any] = dict(zip(names, zip(*rows, strict=True), strict=True))
+    for wide in {name.partition(".")[0] for name in names if "." in name}:
+        stored[wide] = np.array([stored[name] for name in names if name.startswith(f"{wide}.")]).T
+    return json.loads(head[2:]), stored
 
 
-def _from_json(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    record = layout.about(json.loads(content))
-    kinds: dict[str, Any] = {**dict.fromkeys(layout.texts, str), **dict.fromkeys(layout.integers, int)}
-    today = {old: name for name, old in layout.stored(record).items()}
-    found = {today.get(name, name): values for name, values in record.pop("columns").items()}
-    return record, {name: np.array(values, dtype=kinds.get(name, float)) for name, values in found.items()}
+def _from_json(content: bytes) -> tuple[Any, dict[str, Any]]:
+    record = json.loads(content)
+    return record, record.pop("columns") if isinstance(record, dict) else {}
 
 
-def _from_npz(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _from_npz(content: bytes) -> tuple[Any, dict[str, Any]]:
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        about = layout.about(json.loads(str(file["about"])))
-        return about, {name: file[old] for name, old in layout.stored(about).items()}
+        return json.loads(str(file["about"])), dict(file)
 
 
-def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _from_mat(content: bytes) -> tuple[Any, dict[str, Any]]:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -218,31 +198,28 @@ def _from_mat(layout: Layout, content: bytes) -> tuple[dict[str, Any], dict[str,
         file = loadmat(io.BytesIO(content), chars_as_strings=True)
     except (MatReadError, zlib.error, OSError) as error:
         raise ValueError(str(error)) from error
-    about = layout.about(json.loads(str(file["about"][0])))
-    columns = {}
-    for name, old in layout.stored(about).items():
-        values = file[old]
-        if name in layout.texts:
-            columns[name] = np.array([str(cell).rstrip() for cell in values])
-        else:
-            columns[name] = values if name in layout.wide else values[:, 0]
-        if name in layout.integers:
-            columns[name] = columns[name].astype(int)
-    return about, columns
+    return json.loads(str(file["about"][0])), file
 
 
-KINDS = ("family", "manifold", "impulsive")
+_LAYOUT = Layout(
+    "atlas",
+    {
+        "kind": str, "curve": int, "family": str, "name": str, "cited": int, "label": str, "h": float, "alpha": float, "frequency": float,
+        "frequency_index": float, "half_waves": int, "stable": int, "joined": int, "event": str,
+    },
+    ("velocities",), schema=2, renamed={"cited": "pinned"},
+)  # fmt: skip
+"""name is what the family is called there, cited is 1 where a scene cites that, label is that of the point; stable is 1, 0, or -1 where it
+is undecided; joined is 1 where the manifold goes on to the next row; event is the type of the special point there."""
 
-TEXTS = ("kind", "family", "name", "label", "event")
-INTEGERS = ("curve", "cited", "half_waves", "stable", "joined")
-NUMBERS = ("h", "alpha", "frequency", "frequency_index")
-COLUMNS = ("kind", "curve", "family", "name", "cited", "label", *NUMBERS, "half_waves", "stable", "joined", "event")
-"""Columns, besides `velocities`: name is what the family is called there, cited is 1 where a scene cites that, label is that of the point;
-stable is 1, 0, or -1 where it is undecided; joined is 1 where the manifold goes on to the next row; event is the type of the special point
-there. NaN: does not exist."""
+_OF_CURVE = {
+    "names": "name", "cited": "cited", "h": "h", "alpha": "alpha", "frequency": "frequency", "frequency_index": "frequency_index",
+    "half_waves": "half_waves", "stable": "stable", "velocities": "velocities", "labels": "label", "events": "event",
+}  # fmt: skip
+"""Columns of the file by the attributes of an `AtlasCurve`."""
 
 
-def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def to_table(atlas: Atlas) -> tuple[dict[str, Any], Columns]:
     """What holds for all, as plain data, and the columns, all of one length; `velocities` has a column for each coordinate."""
     about = {
         "schema": _LAYOUT.schema,
@@ -257,12 +234,10 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     parts = [_rows("family", k, curve) for k, curve in enumerate(atlas.curves)]
     count = len(atlas.manifold_h)
     if count:
-        nowhere = np.full(count, np.nan)
+        nowhere, texts, zeros = np.full(count, np.nan), np.full(count, ""), np.zeros(count, dtype=int)
         curve = AtlasCurve(
-            "", np.full(count, ""), np.zeros(count, dtype=bool),
-            h=atlas.manifold_h, alpha=nowhere, frequency=atlas.manifold_frequency, frequency_index=nowhere,
-            half_waves=np.zeros(count, dtype=int), stable=np.full(count, -1), velocities=atlas.manifold_velocities,
-            labels=np.full(count, ""), events=np.full(count, ""),
+            "", texts, zeros, atlas.manifold_h, nowhere, atlas.manifold_frequency, nowhere, zeros, zeros - 1, atlas.manifold_velocities,
+            texts, texts,
         )  # fmt: skip
         parts.append({**_rows("manifold", len(atlas.curves), curve), "joined": atlas.manifold_joined.astype(int)})
     if atlas.impulsive is not None:
@@ -272,21 +247,11 @@ def to_table(atlas: Atlas) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return about, {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def _rows(kind: str, number: int, curve: AtlasCurve) -> dict[str, np.ndarray]:
-    count = len(curve.h)
+def _rows(kind: str, number: int, curve: AtlasCurve) -> Columns:
+    same = {"kind": kind, "curve": number, "family": curve.family, "joined": 0}
     return {
-        "kind": np.full(count, kind),
-        "curve": np.full(count, number),
-        "family": np.full(count, curve.family),
-        "name": curve.names.astype(str),
-        "cited": curve.cited.astype(int),
-        "label": curve.labels.astype(str),
-        **{name: np.asarray(getattr(curve, name), dtype=float) for name in NUMBERS},
-        "half_waves": np.asarray(curve.half_waves, dtype=int),
-        "stable": np.asarray(curve.stable, dtype=int),
-        "joined": np.zeros(count, dtype=int),
-        "event": curve.events.astype(str),
-        "velocities": np.asarray(curve.velocities, dtype=float),
+        **{name: np.full(len(curve.h), value) for name, value in same.items()},
+        **{name: np.asarray(getattr(curve, attribute), _LAYOUT.columns.get(name, float)) for attribute, name in _OF_CURVE.items()},
     }
 
 
@@ -301,9 +266,9 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
     from bvp.system import ImpactSystem
 
     kind = columns["kind"]
-    unknown = set(np.unique(kind).tolist()) - set(KINDS)
+    unknown = set(np.unique(kind).tolist()) - {"family", "manifold", "impulsive"}
     if unknown:
-        raise ValueError(f"rows of unknown kind {sorted(unknown)[0]!r}; expected {', '.join(KINDS)}")
+        raise ValueError(f"rows of unknown kind {sorted(unknown)[0]!r}; expected family, manifold, impulsive")
     rows = np.flatnonzero(kind == "family")
     rows = rows[np.argsort(columns["curve"][rows], kind="stable")]
     parts = np.split(rows, np.flatnonzero(np.diff(columns["curve"][rows])) + 1) if len(rows) else []
@@ -326,25 +291,12 @@ def from_table(about: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> A
 
 
 def _curve(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> AtlasCurve:
-    numbers = {name: columns[name][rows] for name in NUMBERS}
-    return AtlasCurve(
-        str(columns["family"][rows[0]]),
-        columns["name"][rows].astype(str),
-        columns["cited"][rows] == 1,
-        half_waves=columns["half_waves"][rows],
-        stable=columns["stable"][rows],
-        velocities=columns["velocities"][rows],
-        labels=columns["label"][rows],
-        events=columns["event"][rows].astype(str),
-        **numbers,
-    )
-
-
-_LAYOUT = Layout("atlas", COLUMNS, ("velocities",), TEXTS, INTEGERS, schema=2, renamed={"cited": "pinned"})
+    own = {attribute: columns[name][rows] for attribute, name in _OF_CURVE.items()}
+    return AtlasCurve(str(columns["family"][rows[0]]), **{**own, "cited": own["cited"] == 1})
 
 
 def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
-    """Write the data of a figure: csv, json, npz or mat, as the file's name ends.
+    """Write the data of a figure of many families.
 
     Parameters
     ----------
@@ -359,16 +311,13 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
     """
+    if not isinstance(atlas, Atlas):
+        raise TypeError(f"the data of a figure are {shown(atlas)}, expected an Atlas, as saltus.atlas_of makes it")
     write_figure_data(_LAYOUT, *to_table(atlas), path)
 
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
-    """Read the data of a figure.
-
-    Parameters
-    ----------
-    path : path-like
-        A name that ends in .csv, .json, .npz or .mat.
+    """Read the data of a figure of many families from a file of `saltus.write_atlas`.
 
     Raises
     ------
