@@ -7,16 +7,31 @@ What is not quadratic (or, in a gap, not linear) is refused and named; nothing i
 
 from __future__ import annotations
 
+import ast
 import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
 from bvp.checks import real
-from bvp.expressions import LagrangianError, TooLarge, is_plain_name, limited, parse_expression, require_small
 from bvp.texts import shown
 
-__all__ = ["LagrangianError", "parts_from_lagrangian"]
+__all__ = ["FUNCTIONS", "LagrangianError", "parts_from_lagrangian"]
+
+FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Abs")
+"""Functions that an expression given as text may use (of parameters: they are nonlinear in a coordinate)."""
+
+LARGEST_POWER = 20
+"""Largest number in an exponent given as text: what is above can only be a slip, or take for ever to multiply out."""
+
+ARITHMETIC = (
+    (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Load) + (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow) + (ast.UAdd, ast.USub)
+)
+"""What else a text's syntax tree may consist of."""
+
+
+class LagrangianError(ValueError):
+    """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
 
 
 def parts_from_lagrangian(
@@ -34,7 +49,7 @@ def parts_from_lagrangian(
 ) -> dict[str, Any]:
     """The parts of the linear system M u'' + C u' + K u = 0 between stops that has the given energies.
 
-    Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `bvp.expressions.FUNCTIONS`, nothing else.
+    Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `FUNCTIONS`, nothing else.
 
     Parameters
     ----------
@@ -76,46 +91,43 @@ def parts_from_lagrangian(
     >>> parts["stiffness"].tolist(), parts["stops"]
     ([[0.1, -0.1], [-0.1, 1.1]], [((1.0, -1.0), -1.0, 1.0, 1.0)])
     """
-    with limited("an expression of the system"):
-        return _system(_Names(coordinates, velocities, time, parameters), kinetic, potential, dissipation, gaps, absorber, primary)
-
-
-def _system(
-    names: _Names, kinetic: Any, potential: Any, dissipation: Any, gaps: Sequence[Sequence[Any]], absorber: Any, primary: Any
-) -> dict[str, Any]:
-    """The parts; arguments as those of `parts_from_lagrangian`."""
-    import numpy as np
-
-    mass = _quadratic(names, kinetic, "the kinetic energy", "velocities")
-    stiffness = _quadratic(names, potential, "the potential energy", "coordinates")
-    damping = _quadratic(names, dissipation, "the dissipation", "velocities")
-    if isinstance(gaps, (str, bytes)) or not isinstance(gaps, Sequence):
-        raise LagrangianError(f"gaps is a list of (expression, lower, upper, restitution); received {shown(gaps)}")
+    names = _Names(coordinates, velocities, time, parameters)
+    mass = _form(names, kinetic, "the kinetic energy", "velocities")
+    stiffness = _form(names, potential, "the potential energy", "coordinates")
+    damping = _form(names, dissipation, "the dissipation", "velocities")
     stops = []
-    for k, gap in enumerate(gaps):
+    for k, gap in enumerate(_listed(gaps, "gaps is a list of (expression, lower, upper, restitution)")):
         what = f"gap {k + 1}"
-        if isinstance(gap, (str, bytes)) or not isinstance(gap, Sequence) or len(gap) not in (3, 4):
-            raise LagrangianError(f"{what} is (expression, lower, upper), with a restitution if it is not 1; received {shown(gap)}")
-        row, constant = _linear(names, gap[0], what)
-        bounds = [
-            float(side) if isinstance(side, float) else float(side - constant)
-            for side in (
-                -math.inf if gap[1] is None else _value(names, gap[1], f"the lower bound of {what}"),
-                math.inf if gap[2] is None else _value(names, gap[2], f"the upper bound of {what}"),
-            )
-        ]
+        gap = _listed(gap, f"{what} is (expression, lower, upper), with a restitution if it is not 1", (3, 4))
+        row, constant = [0.0] * len(names.coordinates), 0
+        for powers, coefficient in _coefficients(names, gap[0], what, "coordinates", "linear"):
+            if any(powers):
+                row[powers.index(1)] = float(coefficient)
+            else:
+                constant = coefficient
+        if not any(row):
+            raise LagrangianError(f"{what} ({gap[0]}) contains no coordinate, expected one that moves towards a stop")
+        lower = -math.inf if gap[1] is None else _value(names, gap[1], f"the lower bound of {what}")
+        upper = math.inf if gap[2] is None else _value(names, gap[2], f"the upper bound of {what}")
         restitution = float(_value(names, gap[3], f"the restitution of {what}")) if len(gap) == 4 else 1.0
-        stops.append((row, bounds[0], bounds[1], restitution))
+        stops.append((tuple(row), float(lower - constant), float(upper - constant), restitution))
     places = [names.index(place, what) for place, what in ((absorber, "absorber"), (primary, "primary"))]
     return {
-        "mass": np.array(mass, dtype=float),
-        "damping": np.array(damping, dtype=float),
-        "stiffness": np.array(stiffness, dtype=float),
+        "mass": mass,
+        "damping": damping,
+        "stiffness": stiffness,
         "stops": stops,
         "coordinates": names.coordinates,
         "absorber": places[0],
         "primary": places[1],
     }
+
+
+def _listed(value: Any, expected: str, lengths: Sequence[int] = ()) -> Sequence[Any]:
+    """A list, of one of the lengths if any are given."""
+    if isinstance(value, (str, bytes)) or not isinstance(value, Sequence) or (lengths and len(value) not in lengths):
+        raise LagrangianError(f"{expected}; received {shown(value)}")
+    return value
 
 
 class _Names:
@@ -125,8 +137,8 @@ class _Names:
         import sympy
         from sympy.core.function import AppliedUndef
 
-        if isinstance(coordinates, (str, bytes)) or not isinstance(coordinates, Sequence) or not coordinates:
-            raise LagrangianError(f"coordinates is a list of at least one name or symbol; received {shown(coordinates)}")
+        if not _listed(coordinates, "coordinates is a list of at least one name or symbol"):
+            raise LagrangianError("coordinates is a list of at least one name or symbol; received none")
         functions = [item for item in coordinates if isinstance(item, AppliedUndef)]
         for item in functions:
             if len(item.args) != 1 or not item.args[0].is_Symbol:
@@ -139,8 +151,7 @@ class _Names:
         dotted = [f"{name}_dot" for name in self.coordinates]
         if velocities is None:
             velocities = [item.diff() if item in functions else name for item, name in zip(coordinates, dotted, strict=True)]
-        if isinstance(velocities, (str, bytes)) or not isinstance(velocities, Sequence) or len(velocities) != len(dotted):
-            raise LagrangianError(f"velocities is a list of {len(dotted)} names or symbols; received {shown(velocities)}")
+        _listed(velocities, f"velocities is a list of {len(dotted)} names or symbols", (len(dotted),))
         derivatives = {item: name for item, name in zip(velocities, dotted, strict=True) if isinstance(item, sympy.Derivative)}
         self.velocities = tuple(derivatives[item] if item in derivatives else _name(item, "velocity") for item in velocities)
         # derivatives first: replacing the functions inside them would leave derivatives of symbols
@@ -168,7 +179,7 @@ class _Names:
         from sympy.core.function import AppliedUndef
 
         if isinstance(expression, str):
-            expression = parse_expression(expression, what)
+            expression = _parsed(expression, what)
         try:
             expression = sympy.sympify(expression, strict=True)
         except sympy.SympifyError:
@@ -179,34 +190,25 @@ class _Names:
             raise LagrangianError(f"{what} is not a finite real expression; received {expression}")
         for replacements in self.replacements:
             expression = expression.xreplace(replacements)
+        described = ", ".join([*self.coordinates, *self.velocities])
         unknown = sorted(map(str, expression.atoms(sympy.Derivative) or expression.atoms(AppliedUndef)))
         if unknown:
-            raise LagrangianError(f"{what} has {unknown[0]}, which is neither a coordinate nor a velocity ({self.described()})")
-        plain = {symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols}
-        try:
-            require_small(expression, self.values)
-        except TooLarge as error:
-            raise LagrangianError(f"{what} is too large: {error}") from None
-        expression = sympy.expand(expression.xreplace(plain))
-        for name in sorted(symbol.name for symbol in expression.free_symbols):
-            if name in self.values or name in allowed:
-                continue
+            raise LagrangianError(f"{what} has {unknown[0]}, which is neither a coordinate nor a velocity ({described})")
+        expression = sympy.expand(expression.xreplace({symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols}))
+        for name in sorted({symbol.name for symbol in expression.free_symbols} - {*self.values, *allowed}):
             if name in self.coordinates or name in self.velocities:
                 kind = "coordinate" if name in self.coordinates else "velocity"
                 term = next(term for term in sympy.Add.make_args(expression) if sympy.Symbol(name) in term.free_symbols)
-                only = "numbers and parameters" if not allowed else f"{', '.join(allowed)} and parameters"
-                raise LagrangianError(f"{what} has the {kind} {name} in the term {term}, expected {only} only")
+                only = ", ".join(allowed) or "numbers"
+                raise LagrangianError(f"{what} has the {kind} {name} in the term {term}, expected {only} and parameters only")
             if name == self.time:
                 raise LagrangianError(f"{what} depends on the time {name}, expected constant coefficients")
             close = get_close_matches(name, [*allowed, *self.values], n=1)
             raise LagrangianError(
-                f"{what} has the symbol {name}, which is neither a coordinate nor a velocity ({self.described()}) "
+                f"{what} has the symbol {name}, which is neither a coordinate nor a velocity ({described}) "
                 f"and has no value in parameters{f'; the nearest known is {close[0]}' if close else ''}"
             )
         return expression
-
-    def described(self) -> str:
-        return ", ".join([*self.coordinates, *self.velocities])
 
     def substitute(self, expression: Any) -> Any:
         """The expression with the parameters' exact values and exact rationals for its decimal numbers."""
@@ -216,62 +218,44 @@ class _Names:
         return expression.xreplace({number: sympy.Rational(number) for number in expression.atoms(sympy.Float)})
 
 
-def _quadratic(names: _Names, expression: Any, what: str, kind: str) -> list[list[Any]]:
-    """The matrix A of a form x A x/2, exact numbers; x the coordinates or velocities, all terms but constants quadratic."""
-    variables = getattr(names, kind)
-    matrix: list[list[Any]] = [[0] * len(variables) for _ in variables]
-    for powers, coefficient, term in _monomials(names, expression, what, variables, f"quadratic in the {kind}"):
-        if sum(powers) == 0:
-            continue
-        if sum(powers) != 2:
-            load = ", a constant load" if kind == "coordinates" and sum(powers) == 1 else ""
-            raise LagrangianError(f"{what} has the term {term}{load}, which is not quadratic in the {kind}")
-        i, j = [k for k, power in enumerate(powers) for _ in range(power)]
-        matrix[i][j] += coefficient
-        matrix[j][i] += coefficient
+def _form(names: _Names, expression: Any, what: str, kind: str) -> Any:
+    """The matrix A of a form x A x/2; x the coordinates or velocities, all terms but constants quadratic."""
+    import numpy as np
+
+    size = len(names.coordinates)
+    matrix = np.zeros((size, size))
+    for powers, coefficient in _coefficients(names, expression, what, kind, "quadratic"):
+        if any(powers):
+            i, j = [k for k, power in enumerate(powers) for _ in range(power)]
+            matrix[i, j] = matrix[j, i] = _finite(coefficient * (2 if i == j else 1), f"a coefficient of {what}")
     return matrix
 
 
-def _linear(names: _Names, expression: Any, what: str) -> tuple[tuple[float, ...], Any]:
-    """The row c and the constant of a gap c . u + constant."""
-    row: list[Any] = [0] * len(names.coordinates)
-    constant: Any = 0
-    for powers, coefficient, term in _monomials(names, expression, what, names.coordinates, "linear in the coordinates"):
-        if sum(powers) > 1:
-            raise LagrangianError(f"{what} has the term {term}, which is not linear in the coordinates")
-        if sum(powers) == 0:
-            constant += coefficient
-        else:
-            row[powers.index(1)] += coefficient
-    if not any(row):
-        raise LagrangianError(f"{what} ({expression}) contains no coordinate, expected one that moves towards a stop")
-    return tuple(float(value) for value in row), constant
-
-
-def _monomials(
-    names: _Names, expression: Any, what: str, variables: Sequence[str], wanted: str
-) -> list[tuple[tuple[int, ...], Any, Any]]:
-    """Powers, exact coefficient (not zero) and the term as it was written, of each monomial in the variables."""
+def _coefficients(names: _Names, expression: Any, what: str, kind: str, degree: str) -> list[tuple[tuple[int, ...], Any]]:
+    """Powers and exact coefficient (not zero) of each monomial of an expression that is linear or quadratic."""
     import sympy
 
+    variables = getattr(names, kind)
     symbols = [sympy.Symbol(name) for name in variables]
     collected: dict[tuple[int, ...], Any] = {}
     for term in sympy.Add.make_args(names.read(expression, what, variables)):
+        valued = term
         if not term.is_polynomial(*symbols):
             valued = sympy.expand(names.substitute(term))  # a power may be a parameter, a coefficient may be zero
-            if not valued.is_polynomial(*symbols):
-                raise LagrangianError(f"{what} has the term {term}, which is not {wanted}")
-            term = valued
-        for powers, coefficient in sympy.Poly(term, *symbols).terms():
+        if not valued.is_polynomial(*symbols):
+            raise LagrangianError(f"{what} has the term {term}, which is not {degree} in the {kind}")
+        for powers, coefficient in sympy.Poly(valued, *symbols).terms():
             collected[powers] = collected.get(powers, 0) + coefficient
     found = []
     for powers, coefficient in collected.items():
-        value = names.substitute(coefficient)
-        term = coefficient * sympy.Mul(*(symbol**power for symbol, power in zip(symbols, powers, strict=True)))
-        if not value.is_Rational:
-            value = sympy.Rational(_finite(value, f"the coefficient {coefficient} of {what}"))
-        if value != 0:
-            found.append((powers, value, term))
+        value = _exact(names.substitute(coefficient), f"the coefficient {coefficient} of {what}")
+        if value == 0:
+            continue
+        if sum(powers) not in ((0, 1) if degree == "linear" else (0, 2)):
+            term = coefficient * sympy.Mul(*(symbol**power for symbol, power in zip(symbols, powers, strict=True)))
+            load = ", a constant load" if kind == "coordinates" and sum(powers) == 1 else ""
+            raise LagrangianError(f"{what} has the term {term}{load}, which is not {degree} in the {kind}")
+        found.append((powers, value))
     return found
 
 
@@ -279,9 +263,7 @@ def _value(names: _Names, expression: Any, what: str) -> Any:
     """A bound or restitution as an exact number, or as a float where it is infinite."""
     import sympy
 
-    if isinstance(expression, (int, float)) and not isinstance(expression, bool) and math.isinf(expression):
-        return float(expression)
-    if expression in (sympy.oo, -sympy.oo):
+    if expression in (math.inf, -math.inf, sympy.oo, -sympy.oo):
         return float(expression)
     return _exact(names.substitute(names.read(expression, what, ())), what)
 
@@ -291,7 +273,7 @@ def _name(item: Any, what: str) -> str:
     import sympy
 
     name = item.name if isinstance(item, sympy.Symbol) else item
-    if not isinstance(name, str) or (isinstance(item, str) and not is_plain_name(name)):
+    if not isinstance(name, str) or (isinstance(item, str) and not _is_plain(name)):
         raise LagrangianError(f"{what} {shown(item)} is neither a name nor a symbol")
     return name
 
@@ -300,11 +282,8 @@ def _exact(value: Any, what: str) -> Any:
     """A finite real number as an exact rational."""
     import sympy
 
-    if isinstance(value, sympy.Rational):
-        return value
-    if isinstance(value, int) and not isinstance(value, bool):
-        return sympy.Integer(value)
-    return sympy.Rational(_finite(value, what))
+    number = _finite(value, what)
+    return sympy.Rational(value if isinstance(value, (int, sympy.Rational)) else number)
 
 
 def _finite(value: Any, what: str) -> float:
@@ -313,5 +292,60 @@ def _finite(value: Any, what: str) -> float:
     except (TypeError, ValueError):
         raise LagrangianError(f"{what} is a finite real number; received {shown(value)}") from None
     if not math.isfinite(number):
-        raise LagrangianError(f"{what} is a finite real number; received {value}")
+        raise LagrangianError(f"{what} is a finite real number; received {shown(value)}")
     return number
+
+
+def _is_plain(name: str) -> bool:
+    """Whether text may be the name of a symbol."""
+    return name.isidentifier() and "__" not in name
+
+
+def _parsed(text: str, what: str) -> Any:
+    """Text as a sympy expression: checked to be plain arithmetic before sympy, which evaluates what it reads, sees it."""
+    import sympy
+    from sympy.parsing.sympy_parser import auto_number, parse_expr
+
+    text = " ".join(text.split())
+    unread = f'{what} "{text if len(text) <= 60 else text[:57] + "..."}" cannot be read'
+    try:
+        parts = list(ast.walk(ast.parse(text, mode="eval")))
+    except SyntaxError as error:
+        raise LagrangianError(f"{unread}: not an expression at character {error.offset}") from None
+    except (ValueError, RecursionError, MemoryError):
+        raise LagrangianError(f"{unread}: too long, or no text") from None
+    for node in parts:
+        refused = _refused(node)
+        if refused:
+            raise LagrangianError(f"{unread}: {refused}")
+    names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
+    called = {node.func.id for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    names |= {name: getattr(sympy, name) for name in called}
+    numbers = {"Integer": sympy.Integer, "Float": sympy.Float, "__builtins__": {}}
+    try:
+        return parse_expr(text, local_dict=names, global_dict=numbers, transformations=(auto_number,))
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise LagrangianError(f"{unread}: {error}") from None
+
+
+def _refused(node: ast.AST) -> str | None:
+    """Why a part of a text's syntax tree is not plain arithmetic, None where it is."""
+    if isinstance(node, ast.Name):
+        return None if _is_plain(node.id) else f"the name {node.id} is not allowed"
+    if isinstance(node, ast.Constant):
+        good = isinstance(node.value, (int, float)) and not isinstance(node.value, bool) and math.isfinite(node.value)
+        return None if good else f"{node.value!r} is not a finite real number"
+    if isinstance(node, ast.Attribute):
+        return f"attributes such as .{node.attr} are not allowed"
+    if isinstance(node, ast.Call):
+        allowed = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and len(node.args) == 1 and not node.keywords
+        return None if allowed else f"the functions known, of one argument, are {', '.join(FUNCTIONS)}"
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+        return "a power is written **"
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+        parts = list(ast.walk(node.right))
+        numbers = [abs(part.value) for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, (int, float))]
+        plain = len(numbers) <= 2 and not any(isinstance(part, ast.Pow) for part in parts)
+        good = plain and max(numbers, default=0) <= LARGEST_POWER
+        return None if good else f"a power is at most {LARGEST_POWER}, without powers in it"
+    return None if isinstance(node, ARITHMETIC) else "only + - * / **, numbers, names and functions are allowed"
