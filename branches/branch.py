@@ -168,7 +168,7 @@ class Branch:
         problem = self.problem
         start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
         times = self.points["flight_times"][i].copy()
-        return problem.shoot(start, times)
+        return problem.pack(start, None, times)
 
     def orbit(self, i: int) -> Orbit:
         """The orbit at point i.

@@ -303,7 +303,7 @@ def read_orbit(path: str | os.PathLike[str]) -> Orbit:
         if len(inner) != problem.inner:
             raise ValueError(f"{len(inner)} impacts lie inside the solved segment; its sequence has {problem.inner}")
         start = system.modes.from_state @ np.concatenate([orbit["start"]["u"], orbit["start"]["v"]])
-        return Orbit(problem, problem.solve(problem.shoot(start, np.diff([0.0, *inner, segment])), energy=orbit["h"]))
+        return Orbit(problem, problem.solve(problem.pack(start, None, np.diff([0.0, *inner, segment])), energy=orbit["h"]))
     except KeyError as error:
         raise RecordError(f"{path} is not a readable orbit file: it lacks {error}") from error
     except (LookupError, TypeError, ValueError, NotConverged) as error:

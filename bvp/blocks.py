@@ -12,15 +12,13 @@ x 4 block.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from bvp.checks import EPSILON
 
 __all__ = [
-    "Blocks", "Dynamics", "Matrices", "coupled_groups", "cut", "damped_blocks", "decay_rates", "exact_product", "jacobi", "traceless",
-    "undamped_blocks",
+    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact_product", "jacobi", "traceless",
 ]  # fmt: skip
 
 SWEEPS = 60
@@ -34,22 +32,9 @@ SEPARATION_LIMIT = 30.0
 factor."""
 
 
-class Dynamics(Protocol):
-    """What has M, C and K."""
-
-    @property
-    def mass(self) -> np.ndarray: ...
-
-    @property
-    def damping(self) -> np.ndarray: ...
-
-    @property
-    def stiffness(self) -> np.ndarray: ...
-
-
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """M, C and K of a system without stops."""
+    """M, C and K of M u'' + C u' + K u = 0."""
 
     mass: np.ndarray
     damping: np.ndarray
@@ -70,37 +55,21 @@ class Blocks:
     from_state: np.ndarray
 
 
-def undamped_blocks(mass: np.ndarray, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
-    """u = Phi q, v = Phi p, z = (q, p), q'' = -w^2 q.
+def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
+    """The blocks of a system.
+
+    Where no two modes are coupled (no or proportional damping) u = Phi q, v = Phi p and z = (q, p) with pairs (k, n + k): q'' = -w^2 q and
+    B[n+k, n+k] = -2 zeta_k w_k. Else the coupled modes come first, in blocks of neighbouring indices, then q_k and p_k of each mode that is
+    left alone.
 
     Parameters
     ----------
-    mass : (n, n) ndarray
+    system : Matrices
+        Such as an `ImpactSystem`.
     squares : (n,) ndarray
-        w^2, of any sign.
+        w^2 of the undamped modes, of any sign.
     shapes : (n, n) ndarray
         Phi, with Phi^T M Phi = I.
-    """
-    n = len(squares)
-    matrix = np.zeros((2 * n, 2 * n))
-    matrix[:n, n:] = np.eye(n)
-    matrix[n:, :n] = -np.diag(squares)
-    two, pairs = np.eye(2), np.column_stack([np.arange(n), np.arange(n, 2 * n)])
-    return Blocks("undamped", shapes, pairs, np.zeros(n), -squares, matrix, np.kron(two, shapes), np.kron(two, shapes.T @ mass))
-
-
-def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> Blocks:
-    """The blocks of a damped system.
-
-    Where no two modes are coupled (proportional damping) z = (q, p) with pairs (k, n + k) and B[n+k, n+k] = -2 zeta_k w_k.
-    Else the coupled modes come first, in blocks of neighbouring indices, then q_k and p_k of each mode that is left alone.
-
-    Parameters
-    ----------
-    system : Dynamics
-        An `ImpactSystem`, or `Matrices` alone.
-    squares, shapes : (n,) and (n, n) ndarray
-        Of the undamped modes.
 
     Raises
     ------
@@ -108,26 +77,26 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
         Where the Schur form does not converge.
     """
     n = len(squares)
-    shapes = _turn_repeated(system, squares, shapes, _noise(system, squares, shapes))
-    damping = shapes.T @ system.damping @ shapes
-    # Repeat: a rotated shape can touch a damper that it did not touch before: a free translation must not seem to be damped.
-    damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
-    groups = coupled_groups(damping)
-    single = [group[0] for group in groups if len(group) == 1]
+    damping = np.zeros((n, n))
+    if np.any(system.damping):
+        shapes = _turn_repeated(system, squares, shapes, _noise(system, squares, shapes))
+        damping = shapes.T @ system.damping @ shapes
+        # Repeat: a rotated shape can touch a damper that it did not touch before: a free translation must not seem to be damped.
+        damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
     two = np.eye(2)
     to_state, from_state = np.kron(two, shapes), np.kron(two, shapes.T @ system.mass)
-    if len(single) == n:
+    if np.array_equal(damping, np.diag(np.diag(damping))):
         matrix = np.zeros((2 * n, 2 * n))
         matrix[:n, n:] = np.eye(n)
         matrix[n:, :n] = -np.diag(squares)
         matrix[n:, n:] = -np.diag(np.diag(damping))
         pairs = np.column_stack([np.arange(n), np.arange(n, 2 * n)])
         mean, delta = traceless(matrix, pairs)
-        return Blocks("proportional", shapes, pairs, mean, delta, matrix, to_state, from_state)
+        return Blocks("uncoupled", shapes, pairs, mean, delta, matrix, to_state, from_state)
     pieces: list[np.ndarray] = []
     columns: list[np.ndarray] = []
     rows: list[np.ndarray] = []
-    for group in groups:
+    for group in coupled_groups(damping):
         index = np.array([*group, *(n + k for k in group)])
         if len(group) == 1:
             k = group[0]
@@ -152,7 +121,7 @@ def damped_blocks(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> 
     return Blocks("coupled", shapes, pairs, mean, delta, matrix, to_state, np.vstack(rows))
 
 
-def _refine_decay(system: Dynamics, matrix: np.ndarray, pairs: np.ndarray, to_state: np.ndarray) -> None:
+def _refine_decay(system: Matrices, matrix: np.ndarray, pairs: np.ndarray, to_state: np.ndarray) -> None:
     """Write the decay of lightly damped modes, of which a Schur form leaves few digits, into the diagonals of their pairs."""
     rounding = 16.0 * len(matrix) * EPSILON * np.abs(matrix).max()
     for i, j in pairs:
@@ -167,7 +136,7 @@ def _refine_decay(system: Dynamics, matrix: np.ndarray, pairs: np.ndarray, to_st
             matrix[i, i] = matrix[j, j] = mean
 
 
-def _noise(system: Dynamics, squares: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+def _noise(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> np.ndarray:
     """Rounding of each entry of the damping between shapes, (n, n). A free translation is known to rounding of its largest entries: it is
     not to be damped by a damper that it does not touch."""
     size = np.abs(shapes)
@@ -186,19 +155,14 @@ def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
     >>> coupled_groups(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2.0], [0.0, 2.0, 0.0]]))
     [(1, 2), (0,)]
     """
-    left = set(range(damping.shape[0]))
-    groups = []
-    while left:
-        group, edge = set(), {min(left)}
-        while edge:
-            group |= edge
-            edge = {j for i in edge for j in left if damping[i, j] != 0.0 or damping[j, i] != 0.0} - group
-        left -= group
-        groups.append(tuple(sorted(group)))
+    from scipy.sparse.csgraph import connected_components
+
+    count, member = connected_components(damping, directed=False)
+    groups = [tuple(np.flatnonzero(member == k).tolist()) for k in range(count)]
     return sorted(groups, key=lambda group: (len(group) == 1, group))
 
 
-def _turn_repeated(system: Dynamics, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def _turn_repeated(system: Matrices, squares: np.ndarray, shapes: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Within repeated frequencies the shapes are free: take those that the (symmetric) damping does not couple."""
     if not np.array_equal(system.damping, system.damping.T):
         return shapes
@@ -325,13 +289,13 @@ def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.nda
     return mean, delta
 
 
-def decay_rates(system: Dynamics, shapes: np.ndarray) -> np.ndarray:
+def decay_rates(system: Matrices, shapes: np.ndarray) -> np.ndarray:
     """Real parts of the rates of oscillating modes, from the power and the energy of each. Where damping is light, those of an
     eigenvalue solver have few digits.
 
     Parameters
     ----------
-    system : Dynamics
+    system : Matrices
     shapes : (2n, k) complex ndarray
         (u, v) of each mode.
 

@@ -8,19 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from bvp.texts import shown
 
-if TYPE_CHECKING:
-    from bvp.system import Stop
-
 __all__ = [
-    "EPSILON", "Frozen", "InvalidSystem", "changeable", "check_size", "checked_energy_range", "checked_number", "is_finite", "read_only",
-    "real", "reals", "refuse_unknown", "repeated_contacts", "require_branch", "require_motion", "require_system", "same_obstacles",
-    "square",
+    "EPSILON", "SMALLEST", "Frozen", "InvalidSystem", "changeable", "checked_energy_range", "checked_number", "is_finite", "read_only",
+    "real", "reals", "refuse_unknown", "require_branch", "require_motion", "require_system", "square",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -85,18 +81,21 @@ def reals(value: Any, *, flat: bool = False) -> np.ndarray:
     array([[1., 2.]])
     >>> reals([0.0, True])
     Traceback (most recent call last):
-    TypeError: expected numbers; received True
+    TypeError: expected numbers; received [0.0, True]
     >>> reals([[1, 2]], flat=True)
     Traceback (most recent call last):
     ValueError: expected a list of numbers that is not nested; received [[1, 2]]
     """
-    if not isinstance(value, np.ndarray):
-        _refuse_bytes_and_booleans(value)
-    array = np.asarray(value)
+    if isinstance(value, bytearray | memoryview):  # numpy would read their bytes as numbers
+        raise TypeError(f"expected numbers; received {shown(value)}")
+    array = value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
     if array.dtype.kind not in "iufO":
         raise TypeError(f"expected numbers; received {shown(value)}")
     if array.dtype.kind == "O":
-        array = np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
+        try:
+            array = np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
+        except TypeError:
+            raise TypeError(f"expected numbers; received {shown(value)}") from None
     if flat and array.ndim != 1:
         raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
     return np.array(array, dtype=float)
@@ -128,47 +127,26 @@ def checked_energy_range(value: Any, *, positive: bool = False) -> tuple[float, 
     return low, high
 
 
-def _refuse_bytes_and_booleans(value: Any) -> None:
-    """Refuse what numpy would take for numbers, at any depth of lists: bytes of a buffer, and booleans beside numbers."""
-    if isinstance(value, (list, tuple)):
-        for entry in value:
-            if type(entry) is not float:
-                _refuse_bytes_and_booleans(entry)
-    elif isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"expected numbers; received {shown(value)}")
-    elif not isinstance(value, (int, float, np.generic, np.ndarray)):
-        try:
-            kind = memoryview(value).format
-        except (TypeError, BufferError):
-            return
-        if kind in ("B", "b", "c", "?"):
-            raise TypeError(f"expected numbers; received {shown(value)}")
+def checked_number(value: Any, what: str, least: float = 0.0) -> float:
+    """A float that is not NaN. Refused as well is a finite number that is too small or too large to compute with; 0 and infinity pass.
 
-
-def checked_number(value: Any, what: str) -> float:
-    """A float that is not NaN."""
+    Examples
+    --------
+    >>> checked_number(1e-300, "mu", SMALLEST)
+    Traceback (most recent call last):
+    bvp.checks.InvalidSystem: mu is too small to compute with; received 1e-300, expected a size from 1e-25 to 1e+25
+    """
     try:
         result = real(value)
     except (TypeError, ValueError):
         raise InvalidSystem(f"{what} is a number; received {shown(value)}") from None
     if math.isnan(result):
         raise InvalidSystem(f"{what} is a number; received NaN")
-    return result
-
-
-def check_size(value: float, what: str, *, least: float = SMALLEST) -> None:
-    """Refuse a finite number that is too small (`least` may be 0) or too large to compute with; 0 and infinity pass.
-
-    Examples
-    --------
-    >>> check_size(1e-300, "mu")
-    Traceback (most recent call last):
-    bvp.checks.InvalidSystem: mu is too small to compute with; received 1e-300, expected a size from 1e-25 to 1e+25
-    """
-    if value and math.isfinite(value) and not least <= abs(value) <= LARGEST:
-        kind = "small" if abs(value) < least else "large"
+    if result and math.isfinite(result) and not least <= abs(result) <= LARGEST:
+        kind = "small" if abs(result) < least else "large"
         expected = f"a size from {least:g} to {LARGEST:g}"
-        raise InvalidSystem(f"{what} is too {kind} to compute with; received {value:g}, expected {expected}")
+        raise InvalidSystem(f"{what} is too {kind} to compute with; received {result:g}, expected {expected}")
+    return result
 
 
 def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = True) -> np.ndarray:
@@ -185,7 +163,7 @@ def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = 
         i, j = np.argwhere(~np.isfinite(matrix))[0]
         raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
     for i, j in np.argwhere(matrix):
-        check_size(float(matrix[i, j]), f"entry ({i + 1}, {j + 1}) of {name}", least=SMALLEST if name == "mass" and i == j else 0.0)
+        checked_number(float(matrix[i, j]), f"entry ({i + 1}, {j + 1}) of {name}", SMALLEST if name == "mass" and i == j else 0.0)
     if not symmetric:
         return matrix
     defect = np.abs(matrix - matrix.T)
@@ -262,63 +240,6 @@ def require_motion(motion: Any) -> None:
     """
     if not hasattr(motion, "flights"):
         raise TypeError(f"the motion is {shown(motion)}, expected a Motion such as saltus.simulate(system, u, v, duration)")
-
-
-def checked_damper(damping: np.ndarray, dampers: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Named parts of a damping matrix as arrays; ValueError where one has another shape or they do not sum to it."""
-    parts = {}
-    for name, value in dampers.items():
-        part = reals(value)
-        if part.shape != damping.shape or not np.all(np.isfinite(part)):
-            raise ValueError(f"damper {name!r} is a finite matrix of shape {damping.shape}; received shape {part.shape}")
-        parts[str(name)] = part
-    total = sum(parts.values(), np.zeros_like(damping))
-    residual = np.abs(total - damping)
-    if np.any(residual > 1e-14 * np.abs(damping).max(initial=0.0)):
-        i, j = np.unravel_index(int(np.argmax(residual)), residual.shape)
-        raise ValueError(f"the dampers sum to the damping matrix; entry {i + 1},{j + 1} is {damping[i, j]:g}, theirs {total[i, j]:g}")
-    if not parts:
-        parts["all"] = total
-    return parts
-
-
-LEVEL = 1e-13
-"""Relative difference below which two gap rows or bounds are equal. It matches the contact tolerance, which decides when two hits are
-simultaneous."""
-
-
-def same_obstacles(stops: Sequence[Stop]) -> list[tuple[tuple[int, float], tuple[int, float]]]:
-    """Pairs of contacts, (stop, side) and a later (stop, side), that are the same obstacle."""
-    found: list[tuple[int, float, np.ndarray, float]] = []
-    out = []
-    for k, stop in enumerate(stops):
-        row = np.array(stop.gap)
-        size = float(np.abs(row).max())
-        row = row / size
-        for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)):
-            if math.isinf(bound):
-                continue
-            for first, first_side, first_row, first_bound in found:
-                scale = float(np.linalg.norm(row) / np.linalg.norm(first_row))
-                same_place = abs(bound / size * side - first_bound * scale) <= LEVEL * max(abs(bound / size), abs(first_bound * scale))
-                if first != k and same_place and np.all(np.abs(side * row - first_row * scale) <= LEVEL):
-                    out.append(((first, first_side), (k, side)))
-                    break
-            found.append((k, side, side * row, bound / size * side))
-    return out
-
-
-def repeated_contacts(stops: Sequence[Stop]) -> set[int]:
-    """Contacts (in the order of `bvp.modes.Modes`) that repeat an earlier contact.
-
-    Examples
-    --------
-    >>> from bvp.system import Stop
-    >>> repeated_contacts([Stop((1.0, 0.0), -1.0, 1.0), Stop((-2.0, 0.0), lower=-2.0)])
-    {2}
-    """
-    order = [(k, side) for k, stop in enumerate(stops) for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)) if math.isfinite(bound)]
-    return {order.index(later) for _, later in same_obstacles(stops)}
 
 
 def read_only(array: np.ndarray) -> np.ndarray:

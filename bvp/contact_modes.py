@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.blocks import Blocks, Matrices, damped_blocks, exact_product, traceless, undamped_blocks
-from bvp.checks import EPSILON, repeated_contacts
+from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, traceless
+from bvp.checks import EPSILON
 from bvp.forcing import BudgetTerms, Forcing
 from bvp.kernels.contact_mode import ContactModes
-from bvp.modes import balanced, modal_impulse, two_parts, undamped_modes
+from bvp.modes import balanced, modal_impulse, repeated_contacts, two_parts, undamped_modes
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -170,16 +170,14 @@ def contact_mode_of(system: ImpactSystem, held: int, forcing: Forcing, terms: Bu
 
 def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks, np.ndarray]:
     """The blocks of the reduced system and the map r = left u; the free system keeps its own modes."""
-    modes = system.modes
     if not held:
-        own = Blocks(modes.layout, modes.shapes, modes.pairs, modes.mean, modes.delta, modes.matrix, modes.to_state, modes.from_state)
-        return own, np.eye(len(basis))
+        return system.modes, np.eye(len(basis))
     mass, damping = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping))
     stiffness = exact_product(basis.T, system.stiffness, basis)
     m = len(mass)
     if not m:
         none = np.zeros((0, 0))
-        return Blocks("undamped", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
+        return Blocks("uncoupled", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
     mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
     rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
     damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
@@ -188,11 +186,7 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks,
         "ik,ij,jk->k", np.abs(basis @ shapes), np.abs(system.stiffness), np.abs(basis @ shapes)
     )  # fmt: skip
     squares = np.where(np.abs(squares) <= scale, 0.0, squares)
-    if np.any(damping):
-        blocks = damped_blocks(Matrices(mass, damping, stiffness), squares, shapes)
-    else:
-        blocks = undamped_blocks(mass, squares, shapes)
-    return blocks, np.linalg.solve(mass, basis.T @ system.mass)
+    return blocks_of(Matrices(mass, damping, stiffness), squares, shapes), np.linalg.solve(mass, basis.T @ system.mass)
 
 
 def _free_acceleration(

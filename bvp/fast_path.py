@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.blocks import decay_rates
-from bvp.checks import checked_damper
 from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.kernels import fast_path as kernels
 from bvp.kernels import two_modes as places
@@ -99,7 +98,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     >>> fast_path_numbers(vibro_impact_nes(lam=0.01)) is None, fast_path_numbers(vibro_impact_nes(sigma=0.0)) is None
     (False, True)
     """
-    parts = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
+    parts = split_damping(system, dampers)
     if len(parts) != 2:
         raise ValueError(f"the fast path reports two parts of the damping matrix; received {len(parts)}: {', '.join(parts)}")
     if system.degrees_of_freedom != 2 or len(system.stops) != 1:

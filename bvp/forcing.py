@@ -8,7 +8,7 @@ and needs no time step. Of a record, level and slope are set anew at each sample
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -264,12 +264,17 @@ def budget_terms(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -
     )
 
 
-def split_damping(system: ImpactSystem) -> dict[str, np.ndarray]:
-    """Split the damping matrix C into {"gaps": the sum of the dampers across the gaps, "rest": the remainder}.
+def split_damping(system: ImpactSystem, dampers: Mapping[str, Any] | None = None) -> dict[str, np.ndarray]:
+    """Split the damping matrix C into named parts: those given, or "gaps", the sum of the dampers across the gaps, and "rest".
 
     A gap between two coordinates, c = (.. a .. b ..), has the damper d c c' that explains the entry C_ij = d a b; one of a single
     coordinate, c = (.. a ..), the damper from there to the ground, a^2 d = sum_j C_ij. What would be negative, or is asymmetric, or belongs
     to a gap of more coordinates, stays with the rest.
+
+    Raises
+    ------
+    ValueError
+        If a given part has another shape, or the parts do not sum to C.
 
     Examples
     --------
@@ -279,8 +284,23 @@ def split_damping(system: ImpactSystem) -> dict[str, np.ndarray]:
            [0.  , 0.01]])
     """
     damping = np.array(system.damping)
+    if dampers is not None:
+        parts = {str(name): reals(part) for name, part in dampers.items()}
+        for name, part in parts.items():
+            if part.shape != damping.shape or not np.all(np.isfinite(part)):
+                raise ValueError(f"damper {name!r} is a finite matrix of shape {damping.shape}; received shape {part.shape}")
+        total = sum(parts.values(), np.zeros_like(damping))
+        residual = np.abs(total - damping)
+        if np.any(residual > 1e-14 * np.abs(damping).max(initial=0.0)):
+            i, j = np.unravel_index(int(np.argmax(residual)), residual.shape)
+            raise ValueError(f"the dampers sum to the damping matrix; entry {i + 1},{j + 1} is {damping[i, j]:g}, theirs {total[i, j]:g}")
+        return parts or {"all": total}
     gaps = np.zeros_like(damping)
-    for row in _distinct([np.array(stop.gap) for stop in system.stops]):
+    seen: list[np.ndarray] = []
+    for row in (np.array(stop.gap) for stop in system.stops):
+        if any(abs(abs(row @ other) - np.linalg.norm(row) * np.linalg.norm(other)) <= 1e-12 * (row @ row) for other in seen):
+            continue
+        seen.append(row)
         at = np.flatnonzero(row)
         left = damping - gaps
         if len(at) == 2 and left[at[0], at[1]] == left[at[1], at[0]]:
@@ -292,12 +312,3 @@ def split_damping(system: ImpactSystem) -> dict[str, np.ndarray]:
         if coefficient > 0.0:
             gaps += coefficient * np.outer(row, row)
     return {"gaps": gaps, "rest": damping - gaps}
-
-
-def _distinct(rows: list[np.ndarray]) -> list[np.ndarray]:
-    """Rows that are not multiples of earlier ones."""
-    kept: list[np.ndarray] = []
-    for row in rows:
-        if all(abs(abs(row @ other) - np.linalg.norm(row) * np.linalg.norm(other)) > 1e-12 * (row @ row) for other in kept):
-            kept.append(row)
-    return kept

@@ -111,15 +111,14 @@ def parts_from_lagrangian(
         upper = math.inf if gap[2] is None else _value(names, gap[2], f"the upper bound of {what}")
         restitution = float(_value(names, gap[3], f"the restitution of {what}")) if len(gap) == 4 else 1.0
         stops.append((tuple(row), float(lower - constant), float(upper - constant), restitution))
-    places = [names.index(place, what) for place, what in ((absorber, "absorber"), (primary, "primary"))]
     return {
         "mass": mass,
         "damping": damping,
         "stiffness": stiffness,
         "stops": stops,
         "coordinates": names.coordinates,
-        "absorber": places[0],
-        "primary": places[1],
+        "absorber": absorber,
+        "primary": primary,
     }
 
 
@@ -164,14 +163,6 @@ class _Names:
         double = sorted({name for name in known if known.count(name) > 1})
         if double:
             raise LagrangianError(f"the name {double[0]} is given twice among coordinates, velocities and parameters")
-
-    def index(self, place: str | int | None, what: str) -> int | None:
-        """The index of a coordinate given by name."""
-        if not isinstance(place, str):
-            return place
-        if place not in self.coordinates:
-            raise LagrangianError(f"{what} {shown(place)} is none of the coordinates {', '.join(self.coordinates)}")
-        return self.coordinates.index(place)
 
     def read(self, expression: Any, what: str, allowed: Sequence[str]) -> Any:
         """The expression in plain symbols, each of which is among the allowed names or a parameter with a value."""

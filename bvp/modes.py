@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.blocks import Blocks, Dynamics, damped_blocks, exact_product, jacobi, undamped_blocks
+from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, jacobi
 from bvp.checks import EPSILON
 
 if TYPE_CHECKING:
     from bvp.kernels.flight import Contacts, Flight
-    from bvp.system import ImpactSystem
 
 __all__ = [
-    "Modes", "balanced", "energy_form", "impulse_direction", "modal_impulse", "system_modes", "two_parts", "undamped_modes",
+    "Modes", "balanced", "energy_form", "impulse_direction", "modal_impulse", "repeated_contacts", "system_modes", "two_parts",
+    "undamped_modes",
 ]  # fmt: skip
 
 _SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
@@ -32,7 +32,7 @@ REFINEMENTS = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Blocks):
     """Arrays of free flight and of the contacts, for N = 2n states and m contacts, in C order.
 
     They are shared by all who ask and not to be written to; no flag says so, because the kernels would then be compiled twice.
@@ -43,8 +43,8 @@ class Modes:
         to_state (2n, N): (u, v) = to_state z; from_state (N, 2n): its inverse.
     The undamped modes
         frequencies (n,), ascending, exactly 0 for a rigid-body mode, NaN where the stiffness is negative; squares (n,), their
-        squares (negative where the stiffness is); shapes (n, n), the columns of Phi. layout: "undamped", "proportional" or
-        "coupled"; in the first two z = (q_1..q_n, p_1..p_n) with pairs (k, n + k).
+        squares (negative where the stiffness is); shapes (n, n), the columns of Phi. layout: "uncoupled" or "coupled";
+        in the first z = (q_1..q_n, p_1..p_n) with pairs (k, n + k).
     The contacts, one for each finite bound of each stop, lower before upper
         contact_gap, contact_rate, contact_acceleration, contact_push (m, N): w = gap . z, w' = rate . z, w'' = acceleration . z
         in free flight, z+ = z - (1 + r) push (rate . z) at an impact; contact_side (m,), +1 upper and -1 lower; contact_bound,
@@ -53,16 +53,8 @@ class Modes:
         several stops.
     """
 
-    pairs: np.ndarray
-    mean: np.ndarray
-    delta: np.ndarray
-    matrix: np.ndarray
-    to_state: np.ndarray
-    from_state: np.ndarray
     frequencies: np.ndarray
     squares: np.ndarray
-    shapes: np.ndarray
-    layout: str
     contact_gap: np.ndarray
     contact_rate: np.ndarray
     contact_acceleration: np.ndarray
@@ -97,16 +89,8 @@ class Modes:
         )
 
 
-def system_modes(system: ImpactSystem) -> Modes:
-    """The modes of a system.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-
-    Returns
-    -------
-    Modes
+def system_modes(system: Matrices, all_stops: Sequence[Any]) -> Modes:
+    """The modes of a system with stops (each a `bvp.system.Stop`).
 
     Raises
     ------
@@ -114,19 +98,15 @@ def system_modes(system: ImpactSystem) -> Modes:
         Where an eigenvalue iteration does not converge.
     """
     squares, shapes = undamped_modes(system.mass, system.stiffness)
-    blocks: Blocks
-    if np.any(system.damping):
-        blocks = damped_blocks(system, squares, shapes)
-    else:
-        blocks = undamped_blocks(system.mass, squares, shapes)
-    n = system.degrees_of_freedom
+    blocks = blocks_of(system, squares, shapes)
+    n = len(squares)
     position, velocity = blocks.to_state[:n], blocks.to_state[n:]
     contacts: list[tuple[Any, ...]] = []
-    for k, stop in enumerate(system.stops):
+    for k, stop in enumerate(all_stops):
         row = np.array(stop.gap)
         participation = exact_product(row, blocks.shapes)
         impulse = blocks.shapes @ participation / (participation @ participation)
-        letter = stop.name if len(system.stops) > 1 else ""
+        letter = stop.name if len(all_stops) > 1 else ""
         gap, rate = exact_product(row, position), exact_product(row, velocity)
         acceleration, push = rate @ blocks.matrix, balanced(blocks.from_state[:, n:] @ impulse, rate)
         for side, sign, bound in ((-1.0, "-", stop.lower), (1.0, "+", stop.upper)):
@@ -135,13 +115,7 @@ def system_modes(system: ImpactSystem) -> Modes:
     gaps, rates, accelerations, pushes, sides, bounds, restitutions, stops, letters = zip(*contacts, strict=True)
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
     arrays: dict[str, Any] = {
-        "pairs": blocks.pairs,
-        "mean": blocks.mean,
-        "delta": blocks.delta,
-        "matrix": blocks.matrix,
-        "to_state": blocks.to_state,
-        "from_state": blocks.from_state,
-        "shapes": blocks.shapes,
+        **{name: values for name, values in vars(blocks).items() if name != "layout"},
         "contact_gap": gaps,
         "contact_rate": rates,
         "contact_acceleration": accelerations,
@@ -159,6 +133,36 @@ def system_modes(system: ImpactSystem) -> Modes:
         contact_opposite=np.array(opposite, dtype=np.int64),
         contact_letters=letters,
     )
+
+
+LEVEL = 1e-13
+"""Relative difference below which two gap rows or bounds are equal. It matches the contact tolerance, which decides when two hits are
+simultaneous."""
+
+
+def repeated_contacts(stops: Sequence[Any]) -> dict[int, int]:
+    """Contacts that are the same obstacle as an earlier contact of another stop: their index in `Modes`, and that of the earlier one.
+
+    Examples
+    --------
+    >>> from bvp.system import Stop
+    >>> repeated_contacts([Stop((1.0, 0.0), -1.0, 1.0), Stop((-2.0, 0.0), lower=-2.0)])
+    {2: 1}
+    """
+    found: list[tuple[int, np.ndarray, float]] = []  # the obstacle is row . u <= bound, the largest entry of the row 1
+    out: dict[int, int] = {}
+    for k, stop in enumerate(stops):
+        row = np.array(stop.gap) / np.abs(stop.gap).max()
+        for side, bound in ((-1.0, stop.lower), (1.0, stop.upper)):
+            if not np.isfinite(bound):
+                continue
+            bound = side * bound / np.abs(stop.gap).max()
+            for i, (other, other_row, other_bound) in enumerate(found):
+                same_place = abs(bound - other_bound) <= LEVEL * max(abs(bound), abs(other_bound))
+                if other != k and same_place and np.all(np.abs(side * row - other_row) <= LEVEL):
+                    out.setdefault(len(found), i)
+            found.append((k, side * row, bound))
+    return out
 
 
 def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
@@ -251,7 +255,7 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     return squares, shapes
 
 
-def energy_form(system: Dynamics, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:
+def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:
     """G of the energy a.G a/2 of oscillating modes, a = (p_1, q_1, p_2, ..), (u, v) = Re(sum of (p - i q) shape).
 
     The oscillating entries account for the power of the dampers and vanish without damping. They follow from Lyapunov's equation, so that
@@ -259,7 +263,7 @@ def energy_form(system: Dynamics, rates: np.ndarray, shapes: np.ndarray) -> list
 
     Parameters
     ----------
-    system : Dynamics
+    system : Matrices
     rates : (k,) complex ndarray
         As the flight is computed with.
     shapes : (2n, k) complex ndarray
@@ -306,12 +310,12 @@ def impulse_direction(form: list[list[Fraction]], rate: Sequence[Fraction]) -> l
     return [value / compliance for value in found]
 
 
-def modal_impulse(system: Dynamics, modes: Modes, rate: np.ndarray) -> list[Fraction] | None:
+def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> list[Fraction] | None:
     """The direction of an impulse in the states z of `bvp.modes`, along which the energy changes as it must.
 
     Parameters
     ----------
-    system : Dynamics
+    system : Matrices
     modes : Modes
         Of the system.
     rate : (2n,) ndarray

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -132,34 +132,21 @@ class MultipointProblem:
         self.inner = len(inner)
         self.periodic = periodic
         self.kinds = (kinds[0][0], kinds[1][0])
-        if periodic:
-            quarters = 4
-        else:
-            quarters = 1 if (self.kinds[0] == ORIGIN) != (self.kinds[1] == ORIGIN) else 2
-        self.quarters = quarters
-        nodes = [*inner, closing, opening]
-        self.contacts = np.array(nodes)
-        has = np.array([contact >= 0 for contact in nodes])
-        pick = np.where(has, self.contacts, 0)
-        rows = has[:, None]
+        self.quarters = 4 if periodic else 1 if (self.kinds[0] == ORIGIN) != (self.kinds[1] == ORIGIN) else 2
+        self.contacts = np.array([*inner, closing, opening])
 
-        start_map, start_offset = end_maps(modes, self.kinds[0], opening)[:2]
-        end_rows, end_offset = end_maps(modes, self.kinds[1], closing)[2:]
-        weights = np.concatenate([modes.squares, np.ones(self.half)])
-        arrays = (
-            np.where(rows, modes.contact_gap[pick], 0.0),
-            np.where(rows, modes.contact_rate[pick], 0.0),
-            np.where(rows, modes.contact_push[pick], 0.0),
-            np.where(has, 1.0 + modes.contact_restitution[pick], 0.0),
-            np.where(has, modes.contact_bound[pick], 0.0),
-            np.where(has, modes.contact_side[pick], 0.0),
-            start_map,
-            start_offset,
-            end_rows,
-            end_offset,
-            weights,
+        of_contacts = (
+            *(modes.contact_gap, modes.contact_rate, modes.contact_push),
+            *(1.0 + modes.contact_restitution, modes.contact_bound, modes.contact_side),
         )
-        shape = np.array([self.inner, int(periodic), quarters, *self.kinds], dtype=np.int64)
+        arrays = (
+            # contact -1, where nothing is hit, picks the zeros at the end
+            *(np.concatenate([rows, np.zeros_like(rows[:1])])[self.contacts] for rows in of_contacts),
+            *end_maps(modes, self.kinds[0], opening)[:2],
+            *end_maps(modes, self.kinds[1], closing)[2:],
+            np.concatenate([modes.squares, np.ones(self.half)]),
+        )
+        shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
         self.segment = Segment._make([modes.flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.observed = observed_of(system)
         self.parameters = self.segment.start_map.shape[1]
@@ -171,10 +158,6 @@ class MultipointProblem:
         self._packed = pack(self.segment)
         self._watched = pack_observed(self.observed)
         self._two_dof = self.half == 2
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What another process may have: the addresses of compiled functions are this one's alone."""
-        return {name: value for name, value in self.__dict__.items() if name != "addresses"}
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.
@@ -195,26 +178,17 @@ class MultipointProblem:
 
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
-    def pack(self, start: ArrayLike, nodes: ArrayLike, flight_times: ArrayLike) -> np.ndarray:
-        """Unknowns y (u,) from the start state (N,), the node states (k, N) and the flight times (k + 1,)."""
+    def pack(self, start: ArrayLike, nodes: ArrayLike | None, flight_times: ArrayLike) -> np.ndarray:
+        """Unknowns y (u,) from the start state (N,), the node states (k, N) - None: by exact flight - and the flight times (k + 1,)."""
+        start, times = changeable(np.asarray(start)), changeable(np.asarray(flight_times))
+        if nodes is None:
+            nodes = np.empty((self.inner, self.size))
+            nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
         y = np.zeros(self.unknowns)
-        nodes, times = np.asarray(nodes, float), np.asarray(flight_times, float)
-        difference = np.asarray(start, float) - self.segment.start_offset
-        y[: self.parameters] = self.segment.start_map.T @ difference
-        at = self.parameters
-        y[at] = times[0]
-        if self.inner:
-            rows = y[at + 1 : at + 1 + self.inner * (self.size + 1)].reshape(self.inner, self.size + 1)
-            rows[:, : self.size] = nodes[: self.inner]
-            rows[:, self.size] = times[1 : self.inner + 1]
+        y[: self.parameters] = self.segment.start_map.T @ (start - self.segment.start_offset)
+        self.flight_times(y)[:] = times[: self.inner + 1]
+        self.nodes(y)[:] = np.asarray(nodes, float)[: self.inner].reshape(self.inner, self.size)
         return y
-
-    def shoot(self, start: np.ndarray, flight_times: np.ndarray) -> np.ndarray:
-        """Unknowns y (u,) from the start state (N,) and the flight times (k + 1,): the node states by exact flight."""
-        nodes = np.empty((self.inner, self.size))
-        start, times = changeable(np.asarray(start, dtype=float)), changeable(np.asarray(flight_times, dtype=float))
-        nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
-        return self.pack(start, nodes, times)
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
         """Flight times (k + 1,)."""
@@ -270,12 +244,6 @@ class MultipointProblem:
         out[self.inner * rows :] = factor.closing
         return out
 
-    def energy_gradient(self, y: np.ndarray) -> np.ndarray:
-        """d h / d y, (u,)."""
-        gradient = np.zeros(self.unknowns)
-        gradient[: self.parameters] = self.segment.start_map.T @ (self.segment.weights * self.start(y))
-        return gradient
-
     # -- solution and step ----------------------------------------------------------------------------------------------------
 
     def solve(self, y: np.ndarray, *, energy: float | None = None, quarter_period: float | None = None) -> Solution:
@@ -295,13 +263,11 @@ class MultipointProblem:
             previous = np.inf
             for _ in range(30):
                 if energy is not None:
-                    row = self.energy_gradient(y) / energy
+                    row[: self.parameters] = self.segment.start_map.T @ (self.segment.weights * self.start(y)) / energy
                     residual = self.energy(y) / energy - 1.0
                 else:
                     assert quarter_period is not None
-                    row[self.parameters : self.parameters + self.inner * (self.size + 1) + 1 : self.size + 1] = 1.0 / (
-                        self.quarters * quarter_period
-                    )
+                    self.flight_times(row)[:] = 1.0 / (self.quarters * quarter_period)
                     residual = self.quarter_period(y) / quarter_period - 1.0
                 before = y.copy()
                 good, _ = self.correct(y, row, float(row @ y - residual), 1 if previous > 1e-6 else 8)
@@ -373,14 +339,9 @@ class MultipointProblem:
             _COMPILED[key] = entry_point(function, arguments), address_of(function, arguments)
         return _COMPILED[key]
 
-    @cached_property
-    def addresses(self) -> np.ndarray:
-        """Memory addresses of the three kernels, compiled for this problem: see `_kernel`."""
-        return np.array([self._kernel(k)[1] for k in range(3)])
-
     def compiled(self, *, full: bool = True) -> CompiledProblem:
         """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given."""
-        addresses = self.addresses if full else self.addresses * np.array([1, 0, 0])
+        addresses = np.array([self._kernel(k)[1] if full or k == 0 else 0 for k in range(3)])
         return CompiledProblem(addresses, self._packed, self._factor, self._watched, self._work, self._period)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import checked_damper, is_finite, reals, require_system
+from bvp.checks import is_finite, reals, require_system
 from bvp.contact_modes import ContactModeTable
 from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.interrupts import InterruptHandler, Pace, defer_interrupts
@@ -53,7 +53,7 @@ class Simulator:
         require_system(system)
         self.system = system
         self.forcing = forcing_of(forces, system.degrees_of_freedom)
-        self.dampers = split_damping(system) if dampers is None else checked_damper(system.damping, dampers)
+        self.dampers = split_damping(system, dampers)
         self.terms = budget_terms(self.dampers, self.forcing, len(system.stops))
         self.table = ContactModeTable(system, self.forcing, self.terms)
         self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))

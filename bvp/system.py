@@ -7,28 +7,18 @@ restitution. An `ImpactSystem` carries the three matrices, the stops and the nam
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from bvp.checks import (
-    EPSILON,
-    InvalidSystem,
-    check_size,
-    checked_number,
-    read_only,
-    reals,
-    refuse_unknown,
-    same_obstacles,
-    square,
-)
+from bvp.blocks import Matrices
+from bvp.checks import EPSILON, SMALLEST, InvalidSystem, checked_number, read_only, reals, refuse_unknown, square
+from bvp.modes import Modes, repeated_contacts, system_modes
 from bvp.texts import brief, listed, shown
-
-if TYPE_CHECKING:
-    from bvp.modes import Modes
 
 __all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
 
@@ -79,13 +69,11 @@ class Stop:
         if not any(gap):
             raise InvalidSystem(f"the gap row of {label} is zero: no coordinate moves towards it")
         for entry in gap:
-            check_size(entry, f"an entry of the gap row of {label}", least=0.0)
-        check_size(max(map(abs, gap)), f"the gap row of {label}")
+            checked_number(entry, f"an entry of the gap row of {label}")
+        checked_number(max(map(abs, gap)), f"the gap row of {label}", SMALLEST)
         object.__setattr__(self, "gap", gap)
-        for key in ("lower", "upper", "restitution"):
-            object.__setattr__(self, key, checked_number(getattr(self, key), f"{key} of {label}"))
-        for key in ("lower", "upper"):
-            check_size(getattr(self, key), f"{key} of {label}")
+        for key, least in (("lower", SMALLEST), ("upper", SMALLEST), ("restitution", 0.0)):
+            object.__setattr__(self, key, checked_number(getattr(self, key), f"{key} of {label}", least))
         if not self.lower < self.upper:
             raise InvalidSystem(f"lower must be below upper; {label} has lower {self.lower:g}, upper {self.upper:g}")
         if math.isinf(self.lower) and math.isinf(self.upper):
@@ -96,7 +84,7 @@ class Stop:
 
 @brief
 @dataclass(frozen=True, eq=False)
-class ImpactSystem:
+class ImpactSystem(Matrices):
     """M u'' + C u' + K u = 0 with n degrees of freedom between stops.
 
     Parameters
@@ -111,8 +99,8 @@ class ImpactSystem:
         At least one.
     coordinates : sequence of n str
         Names of the displacements; default u1, u2, ...
-    absorber, primary : int or None
-        Index of the coordinate of the nonlinear energy sink and of the linear oscillator, where the system has them.
+    absorber, primary : int, str or None
+        The coordinate of the nonlinear energy sink and that of the linear oscillator, where the system has them: an index or a name.
     model, parameters : str, mapping or None
         The named model that made the system and its parameters, for `describe`.
 
@@ -140,9 +128,6 @@ class ImpactSystem:
     2.0
     """
 
-    mass: np.ndarray
-    damping: np.ndarray
-    stiffness: np.ndarray
     stops: tuple[Stop, ...]
     coordinates: tuple[str, ...] = ()
     absorber: int | None = None
@@ -173,27 +158,21 @@ class ImpactSystem:
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
         object.__setattr__(self, "stops", _named_stops(self.stops, n))
-        coordinates = self.coordinates
-        if isinstance(coordinates, str) or not isinstance(coordinates, Sequence):
-            raise InvalidSystem(f"coordinates is a list of {n} names; received {shown(coordinates)}")
-        coordinates = tuple(coordinates) or tuple(f"u{k + 1}" for k in range(n))
-        for name in coordinates:
-            if not isinstance(name, str) or not name:
-                raise InvalidSystem(f"the name of a coordinate is a string that is not empty; received {shown(name)}")
-        if len(coordinates) != n:
-            names = ", ".join(coordinates)
-            raise InvalidSystem(f"the system has {n} coordinates, each with a name; received {len(coordinates)}: {names}")
-        for k, name in enumerate(coordinates):
-            if name in coordinates[:k]:
-                first = coordinates.index(name) + 1
-                raise InvalidSystem(f"coordinates have different names; numbers {first} and {k + 1} are both {name!r}")
-        object.__setattr__(self, "coordinates", coordinates)
+        names = tuple(f"u{k + 1}" for k in range(n)) if self.coordinates == () else self.coordinates
+        if isinstance(names, str) or not isinstance(names, Sequence) or len(names) != n:
+            raise InvalidSystem(f"coordinates is a list of {n} names; received {shown(names)}")
+        if len(set(map(str, names))) != n or not all(isinstance(name, str) and name for name in names):
+            raise InvalidSystem(f"coordinates have different names that are not empty; received {shown(names)}")
+        object.__setattr__(self, "coordinates", tuple(names))
         for key in ("absorber", "primary"):
             index = getattr(self, key)
+            if isinstance(index, str) and index in names:
+                index = names.index(index)
+                object.__setattr__(self, key, index)
             if index is not None and (isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < n):
-                raise InvalidSystem(f"{key} is the index of a coordinate, 0 to {n - 1}; received {shown(index)}")
+                raise InvalidSystem(f"{key} is one of the coordinates {', '.join(names)} or its index; received {shown(index)}")
         if self.absorber is not None and self.absorber == self.primary:
-            raise InvalidSystem(f"absorber and primary are two coordinates; both are {coordinates[self.absorber]}")
+            raise InvalidSystem(f"absorber and primary are two coordinates; both are {names[self.absorber]}")
         object.__setattr__(self, "degrees_of_freedom", n)
         object.__setattr__(self, "is_conservative", self.why_not_conservative() is None)
         object.__setattr__(self, "has_odd_symmetry", all(stop.lower == -stop.upper for stop in self.stops))
@@ -251,17 +230,14 @@ class ImpactSystem:
         """
         if self.is_conservative:
             return self
-        if self._is_its_model():
-            return vibro_impact_nes(**{**(self.parameters or {}), "lam": 0.0, "rho": 1.0})
         stops = tuple(replace(stop, restitution=1.0) for stop in self.stops)
-        return replace(self, damping=np.zeros_like(self.damping), stops=stops, model=None, parameters=None)
+        parameters = self.parameters and {**self.parameters, "lam": 0.0, "rho": 1.0}
+        return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters)
 
     @cached_property
     def modes(self) -> Modes:
         """The blocks of free flight, as arrays for the kernels (computed once)."""
-        from bvp.modes import system_modes
-
-        return system_modes(self)
+        return system_modes(self, self.stops)
 
     def describe(self) -> dict[str, Any]:
         """The system as plain lists, numbers and strings, for JSON and TOML; `from_description` is the inverse."""
@@ -331,17 +307,6 @@ class ImpactSystem:
         names = given.get("coordinates", {})
         names = dict(names) if isinstance(names, Mapping) else {"names": names}
         refuse_unknown(names, ("names", "absorber", "primary"), "coordinates")
-        coordinates = tuple(names.get("names", ()))
-        size = len(np.atleast_2d(np.asarray(given["mass"], dtype=object)))
-        index: dict[str, Any] = {}
-        for key in ("absorber", "primary"):
-            value = names.get(key)
-            known = coordinates or tuple(f"u{k + 1}" for k in range(size))
-            if isinstance(value, str):
-                if value not in known:
-                    raise InvalidSystem(f"{key} {shown(value)} is none of the coordinates {', '.join(known)}")
-                value = known.index(value)
-            index[key] = value
         if isinstance(given["stops"], (str, Mapping)) or not isinstance(given["stops"], Sequence):
             raise InvalidSystem(f"stops is a list of tables; received {shown(given['stops'])}")
         stops = []
@@ -352,8 +317,9 @@ class ImpactSystem:
             if "c" not in entry:
                 raise InvalidSystem("a stop lacks its gap row 'c'")
             stops.append(Stop(entry["c"], **{key: value for key, value in entry.items() if key != "c"}))
-        damping = given.get("damping", np.zeros((size, size)))
-        return cls(given["mass"], damping, given["stiffness"], tuple(stops), coordinates, **index)
+        damping = given.get("damping", np.zeros(np.shape(given["stiffness"])))
+        places = {key: names.get(key) for key in ("absorber", "primary")}
+        return cls(given["mass"], damping, given["stiffness"], tuple(stops), names.get("names", ()), **places)
 
     @classmethod
     def from_lagrangian(cls, *arguments: Any, **options: Any) -> ImpactSystem:
@@ -391,18 +357,18 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
     >>> vibro_impact_nes(mu=0.1, sigma=0.1).modes.frequencies.round(6)
     array([0.854309, 1.170537])
     """
-    mu, sigma, lam, rho = (checked_number(x, key) for x, key in ((mu, "mu"), (sigma, "sigma"), (lam, "lam"), (rho, "rho")))
-    if not (0.0 < mu < math.inf):
-        raise InvalidSystem(f"mu, the mass ratio, must be above 0 and finite; received {mu:g}")
-    if not (0.0 <= sigma < math.inf):
-        raise InvalidSystem(f"sigma, the coupling stiffness, must be 0 or above and finite; received {sigma:g}")
-    if not (0.0 <= lam < math.inf):
-        raise InvalidSystem(f"lam, the damping, must be 0 or above and finite; received {lam:g}")
-    if not (0.0 <= rho <= 1.0):
-        raise InvalidSystem(f"rho, the restitution, lies in [0, 1]; received {rho:g}")
-    check_size(mu, "mu, the mass ratio,")
-    check_size(sigma, "sigma, the coupling stiffness,", least=0.0)
-    check_size(lam, "lam, the damping,", least=0.0)
+    values = {}
+    for key, given, meaning, expected, largest in (
+        ("mu", mu, "the mass ratio", "must be above 0 and finite", sys.float_info.max),
+        ("sigma", sigma, "the coupling stiffness", "must be 0 or above and finite", sys.float_info.max),
+        ("lam", lam, "the damping", "must be 0 or above and finite", sys.float_info.max),
+        ("rho", rho, "the restitution", "lies in [0, 1]", 1.0),
+    ):
+        value = checked_number(given, f"{key}, {meaning},", SMALLEST if key == "mu" else 0.0)
+        if not 0.0 <= value <= largest or (key == "mu" and value == 0.0):
+            raise InvalidSystem(f"{key}, {meaning}, {expected}; received {value:g}")
+        values[key] = value
+    mu, sigma, lam, rho = values.values()
     return ImpactSystem(
         mass=np.array([[mu, 0.0], [0.0, 1.0]]),
         damping=np.array([[0.0, 0.0], [0.0, lam]]),
@@ -411,7 +377,7 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
         absorber=0,
         primary=1,
         model="vibro_impact_nes",
-        parameters={"mu": mu, "sigma": sigma, "lam": lam, "rho": rho},
+        parameters=values,
     )
 
 
@@ -435,11 +401,12 @@ def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
     for stop in named:
         if len(stop.gap) != n:
             raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
-    for (i, side), (j, _) in same_obstacles(named):
-        a, b = named[i], named[j]
+    contacts = [(stop, bound) for stop in named for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
+    for contact, earlier in repeated_contacts(named).items():
+        (a, bound), (b, _) = (contacts[k] for k in (earlier, contact))
         if a.restitution != b.restitution:
             raise InvalidSystem(
-                f"stops {a.name} and {b.name} end the same gap at the same place, {a.lower if side < 0.0 else a.upper:g} of stop {a.name}, "
+                f"stops {a.name} and {b.name} end the same gap at the same place, {bound:g} of stop {a.name}, "
                 f"with restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
             )
     return named

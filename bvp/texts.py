@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 __all__ = ["brief", "listed", "shown", "span", "takes_options_of"]
@@ -15,7 +16,6 @@ _MOST = 60
 """Letters of a value in a row."""
 
 Class = TypeVar("Class", bound=type)
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def shown(value: Any) -> str:
@@ -109,7 +109,7 @@ def listed(texts: Sequence[str], most: int = 8) -> str:
     return f"{', '.join(texts[:most])}, .. ({len(texts)})"
 
 
-def takes_options_of(inner: Callable[..., Any]) -> Callable[[Function], Function]:
+def takes_options_of(inner: Callable[..., Any], function: Any = None) -> Any:
     """Decorate a function that passes ``**options`` to `inner`: ``help`` shows the keywords of `inner` in their place.
 
     Examples
@@ -132,24 +132,17 @@ def takes_options_of(inner: Callable[..., Any]) -> Callable[[Function], Function
     >>> str(signature(outer)), "most : int" in outer.__doc__, "**options" in outer.__doc__
     ('(x, *, most=3)', True, False)
     """
-
     import inspect
 
-    def decorate(function: Function) -> Function:
-        own = inspect.signature(function)
-        kept = [item for item in own.parameters.values() if item.kind is not item.VAR_KEYWORD]
-        theirs = inspect.signature(inner).parameters.values()
-        passed = [item for item in theirs if item.kind is item.KEYWORD_ONLY and item.name not in own.parameters]
-        function.__signature__ = own.replace(parameters=[*kept, *passed])  # type: ignore[attr-defined]
-        names = {item.name for item in passed}
-        entries = []  # those of the section Parameters, in each docstring
-        for doc in (inspect.cleandoc(inner.__doc__ or ""), inspect.cleandoc(function.__doc__ or "")):
-            section = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", doc, re.DOTALL | re.MULTILINE)
-            entries.append(re.findall(r"^\S.*(?:\n +.*)*", section[1], re.MULTILINE) if section else [])
-        described = "\n".join(text for text in entries[0] if names & set(re.findall(r"\w+", text.partition("\n")[0].partition(" :")[0])))
-        for text in entries[1]:
-            if text.startswith("**"):
-                function.__doc__ = inspect.cleandoc(function.__doc__ or "").replace(text, described)
-        return function
-
-    return decorate
+    if function is None:
+        return partial(takes_options_of, inner)
+    own = inspect.signature(function)
+    kept = [item for item in own.parameters.values() if item.kind is not item.VAR_KEYWORD]
+    theirs = inspect.signature(inner).parameters.values()
+    passed = {item.name: item for item in theirs if item.kind is item.KEYWORD_ONLY and item.name not in own.parameters}
+    function.__signature__ = own.replace(parameters=[*kept, *passed.values()])
+    # an entry of the section Parameters: a line that begins at the margin, and the indented lines below it
+    entries = re.findall(r"^[\w, ]+ : .*(?:\n +.*)*", inspect.cleandoc(inner.__doc__ or ""), re.MULTILINE)
+    described = "\n".join(text for text in entries if passed.keys() & set(text.partition(" :")[0].split(", ")))
+    function.__doc__ = re.sub(r"^\*\*.*(?:\n +.*)*", lambda _: described, inspect.cleandoc(function.__doc__ or ""), flags=re.MULTILINE)
+    return function

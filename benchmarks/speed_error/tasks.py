@@ -115,7 +115,7 @@ class OrbitTask:
     def unknowns(self) -> np.ndarray:
         """Unknowns of the orbit in double precision."""
         start = self.system.modes.from_state @ np.concatenate([np.zeros(len(self.velocities)), self.velocities])
-        y = self.problem.shoot(start, np.array(self.times))
+        y = self.problem.pack(start, None, np.array(self.times))
         return self.problem.solve(y, quarter_period=self.alpha).y
 
     def guess(self) -> np.ndarray:

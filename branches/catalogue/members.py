@@ -339,7 +339,7 @@ def switch_edge(source: Branch, event: BranchEvent, target: Branch, target_event
 def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
     """Unknowns of a problem from a stored orbit: its start and flight times, and nodes by exact flight."""
     start = problem.modes.from_state @ np.array(orbit.start)
-    return problem.shoot(start, np.array(orbit.flight_times))
+    return problem.pack(start, None, np.array(orbit.flight_times))
 
 
 def distance_from_orbit(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> float:

@@ -160,7 +160,7 @@ def orbits():
             yield orbit.problem, orbit.solution.y
     system = vibro_impact_nes()
     problem = MultipointProblem(system, ("origin", "rest"), ("+",))
-    guess = problem.shoot(system.modes.from_state @ [0.0, 0.0, 3.450377, 2.193055], [0.75398, 0.913467])
+    guess = problem.pack(system.modes.from_state @ [0.0, 0.0, 3.450377, 2.193055], None, [0.75398, 0.913467])
     yield problem, problem.solve(guess, energy=3.0).y
 
 

@@ -18,7 +18,7 @@ def u8353():
     problem = MultipointProblem(system, ("origin", "origin"), tuple("+-+-+-+-"))
     start = system.modes.from_state @ [0.0, 0.0, 0.059436725, -1.972621447]
     times = (0.54734943, 0.89065889, 0.95702120, 1.12608516, 0.86660931, 1.06450745, 1.23252467, 0.88055437, 2.24768973)
-    return problem, problem.solve(problem.shoot(start, np.array(times)), quarter_period=4.9065).y
+    return problem, problem.solve(problem.pack(start, None, np.array(times)), quarter_period=4.9065).y
 
 
 def test_the_backbone_at_a_quarter_period_and_at_an_energy():

@@ -48,7 +48,7 @@ def branch_of(name):
     state, times, energy = MIDDLE[name]
     ends, word = name.split(":")
     problem = MultipointProblem(saltus.vibro_impact_nes(), tuple(end for end in ends.replace("-stop", " stop").split()), tuple(word))
-    return follow_family(problem, problem.shoot(problem.modes.from_state @ np.array(state), times), energy=energy)
+    return follow_family(problem, problem.pack(problem.modes.from_state @ np.array(state), None, times), energy=energy)
 
 
 def in_double_precision(branch):
@@ -109,7 +109,7 @@ def test_events_that_rounding_hides_are_seen():
     where double precision has no more than its rounding."""
     problem = MultipointProblem(saltus.vibro_impact_nes(), ("origin", "origin"), tuple("+-+-+-+-+"))
     start = problem.modes.from_state @ np.array([0.0, 0.0, *HIDDEN[0]])
-    branch = follow_family(problem, problem.shoot(start, HIDDEN[1]), energy=(1.5, 6.0))
+    branch = follow_family(problem, problem.pack(start, None, HIDDEN[1]), energy=(1.5, 6.0))
     stable = branch.points["stable"]
     assert {0, 1} == set(stable[stable >= 0])
     for i in (1, len(branch) // 2, len(branch) - 2):

@@ -149,7 +149,7 @@ def test_proportional_damping_keeps_the_real_modes():
     plain = chain([0.5, 1.0, 2.0], [1.0, 2.0], 0.7)
     system = ImpactSystem(plain.mass, 0.1 * plain.mass + 0.02 * plain.stiffness, plain.stiffness, plain.stops)
     modes = system.modes
-    assert modes.layout == "proportional" and modes.pairs.tolist() == [[0, 3], [1, 4], [2, 5]]
+    assert modes.layout == "uncoupled" and modes.pairs.tolist() == [[0, 3], [1, 4], [2, 5]]
     np.testing.assert_allclose(np.diag(modes.matrix)[3:], -(0.1 + 0.02 * modes.squares), rtol=1e-13)
     np.testing.assert_allclose(modes.mean, -(0.1 + 0.02 * modes.squares) / 2, rtol=1e-13)
     np.testing.assert_allclose(modes.delta, modes.mean**2 - modes.squares, rtol=1e-12)
@@ -159,7 +159,7 @@ def test_proportional_damping_keeps_the_real_modes():
 def test_proportional_damping_of_a_repeated_frequency_is_not_coupled():
     """Two equal oscillators, coupled by their damper only: the shapes turn to (1, 1) and (1, -1)."""
     system = ImpactSystem(np.eye(2), [[0.2, -0.2], [-0.2, 0.2]], np.eye(2), (Stop((1.0, -1.0), -1.0, 1.0),))
-    assert system.modes.layout == "proportional"
+    assert system.modes.layout == "uncoupled"
     np.testing.assert_allclose(np.sort(np.diag(system.modes.matrix)[2:]), [-0.4, 0.0], atol=1e-15)
     assert_blocks_are_the_system(system, 16 * EPSILON)
 

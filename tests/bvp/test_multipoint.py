@@ -140,8 +140,8 @@ def test_a_flipped_sign_is_noticed(ends, signs):
 
 @settings(max_examples=40)
 @given(problems())
-def test_null_vector_and_energy_gradient(case):
-    """J t = 0 for the tangent of the factorised Jacobian; d h / d y against central differences (h is quadratic: exact)."""
+def test_null_vector(case):
+    """J t = 0 for the tangent of the factorised Jacobian."""
     problem, y = case
     factor = make_factor(problem.segment)
     work = np.zeros(problem.size)
@@ -153,12 +153,6 @@ def test_null_vector_and_energy_gradient(case):
     null_vector(problem.segment, factor, null)
     jacobian = problem.jacobian(y)
     assert np.max(np.abs(jacobian @ null)) < 1e-12 * np.linalg.norm(jacobian) * np.linalg.norm(null)
-    gradient = problem.energy_gradient(y)
-    for j in range(problem.unknowns):
-        step = np.zeros(problem.unknowns)
-        step[j] = 1.0
-        difference = (problem.energy(y + step) - problem.energy(y - step)) / 2.0
-        assert abs(gradient[j] - difference) < 1e-12 * (1.0 + abs(difference)) * (1.0 + np.max(np.abs(y)))
 
 
 @pytest.mark.parametrize("index", range(0, 40, 3))
@@ -345,13 +339,12 @@ def test_no_orbit_is_said_so():
         problem.solve(y, energy=0.9 * 0.05)
 
 
-def test_a_problem_that_has_been_followed_goes_to_another_process_without_its_addresses():
-    """Oracle: addresses of compiled functions hold in one process only; the copy finds its own, and makes the same step."""
+def test_a_problem_that_has_been_followed_goes_to_another_process():
+    """Oracle: the copy makes the same step."""
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     solution = problem.solve(problem.pack([0.0, 0.0, 0.9, 0.6], [], [1.7]), quarter_period=1.7)
-    assert len(problem.addresses) == 3
+    assert np.all(problem.compiled().addresses != 0)
     copy = pickle.loads(pickle.dumps(problem))
-    assert "addresses" not in vars(copy) and "addresses" in vars(problem)
     steps = [each.step(solution.y, solution.tangent, 0.01) for each in (problem, copy)]
     np.testing.assert_array_equal(steps[0].result, steps[1].result)
 

@@ -74,7 +74,7 @@ def near_pair():
     problem = MultipointProblem(SYSTEM, ("origin", "origin"), ("+", "-", "+", "-", "+"))
     times = [0.455706330705, 1.319362162351, 1.386911737524, 0.933221643285, 1.371056609366, 1.037447119094]
     start = problem.modes.from_state @ [0.0, 0.0, 3.397686270487, 1.158302632655]
-    solution = problem.solve(problem.shoot(start, np.array(times)))
+    solution = problem.solve(problem.pack(start, None, np.array(times)))
     branch = follow_family(problem, solution.y, energy=(1.2, 1.25))
     return branch.trace(len(branch) // 2, energy=(1.2, 1.25))  # not from the fold itself
 

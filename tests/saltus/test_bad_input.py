@@ -134,7 +134,7 @@ CASES = [
     ("export points --csv {here}/a.csv --scene {forced}", ["saltus export", "[[forces]]"]),
     ("section --energy 1 --scene {shaken}", ["saltus section", "[ground]"]),
     ("continue S13O00+ --scene {extreme}", ["entry (1, 1) of mass", "too small", "1e-300"]),
-    ("continue S13O00+ --scene {twice}", ["coordinates", "'x'", "numbers 1 and 2"]),
+    ("continue S13O00+ --scene {twice}", ["coordinates have different names", "['x', 'x']"]),
     # discovery
     ("discover", ["--energy"]),
     ("discover --energy 0", ["--energy", "'0'", "above 0"]),
