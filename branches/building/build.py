@@ -8,25 +8,37 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.building.frontier import Frontier
-from branches.building.plan import Answer, BuildPlan, KnownGrazings, Link, Seed, energies_of, open_ranges, plain_seed, read_seed
+from branches.building.plan import (
+    Answer,
+    BuildPlan,
+    KnownGrazings,
+    Link,
+    Seed,
+    energies_of,
+    open_ranges,
+    plain_seed,
+    read_seed,
+    refuse_other_plan,
+    saved_seed,
+)
 from branches.building.work import work
-from branches.catalogue.database import CatalogueError, readable
-from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, event_orbit, orbit_of_event, unknowns_of
+from branches.catalogue.database import readable
+from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.events import DigitWork
-from branches.identity import canonical_orbit
 from branches.linear_modes import linear_modes
 from branches.presentation import presentations
-from branches.sequences import impacts_per_period, parse_sequence
+from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
@@ -34,7 +46,7 @@ if TYPE_CHECKING:
     from branches.catalogue.catalogue import Catalogue
     from branches.presentation import Presentation
 
-__all__ = ["Progress", "build", "refuse_other_plan"]
+__all__ = ["Progress", "build"]
 
 FEWEST, LEVELS = 3, 8
 """Levels at least and at most."""
@@ -55,6 +67,33 @@ _COUNTED_LATER = ("digits", "missed")
 _NOT_FOLLOWED = "only families without a reversal meet this one here, and they meet none with one: they are not followed"
 
 _LOST = "the family that is born here cannot be distinguished from this one: next to the event their difference is lost in rounding"
+
+
+@dataclass
+class _Piece:
+    """A seed in the queue, with its key in the catalogue's table of work.
+
+    place : where its orbit is on a known family. tested : how many families with its ends and sequence were tested for that.
+    """
+
+    key: str
+    seed: Seed
+    images: tuple[Presentation, ...] = ()
+    tested: int = 0
+    place: FamilyPlace | None = None
+
+    @property
+    def is_last(self) -> bool:
+        """Whether it is only connected, in the end."""
+        return self.seed.further is not None and self.seed.further < 0
+
+    @property
+    def kin(self) -> Hashable:
+        """What pieces that may be of one family, or of one grazing orbit, have in common."""
+        if self.seed.kind == "grazing":
+            mark = self.seed.value.mark
+            return None if mark is None else ("grazing", *(f"{number:.6e}" for number in mark))
+        return (self.images[0].ends, self.images[0].sequence) if self.images else None
 
 
 @dataclass(frozen=True)
@@ -108,25 +147,6 @@ def build(
     return _Build(catalogue, plan, executor, workers, on_progress).run()
 
 
-def refuse_other_plan(catalogue: Catalogue, plan: BuildPlan) -> bool:
-    """Whether a build of this plan was begun in a catalogue.
-
-    Raises
-    ------
-    CatalogueError
-        Where one of another plan was.
-    """
-    earlier = catalogue.progress("plan")
-    if earlier is None:
-        return False
-    if earlier != json.loads(json.dumps(plan.plain())):
-        with readable(catalogue.path, "the plan of its build"):
-            there = _in_words(earlier)
-        received = _in_words(plan.plain())
-        raise CatalogueError(f"{catalogue.path} was built for {there}; received {received}; expected the same, or another file")
-    return True
-
-
 class _Build:
     def __init__(
         self,
@@ -143,10 +163,7 @@ class _Build:
         self.known = KnownFamilies()
         self.grazings = KnownGrazings()
         self.joins: dict[tuple[str, bool], list[tuple[str, float, EventOrbit]]] = {}
-        self.problems: dict[tuple[Any, ...], MultipointProblem] = {}
-        self.places: dict[str, tuple[int, FamilyPlace | None]] = {}
-        self.images: dict[str, tuple[Presentation, ...]] = {}
-        self.last: list[tuple[str, Seed]] = []
+        self.last: list[_Piece] = []
         self.points = self.events = 0
         begun = {"level": -1, "families": 0}
         self.report: dict[str, Any] = {
@@ -154,8 +171,8 @@ class _Build:
             "digits": DigitWork()._asdict(), "missed": [],
         }  # fmt: skip
         description = json.dumps(self.system.describe(), sort_keys=True)
-        self.frontier: Frontier[tuple[str, Seed], Answer] = Frontier(
-            executor, partial(_named, description), self._is_known, lambda item: item[0], AHEAD * workers, _kin
+        self.frontier: Frontier[_Piece, Answer] = Frontier(
+            executor, partial(_work_on, description), self._is_known, AHEAD * workers, attrgetter("kin")
         )
         self.count = 0
 
@@ -172,7 +189,7 @@ class _Build:
                 with self.catalogue.transaction():
                     self.report["begun"] = {"level": level, "families": len(self.known)}
                     self._note()
-                    self._queue(("energy", energy) for energy in energies)
+                    self._extend(Seed("energy", energy, self.plan) for energy in energies)
             self._empty(level)
             levels.append({"energies": len(energies), "new": len(self.known) - self.report["begun"]["families"]})
             self._note()
@@ -194,37 +211,16 @@ class _Build:
         with self.catalogue.transaction():
             self.catalogue.note("plan", plan.plain())
             self._note()
-            saved = [self._saved(self.catalogue.branch(row.id)) for row in self.catalogue.families()]
+            saved = [saved_seed(self.catalogue, self.catalogue.branch(row.id), plan) for row in self.catalogue.families()]
             for row in self.catalogue.families():
                 self.catalogue.remove(row.id)
             modes = linear_modes(self.system)
             for mode in modes:
                 if mode.label:
                     self.catalogue.add_node(Node(mode.label, "linear mode", mode.label, mode.energies, mode.alpha))
-            covers = [
-                (mode.index, cover)
-                for mode in modes
-                for cover in range(1, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) + 1)
-            ]
-            self._queue([("name", name) for name in plan.names] + [("mode", value) for value in covers])
-            self._extend(saved)
-
-    def _saved(self, branch: Branch) -> Seed:
-        """The seed of a family that was saved: from its orbit inside the plan's limits that is nearest to the one it was started from."""
-        plan, h, alpha = self.plan, branch.points["h"], branch.points["alpha"]
-        impacts = impacts_per_period(branch.problem.sequence, branch.ends)
-        for bounds, wide, further in ((plan.bounds, False, None), (plan.named, True, 0)):
-            low, high = bounds.energy
-            inside = [i for i in range(len(h)) if low <= h[i] <= high and bounds.holds(alpha=float(alpha[i]), impacts=impacts)]
-            if inside:
-                place = min(inside, key=lambda i: abs(i - branch.start))
-                orbit = event_orbit(*canonical_orbit(branch.problem, branch.unknowns(place)))
-                return Seed("orbit", orbit, plan, wide, further)
-        raise CatalogueError(
-            f"{self.catalogue.path} holds the family {branch.id}, h {h.min():.6g}:{h.max():.6g}, quarter period from {alpha.min():.6g}, "
-            f"{impacts / 2:g} impacts in half a period, which a build for {_in_words(plan.plain())} would lose; "
-            "expected wider limits, or another file"
-        )
+            most = [math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) for mode in modes]
+            covers = [(mode.index, cover) for mode, last in zip(modes, most, strict=True) for cover in range(1, last + 1)]
+            self._extend([Seed("name", name, plan) for name in plan.names] + [Seed("mode", cover, plan) for cover in covers] + saved)
 
     def _take_up(self) -> bool:
         """Continue the build of an earlier run; False if there is none."""
@@ -245,38 +241,33 @@ class _Build:
         with readable(self.catalogue.path, "the work that its build has left"):
             pending = [(key, read_seed(value, self.plan)) for key, value in self.catalogue.work()]
             self.count = 1 + max((int(key) for key, _ in pending), default=-1)
-        self.last = [(key, seed) for key, seed in pending if _is_last(seed)]
-        self.frontier.extend((key, seed) for key, seed in pending if not _is_last(seed))
+        self._wait([_Piece(key, seed) for key, seed in pending])
         return True
 
     # -- the queue ------------------------------------------------------------------------------------------------------------
 
-    def _queue(self, found: Iterable[tuple[str, Any]]) -> None:
-        with self.catalogue.transaction():
-            self._extend(Seed(kind, value, self.plan) for kind, value in found)
-
     def _extend(self, seeds: Iterable[Seed]) -> None:
         """Connect each seed of a known family to it, and queue the other seeds."""
-        named = []
+        new = []
         for seed in seeds:
             place = self.known.place(self.system, seed.images) if seed.images else None
             if place is not None:
                 self._connect(seed.link, place.id)
                 continue
-            name = f"{self.count:07d}"
+            new.append(_Piece(f"{self.count:07d}", seed, seed.images, self.known.count(seed.images) if seed.images else 0))
             self.count += 1
-            named.append((name, seed))
-            if seed.images:
-                self.places[name] = (self.known.count(seed.images), None)
-        self.catalogue.add_work((name, plain_seed(seed)) for name, seed in named)
-        self.frontier.extend(item for item in named if not _is_last(item[1]))
-        self.last += [item for item in named if _is_last(item[1])]
+        self.catalogue.add_work((piece.key, plain_seed(piece.seed)) for piece in new)
+        self._wait(new)
+
+    def _wait(self, pieces: Sequence[_Piece]) -> None:
+        self.last += [piece for piece in pieces if piece.is_last]
+        self.frontier.extend(piece for piece in pieces if not piece.is_last)
 
     def _empty(self, level: int) -> None:
-        for (name, seed), answer in self.frontier:
+        for piece, answer in self.frontier:
             with self.catalogue.transaction():
-                self._take(name, seed, answer)
-                self.catalogue.finish(name)
+                self._take(piece, answer)
+                self.catalogue.finish(piece.key)
             if self.on_progress is not None:
                 self.on_progress(Progress(len(self.known), len(self.frontier), self.points, self.events, level))
 
@@ -284,15 +275,15 @@ class _Build:
         """Connect the seeds that are not followed to the families known at the end. A grazing without a neighbour gets a dead end."""
         with self.catalogue.transaction():
             unknown: dict[tuple[str, str], Link] = {}
-            for name, seed in self.last:
-                place = self.known.place(self.system, self._images(name, seed))
-                if place is None:
-                    self.report["beyond"] += 1
-                    if seed.link is not None:
-                        unknown[seed.link.source, seed.link.event] = seed.link
+            for piece in self.last:
+                link, place = piece.seed.link, self.known.place(self.system, self._images(piece))
+                if place is not None:
+                    self._connect(link, place.id)
                 else:
-                    self._connect(seed.link, place.id)
-                self.catalogue.finish(name)
+                    self.report["beyond"] += 1
+                    if link is not None:
+                        unknown[link.source, link.event] = link
+                self.catalogue.finish(piece.key)
             for (source, event), link in unknown.items():
                 edges = self.catalogue.edges(source)
                 if not any((source, event) in ((edge.source, edge.source_event), (edge.target, edge.target_event)) for edge in edges):
@@ -312,76 +303,76 @@ class _Build:
 
     # -- one seed -------------------------------------------------------------------------------------------------------------
 
-    def _is_known(self, item: tuple[str, Seed]) -> bool:
-        name, seed = item
+    def _is_known(self, piece: _Piece) -> bool:
+        seed = piece.seed
         if seed.kind == "grazing":
             return self.grazings.has(seed.value.mark, _asked(seed))
         if seed.kind != "orbit":
             return False
-        count, place = self.places.get(name, (0, None))
-        images = self._images(name, seed)
-        if place is None and count < self.known.count(images):
-            place = self.known.place(self.system, images, count)
-            self.places[name] = (self.known.count(images), place)
-        return place is not None
+        count = self.known.count(self._images(piece))
+        if piece.place is None and piece.tested < count:
+            piece.place = self.known.place(self.system, piece.images, piece.tested)
+            piece.tested = count
+        return piece.place is not None
 
-    def _images(self, name: str, seed: Seed) -> tuple[Presentation, ...]:
-        if seed.images:
-            return seed.images
-        if name not in self.images:  # The build continues an earlier run, which did not store the images.
-            self.images[name] = tuple(presentations(*self._solved(seed.value)))
-        return self.images[name]
+    def _images(self, piece: _Piece) -> tuple[Presentation, ...]:
+        if not piece.images:  # The build continues an earlier run, which did not store the images.
+            piece.images = tuple(presentations(*self._solved(piece.seed.value)))
+        return piece.images
 
     def _solved(self, orbit: EventOrbit) -> tuple[MultipointProblem, np.ndarray]:
-        key = (orbit.ends, orbit.sequence)
-        if key not in self.problems:
-            self.problems[key] = MultipointProblem(self.system, orbit.ends, parse_sequence(orbit.sequence))
-        return self.problems[key], unknowns_of(self.problems[key], orbit)
+        problem = MultipointProblem(self.system, orbit.ends, parse_sequence(orbit.sequence))
+        return problem, unknowns_of(problem, orbit)
 
-    def _take(self, name: str, seed: Seed, answer: Answer | None) -> None:
-        """Store the result of one seed: add or connect its family, queue the seeds found, and count failures.
-
-        `answer` is None if the seed was not followed because its family or its grazing was already known."""
-        _, place = self.places.pop(name, (0, None))
-        self.images.pop(name, None)
-        if seed.kind == "grazing":
-            if answer is None:
-                return
-            self.grazings.add(seed.value.mark, _asked(seed))
-            self.catalogue.note(f"{_UNFOLDED}{name}", [seed.value.mark, *_asked(seed)])
-        elif answer is None:
-            assert place is not None
-            self._connect(seed.link, place.id)
+    def _take(self, piece: _Piece, answer: Answer | None) -> None:
+        """Store the result of one seed. `answer` is None if the seed was not followed because its family or grazing was already known."""
+        seed = piece.seed
+        if answer is None:
+            if piece.place is not None:
+                self._connect(seed.link, piece.place.id)
             return
+        if seed.kind == "grazing":
+            self.grazings.add(seed.value.mark, _asked(seed))
+            self.catalogue.note(f"{_UNFOLDED}{piece.key}", [seed.value.mark, *_asked(seed)])
         self._count(**{key: getattr(answer, key) for key in ("beyond", "failed", "halves", "lost", "incomplete")})
-        if answer.branch is not None and answer.branch.digit_work.orbits:
-            self.report["digits"] = (DigitWork(**self.report["digits"]) + answer.branch.digit_work)._asdict()
-            self._note()
-        if answer.branch is not None and answer.packed is not None:
-            id = next((id for id in answer.branch.full_family.ids if id in self.catalogue), None)
-            if id is not None:
-                # Near a branch point two families are too close: only following the orbit shows which one it belongs to.
-                if not self._covers(self.catalogue.family(id), answer.branch, seed):
-                    at = float(answer.branch.points["h"][answer.branch.start])
-                    self._count(failed=[f"{id}: a piece of it, followed from h = {at:.10g}, is not kept"])
-            else:
-                id = self.catalogue.add(answer.packed)
-                self._remember(id, answer.branch)
-                self._count(missed=answer.missed)
-                for link in answer.ends:
-                    self._connect(link, link.target)
-                self._extend(answer.seeds)
-            reached = seed.link
-            if reached is not None and reached.source == id and reached.kind == "switch":
-                # The corrector converged to the family that the seed came from.
-                self._connect(replace(reached, kind="dead end", note=_LOST), None)
-                self._count(lost=[f"{id}: {reached.event} at h = {reached.h:.10g}: {_LOST}"])
-            else:
-                self._connect(reached, id)
+        if answer.branch is None:
+            self._continue_from(answer)
         else:
-            for link in answer.ends:
-                self._connect(link, link.target)
-            self._extend(answer.seeds)
+            self._join(seed.link, self._keep(seed, answer, answer.branch))
+
+    def _continue_from(self, answer: Answer) -> None:
+        """Connect the ends that an answer found, and queue its seeds."""
+        for link in answer.ends:
+            self._connect(link, link.target)
+        self._extend(answer.seeds)
+
+    def _keep(self, seed: Seed, answer: Answer, branch: Branch) -> str:
+        """Add the family that was followed, if it is new; its id."""
+        if branch.digit_work.orbits:
+            self.report["digits"] = (DigitWork(**self.report["digits"]) + branch.digit_work)._asdict()
+            self._note()
+        for id in branch.full_family.ids:
+            if id in self.catalogue:
+                # Near a branch point two families are too close: only following the orbit shows which one it belongs to.
+                if not self._covers(self.catalogue.family(id), branch, seed):
+                    at = float(branch.points["h"][branch.start])
+                    self._count(failed=[f"{id}: a piece of it, followed from h = {at:.10g}, is not kept"])
+                return id
+        assert answer.packed is not None
+        id = self.catalogue.add(answer.packed)
+        self._remember(id, branch)
+        self._count(missed=answer.missed)
+        self._continue_from(answer)
+        return id
+
+    def _join(self, link: Link | None, id: str) -> None:
+        """Connect the link of a seed to the family that was followed from it."""
+        if link is not None and link.source == id and link.kind == "switch":
+            # The corrector converged to the family that the seed came from.
+            self._connect(replace(link, kind="dead end", note=_LOST), None)
+            self._count(lost=[f"{id}: {link.event} at h = {link.h:.10g}: {_LOST}"])
+        else:
+            self._connect(link, id)
 
     def _covers(self, row: FamilyRow, branch: Branch, seed: Seed) -> bool:
         """Whether a kept family covers the energies and quarter periods of another branch of it, within the bounds."""
@@ -424,30 +415,10 @@ class _Build:
         return next(id for (id, _), far in zip(same, apart, strict=True) if far < 10.0 * max(min(apart), _SAME))
 
 
-def _named(description: str, item: tuple[str, Seed]) -> Answer:
-    return work(description, item[1])
-
-
-def _kin(item: tuple[str, Seed]) -> Hashable:
-    """What seeds that may be of one family, or of one grazing orbit, have in common."""
-    seed = item[1]
-    if seed.kind == "grazing":
-        return None if seed.value.mark is None else ("grazing", *(f"{number:.6e}" for number in seed.value.mark))
-    return (seed.images[0].ends, seed.images[0].sequence) if seed.images else None
+def _work_on(description: str, piece: _Piece) -> Answer:
+    return work(description, piece.seed)
 
 
 def _asked(seed: Seed) -> tuple[bool, int]:
     """In which limits a grazing orbit is unfolded, and how many generations of families without a reversal may come of it."""
-    return seed.wide, (seed.further or 0) if seed.is_closed else seed.plan.generations + 1
-
-
-def _is_last(seed: Seed) -> bool:
-    """Whether a seed is only connected, in the end."""
-    return seed.further is not None and seed.further < 0
-
-
-def _in_words(plan: dict[str, Any]) -> str:
-    bounds = plan["bounds"]
-    low, high = bounds["energy"]
-    within = f"h {low:g}:{high:g}, quarter period up to {bounds['quarter_period']:g}, up to {bounds['impacts']} impacts"
-    return f"{within}, {len(plan['names'])} names"
+    return seed.wide, (seed.further or 0) if seed.is_closed else 1

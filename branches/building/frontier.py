@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import Executor, Future
-from typing import Generic, NamedTuple, TypeVar
+from dataclasses import dataclass
+from itertools import islice
+from typing import Generic, TypeVar
 
-__all__ = ["Frontier", "Taken"]
+__all__ = ["Frontier"]
 
 LOOK = 8
 """Number of seeds at the front that are examined for each seed that may be submitted."""
@@ -21,15 +23,15 @@ Seed = TypeVar("Seed")
 Result = TypeVar("Result")
 
 
-class Taken(NamedTuple, Generic[Seed, Result]):
-    """A seed and its result; the result is None if the seed was already known when its turn came."""
-
+@dataclass
+class _Waiting(Generic[Seed, Result]):
     seed: Seed
-    result: Result | None
+    future: Future[Result] | None = None
 
 
 class Frontier(Generic[Seed, Result]):
-    """A queue of seeds, some of which are being processed.
+    """A queue of seeds, some of which are being processed. Iteration gives each seed with its result, in their order, until none is left;
+    the result is None if the seed was already known when its turn came.
 
     Parameters
     ----------
@@ -38,8 +40,6 @@ class Frontier(Generic[Seed, Result]):
         seed -> result; runs on the executor, and depends on the seed alone.
     known : callable
         seed -> whether nothing is left to do for it. Once true it has to stay true.
-    key : callable
-        seed -> its name; a name is queued once.
     ahead : int
         How many seeds near the front may be worked on at a time.
     kin : callable, optional
@@ -51,11 +51,11 @@ class Frontier(Generic[Seed, Result]):
     >>> from concurrent.futures import ThreadPoolExecutor
     >>> found = set()
     >>> with ThreadPoolExecutor(2) as pool:
-    ...     frontier = Frontier(pool, lambda n: [n // 2, n // 3], lambda n: n in found, lambda n: n, ahead=4)
-    ...     _ = frontier.extend([100])
+    ...     frontier = Frontier(pool, lambda n: [n // 2, n // 3], lambda n: n in found, ahead=4)
+    ...     frontier.extend([100])
     ...     for seed, result in frontier:
     ...         found.add(seed)
-    ...         _ = frontier.extend(result or [])
+    ...         frontier.extend(result or [])
     >>> sorted(found)[-4:]
     [25, 33, 50, 100]
     """
@@ -65,70 +65,51 @@ class Frontier(Generic[Seed, Result]):
         executor: Executor,
         work: Callable[[Seed], Result],
         known: Callable[[Seed], bool],
-        key: Callable[[Seed], Hashable],
         ahead: int,
-        kin: Callable[[Seed], Hashable] | None = None,
+        kin: Callable[[Seed], Hashable] = lambda seed: None,
     ) -> None:
         self._executor = executor
         self._work = work
         self._known = known
-        self._key = key
         self._ahead = ahead
-        self._kin = kin or (lambda seed: None)
-        self._queue: deque[Seed] = deque()
-        self._names: set[Hashable] = set()
-        self._running: dict[Hashable, Future[Result]] = {}
+        self._kin = kin
+        self._queue: deque[_Waiting[Seed, Result]] = deque()
 
     def __len__(self) -> int:
         """How many seeds wait for their turn."""
         return len(self._queue)
 
-    def extend(self, seeds: Iterable[Seed]) -> int:
-        """Queue those seeds that never were, in their order.
+    def extend(self, seeds: Iterable[Seed]) -> None:
+        """Queue seeds in their order."""
+        self._queue.extend(_Waiting(seed) for seed in seeds)
 
-        Returns
-        -------
-        int
-            How many they are.
-        """
-        before = len(self._queue)
-        for seed in seeds:
-            name = self._key(seed)
-            if name not in self._names:
-                self._names.add(name)
-                self._queue.append(seed)
-        return len(self._queue) - before
-
-    def __iter__(self) -> Iterator[Taken[Seed, Result]]:
-        """The seeds in their order, each with its result, until none is left; what was not taken is cancelled at the end."""
+    def __iter__(self) -> Iterator[tuple[Seed, Result | None]]:
         try:
             while self._queue:
                 self._submit()
-                seed = self._queue.popleft()
-                future = self._running.pop(self._key(seed), None)
+                waiting = self._queue.popleft()
+                seed, future = waiting.seed, waiting.future
                 if future is None or self._known(seed):
                     if future is not None:
                         future.cancel()
-                    yield Taken(seed, None)
+                    yield seed, None
                 else:
-                    yield Taken(seed, future.result())
+                    yield seed, future.result()
         finally:
-            for future in self._running.values():
-                future.cancel()
-            self._running.clear()
+            for waiting in self._queue:
+                if waiting.future is not None:
+                    waiting.future.cancel()
 
     def _submit(self) -> None:
         """Have those near the front worked on that are not known, and have no elder kin in the queue."""
-        waiting = 0
+        working = 0
         elders: set[Hashable] = set()
-        for seed, _ in zip(self._queue, range(LOOK * self._ahead), strict=False):
-            if waiting == self._ahead:
+        for waiting in islice(self._queue, LOOK * self._ahead):
+            if working == self._ahead:
                 break
-            name, kin = self._key(seed), self._kin(seed)
-            if name in self._running:
-                waiting += 1
-            elif kin not in elders and not self._known(seed):
-                self._running[name] = self._executor.submit(self._work, seed)
-                waiting += 1
+            kin = self._kin(waiting.seed)
+            if waiting.future is None and kin not in elders and not self._known(waiting.seed):
+                waiting.future = self._executor.submit(self._work, waiting.seed)
+            working += waiting.future is not None
             if kin is not None:
                 elders.add(kin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -9,21 +10,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from branches.catalogue.database import CatalogueError, readable
+from branches.catalogue.members import event_orbit
 from branches.catalogue.rows import EventOrbit
-from branches.sequences import PERIODIC
+from branches.identity import canonical_orbit
+from branches.sequences import PERIODIC, impacts_per_period
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.catalogue.catalogue import Catalogue
     from branches.catalogue.packing import PackedFamily
     from branches.presentation import Presentation
 
 __all__ = [
     "Answer", "Bounds", "BuildPlan", "Grazing", "KnownGrazings", "Link", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed",
+    "refuse_other_plan", "saved_seed",
 ]  # fmt: skip
-
-GENERATIONS = 0
-"""How often families without a reversal give rise to further ones. Nothing bounds their number: where they graze, they meet others."""
-
 
 @dataclass(frozen=True)
 class Bounds:
@@ -92,15 +94,12 @@ class BuildPlan:
     names : tuple of str
     reference_points : mapping
         Reference points; they choose among the families that match a name.
-    generations : int
-        How many generations of families without a reversal are followed, each from events of the last one.
     """
 
     bounds: Bounds
     named: Bounds
     names: tuple[str, ...] = ()
     reference_points: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    generations: int = GENERATIONS
 
     def __post_init__(self) -> None:
         # Seeds carry their plan to other processes, so it is plain data.
@@ -119,7 +118,7 @@ class BuildPlan:
             "named": self.named.plain(),
             "names": list(self.names),
             "reference_points": dict(self.reference_points),
-            "generations": self.generations,
+            "generations": 0,  # An older version could follow more: its unfinished builds are continued with none.
         }
 
 
@@ -260,6 +259,55 @@ class Answer(NamedTuple):
     lost: tuple[str, ...] = ()
     incomplete: tuple[float, ...] = ()
     missed: tuple[str, ...] = ()
+
+
+def refuse_other_plan(catalogue: Catalogue, plan: BuildPlan) -> bool:
+    """Whether a build of this plan was begun in a catalogue.
+
+    Raises
+    ------
+    CatalogueError
+        Where one of another plan was.
+    """
+    earlier = catalogue.progress("plan")
+    if earlier is None:
+        return False
+    if earlier != json.loads(json.dumps(plan.plain())):
+        with readable(catalogue.path, "the plan of its build"):
+            there = _in_words(earlier)
+        received = _in_words(plan.plain())
+        raise CatalogueError(f"{catalogue.path} was built for {there}; received {received}; expected the same, or another file")
+    return True
+
+
+def saved_seed(catalogue: Catalogue, branch: Branch, plan: BuildPlan) -> Seed:
+    """The seed of a family that was saved: from its orbit inside the plan's limits that is nearest to the one it was started from.
+
+    Raises
+    ------
+    CatalogueError
+        If no orbit is inside.
+    """
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    impacts = impacts_per_period(branch.problem.sequence, branch.ends)
+    for bounds, wide, further in ((plan.bounds, False, None), (plan.named, True, 0)):
+        low, high = bounds.energy
+        inside = [i for i in range(len(h)) if low <= h[i] <= high and bounds.holds(alpha=float(alpha[i]), impacts=impacts)]
+        if inside:
+            place = min(inside, key=lambda i: abs(i - branch.start))
+            return Seed("orbit", event_orbit(*canonical_orbit(branch.problem, branch.unknowns(place))), plan, wide, further)
+    raise CatalogueError(
+        f"{catalogue.path} holds the family {branch.id}, h {h.min():.6g}:{h.max():.6g}, quarter period from {alpha.min():.6g}, "
+        f"{impacts / 2:g} impacts in half a period, which a build for {_in_words(plan.plain())} would lose; "
+        "expected wider limits, or another file"
+    )
+
+
+def _in_words(plan: dict[str, Any]) -> str:
+    bounds = plan["bounds"]
+    low, high = bounds["energy"]
+    within = f"h {low:g}:{high:g}, quarter period up to {bounds['quarter_period']:g}, up to {bounds['impacts']} impacts"
+    return f"{within}, {len(plan['names'])} names"
 
 
 def plain_seed(seed: Seed) -> dict[str, Any]:

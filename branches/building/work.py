@@ -153,7 +153,8 @@ def _reached(seed: Seed, link: Link, source: Seed, problem: MultipointProblem, y
     if inside and image.ends != PERIODIC:
         further = None
     elif inside and not source.is_closed:
-        further = plan.generations
+        # A family without a reversal gives no further ones: nothing bounds their number, because they meet others where they graze.
+        further = 0
     else:
         further = -1 if source.further is None else source.further - 1
     there = presented(problem, y, image.ends, image.sequence)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Mapping
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from branches.catalogue.database import CatalogueError
@@ -18,9 +17,7 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.find import NameMatch
-    from branches.catalogue.members import CatalogueFamilies
     from branches.catalogue.rows import FamilyRow
-    from branches.catalogue.store import CatalogueStore
     from branches.catalogue.widening import Kept
     from branches.orbit import Orbit
 
@@ -139,9 +136,10 @@ class Catalogue(CatalogueStore):
         CatalogueError
             For an orbit of another system.
         """
+        from branches.catalogue.members import family_of
+
         self.require_system(orbit.system.describe())
-        place = self._curves.find(orbit.problem, orbit.solution.y)
-        return None if place is None else place.id
+        return family_of(self, orbit)
 
     def graph(self) -> networkx.MultiDiGraph:
         """The families and linear modes as nodes, their events as edges: see `graph_of`."""
@@ -159,22 +157,10 @@ class Catalogue(CatalogueStore):
         ------
         CannotWiden
             If the branch lacks orbits that are there already, if an edge does not find its event on it, or if a build is not finished.
-        CatalogueError, WriteFailure
-            As for `add`.
         """
         from branches.catalogue.widening import widen
 
         return widen(self, branch)
-
-    @cached_property
-    def _curves(self) -> CatalogueFamilies:
-        from branches.catalogue.members import CatalogueFamilies
-
-        return CatalogueFamilies(self)
-
-    def _changed(self) -> None:
-        super()._changed()
-        self.__dict__.pop("_curves", None)
 
 
 GRAPH_FORMATS = ("json", "graphml", "dot")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -88,12 +89,10 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
         if on_family is not None:
             on_family(counts["families"])
     nodes = {Node.of(row).id for row in _intact(catalogue, "nodes", failures)}
-    try:
+    with _recording(failures, "edges"):
         found, expected = catalogue.counts()["edges"], catalogue.recorded_edges()
         if found != expected:
             failures.append(Failure("edges", f"the catalogue has {found} edges, expected {expected}"))
-    except CatalogueDamaged as damage:
-        failures.append(Failure("edges", str(damage)))
     for edge in map(Edge.of, _intact(catalogue, "edges", failures)):
         counts["edges"] += 1
         where = f"{edge.source} {edge.source_event or edge.type} > {edge.target}"
@@ -101,36 +100,37 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
     return counts, failures
 
 
+@contextmanager
+def _recording(failures: list[Failure], where: str) -> Iterator[None]:
+    """Within the block, damage is a failure, and the block ends."""
+    try:
+        yield
+    except CatalogueDamaged as damage:
+        failures.append(Failure(where, str(damage)))
+
+
 def _file(catalogue: CatalogueStore, failures: list[Failure]) -> None:
     """Verify the pages of the file, and the tables that hold neither families nor the graph."""
-    try:
+    with _recording(failures, "file"):
         texts = [text for (text,) in catalogue._select("PRAGMA integrity_check(8)")]
         if texts != ["ok"]:
             failures.append(Failure("file", "; ".join(texts)))
         stray = Counter(table for table, *_ in catalogue._select("PRAGMA foreign_key_check"))
         failures += (Failure(table, f"{count} rows of the table {table} belong to no family") for table, count in stray.items())
         _ = catalogue.scene, catalogue.provenance
-    except CatalogueDamaged as damage:
-        failures.append(Failure("file", str(damage)))
     for table in ("work", "progress"):
         for key, text in _intact(catalogue, table, failures):
-            try:
+            with _recording(failures, table):
                 catalogue._parsed(table, key, text)
-            except CatalogueDamaged as damage:
-                failures.append(Failure(table, str(damage)))
 
 
 def _intact(catalogue: CatalogueStore, table: str, failures: list[Failure]) -> list[tuple[Any, ...]]:
     """The rows of a table that fit their checksums. The others are failures."""
     rows = []
-    try:
+    with _recording(failures, table):
         for row in catalogue._select(f"SELECT * FROM {table}"):
-            try:
+            with _recording(failures, table):
                 rows.append(catalogue._checked(table, row))
-            except CatalogueDamaged as damage:
-                failures.append(Failure(table, str(damage)))
-    except CatalogueDamaged as damage:
-        failures.append(Failure(table, str(damage)))
     return rows
 
 

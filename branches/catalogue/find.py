@@ -60,15 +60,7 @@ def chosen(
     ends: str | None = None,
     impacts: tuple[float, float] | None = None,
 ) -> list[FamilyRow]:
-    """The families that fit: see `Catalogue.families`.
-
-    Raises
-    ------
-    LabelSyntaxError
-        For a label that cannot be read and has no wildcard.
-    CatalogueError
-        For ends that no family has, with those that exist, and for an argument of the wrong type.
-    """
+    """The families that fit: see `Catalogue.families`."""
     for what, text in (("label", label), ("ends", ends)):
         if text is not None and not isinstance(text, str):
             raise not_taken(f"the {what} of families is text", text)
@@ -89,27 +81,27 @@ def chosen(
         known |= {_SIDE.sub("", name) for name in known}
         if ends not in known and families:
             raise CatalogueError(f"no family has the ends {shown(ends)}; expected one of {', '.join(sorted(known))}")
+        families = [row for row in families if ends in (row.ends, _SIDE.sub("", row.ends))]
+    if impacts is not None:
+        families = [row for row in families if least <= row.impacts <= most]
+    if energy is not None:
+        families = [row for row in families if crosses(row.h, energy)]
+    if fits is not None:
+        families = _having(families, fits)
+    if stable:
+        families = [row for row in families if row.stable_fraction > 0.0 and _is_stable(row, fits, energy)]
+    elif energy is not None and fits is not None:
+        families = [row for row in families if row.arclengths("labels", fits, energy)]
+    return families
 
-    def keep(row: FamilyRow) -> bool:
-        if ends is not None and ends not in (row.ends, _SIDE.sub("", row.ends)):
-            return False
-        if impacts is not None and not least <= row.impacts <= most:
-            return False
-        if energy is not None and not crosses(row.h, energy):
-            return False
-        if fits is not None and not any(map(fits, row.label_names)):
-            return False
-        if not stable and (energy is None or fits is None):
-            return True
-        if stable and row.stable_fraction == 0.0:
-            return False
-        parts = row.arclengths("labels", fits or (lambda label: True), energy)
-        if not stable:
-            return bool(parts)
-        steady = row.arclengths("stability", lambda code: code == 1, energy)
-        return any(a[0] < b[1] and b[0] < a[1] for a in parts for b in steady) or (row.points == 1 and bool(parts) and bool(steady))
 
-    return [row for row in families if keep(row)]
+def _is_stable(row: FamilyRow, fits: Callable[[str], bool] | None, energy: float | None) -> bool:
+    """Whether a family is stable somewhere with a fitting label, at the energy if one is given."""
+    parts = row.arclengths("labels", fits or (lambda label: True), energy)
+    steady = row.arclengths("stability", lambda code: code == 1, energy)
+    if row.points == 1:
+        return bool(parts) and bool(steady)
+    return any(a[0] < b[1] and b[0] < a[1] for a in parts for b in steady)
 
 
 def _label_test(text: str) -> Callable[[str], bool]:
@@ -185,10 +177,11 @@ def _family_of_id(catalogue: CatalogueStore, head: str) -> FamilyRow | None:
         return found[0] if found else None
     shortened = _SHORTENED.fullmatch(head)
     if shortened:
+        how = f"is shortened to {head!r}"
         found = [row for row in families if row.id.startswith(shortened[1]) and row.id.endswith(shortened[2])]
     else:
+        how = f"begins with {head!r}"
         found = [row for row in families if row.id.startswith(head) or row.id.rpartition(":")[2].startswith(head)]
-    how = f"is shortened to {head!r}" if shortened else f"begins with {head!r}"
     if not found:
         near = ", ".join(most_alike(head, [row.id for row in families])) or "none, the catalogue is empty"
         raise NameNotFound(f"{catalogue.path} has no family whose id {how}; nearest: {near}")

@@ -23,7 +23,7 @@ from branches.presentation import (
     segment_images,
     solved,
 )  # fmt: skip
-from branches.sequences import PERIODIC, Ends, ImpactSequence, impacts_per_period, parse_ends, parse_sequence
+from branches.sequences import PERIODIC, Ends, ImpactSequence, format_ends, impacts_per_period
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
 from bvp.kernels.flight import flow_state
@@ -33,15 +33,13 @@ from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue.rows import FamilyRow
     from branches.catalogue.store import CatalogueStore
     from branches.events import BranchEvent
-    from branches.presentation import Presentation
-    from branches.sequences import Ends, ImpactSequence
+    from branches.orbit import Orbit
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "CatalogueFamilies", "FamilyPlace", "KnownFamilies", "distance_from_orbit", "event_orbit", "kept_orbit", "orbit_of_event",
+    "FamilyPlace", "KnownFamilies", "distance_from_orbit", "event_orbit", "family_of", "kept_orbit", "orbit_of_event",
     "presented", "seen_from", "switch_edge", "unknowns_of",
 ]  # fmt: skip
 
@@ -190,43 +188,16 @@ class KnownFamilies:
         return None
 
 
-class CatalogueFamilies:
-    """The families of a catalogue. Their points are read when an orbit may belong to them.
-
-    Parameters
-    ----------
-    catalogue : CatalogueStore
-    """
-
-    def __init__(self, catalogue: CatalogueStore) -> None:
-        self._catalogue = catalogue
-        self._known = KnownFamilies()
-        self._waiting: dict[tuple[Ends, ImpactSequence], list[FamilyRow]] = {}
-        for row in catalogue.all_families():
-            self._waiting.setdefault((parse_ends(row.ends), parse_sequence(row.sequence)), []).append(row)
-
-    def find(self, problem: MultipointProblem, y: np.ndarray) -> FamilyPlace | None:
-        """The family that an orbit belongs to, and where; None if it belongs to none.
-
-        Parameters
-        ----------
-        problem : MultipointProblem
-            Of the catalogue's system.
-        y : (u,) float
-            Unknowns of a solved orbit.
-        """
-        h = problem.energy(y)
-        images = all_presentations(problem, y)
-        for key in dict.fromkeys((image.ends, image.sequence) for image in images):
-            far = []
-            for row in self._waiting.pop(key, []):
-                if row.h[0] * (1.0 - _MARGIN) <= h <= row.h[1] * (1.0 + _MARGIN):
-                    self._known.add(row.id, self._catalogue.branch(row.id))
-                else:
-                    far.append(row)
-            if far:
-                self._waiting[key] = far
-        return self._known.place(problem.system, images)
+def family_of(catalogue: CatalogueStore, orbit: Orbit) -> str | None:
+    """Id of the family of a catalogue that an orbit of its system belongs to; None if it belongs to none."""
+    images = all_presentations(orbit.problem, orbit.solution.y)
+    keys = {(format_ends(image.ends), "".join(image.sequence)) for image in images}
+    known = KnownFamilies()
+    for row in catalogue.all_families():
+        if (row.ends, row.sequence) in keys and row.h[0] * (1.0 - _MARGIN) <= orbit.h <= row.h[1] * (1.0 + _MARGIN):
+            known.add(row.id, catalogue.branch(row.id))
+    place = known.place(orbit.system, images)
+    return None if place is None else place.id
 
 
 _LONGEST = 20

@@ -17,6 +17,7 @@ import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
@@ -283,7 +284,7 @@ class PackedFamily:
 
 
 def pack_family(branch: Branch) -> PackedFamily:
-    """The rows of a branch.
+    """Pack a family into the rows of a catalogue, in any process; `saltus.Catalogue.add` takes them in place of the branch.
 
     Parameters
     ----------
@@ -345,13 +346,8 @@ def _stable_fraction(stability: Sequence[StabilityInterval]) -> float:
 
 def _runs(values: Sequence) -> list[tuple]:
     """(value, first, last) of each run of equal values."""
-    out: list[tuple] = []
-    for i, value in enumerate(values):
-        if out and out[-1][0] == value:
-            out[-1] = (value, out[-1][1], i)
-        else:
-            out.append((value, i, i))
-    return out
+    borders = [0, *(i for i in range(1, len(values)) if values[i] != values[i - 1]), len(values)]
+    return [(values[first], first, end - 1) for first, end in pairwise(borders)]
 
 
 def _ranges(columns: dict[str, np.ndarray], first: int, last: int) -> list[tuple[float, float]]:

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from branches.catalogue.database import CatalogueError
-from branches.catalogue.members import KnownFamilies
+from branches.catalogue.members import KnownFamilies, presented, unknowns_of
 from branches.catalogue.rows import dead_end_id
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def widen(catalogue: CatalogueStore, branch: Branch) -> Kept:
         raise CannotWiden("the new branch does not have all orbits of the family in the catalogue")
     if catalogue.work():
         raise CannotWiden("a build of the catalogue is not finished, and refers to the family's events")
-    edges = _Edges(narrow, branch)
-    moved = [(edge, edges.moved(edge)) for edge in catalogue.edges(narrow.id)]
+    names = {"": ""}
+    moved = [(edge, _moved(edge, narrow, branch, names)) for edge in catalogue.edges(narrow.id)]
     nodes = {node.id: node for node in catalogue.nodes}
     with catalogue.transaction():
         catalogue.remove(narrow.id)
@@ -83,47 +83,37 @@ def widen(catalogue: CatalogueStore, branch: Branch) -> Kept:
     return Kept.WIDER
 
 
-class _Edges:
-    """The edges at a family as they are at a wider branch of it.
+def _moved(edge: Edge, narrow: Branch, wider: Branch, names: dict[str, str]) -> Edge:
+    """An edge at the narrow branch as it is at the wider one. `names` collects the ids there of events here.
 
     Raises
     ------
     CannotWiden
-        If an edge's event, or its orbit, is not found on the wider branch.
+        If the edge's event, or its orbit, is not found on the wider branch.
     """
+    if edge.source == narrow.id:
+        name = _name(edge.source_event, narrow, wider, names)
+        dead = edge.target == dead_end_id(narrow.id, edge.source_event)
+        target = dead_end_id(narrow.id, name) if dead else edge.target
+        edge = replace(edge, source_event=name, target=target, source_orbit=_seen(edge.source_orbit, narrow, wider))
+    if edge.target == narrow.id:
+        name = _name(edge.target_event, narrow, wider, names)
+        edge = replace(edge, target_event=name, target_orbit=_seen(edge.target_orbit, narrow, wider))
+    return edge
 
-    def __init__(self, narrow: Branch, wider: Branch) -> None:
-        self.narrow, self.wider = narrow, wider
-        self.names = {"": ""}
 
-    def moved(self, edge: Edge) -> Edge:
-        """An edge at the wider branch: at its source, at its target, or both."""
-        id, out = self.narrow.id, edge
-        if edge.source == id:
-            name = self.name(edge.source_event)
-            out = replace(out, source_event=name, source_orbit=_seen(edge.source_orbit, self.narrow, self.wider))
-            if edge.target == dead_end_id(id, edge.source_event):
-                out = replace(out, target=dead_end_id(id, name))
-        if edge.target == id:
-            out = replace(out, target_event=self.name(edge.target_event), target_orbit=_seen(edge.target_orbit, self.narrow, self.wider))
-        return out
-
-    def name(self, id: str) -> str:
-        """The id on the wider branch of an event of the narrow one."""
-        if id not in self.names:
-            old = next((event for event in self.narrow.events if event.id == id), None)
-            new = None if old is None else _same_event(old, self.wider)
-            if new is None or new.id in self.names.values():
-                raise CannotWiden(f"the event {id}, where other families meet it, is not found on the new branch")
-            self.names[id] = new.id
-        return self.names[id]
+def _name(id: str, narrow: Branch, wider: Branch, names: dict[str, str]) -> str:
+    if id not in names:
+        old = next((event for event in narrow.events if event.id == id), None)
+        new = None if old is None else _same_event(old, wider)
+        if new is None or new.id in names.values():
+            raise CannotWiden(f"the event {id}, where other families meet it, is not found on the new branch")
+        names[id] = new.id
+    return names[id]
 
 
 def _same_event(event: BranchEvent, branch: Branch) -> BranchEvent | None:
     """The event of a branch that is the same as an event of another one."""
-
-    def slack(found: BranchEvent) -> float:
-        return max(SAME, event.bracket[1] - event.bracket[0], found.bracket[1] - found.bracket[0])
 
     def apart(found: BranchEvent) -> float:
         return max(abs(found.h / event.h - 1.0), abs(found.alpha / event.alpha - 1.0))
@@ -131,16 +121,17 @@ def _same_event(event: BranchEvent, branch: Branch) -> BranchEvent | None:
     def details(found: BranchEvent) -> tuple[object, ...]:
         return found.stop, found.p_q, found.breaks
 
+    def slack(found: BranchEvent) -> float:
+        return max(SAME, *(located.bracket[1] - located.bracket[0] for located in (event, found)))
+
     near = [found for found in branch.events if found.type == event.type and apart(found) <= slack(found)]
     # Several events can be at one orbit: grazings of several stops, several resonances.
     near = [found for found in near if details(found) == details(event)] or near
-    return min(near, key=apart) if near else None
+    return min(near, key=apart, default=None)
 
 
 def _seen(orbit: EventOrbit | None, narrow: Branch, wider: Branch) -> EventOrbit | None:
     """An edge's orbit with the ends and impact sequence of the wider branch."""
-    from branches.catalogue.members import presented, unknowns_of
-
     if orbit is None or (narrow.ends, narrow.sequence) == (wider.ends, wider.sequence):
         return orbit
     found = presented(narrow.problem, unknowns_of(narrow.problem, orbit), wider.ends, tuple(wider.problem.sequence))

@@ -64,7 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, executor: Executor, workers: int) -> int:
-    from branches.building.build import build, refuse_other_plan
+    from branches.building.build import build
+    from branches.building.plan import refuse_other_plan
     from branches.catalogue import Catalogue
     from saltus import __version__
     from saltus.catalogues import impacts_text

@@ -282,7 +282,7 @@ def carry_out(
             continue
         some = None if starts is None else Starts(starts.states[first:last], starts.leaving[first:last])
         blocks.append(_Block(number, plan.values(first, last), some))
-    frontier = Frontier(executor, partial(_work, plan), lambda block: False, lambda block: block.number, AHEAD * workers)
+    frontier = Frontier(executor, partial(_work, plan), lambda block: False, AHEAD * workers)
     frontier.extend(blocks)
     for block, columns in frontier:
         assert columns is not None
