@@ -1,6 +1,8 @@
 """A small catalogue of real families that the tests share, traced once, and copies of a family under other ids."""
 
 import dataclasses
+import sqlite3
+from contextlib import closing
 from functools import cache
 
 import numpy as np
@@ -57,3 +59,15 @@ def linear_mode(h):
     start[2] = np.sqrt(2.0 * h)
     y = problem.pack(start, np.empty((0, 4)), [0.5 * np.pi / frequency])
     return event_orbit(problem, problem.solve(y, energy=h).y)
+
+
+def sql(path, *statements):
+    """Change a file as another program would; how many rows each statement has changed."""
+    with closing(sqlite3.connect(path)) as connection, connection:
+        return [connection.execute(statement).rowcount for statement in statements]
+
+
+def rows(path, *tables):
+    """All rows of tables of a file."""
+    with closing(sqlite3.connect(path)) as connection:
+        return [connection.execute(f"SELECT * FROM {table}").fetchall() for table in tables]

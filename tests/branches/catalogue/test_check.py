@@ -1,7 +1,6 @@
 """`check` finds what is wrong with points and edges whose checksums are right: catalogues that are filled with wrong things."""
 
 import dataclasses
-import sqlite3
 
 import numpy as np
 import pytest
@@ -9,9 +8,10 @@ import pytest
 import saltus
 from branches.catalogue import Edge, EventOrbit
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.members import distance_from_orbit, event_orbit, seen_from, switch_edge
+from branches.catalogue.members import distance_from_orbit, event_orbit, seen_from, switch_edge, unknowns_of
 from branches.tracing import follow_family
-from tests.branches.catalogue.families import real, scene
+from bvp.multipoint import MultipointProblem
+from tests.branches.catalogue.families import real, same_columns, scene, sql
 
 
 def checked(tmp_path, *branches, edges=()):
@@ -138,9 +138,6 @@ def test_an_orbit_is_known_in_all_its_images():
 
 def test_an_orbit_is_seen_from_the_problems_that_it_solves():
     """Oracle: the residual of each problem; a quarter-period orbit as half a period from either end, as a period, and mirrored."""
-    from branches.catalogue.members import unknowns_of
-    from bvp.multipoint import MultipointProblem
-
     branch = real()[0]
     y = branch.orbit(50).solution.y
     for ends, word in (
@@ -176,7 +173,6 @@ def test_every_switch_is_an_edge_that_closes(tmp_path, name, event):
 
 def test_other_systems_are_kept_and_checked(tmp_path):
     """Oracle: the branches, bit for bit: chains of 2 to 6 masses with one stop and several, rigid-body modes, rest and stop ends."""
-    from tests.branches.catalogue.families import same_columns
     from tests.properties.test_chains import families
 
     sizes = set()
@@ -205,9 +201,6 @@ def test_an_edge_that_another_program_deletes_is_missed(tmp_path):
         catalogue.connect(Edge(real()[1].id, "GR1", "GR", "dead end", None, 1.0, 1.0))
         catalogue.remove(real()[1].id)
         assert check_catalogue(catalogue)[1] == []
-    connection = sqlite3.connect(path)
-    connection.execute("DELETE FROM edges")
-    connection.commit()
-    connection.close()
+    sql(path, "DELETE FROM edges")
     with saltus.Catalogue(path) as catalogue:
         assert [failure.text for failure in check_catalogue(catalogue)[1]] == ["the catalogue has 0 edges, expected 1"]

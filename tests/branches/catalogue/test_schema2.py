@@ -3,7 +3,6 @@
 import os
 import random
 import shutil
-import sqlite3
 import subprocess
 import sys
 import time
@@ -16,7 +15,7 @@ import saltus
 from branches.building.plan import Bounds, BuildPlan, read_seed
 from branches.catalogue import Catalogue, CatalogueDamaged, CatalogueError, CatalogueInUse
 from branches.catalogue.check import check_catalogue
-from tests.branches.catalogue.families import same_columns, scene
+from tests.branches.catalogue.families import rows, same_columns, scene, sql
 
 ROOT = Path(__file__).parents[3]
 KEPT = Path(__file__).with_name("schema2.db")
@@ -89,19 +88,10 @@ def test_a_writer_converts_it(path):
 def test_work_without_checksums_is_read(path):
     """Oracle: what was read with them; the first catalogues of schema 2 had none for work and notes. The converted file has them."""
     before = content(path)
-    connection = sqlite3.connect(path)
-    for table in ("work", "progress"):
-        value = "payload" if table == "work" else "value"
-        rows = connection.execute(f"SELECT key, {value} FROM {table}").fetchall()
-        connection.execute(f"DROP TABLE {table}")
-        connection.execute(f"CREATE TABLE {table} (key TEXT PRIMARY KEY, {value} TEXT NOT NULL) WITHOUT ROWID")
-        connection.executemany(f"INSERT INTO {table} VALUES (?, ?)", rows)
-    connection.execute("DELETE FROM scene WHERE key = 'rows'")
-    connection.commit()
-    connection.close()
+    sql(path, "ALTER TABLE work DROP COLUMN crc", "ALTER TABLE progress DROP COLUMN crc", "DELETE FROM scene WHERE key = 'rows'")
     assert content(path)[1:] == before[1:]
-    with Catalogue(path, "a") as catalogue:
-        assert catalogue._select("SELECT count(crc) FROM work") == [(1,)]
+    Catalogue(path, "a").close()
+    assert rows(path, "(SELECT count(crc) FROM work)") == [[(1,)]]
     assert content(path)[1:] == before[1:]
 
 
@@ -163,10 +153,7 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_its_damage_is_found(path, change):
     """Oracle: the part that was changed; a writer does not convert it."""
-    connection = sqlite3.connect(path)
-    connection.execute(change)
-    connection.commit()
-    connection.close()
+    sql(path, change)
     before = path.read_bytes()
     with pytest.raises(CatalogueDamaged, match=CHANGES[change]):
         content(path)

@@ -2,14 +2,20 @@
 
 import dataclasses
 import os
-import sqlite3
+import pickle
 
 import numpy as np
 import pytest
 
 import saltus
 from branches.catalogue import CatalogueError, Edge, EventOrbit, Node
-from tests.branches.catalogue.families import real, renamed, same_columns, scene
+from branches.catalogue.catalogue import graph_of
+from branches.catalogue.members import switch_edge
+from branches.catalogue.rows import event_from_row, event_values
+from branches.events import BranchEvent
+from tests.branches.catalogue.families import real, renamed, rows, same_columns, scene
+
+FAMILY_TABLES = ("families", "points", "arrays", "events")
 
 
 @pytest.fixture
@@ -33,42 +39,19 @@ def test_a_family_comes_back_bit_for_bit(path):
             assert back.full_family.ids == branch.full_family.ids
 
 
-def test_a_family_read_is_the_family_added_again(path, tmp_path):
-    """Oracle: the same rows, byte by byte, in a second catalogue that is filled from the first."""
+@pytest.mark.parametrize("how", ["read", "packed by a worker"])
+def test_a_family_read_or_packed_elsewhere_is_the_family_added(path, tmp_path, how):
+    """Oracle: the same rows, byte by byte, in a second catalogue: of the branches that the first one gives, or of what another process
+    packs."""
     with saltus.Catalogue(path) as catalogue, saltus.Catalogue(tmp_path / "copy.sqlite", "a", scene=scene()) as copy:
         for branch in real():
-            copy.add(catalogue.branch(branch.id))
-    rows = []
-    for file in (path, tmp_path / "copy.sqlite"):
-        with sqlite3.connect(file) as connection:
-            rows.append([connection.execute(f"SELECT * FROM {table}").fetchall() for table in ("families", "points", "arrays", "events")])
-        connection.close()
-    assert rows[0] == rows[1]
-
-
-def test_a_worker_packs_what_the_writer_keeps(path, tmp_path):
-    """Oracle: the same rows, byte by byte, as of the branches themselves, after the way between two processes."""
-    import pickle
-
-    from branches.catalogue.packing import pack_family
-
-    with saltus.Catalogue(tmp_path / "packed.sqlite", "a", scene=scene()) as catalogue:
-        for branch in real():
-            catalogue.add(pickle.loads(pickle.dumps(pack_family(branch))))
-    dumps = []
-    for file in (path, tmp_path / "packed.sqlite"):
-        connection = sqlite3.connect(file)
-        dumps.append([connection.execute(f"SELECT * FROM {table}").fetchall() for table in ("families", "points", "arrays", "events")])
-        connection.close()
-    assert dumps[0] == dumps[1]
+            copy.add(catalogue.branch(branch.id) if how == "read" else pickle.loads(pickle.dumps(saltus.pack_family(branch))))
+    assert rows(path, *FAMILY_TABLES) == rows(tmp_path / "copy.sqlite", *FAMILY_TABLES)
 
 
 def test_every_field_of_an_event_survives(path):
     """Oracle: the events that were added, field by field, among them impulsive orbits; one with every field set, and one
     without any that may be missing."""
-    from branches.catalogue.rows import event_from_row, event_values
-    from branches.events import BranchEvent
-
     with saltus.Catalogue(path) as catalogue:
         kept = [(event, back) for branch in real() for event, back in zip(branch.events, catalogue.events(branch.id), strict=True)]
     assert {"IO", "GR", "SB", "EP"} <= {back.type for _, back in kept}
@@ -108,22 +91,10 @@ def test_a_point_takes_little_room(path, tmp_path):
 
 def test_columns_can_be_asked_for_in_sql(path):
     """Oracle: numpy on the branch."""
-    branch = real()[0]
-    connection = sqlite3.connect(path)
-    low, high, stable = connection.execute(
-        "SELECT min(p.h), max(p.h), sum(p.stable = 1) FROM points p JOIN families f ON p.family = f.number WHERE f.id = ?", (branch.id,)
-    ).fetchone()
-    connection.close()
-    assert (low, high) == (branch.points["h"].min(), branch.points["h"].max())
-    assert stable == np.sum(branch.points["stable"] == 1)
-
-
-def test_a_family_is_kept_once(path):
-    """Oracle: the count before."""
-    with saltus.Catalogue(path, "a") as catalogue:
-        before = len(catalogue)
-        assert catalogue.add(real()[0]) == real()[0].id
-        assert len(catalogue) == before
+    points = real()[0].points
+    where = f"points p JOIN families f ON p.family = f.number WHERE f.id = '{real()[0].id}'"
+    (((low, high, stable),),) = rows(path, f"(SELECT min(p.h), max(p.h), sum(p.stable = 1) FROM {where})")
+    assert (low, high, stable) == (points["h"].min(), points["h"].max(), np.sum(points["stable"] == 1))
 
 
 def test_rows_tell_ranges_and_intervals(path):
@@ -157,25 +128,17 @@ def test_filters_agree_with_the_points(path):
         assert ids(impacts=(0, 1)) == {real()[k].id for k in (0, 1, 3)} and ids(impacts=(7, 7)) == {real()[2].id}
         # At h = 0.5 the backbone is unstable beyond its symmetry breaking, and stable below.
         assert real()[0].id in ids(stable=True, energy=1.0, label="S13*")
-        assert not ids(energy=1e9)
+        # The orbits of S73O33- at h = 15 are labelled S53O33+: label and energy hold together.
+        assert ids(label="S53O33+", energy=15.0) and not ids(label="S77O33-", energy=15.0) and not ids(energy=1e9)
         with pytest.raises(CatalogueError, match="origin-origin"):
             ids(ends="origin-rest")
 
 
-def test_label_and_energy_hold_together(path):
-    """Oracle: the orbits of S73O33- between which its label changes: at h = 15 it is S53O33+, not S73O33-."""
-    with saltus.Catalogue(path) as catalogue:
-        assert catalogue.families(label="S53O33+", energy=15.0)
-        assert not catalogue.families(label="S77O33-", energy=15.0)
-
-
 def edge():
     """The symmetry breaking of S13O00+ as an edge."""
-    from branches.catalogue import members as event_orbits
-
     backbone, *_, born = real()
     event = next(event for event in backbone.events if event.id == "SB1")
-    return event_orbits.switch_edge(backbone, event, born)
+    return switch_edge(backbone, event, born)
 
 
 def test_an_edge_comes_back(path):
@@ -190,8 +153,6 @@ def test_an_edge_comes_back(path):
 
 def test_the_graph_has_the_schema_that_it_documents(path):
     """Oracle: the docstring of `graph_of`."""
-    from branches.catalogue.catalogue import graph_of
-
     with saltus.Catalogue(path, "a") as catalogue:
         catalogue.connect(edge())
         catalogue.connect(Edge(real()[0].id, "GR2", "GR", "dead end", None, 14.5, 1.64, stop="-", note="no neighbour is admissible"))
@@ -252,7 +213,7 @@ def test_a_transaction_is_whole_or_nothing(tmp_path):
             raise RuntimeError("interrupted")
         assert [row.id for row in catalogue.families()] == [real()[0].id] and len(catalogue.work()) == 1
         catalogue.add(renamed(real()[0], 1))
-        assert len(catalogue) == 2
+        assert catalogue.add(real()[0]) == real()[0].id and len(catalogue) == 2, "a family is kept once"
 
 
 def test_it_knows_what_it_was_made_with(path):

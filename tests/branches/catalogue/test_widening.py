@@ -1,7 +1,5 @@
 """A family that is kept over part of its range, and followed further: the wider branch takes its place, edges and all."""
 
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from functools import cache
 
@@ -12,7 +10,7 @@ from branches.catalogue import Catalogue, CatalogueError, Edge, Node
 from branches.catalogue.check import check_catalogue
 from branches.catalogue.members import orbit_of_event, switch_edge
 from branches.catalogue.widening import CannotWiden, Kept, holds
-from tests.branches.catalogue.families import linear_mode, real, same_columns, scene
+from tests.branches.catalogue.families import linear_mode, real, rows, same_columns, scene
 
 
 @cache
@@ -52,8 +50,7 @@ def fill(path, backbone):
 
 def dump(path):
     """All rows of a file."""
-    with closing(sqlite3.connect(path)) as connection:
-        return list(connection.iterdump())
+    return rows(path, "families", "points", "arrays", "events", "nodes", "edges", "work", "progress", "counts", "scene", "provenance")
 
 
 def meetings(catalogue):
