@@ -204,8 +204,8 @@ def family_record(row: FamilyRow) -> dict[str, Any]:
         "points": row.points,
         "events": row.events,
         "stable_fraction": row.stable_fraction,
-        "labels": [_interval("label", part.label, part) for part in row.labels],
-        "stability": [_interval("stable", None if part.stable < 0 else bool(part.stable), part) for part in row.stability],
+        "labels": [_interval("label", part.value, part) for part in row.labels],
+        "stability": [_interval("stable", None if part.value < 0 else bool(part.value), part) for part in row.stability],
         "ended": [{"reason": reason, "text": text} for reason, text in row.ended],
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -70,16 +70,6 @@ class Bounds:
         """Whether a quarter period and a number of impacts in a full period are within the bounds."""
         return alpha <= self.quarter_period and impacts <= 2 * self.impacts
 
-    def plain(self) -> dict[str, Any]:
-        """As JSON values."""
-        return {"energy": list(self.energy), "quarter_period": self.quarter_period, "impacts": self.impacts}
-
-    @classmethod
-    def of(cls, plain: dict[str, Any]) -> Bounds:
-        """The inverse of `plain`."""
-        low, high = plain["energy"]
-        return cls((float(low), float(high)), float(plain["quarter_period"]), int(plain["impacts"]))
-
 
 @dataclass(frozen=True)
 class BuildPlan:
@@ -113,13 +103,8 @@ class BuildPlan:
 
     def plain(self) -> dict[str, Any]:
         """As JSON values."""
-        return {
-            "bounds": self.bounds.plain(),
-            "named": self.named.plain(),
-            "names": list(self.names),
-            "reference_points": dict(self.reference_points),
-            "generations": 0,  # An older version could follow more: its unfinished builds are continued with none.
-        }
+        # An older version could follow generations of families without a reversal. Its unfinished builds are continued with none.
+        return {**asdict(self), "generations": 0}
 
 
 COARSE = 0.5
@@ -331,7 +316,7 @@ def read_seed(plain: dict[str, Any], plan: BuildPlan) -> Seed:
     elif kind == "mode":
         value = tuple(value)
     if link is not None:
-        link = replace(Link(**link), here=_orbit(link["here"]), there=_orbit(link["there"]))
+        link = Link(**link | {side: None if link[side] is None else _kept(link[side]) for side in ("here", "there")})
     return Seed(kind, value, plan, plain["wide"], plain["further"], link)
 
 
@@ -339,10 +324,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Grazing):
         return {"orbit": asdict(value.orbit), "rising": value.rising, "mark": value.mark}
     return asdict(value) if isinstance(value, EventOrbit) else value
-
-
-def _orbit(plain: dict[str, Any] | None) -> EventOrbit | None:
-    return None if plain is None else _kept(plain)
 
 
 def _kept(plain: dict[str, Any]) -> EventOrbit:

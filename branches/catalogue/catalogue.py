@@ -168,6 +168,8 @@ GRAPH_FORMATS = ("json", "graphml", "dot")
 FLATTENED = "{} holds neither lists nor null: labels are joined by spaces, attributes without a value are left out"
 """The remark for a format that cannot hold every attribute."""
 
+_OF_EDGE = ("type", "kind", "source_event", "target_event", "h", "alpha", "stop", "note")
+
 _COLOURS = {"linear mode": "#0072B2", "dead end": "#999999", "missing": "#D55E00"}
 
 
@@ -205,10 +207,8 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
         for id in (edge.source, edge.target):
             if id not in graph:
                 graph.add_node(id, kind="missing")
-        graph.add_edge(
-            edge.source, edge.target, f"{edge.source_event}>{edge.target_event}:{edge.kind}", type=edge.type, kind=edge.kind,
-            source_event=edge.source_event, target_event=edge.target_event, h=edge.h, alpha=edge.alpha, stop=edge.stop, note=edge.note,
-        )  # fmt: skip
+        attributes = {name: getattr(edge, name) for name in _OF_EDGE}
+        graph.add_edge(edge.source, edge.target, f"{edge.source_event}>{edge.target_event}:{edge.kind}", **attributes)
     return graph
 
 

@@ -6,13 +6,12 @@ also the sign of a zero. NaN is stored as NULL.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import sqlite3
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -158,14 +157,10 @@ class WriterLock:
         import socket
 
         since = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        note = json.dumps({"process": self._process, "host": socket.gethostname(), "since": since}).encode()
-        try:
+        with suppress(OSError):  # A full disk cannot take the note. The lock holds without it.
             os.ftruncate(self._file, 0)
             os.lseek(self._file, 0, os.SEEK_SET)
-            os.write(self._file, note)
-        except OSError:
-            # A full disk cannot take the note. The lock holds without it.
-            pass
+            os.write(self._file, f"process {self._process} on {socket.gethostname()} since {since}".encode())
         _held[key] = self._process
 
     def release(self) -> None:
@@ -202,9 +197,8 @@ def _holder(file: int) -> str:
     """The holder of the lock, as the note names it."""
     try:
         os.lseek(file, 0, os.SEEK_SET)
-        note: Any = json.loads(os.read(file, 4096))
-        return f"process {note['process']} on {note['host']} since {note['since']}"
-    except (ValueError, KeyError, TypeError, OSError):
+        return os.read(file, 4096).decode() or "another process"
+    except (ValueError, OSError):
         return "another process"
 
 

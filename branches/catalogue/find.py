@@ -255,7 +255,7 @@ def _nothing(catalogue: CatalogueStore, name: Name, families: Sequence[FamilyRow
     if having:
         listed = "; ".join(f"{row.id} with {_extent(row)}" for row in having[:4])
         return f"no orbit {label} at {_where(name)} in {catalogue.path}; families that have the label: {listed}"
-    existing = {part.label for row in families for part in row.labels if part.label}
+    existing = {part.value for row in families for part in row.labels if part.value}
     covered = why_a_cover(label, lambda root: any(matches(root, parse(known)) for known in existing))
     near = ", ".join(nearest_labels(label, existing)) or "none, it holds no family with a label"
     return covered or f"{catalogue.path} has no family {label}; nearest that exist: {near}"

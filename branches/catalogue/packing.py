@@ -23,7 +23,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from branches.catalogue.rows import FamilyRow, LabelInterval, StabilityInterval, compact_json, event_values
+from branches.catalogue.rows import FamilyRow, Interval, compact_json, event_values
 from branches.orbit import impact_speeds
 from branches.sequences import format_ends, impacts_per_period
 from bvp.checks import require_branch
@@ -305,23 +305,23 @@ def pack_family(branch: Branch) -> PackedFamily:
         0, branch.id, branch.label, format_ends(branch.ends), branch.sequence,
         0.5 * impacts_per_period(branch.problem.sequence, branch.ends),
         *_range(columns["h"]), *_range(columns["alpha"]), len(branch), len(branch.events), int(branch.start), _stable_fraction(stability),
-        " ".join(dict.fromkeys(part.label for part in labels if part.label)),
+        " ".join(dict.fromkeys(part.value for part in labels if part.value)),
         compact_json({"labels": labels, "stability": stability, "ended": ended, "layout": layout}),
     )  # fmt: skip
     return PackedFamily(branch.system.describe(), row, queried_rows(columns), arrays, [event_values(event) for event in branch.events])
 
 
-def label_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[LabelInterval, ...]:
+def label_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[Interval, ...]:
     """The labels along a family. Each interval begins where the last one ends, at the event of the change if there is one, so that
     no energy falls between them."""
     runs = _runs([str(label) for label in columns["label"]])
     changes = {event.point for event in events if event.type == "LB"}
     borders = [first if first in changes else first - 1 for _, first, _ in runs[1:]]
     spans = zip([0, *borders], [*borders, len(columns["label"]) - 1], strict=True)
-    return tuple(LabelInterval(label, *_ranges(columns, *span)) for (label, _, _), span in zip(runs, spans, strict=True))
+    return tuple(Interval(label, *_ranges(columns, *span)) for (label, _, _), span in zip(runs, spans, strict=True))
 
 
-def stability_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[StabilityInterval, ...]:
+def stability_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[Interval, ...]:
     """Stable, unstable and undecided intervals of a family.
 
     At a bifurcation a multiplier is at its bound and stability is undecided. Such a single point is the border of its neighbours, not an
@@ -334,14 +334,14 @@ def stability_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchE
         elif codes[point] == -1 and len(codes) > 1 and point in (0, len(codes) - 1):
             codes[point] = codes[1] if point == 0 else codes[-2]
     runs = _runs(codes)
-    return tuple(StabilityInterval(code, *_ranges(columns, max(first - 1, 0), last)) for code, first, last in runs)
+    return tuple(Interval(code, *_ranges(columns, max(first - 1, 0), last)) for code, first, last in runs)
 
 
-def _stable_fraction(stability: Sequence[StabilityInterval]) -> float:
+def _stable_fraction(stability: Sequence[Interval]) -> float:
     """The stable fraction of the arclength."""
     total = stability[-1].arclength[1] - stability[0].arclength[0]
-    stable = sum(part.arclength[1] - part.arclength[0] for part in stability if part.stable == 1)
-    return stable / total if total > 0.0 else float(stability[0].stable == 1)
+    stable = sum(part.arclength[1] - part.arclength[0] for part in stability if part.value == 1)
+    return stable / total if total > 0.0 else float(stability[0].value == 1)
 
 
 def _runs(values: Sequence) -> list[tuple]:

@@ -16,27 +16,21 @@ from branches.events import BranchEvent
 from bvp.texts import brief
 
 __all__ = [
-    "Edge", "EventOrbit", "FamilyRow", "LabelInterval", "Node", "SceneRecord", "StabilityInterval", "compact_json", "crosses",
-    "dead_end_id", "difference", "event_from_row", "event_values",
+    "Edge", "EventOrbit", "FamilyRow", "Interval", "Node", "SceneRecord", "compact_json", "crosses", "dead_end_id", "difference",
+    "event_from_row", "event_values",
 ]  # fmt: skip
 
 _ON_BOUND = 1e-10
 """Largest relative distance of a family's last orbit from the energy bound that cut it: as for `Branch.orbits_at`."""
 
 
-class LabelInterval(NamedTuple):
-    """An interval of a family with one label: its ranges of arclength, energy and quarter period. It begins where the last one ends."""
+class Interval(NamedTuple):
+    """An interval of a family with one label, or with one stability: stable (1), unstable (0) or undecided (-1).
 
-    label: str
-    arclength: tuple[float, float]
-    h: tuple[float, float]
-    alpha: tuple[float, float]
+    It has ranges of arclength, energy and quarter period, and begins where the last one ends.
+    """
 
-
-class StabilityInterval(NamedTuple):
-    """An interval of a family that is stable (1), unstable (0) or undecided (-1)."""
-
-    stable: int
+    value: Any
     arclength: tuple[float, float]
     h: tuple[float, float]
     alpha: tuple[float, float]
@@ -111,14 +105,17 @@ class FamilyRow(NamedTuple):
         return tuple(self.names.split())
 
     @property
-    def labels(self) -> tuple[LabelInterval, ...]:
+    def labels(self) -> tuple[Interval, ...]:
         """The intervals with one label each."""
-        return tuple(LabelInterval(name, *map(tuple, rest)) for name, *rest in _parsed(self.details)["labels"])
+        return self._intervals("labels")
 
     @property
-    def stability(self) -> tuple[StabilityInterval, ...]:
+    def stability(self) -> tuple[Interval, ...]:
         """The stable, unstable and undecided intervals."""
-        return tuple(StabilityInterval(code, *map(tuple, rest)) for code, *rest in _parsed(self.details)["stability"])
+        return self._intervals("stability")
+
+    def _intervals(self, name: str) -> tuple[Interval, ...]:
+        return tuple(Interval(value, *map(tuple, rest)) for value, *rest in _parsed(self.details)[name])
 
     @property
     def ended(self) -> tuple[tuple[str, str], ...]:

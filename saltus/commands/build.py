@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, options, outputs
@@ -88,7 +89,7 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
             return INTERRUPTED
     files.report(f"FAILS  {text}" for text in report["failed"])
     files.report(_summary(report, scene, bounds))
-    code = files.write({"json": lambda: outputs.json_text({"schema": SCHEMA, "bounds": bounds.plain(), **report})})
+    code = files.write({"json": lambda: outputs.json_text({"schema": SCHEMA, "bounds": asdict(bounds), **report})})
     return max(code, FAILED if report["failed"] else DONE)
 
 

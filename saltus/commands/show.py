@@ -95,8 +95,8 @@ def _lines(catalogue: Catalogue, match: NameMatch, record: dict[str, Any]) -> li
         *(f"model    {text}" for text in record["model"]),
     ]
     lines = [*wrapped(lines, width, 9), ""]
-    cells = [("label", p.label or "-", *map(range_text, p[1:])) for p in row.labels]
-    cells += [("stable", stability_word(p.stable), *map(range_text, p[1:])) for p in row.stability]
+    cells = [("label", p.value or "-", *map(range_text, p[1:])) for p in row.labels]
+    cells += [("stable", stability_word(p.value), *map(range_text, p[1:])) for p in row.stability]
     lines += table_lines(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
     if row.events:
         cells = [event_cells(event) for event in catalogue.events(row.id)]

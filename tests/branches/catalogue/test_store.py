@@ -106,10 +106,10 @@ def test_rows_tell_ranges_and_intervals(path):
             assert row.h == (h.min(), h.max()) and row.points == len(branch) and row.events == len(branch.events)
             for i in range(len(branch)):
                 mine = [part for part in row.labels if part.arclength[0] <= s[i] <= part.arclength[1]]
-                assert any(part.label == branch.points["label"][i] and part.h[0] <= h[i] <= part.h[1] for part in mine)
+                assert any(part.value == branch.points["label"][i] and part.h[0] <= h[i] <= part.h[1] for part in mine)
                 if branch.points["stable"][i] >= 0:
                     parts = [part for part in row.stability if part.arclength[0] <= s[i] <= part.arclength[1]]
-                    assert any(part.stable == branch.points["stable"][i] for part in parts)
+                    assert any(part.value == branch.points["stable"][i] for part in parts)
             assert 0.0 <= row.stable_fraction <= 1.0
 
 
