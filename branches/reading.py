@@ -276,15 +276,12 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
 
 
 def read_orbit(path: str | os.PathLike[str]) -> Orbit:
-    """Read an orbit from a JSON file, as ``saltus orbit --json`` writes it. `saltus.trace` follows its family.
+    """Read an orbit from a JSON file. `saltus.trace` follows its family.
 
     Parameters
     ----------
     path : path-like
-
-    Returns
-    -------
-    Orbit
+        A file of ``saltus orbit --json``.
 
     Raises
     ------

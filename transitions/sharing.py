@@ -81,7 +81,7 @@ class Sharing:
 
 
 def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, ...] = ()) -> Sharing:
-    """The shares of a system.
+    """Share the energy and the damping of a system between its nonlinear energy sink (NES) and its linear oscillator (LO).
 
     Parameters
     ----------

@@ -317,7 +317,12 @@ def write_atlas(atlas: Atlas, path: str | os.PathLike[str]) -> None:
 
 
 def read_atlas(path: str | os.PathLike[str]) -> Atlas:
-    """Read the data of a figure of many families from a file of `saltus.write_atlas`.
+    """Read the data of a figure of many families.
+
+    Parameters
+    ----------
+    path : path-like
+        A file of `saltus.write_atlas`.
 
     Raises
     ------

@@ -158,7 +158,7 @@ def atlas_of(
     bounds: Sequence[Bound] = (),
     energy: tuple[float, float] | None = None,
 ) -> Atlas:
-    """Collect the data of a figure of many families.
+    """Collect families, impulsive orbits and bounds in one `Atlas`, which `saltus.draw_atlas` draws and `saltus.write_atlas` writes.
 
     Parameters
     ----------
