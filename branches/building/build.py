@@ -147,32 +147,28 @@ def build(
     return _Build(catalogue, plan, executor, workers, on_progress).run()
 
 
+@dataclass
 class _Build:
-    def __init__(
-        self,
-        catalogue: Catalogue,
-        plan: BuildPlan,
-        executor: Executor,
-        workers: int,
-        on_progress: Callable[[Progress], object] | None,
-    ) -> None:
-        self.catalogue = catalogue
-        self.plan = plan
-        self.system = catalogue.system
-        self.on_progress = on_progress
+    catalogue: Catalogue
+    plan: BuildPlan
+    executor: Executor
+    workers: int
+    on_progress: Callable[[Progress], object] | None
+
+    def __post_init__(self) -> None:
+        self.system = self.catalogue.system
         self.known = KnownFamilies()
         self.grazings = KnownGrazings()
         self.joins: dict[tuple[str, bool], list[tuple[str, float, EventOrbit]]] = {}
         self.last: list[_Piece] = []
         self.points = self.events = 0
-        begun = {"level": -1, "families": 0}
         self.report: dict[str, Any] = {
-            "beyond": 0, "failed": [], "halves": 0, "lost": [], "incomplete": [], "levels": [], "begun": begun,
-            "digits": DigitWork()._asdict(), "missed": [],
+            "beyond": 0, "failed": [], "halves": 0, "lost": [], "incomplete": [], "levels": [],
+            "begun": {"level": -1, "families": 0}, "digits": DigitWork()._asdict(), "missed": [],
         }  # fmt: skip
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[_Piece, Answer] = Frontier(
-            executor, partial(_work_on, description), self._is_known, AHEAD * workers, attrgetter("kin")
+            self.executor, partial(_work_on, description), self._is_known, AHEAD * self.workers, attrgetter("kin")
         )
         self.count = 0
 
@@ -306,7 +302,7 @@ class _Build:
     def _is_known(self, piece: _Piece) -> bool:
         seed = piece.seed
         if seed.kind == "grazing":
-            return self.grazings.has(seed.value.mark, _asked(seed))
+            return self.grazings.has(seed.value.mark, seed.unfolded_within)
         if seed.kind != "orbit":
             return False
         count = self.known.count(self._images(piece))
@@ -332,8 +328,8 @@ class _Build:
                 self._connect(seed.link, piece.place.id)
             return
         if seed.kind == "grazing":
-            self.grazings.add(seed.value.mark, _asked(seed))
-            self.catalogue.note(f"{_UNFOLDED}{piece.key}", [seed.value.mark, *_asked(seed)])
+            self.grazings.add(seed.value.mark, seed.unfolded_within)
+            self.catalogue.note(f"{_UNFOLDED}{piece.key}", [seed.value.mark, *seed.unfolded_within])
         self._count(**{key: getattr(answer, key) for key in ("beyond", "failed", "halves", "lost", "incomplete")})
         if answer.branch is None:
             self._continue_from(answer)
@@ -417,8 +413,3 @@ class _Build:
 
 def _work_on(description: str, piece: _Piece) -> Answer:
     return work(description, piece.seed)
-
-
-def _asked(seed: Seed) -> tuple[bool, int]:
-    """In which limits a grazing orbit is unfolded, and how many generations of families without a reversal may come of it."""
-    return seed.wide, (seed.further or 0) if seed.is_closed else 1

@@ -184,6 +184,11 @@ class Seed(NamedTuple):
         return isinstance(orbit, EventOrbit) and orbit.ends == PERIODIC
 
     @property
+    def unfolded_within(self) -> tuple[bool, int]:
+        """In which limits a grazing orbit is unfolded, and how many generations of families without a reversal may come of it."""
+        return self.wide, (self.further or 0) if self.is_closed else 1
+
+    @property
     def bounds(self) -> Bounds:
         """The limits in which the family is followed."""
         return self.plan.named if self.wide else self.plan.bounds
