@@ -12,6 +12,7 @@ seen, and also two crossings of which only one has an event.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from itertools import pairwise
 from math import sqrt
 from time import perf_counter
@@ -103,70 +104,65 @@ def decide_between(
     cuts = sorted({event.point for event in events})
     limits = arclength[sorted({0, len(arclength) - 1, *cuts})]
     interval = np.searchsorted(cuts, np.arange(len(stable)))
-    work = DigitWork()
+    seconds: list[float] = []
 
-    solved: dict[int, int] = {}
-
+    @cache
     def solve(i: int) -> int:
-        nonlocal work
-        if i in solved:
-            return solved[i]
         began = perf_counter()
         found = _in_digits(problem, unknowns(i), float(np.min(np.abs(arclength[i] - limits))))
-        work += DigitWork(1, perf_counter() - began)
-        solved[i] = found
+        seconds.append(perf_counter() - began)
         return found
 
     for number in np.unique(interval[free]):
         members = np.flatnonzero(free & (interval == number))
-        if len(set(stable[members].tolist())) == 1 and stable[members[0]] >= 0:
+        decided = set(stable[members].tolist()) - {-1}
+        if len(decided) == 1 and np.all(stable[members] >= 0):
             continue
-        if np.all(stable[members] < 0):
+        if not decided:
             apart = np.min(np.abs(arclength[members][:, None] - limits), axis=1)
             farthest = members[np.argmax(apart)]
             stable[farthest] = solve(int(farthest))
-        stable[members] = _filled(stable[members].tolist(), lambda k, members=members: solve(int(members[k])))  # type: ignore[misc]
-        stable[members] = _agreed(stable[members].tolist(), lambda k, members=members: solve(int(members[k])))  # type: ignore[misc]
-    return stable, work
+        _fill(stable, members.tolist(), solve)
+        _agree(stable, members.tolist(), solve)
+    return stable, DigitWork(len(seconds), sum(seconds))
 
 
-def _agreed(stable: list[int], solve: Callable[[int], int]) -> list[int]:
-    """The stability of the points of an interval without an event. Neighbours with opposite stability are solved again in fifty digits.
+def _agree(stable: np.ndarray, members: list[int], solve: Callable[[int], int]) -> None:
+    """Solve neighbours with opposite stability in an interval without an event again in fifty digits.
 
     Near a branch point the error of an orbit can exceed its estimate in double precision."""
-    out, solved = list(stable), set[int]()
-    while uncertain := {k for pair in pairwise(range(len(out))) if sorted(out[k] for k in pair) == [0, 1] for k in pair} - solved:
+    solved = set[int]()
+    while uncertain := {k for i, j in pairwise(members) if {stable[i], stable[j]} == {0, 1} for k in (i, j)} - solved:
         for k in sorted(uncertain):
             found = solve(k)
-            out[k] = found if found >= 0 else out[k]
+            stable[k] = found if found >= 0 else stable[k]
         solved |= uncertain
-    return out
 
 
-def _filled(stable: list[int], solve: Callable[[int], int]) -> list[int]:
-    """The stability of all points of an interval without an event, of which some are decided; `solve` decides others in fifty digits."""
-    out = list(stable)
+def _fill(stable: np.ndarray, members: list[int], solve: Callable[[int], int]) -> None:
+    """Decide all points of an interval without an event, of which some are decided; `solve` decides others in fifty digits."""
 
     def ask(first: int, last: int) -> None:
-        """Solve some of the points between two others, until those left follow from them."""
-        known = [out[k] for k in (first, last) if out[k] >= 0]
+        """Solve some of the members between two others, until those left follow from them."""
+        known = {stable[members[k]] for k in (first, last)} - {-1}
         left = last - first - 1
-        if not left or not known or (left <= SPACING and len(set(known)) == 1):
+        if not left or not known or (left <= SPACING and len(known) == 1):
             return
         middle = (first + last) // 2
-        out[middle] = solve(middle)
+        stable[members[middle]] = solve(members[middle])
         ask(first, middle)
         ask(middle, last)
 
     # An event that was missed next to an end of the interval is seen from there.
-    if any(value >= 0 for value in stable):
-        for end in (0, len(stable) - 1):
-            out[end] = solve(end) if stable[end] < 0 else stable[end]
-    known_or_end = [k for k, value in enumerate(out) if value >= 0 or k in (0, len(out) - 1)]
-    for first, last in pairwise(known_or_end):
+    if np.any(stable[members] >= 0):
+        for end in (members[0], members[-1]):
+            stable[end] = solve(end) if stable[end] < 0 else stable[end]
+    for first, last in pairwise([k for k, i in enumerate(members) if stable[i] >= 0 or k in (0, len(members) - 1)]):
         ask(first, last)
-    known = np.array([k for k, value in enumerate(out) if value >= 0])
-    return [out[int(known[np.argmin(np.abs(known - k))])] for k in range(len(out))] if known.size else out
+    known = np.flatnonzero(stable[members] >= 0)
+    if known.size:
+        nearest = [int(known[np.argmin(np.abs(known - k))]) for k in range(len(members))]
+        stable[members] = stable[members][nearest]
 
 
 def _in_digits(problem: MultipointProblem, y: np.ndarray, distance: float) -> int:
@@ -185,14 +181,12 @@ class Missed(NamedTuple):
     """Two points of a branch between which an event is missed.
 
     types: of the events that would explain it. points: indices of the two points, between which the other points leave the side open.
-    h, alpha: at these points. text: what was found. hidden: whether rounding hides the event, as double precision decides the
+    text: what was found. hidden: whether rounding hides the event, as double precision decides the
     stability of neither orbit. It was seen in fifty digits, and cannot be located.
     """
 
     types: tuple[str, ...]
     points: tuple[int, int]
-    h: tuple[float, float]
-    alpha: tuple[float, float]
     text: str
     hidden: bool = False
 
@@ -214,10 +208,6 @@ class _Level(NamedTuple):
 
 def missed_events(branch: Branch) -> list[Missed]:
     """Events that a branch lacks although its points show a crossing.
-
-    Parameters
-    ----------
-    branch : Branch
 
     Returns
     -------
@@ -332,13 +322,9 @@ def _extrema(branch: Branch) -> Iterator[tuple[int, int]]:
             known[i] = float(roundings(branch.problem.inner, pivot))
         return known[i]
 
-    def apart(i: int, j: int) -> bool:
+    def apart(i: int, j: int, times: float = 1.0) -> bool:
         difference = abs(h[i] / h[j] - 1.0)
-        return bool(difference > 2.0 * least and difference > error(i) + error(j))
-
-    def at_extremum(i: int) -> bool:
-        difference = abs(h[i] / h[best] - 1.0)
-        return bool(difference <= 2.0 * least or difference <= 2.0 * (error(i) + error(best)))
+        return bool(difference > 2.0 * least and difference > times * (error(i) + error(j)))
 
     way, best = 0, 0
     for i in range(1, len(h)):
@@ -350,15 +336,14 @@ def _extrema(branch: Branch) -> Iterator[tuple[int, int]]:
             best = i
         elif any((h[i] - h[j]) * way < 0.0 and apart(i, j) for j in range(best, i)):
             first = last = best
-            while first > 0 and at_extremum(first - 1):
+            while first > 0 and not apart(first - 1, best, 2.0):
                 first -= 1
-            while last < i and at_extremum(last + 1):
+            while last < i and not apart(last + 1, best, 2.0):
                 last += 1
             yield first, last
             way, best = -way, i
 
 
 def _missed(branch: Branch, types: tuple[str, ...], i: int, j: int, text: str) -> Missed:
-    h, alpha = branch.points["h"], branch.points["alpha"]
-    ends = (float(h[i]), float(h[j])), (float(alpha[i]), float(alpha[j]))
-    return Missed(types, (i, j), *ends, f"between point {i}, h = {h[i]:.10g}, and point {j}, h = {h[j]:.10g}: {text}")
+    h = branch.points["h"]
+    return Missed(types, (i, j), f"between point {i}, h = {h[i]:.10g}, and point {j}, h = {h[j]:.10g}: {text}")

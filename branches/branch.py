@@ -14,7 +14,7 @@ import numpy as np
 from branches.events import BranchEvent, DigitWork, Ended
 from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
-from bvp.checks import Frozen, real
+from bvp.checks import Frozen, is_finite, real
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.texts import brief, listed, shown, span
 
@@ -145,10 +145,6 @@ class Branch:
         """The other pieces into which the range of energies cuts the family, each with (h, alpha) of its first and last orbit."""
         return self.full_family.others
 
-    def has_id(self, text: str) -> bool:
-        """Whether `text` is an id of this branch's family. It has several if a number in its hash is at a border of rounding."""
-        return text in self.full_family.ids
-
     def unknowns(self, i: int) -> np.ndarray:
         """Unknowns of the multipoint problem near point i: exact start and flight times, nodes by exact flight.
 
@@ -165,10 +161,8 @@ class Branch:
             raise TypeError(f"a point is an integer; received {shown(i)}, expected 0 to {len(self) - 1}") from None
         if not -len(self) <= i < len(self):
             raise IndexError(f"point {shown(i)} does not exist: the branch has {len(self)} points, 0 to {len(self) - 1}")
-        problem = self.problem
-        start = problem.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
-        times = self.points["flight_times"][i].copy()
-        return problem.pack(start, None, times)
+        start = self.system.modes.from_state @ np.concatenate([self.points["start_u"][i], self.points["start_v"][i]])
+        return self.problem.pack(start, None, self.points["flight_times"][i].copy())
 
     def orbit(self, i: int) -> Orbit:
         """The orbit at point i.
@@ -215,19 +209,16 @@ class Branch:
 
         Raises
         ------
-        ValueError, TypeError
+        ValueError
             Unless one of them is given, a finite number above 0.
         """
         if (energy is None) == (alpha is None):
             raise ValueError("give one of energy and alpha")
         name, quantity = ("h", "energy h") if energy is not None else ("alpha", "quarter period alpha")
         asked = energy if energy is not None else alpha
-        try:
-            value = real(asked)
-        except (TypeError, ValueError):
-            raise TypeError(f"the {quantity} is a number; received {shown(asked)}") from None
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"the {quantity} is a finite number above 0; received {value:g}")
+        if not is_finite(asked) or not real(asked) > 0.0:
+            raise ValueError(f"the {quantity} is a finite number above 0; received {shown(asked)}")
+        value = real(asked)
         difference = self.points[name] - value
         out: list[Orbit] = []
         for i in range(len(self) - 1):

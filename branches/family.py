@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -78,7 +78,7 @@ _GRAZING = {
 
 
 def _describe_grazing(problem: MultipointProblem, solution: Solution, verb: str) -> dict[str, Any]:
-    """What is known of a kind of grazing: the stop's letter, a note, and (kind, flight or node, time after the start of the flight)."""
+    """What is known of a kind of grazing: the stop's letter and a note."""
     inner = problem.inner
     if verb == "touches":
         modes = problem.modes
@@ -86,17 +86,17 @@ def _describe_grazing(problem: MultipointProblem, solution: Solution, verb: str)
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contact_side[c] == side)
         flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
         where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
-        return {"stop": letter, "note": f"{where}: a new impact becomes possible", "graze": ("touch", flight, time)}
+        return {"stop": letter, "note": f"{where}: a new impact becomes possible"}
     if verb == "vanishes":
         node = int(solution["speed_node"])
         letter = problem.modes.contact_letters[problem.contacts[node]]
         place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
         note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
-        return {"stop": letter, "note": note, "graze": ("vanish", node, 0.0)}
+        return {"stop": letter, "note": note}
     flight = int(solution["flight_index"])
     here = f"impact {flight}" if flight else "the start"
     there = f"impact {flight + 1}" if flight < inner else "the far end"
-    return {"note": f"{here} and {there} merge: the flight between them has no duration", "graze": ("merge", flight, 0.0)}
+    return {"note": f"{here} and {there} merge: the flight between them has no duration"}
 
 
 def unphysical(problem: MultipointProblem, solution: Solution, tolerance: float = BEYOND) -> str | None:
@@ -114,10 +114,9 @@ def unphysical(problem: MultipointProblem, solution: Solution, tolerance: float 
     """
     inner = problem.inner
     if solution["clearance"] <= -tolerance:
-        touch = _describe_grazing(problem, solution, "touches")
-        _, flight, time = touch["graze"]
-        depth = -solution["clearance"]
-        return f"flight {flight + 1} of {inner + 1} passes beyond stop {touch['stop']} by {depth:.2g} at {time:.6g} after its start"
+        letter, time = _describe_grazing(problem, solution, "touches")["stop"], solution["clearance_time"]
+        flight, depth = int(solution["clearance_flight"]) + 1, -solution["clearance"]
+        return f"flight {flight} of {inner + 1} passes beyond stop {letter} by {depth:.2g} at {time:.6g} after its start"
     if solution["speed"] <= -tolerance * (2.0 * solution["energy"]) ** 0.5:
         impact = _describe_grazing(problem, solution, "vanishes")["note"].partition(" vanishes")[0]
         return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"
@@ -143,13 +142,7 @@ class AdvancedSteps(Sequence[Step]):
     def __len__(self) -> int:
         return len(self.block.y)
 
-    @overload
-    def __getitem__(self, place: int) -> Step: ...
-
-    @overload
-    def __getitem__(self, place: slice) -> AdvancedSteps: ...
-
-    def __getitem__(self, place: int | slice) -> Step | AdvancedSteps:
+    def __getitem__(self, place: Any) -> Any:
         block = self.block
         if isinstance(place, slice):
             return AdvancedSteps(Block(*(array[place] for array in block)))
@@ -206,9 +199,7 @@ class Family:
             TestFunction("LB", "change", False, "the label changes"),
         ]
         self._two_dof = problem.half == 2
-        self._full = True  # false: no more than the tangent and the fold
         if problem.quarters == 1:
-            self._kind = "quarter"
             tests += [
                 TestFunction("SB", "crossing", False, "the last reversal is broken"),
                 TestFunction("SB", "crossing", False, "half-period symmetry breaks, the reversal about the start stays"),
@@ -216,14 +207,12 @@ class Family:
                 TestFunction("PD", "crossing", False, "period doubling"),
             ]
         elif problem.quarters == 2:
-            self._kind = "half"
             tests += [
                 TestFunction("SB", "crossing", False, "the last reversal is broken"),
                 TestFunction("PD", "crossing", False, "period doubling, the reversal about the start stays"),
                 TestFunction("PD", "crossing", False, "period doubling, the reversal about the far end stays"),
             ]
         else:
-            self._kind = "periodic"
             tests += [TestFunction("PD", "crossing", False, "period doubling")]
         if not self._two_dof and not problem.periodic:
             tests += [TestFunction("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
@@ -238,10 +227,9 @@ class Family:
         self._computed = len(tests)
         self.tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
         self.advance: Callable[..., Advance] | None = self._advance if self._two_dof else None
-        low = math.log(energy[0]) if energy[0] > 0.0 else -math.inf
-        high = math.log(energy[1]) if energy[1] < math.inf else math.inf
-        longest = math.log(quarter_period) if quarter_period < math.inf else math.inf
-        self._limits = (low, high, longest)
+        bounds = (*energy, quarter_period)
+        low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
+        self._limits = low, high, longest
         self._targets = [level for _, _, level in self._resonant]
 
     def begin(self, y: np.ndarray) -> Step:
@@ -293,7 +281,7 @@ class Family:
         values = np.array(tests), np.array(older), np.array(oldest)
         beginning = Beginning(step.y, step.tangent, np.array(step.position), *values, before, first)
         towards = Goal(np.asarray(goal), np.full(size + 2, math.nan) if direction is None else direction)
-        compiled, metric = problem.compiled(full=self._full), np.empty((5, size + 2))
+        compiled, metric = problem.compiled(), np.empty((5, size + 2))
         count, tried, ds = advance_block(compiled, _ITERATIONS, control, watched, beginning, towards, ds, metric, block)
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
@@ -314,7 +302,7 @@ class Family:
         m = self.problem.half - 1
         a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
         if not np.isfinite(phi).all():
-            return [math.nan] * (5 if self._kind == "quarter" else 4)
+            return [math.nan] * (5 if self.problem.quarters == 1 else 4)
         pivot = abs(float(solution["branching"]))
         level = (NOISE + PIVOT_NOISE / pivot) * float(np.max(np.abs(phi))) if pivot > 0.0 else math.inf
         speeds = float(solution["speeds"])  # see `branches.kernels.two_dof_tests`
@@ -323,7 +311,7 @@ class Family:
             singular = np.linalg.svd(block, compute_uv=False)
             out.append(speeds * float(np.linalg.det(block)) if singular[-1] > level else math.nan)
         product = b.T @ c
-        if self._kind == "quarter":
+        if self.problem.quarters == 1:
             out.append(speeds**2 * float(np.linalg.det(product + 0.5 * np.eye(m))))
         nu = np.linalg.eigvals(product)
         first, second = np.triu_indices(m, 1)

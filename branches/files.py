@@ -58,14 +58,6 @@ class WriteFailure(RuntimeError):
 def reason(error: OSError) -> str:
     """Say why the operating system refused.
 
-    Parameters
-    ----------
-    error : OSError
-
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> reason(OSError(errno.ENOSPC, "No space left on device"))
@@ -77,14 +69,6 @@ def reason(error: OSError) -> str:
 
 def one_line(error: BaseException) -> str:
     """Return an error's message as one line.
-
-    Parameters
-    ----------
-    error : BaseException
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -157,24 +141,13 @@ def is_database(path: str | os.PathLike[str]) -> bool:
 def read_input(path: str | os.PathLike[str]) -> bytes:
     """The bytes of a file, or of a pipe that somebody writes into.
 
-    Parameters
-    ----------
-    path : path-like
-
-    Returns
-    -------
-    bytes
-
     Raises
     ------
     OSError
         Also for a device, for a pipe that nobody writes into, and for what has no end.
     """
 
-    def at_once(name: str, flags: int) -> int:
-        return os.open(name, flags | getattr(os, "O_NONBLOCK", 0))
-
-    with open(path, "rb", opener=at_once) as file:
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         mode = os.fstat(file.fileno()).st_mode
         if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
             raise OSError("it is a device, expected a file")
@@ -198,34 +171,19 @@ def _await_writer(pipe: int) -> None:
     os.set_blocking(pipe, True)
 
 
-@contextmanager
-def _with_reader(path: Path) -> Iterator[None]:
-    """Wait for somebody who reads from what may be a pipe, at most for a while; it stays open to write within the block.
-
-    Raises
-    ------
-    OSError
-        Where nobody has opened it to read.
-    """
-    if not path.is_fifo():
-        yield
-        return
+def _opened_pipe(path: Path) -> int | None:
+    """A pipe, open to write as soon as somebody reads from it, at most for a while; None for what is no pipe."""
     end = time.monotonic() + PATIENCE
-    while True:
+    while path.is_fifo():
         try:
-            pipe = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+            return os.open(path, os.O_WRONLY | os.O_NONBLOCK)
         except OSError as error:
             if error.errno != errno.ENXIO:
                 raise
             if time.monotonic() > end:
                 raise OSError(f"it is a pipe, and nobody has opened it to read for {PATIENCE:g} seconds") from error
             time.sleep(0.02)
-        else:
-            break
-    try:
-        yield
-    finally:
-        os.close(pipe)
+    return None
 
 
 @contextmanager
@@ -237,16 +195,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     The temporary file has the suffix of `path`, the mode of the file it replaces (else the user's default mode), and is on
     disk before it is moved. A link is followed. What is not a regular file (a pipe, ``/dev/null``) cannot be replaced: the
     block then gets `path` itself, and a pipe is waited for until somebody reads from it, at most for `PATIENCE` seconds.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be written.
-
-    Yields
-    ------
-    pathlib.Path
-        The file to write into.
 
     Raises
     ------
@@ -265,8 +213,12 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     try:
         if is_special(path):
-            with _with_reader(Path(path)):
+            pipe = _opened_pipe(Path(path))
+            try:
                 yield Path(path)
+            finally:
+                if pipe is not None:
+                    os.close(pipe)
             return
         target = Path(os.path.realpath(path))
         if target.is_dir():
@@ -279,13 +231,9 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         beside = Path(name)
         try:
             yield beside
-            if target.exists():
-                mode = stat.S_IMODE(target.stat().st_mode)
-            else:
-                mask = os.umask(0)
-                os.umask(mask)
-                mode = 0o666 & ~mask
-            beside.chmod(mode)
+            mask = os.umask(0)
+            os.umask(mask)
+            beside.chmod(stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~mask)
             with beside.open("rb+") as file:
                 os.fsync(file.fileno())
             os.replace(beside, target)
@@ -297,11 +245,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write `text` as UTF-8 to `path`: completely, or not at all.
-
-    Parameters
-    ----------
-    path : path-like
-    text : str
 
     Raises
     ------

@@ -12,19 +12,20 @@ window is known by what is inside. A branch all above it is followed down into i
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Generic, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from branches.family import SETTINGS, AdvancedSteps, Family
-from branches.identity import FamilyMark, canonical_orbit, digests, is_solved_as_it_is, mark_of
+from branches.identity import canonical_orbit, is_solved_as_it_is, pattern_of
 from branches.orbit import stacked
-from branches.presentation import Symmetries, symmetries
-from branches.sequences import canonical_sequence, join_family_id
+from branches.presentation import symmetries
+from branches.sequences import canonical_sequence, format_ends
 from bvp.checks import read_only
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
@@ -35,13 +36,10 @@ from continuation.problem import EndReason, Point
 from continuation.run import Run, follow_both_ways
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from branches.events import BranchEvent, Ended
-    from branches.orbit import Orbit
+    from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["Course", "FullFamily", "Piece", "energy_scale", "full_family", "has_jumped", "longest_course", "order", "solutions_of"]
+__all__ = ["Course", "FamilyMark", "FullFamily", "Piece", "digests", "energy_scale", "full_family", "longest_course", "solutions_of"]
 
 Result = TypeVar("Result")
 
@@ -57,6 +55,12 @@ WINDOW = (1e-3, 1e5)
 TIE = 1e-8
 """Relative difference of energies, and of quarter periods, below which they are equal."""
 
+DIGITS = 6
+"""Significant digits of the numbers in a family's hash."""
+
+BORDER = 1e-9
+"""Relative distance from a border of rounding within which both roundings name the family."""
+
 _FOLD, _GUARDS = (0,), (2, 3, 4)
 """Places of the tests for folds and for grazing among the tests of a `Family`."""
 
@@ -67,24 +71,6 @@ _REACH = 1e-7
 """Arclength over which a located end is polished."""
 
 
-class Followed(Protocol):
-    """The attributes of a branch that identify its family. This module cannot import `branches.branch.Branch`, which imports it."""
-
-    @property
-    def problem(self) -> MultipointProblem: ...
-    @property
-    def points(self) -> Mapping[str, np.ndarray]: ...
-    @property
-    def events(self) -> Sequence[BranchEvent]: ...
-    @property
-    def ended(self) -> tuple[Ended, Ended]: ...
-    @property
-    def start(self) -> int: ...
-    @property
-    def energy(self) -> tuple[float, float]: ...
-    def orbit(self, i: int) -> Orbit: ...
-
-
 class Piece(NamedTuple):
     """Another part of a cut family inside the same range of energies: (h, alpha) of its first and its last orbit."""
 
@@ -92,9 +78,22 @@ class Piece(NamedTuple):
     last: tuple[float, float]
 
 
+class FamilyMark(NamedTuple):
+    """An orbit of a family that identifies it: what kind of point it is, and numbers that no presentation changes.
+
+    kind: "GR", "SN" or "EP". h: energy. alpha: quarter period. pattern: `branches.identity.pattern_of` of the impacts in the period. At the
+    grazing of a linear mode many families begin with one energy and one period, and only their patterns differ.
+    """
+
+    kind: str
+    h: float
+    alpha: float
+    pattern: float
+
+
 @dataclass(frozen=True)
 class FullFamily:
-    """A family as a whole, found by following a branch past its cut ends.
+    """A full family, found by following a branch past its cut ends.
 
     Parameters
     ----------
@@ -117,24 +116,14 @@ class FullFamily:
     alpha: np.ndarray
 
     def reach(self, energy: tuple[float, float], quarter_period: float) -> tuple[tuple[float, float], float] | None:
-        """The limits within which the family hangs together, where it leaves those given and comes back into them.
-
-        Parameters
-        ----------
-        energy : (float, float)
-        quarter_period : float
-            The longest.
-
-        Returns
-        -------
-        ((float, float), float) or None
-            Energies and the longest quarter period; None where the family is in one piece.
-        """
+        """The energies and the longest quarter period within which the family hangs together, where it leaves those given and comes back
+        into them; None where it is in one piece."""
         inside = (self.h >= energy[0]) & (self.h <= energy[1]) & (self.alpha <= quarter_period)
         places = np.flatnonzero(inside)
         if not places.size or np.all(inside[places[0] : places[-1] + 1]):
             return None
-        if self.closed and _runs(inside) - int(inside[0] and inside[-1]) < 2:
+        # A closed family may begin inside: its last piece then continues in the first.
+        if self.closed and np.sum(inside & ~np.roll(inside, 1)) < 2:
             return None
         part = slice(places[0], places[-1] + 1)
         h, alpha = self.h[part], self.alpha[part]
@@ -158,25 +147,16 @@ def energy_scale(system: ImpactSystem) -> float:
     It is the energy of a stop's effective mass that oscillates through its gap in the fastest mode, the largest of all stops. It is 1 if
     no mode has a frequency, or no stop a finite gap."""
     modes = system.modes
-    fastest = float(np.max(modes.squares))
-    n = system.degrees_of_freedom
-    scales = [
-        0.5 * fastest * float(modes.contact_bound[c]) ** 2 / float(np.sum(modes.contact_gap[c, :n] ** 2))
-        for c in range(len(modes.contact_side))
-    ]
-    return max(scales, default=0.0) or 1.0
+    size = np.sum(modes.contact_gap[:, : system.degrees_of_freedom] ** 2, axis=1)
+    scales = 0.5 * float(np.max(modes.squares)) * modes.contact_bound**2 / size
+    return float(np.max(scales, initial=0.0)) or 1.0
 
 
 class Course(NamedTuple, Generic[Result]):
     """A run along a family, or the branch of one, as `longest_course` compares them.
 
-    result : Run or Branch
-    arclength : (N,) float
-        Of its points.
-    unknowns : callable
-        Index of a point -> its unknowns.
-    stuck : bool
-        Whether the corrector failed at an end.
+    result: a run or a branch. arclength (N,): of its points. unknowns: index of a point -> its unknowns. stuck: whether the corrector
+    failed at an end.
     """
 
     result: Result
@@ -196,12 +176,16 @@ def longest_course(
     """The longest run along the family of an orbit.
 
     Beside a branch point the equations are nearly singular, and a run can get stuck there or go over to the other family. A stuck run is
-    followed again from elsewhere, so that its steps avoid the branch point. After a jump the steps are made finer.
+    followed again from elsewhere, so that its steps avoid the branch point. After a jump the steps are made finer. Both families can leave
+    their branch point nearly in one direction, but their orbits differ in their symmetries.
     """
 
     def jumped(course: Course[Result]) -> bool:
         last = len(course.arclength) - 1
-        return last > 2 and has_jumped(problem, course.unknowns(1), course.unknowns(last - 1))
+        if last <= 2:
+            return False
+        first, final = (symmetries(cycle_of(problem, course.unknowns(i))).order for i in (1, last - 1))
+        return first != final
 
     def fine(start: np.ndarray) -> tuple[Course[Result], bool]:
         steps, course = settings, follow(start, settings)
@@ -222,19 +206,6 @@ def longest_course(
         if (-1.0 if other_failed else other.length) > (-1.0 if failed else best.length):
             best, failed = other, other_failed
     return best
-
-
-def has_jumped(problem: MultipointProblem, first: np.ndarray, last: np.ndarray) -> bool:
-    """Whether steps from one orbit to the other went over to a family of more symmetry: then the two differ in their symmetries.
-
-    The two families can leave their branch point nearly in one direction, as seen in the start state and the energy.
-    """
-    return order(symmetries(cycle_of(problem, first))) != order(symmetries(cycle_of(problem, last)))
-
-
-def order(found: Symmetries) -> int:
-    """How many symmetries an orbit has, itself and its mirror image taken as two."""
-    return found.cover * (1 + found.half) * max(1, len(found.reversals))
 
 
 def solutions_of(points: Sequence[Point]) -> Solution:
@@ -262,21 +233,9 @@ class _Curve(NamedTuple):
     start: int
 
 
-def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
-    """Follow a branch's family on where it was cut, and identify it.
+def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
+    """Follow a branch's family on where it was cut, and identify it; `wider` is a wider branch of the family, from the same orbit.
 
-    Parameters
-    ----------
-    branch : branches.branch.Branch
-    wider : branches.branch.Branch, optional
-        A wider branch of the family, followed from the same orbit.
-
-    Returns
-    -------
-    FullFamily
-
-    Notes
-    -----
     A branch of orbits that are another orbit run through several times, or half an orbit with half-period symmetry, is identified as the
     family of that orbit.
     """
@@ -294,16 +253,11 @@ def full_family(branch: Followed, wider: Followed | None = None) -> FullFamily:
         curve = _followed(problem, y, window)
     marks = _marks(Family(problem, window, ends_only=True), curve)
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
-    ids = tuple(join_family_id(ends, sequence, digest) for digest in digests(marks))
+    ids = tuple(f"{format_ends(ends)}:{''.join(sequence)}:{digest}" for digest in digests(marks))
     return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), read_only(curve.h), read_only(curve.alpha))
 
 
-def _runs(inside: np.ndarray) -> int:
-    """How many unbroken runs of true there are."""
-    return int(np.sum(inside[1:] & ~inside[:-1])) + int(inside[0])
-
-
-def _primitive(branch: Followed, points: list[int]) -> tuple[MultipointProblem, np.ndarray]:
+def _primitive(branch: Branch, points: list[int]) -> tuple[MultipointProblem, np.ndarray]:
     """The problem and one orbit of the branch. If the branch solves covers, or uses fewer symmetries than its orbits have, the result is
     its primitive orbit with all symmetries. Two orbits are tested, since one orbit at a bifurcation has more symmetry than its family."""
     problem = branch.problem
@@ -316,7 +270,7 @@ def _primitive(branch: Followed, points: list[int]) -> tuple[MultipointProblem, 
     return canonical_orbit(problem, y)
 
 
-def _known(branch: Followed) -> _Curve | None:
+def _known(branch: Branch) -> _Curve | None:
     """The family from a branch that was not cut; None where it was."""
     grazing = []
     closed = branch.ended[1].reason == "CLOSED"
@@ -360,16 +314,37 @@ def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
     """What identifies the family: the lowest of its ends, else of its folds, else of where it leaves the window."""
     problem = family.problem
     if curve.grazing:
-        marks = [mark_of("GR", problem, _polished(family, y, _GUARDS)) for y in curve.grazing]
+        kind, orbits = "GR", [_polished(family, y, _GUARDS) for y in curve.grazing]
     elif curve.folds:
-        marks = [mark_of("SN", problem, _polished(family, y, _FOLD)) for y in curve.folds]
+        kind, orbits = "SN", [_polished(family, y, _FOLD) for y in curve.folds]
     else:
-        marks = [mark_of("EP", problem, y) for y in curve.cuts]
+        kind, orbits = "EP", curve.cuts
+    marks = []
+    for y in orbits:
+        cycle = cycle_of(problem, y)
+        pattern = pattern_of(problem.system, cycle.times / cycle.period, cycle.contact)
+        marks.append(FamilyMark(kind, problem.energy(y), problem.quarter_period(y), pattern))
     for name in ("h", "alpha", "pattern"):
         # Marks that are equal within their error cannot be ordered, so all of them are kept.
         least = min(getattr(mark, name) for mark in marks)
         marks = [mark for mark in marks if getattr(mark, name) <= least * (1.0 + TIE)]
     return tuple(sorted(marks))
+
+
+def digests(marks: Iterable[FamilyMark]) -> tuple[str, ...]:
+    """Hashes that name a family with these marks, the proper one first.
+
+    The numbers of the first mark are rounded to six digits and hashed. Rounding has borders, wherever one puts them: a number within
+    1e-9 of one has both roundings, and each of the hashes that come of that, and those of further marks, names the family too.
+    """
+    out: dict[str, None] = {}
+    for mark in marks:
+        numbers = mark[1:]
+        texts = [dict.fromkeys(f"{number * (1.0 + shift):.{DIGITS - 1}e}" for shift in (0.0, -BORDER, BORDER)) for number in numbers]
+        for parts in itertools.product(*texts):
+            text = ":".join((mark.kind, *parts))
+            out[hashlib.sha256(text.encode()).hexdigest()[:8]] = None
+    return tuple(out)
 
 
 def _polished(family: Family, y: np.ndarray, tests: tuple[int, ...]) -> np.ndarray:
@@ -398,10 +373,11 @@ def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
     """The pieces of the family inside a range of energies, except the piece where the branch started."""
     # Places along the curve, counted in points, where it crosses a bound; between two of them it is inside or outside.
     level = np.log(curve.h)
+    low, high = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in energies)
     places = [0.0, float(len(level) - 1)]
-    for bound in energies:
-        if 0.0 < bound < math.inf:
-            height = level - math.log(bound)
+    for bound in (low, high):
+        if math.isfinite(bound):
+            height = level - bound
             at = np.flatnonzero((height[:-1] > 0.0) != (height[1:] > 0.0))
             places += list(at + height[at] / (height[at] - height[at + 1]))
     places = sorted(places)
@@ -410,7 +386,6 @@ def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
     def orbit(place: float) -> tuple[float, float]:
         return math.exp(float(np.interp(place, index, level))), float(np.interp(place, index, curve.alpha))
 
-    low, high = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in energies)
     runs = [(a, b) for a, b in itertools.pairwise(places) if b > a and low <= np.interp(0.5 * (a + b), index, level) <= high]
     if curve.closed and len(runs) > 1 and runs[0][0] == 0.0 and runs[-1][1] == places[-1]:
         runs = [(runs[-1][0], runs[0][1]), *runs[1:-1]]

@@ -1,4 +1,4 @@
-"""Identification of orbits and families: one canonical presentation of each orbit, and the marks that identify a family.
+"""Identification of orbits: one canonical presentation of each.
 
 An orbit can be solved between other ends, started at another impact, at its other end, as its mirror image -u, backwards in time, or run
 through several times. `canonical_orbit` takes all of these to one presentation.
@@ -6,11 +6,9 @@ through several times. `canonical_orbit` takes all of these to one presentation.
 
 from __future__ import annotations
 
-import hashlib
-import itertools
 from collections.abc import Iterable, Sequence
 from functools import lru_cache, reduce
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,16 +21,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "FamilyMark", "canonical_orbit", "cover_of", "digests", "first_of", "is_solved_as_it_is", "mark_of", "pattern_of",
-    "same_orbit",
+    "canonical_orbit", "cover_of", "first_of", "is_solved_as_it_is", "pattern_of", "same_orbit",
 ]  # fmt: skip
-
-DIGITS = 6
-"""Significant digits of the numbers in a family's hash."""
-
-BORDER = 1e-9
-"""Relative distance from a border of rounding within which both roundings name the family."""
-
 
 def is_solved_as_it_is(problem: MultipointProblem, y: np.ndarray) -> bool:
     """Whether an orbit is run through once, between neighbouring ones of its reversals, and on itself only where it has none."""
@@ -136,42 +126,16 @@ def cover_of(problem: MultipointProblem, solution: Solution) -> int:
 def _may_repeat(ends: Ends, sequence: ImpactSequence) -> bool:
     """Whether the contact sequence of a period repeats a shorter sequence, or a shorter sequence and its mirror image in turn."""
     letters = full_sequence(sequence, ends)
-    count = len(letters)
+    count, half = len(letters), len(letters) // 2
     if any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count)):
         return True
     # Of a quarter the second half period is the image of the first in any case: its problem solves such an orbit once.
-    half = count // 2
-    return segments_per_period(ends) == 2 and count % 2 == 0 and letters[half:] + letters[:half] == mirror(letters)
-
-
-class FamilyMark(NamedTuple):
-    """An orbit of a family that identifies it: what kind of point it is, and numbers that no presentation changes.
-
-    kind: "GR", "SN" or "EP". h: energy. alpha: quarter period. pattern: of the impacts in the period, see `mark_of`.
-    """
-
-    kind: str
-    h: float
-    alpha: float
-    pattern: float
-
-
-def mark_of(kind: str, problem: MultipointProblem, y: np.ndarray) -> FamilyMark:
-    """The mark of an orbit.
-
-    Notes
-    -----
-    At the grazing of a linear mode many families begin with one energy and one period, also with one sequence: their impacts come at
-    different instants. The pattern, a mean over all pairs of impacts of a function of their distance in time (and of whether the
-    same side is hit), does not change under a shift, reversal or mirror, and is continuous.
-    """
-    cycle = cycle_of(problem, y)
-    pattern = pattern_of(problem.system, cycle.times / cycle.period, cycle.contact)
-    return FamilyMark(kind, problem.energy(y), problem.quarter_period(y), pattern)
+    return segments_per_period(ends) == 2 and count % 2 == 0 and letters[half:] == mirror(letters[:half])
 
 
 def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> float:
-    """A number for the instants of an orbit's impacts that no shift, reversal or mirror changes.
+    """A number for the instants of an orbit's impacts: a mean over all pairs of a function of their distance in time, and of whether the
+    same side is hit. It is continuous, and no shift, reversal or mirror changes it.
 
     Parameters
     ----------
@@ -185,19 +149,3 @@ def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> 
     stop, side = system.modes.contact_stop[contact], system.modes.contact_side[contact]
     same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)
     return float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))
-
-
-def digests(marks: Iterable[FamilyMark]) -> tuple[str, ...]:
-    """Hashes that name a family with these marks, the proper one first.
-
-    The numbers of the first mark are rounded to six digits and hashed. Rounding has borders, wherever one puts them: a number within
-    1e-9 of one has both roundings, and each of the hashes that come of that, and those of further marks, names the family too.
-    """
-    out: dict[str, None] = {}
-    for mark in marks:
-        numbers = mark[1:]
-        texts = [dict.fromkeys(f"{number * (1.0 + shift):.{DIGITS - 1}e}" for shift in (0.0, -BORDER, BORDER)) for number in numbers]
-        for parts in itertools.product(*texts):
-            text = ":".join((mark.kind, *parts))
-            out[hashlib.sha256(text.encode()).hexdigest()[:8]] = None
-    return tuple(out)

@@ -1,25 +1,41 @@
-"""Linear modes: free motion without impacts, up to the energy at which it touches a stop."""
+"""Linear modes, free motion without impacts, and the families that begin at the energy at which a mode touches a stop.
+
+At its grazing energy a mode touches the stops at M instants, half a period apart, in its k-fold cover. Let an impulse of size P_i >= 0
+act at instant i, away from the stop, and let the mode's own displacement at the stop grow by e. The impulses act where the mode is at rest,
+so to first order they change its phase but not its amplitude, and the other modes answer by x = -C P at the stops, where
+
+    C_ij = s_i s_j sum_l b_il b_jl g_l(t_i - t_j),     g_l(t) = cos(w_l (t - T/2)) / (2 w_l sin(w_l T/2)),   0 <= t <= T
+
+is their periodic response. Here s_i = +-1 is the side of the stop, b_il the participation of mode l there, and T the period of the cover.
+At each instant there is either an impact, with x_i + e = 0 and P_i > 0, or none, with x_i + e < 0 and P_i = 0. This is a linear
+complementarity problem. Its solutions with e > 0 begin upward in energy, those with e < 0 downward, and impact speeds grow in proportion to
+|e|. Where C restricted to the impacts is regular, the implicit function theorem gives exactly one family for each solution, and no others
+begin there.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.grazing.touching import Touching
+from branches.grazing.following import Neighbour, meet
+from branches.grazing.touching import EVERY, Touching, candidate, mode_label
+from branches.sequences import PERIODIC
+from branches.tracing import follow_family
 from bvp.checks import require_system
-from bvp.texts import brief, span
+from bvp.texts import brief, shown, span, takes_options_of
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["LinearMode", "linear_modes", "mode_of"]
+__all__ = ["LinearMode", "beginnings", "families_at", "linear_modes", "response"]
 
+_RESONANT = 1e-9
 _MARGIN = 1e-9
-_ALONE = 1e-6
 
 
 @brief
@@ -47,14 +63,10 @@ class LinearMode:
         """A quarter of its period."""
         return 0.5 * math.pi / self.frequency
 
-    @cached_property
+    @property
     def label(self) -> str:
         """L11+ where absorber and primary move the same way, L11- where they do not; "" for other systems than two such masses."""
-        system = self.system
-        if system.degrees_of_freedom != 2 or system.absorber is None or system.primary is None:
-            return ""
-        shape = system.modes.shapes[:, self.index]
-        return "L11+" if shape[system.absorber] * shape[system.primary] > 0.0 else "L11-"
+        return mode_label(self.system, self.index)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         rows = [("frequency", f"{self.frequency:.10g}, alpha = {self.alpha:.10g}"), ("energies", span("h", self.energies))]
@@ -94,20 +106,17 @@ class LinearMode:
             Where it touches two stops at one instant.
         """
         modes = self.system.modes
-        n = self.system.degrees_of_freedom
-        rows: list[tuple[float, int, float]] = []
-        for letter in self.stops:
-            contact = modes.contact_letters.index(letter)
-            side = math.copysign(1.0, modes.contact_bound[contact] * modes.contact_gap[contact, self.index])
-            rows.append((self.alpha * (1.0 if side > 0.0 else 3.0), contact, side * self.amplitude))
-        rows.sort()
-        if len({time for time, _, _ in rows}) < len(rows):
+        contacts = np.array([modes.contact_letters.index(letter) for letter in self.stops], dtype=np.int64)
+        sides = np.sign(modes.contact_bound[contacts] * modes.contact_gap[contacts, self.index])
+        order = np.argsort(-sides)
+        contacts, sides = contacts[order], sides[order]
+        if len(set(sides)) < len(sides):
             raise ValueError(f"the mode of frequency {self.frequency:.10g} touches the stops {', '.join(self.stops)} at one instant")
-        states = np.zeros((len(rows), 2 * n))
-        states[:, self.index] = [displacement for _, _, displacement in rows]
-        times, contacts = np.array([row[0] for row in rows]), np.array([row[1] for row in rows], dtype=np.int64)
-        grazing = np.ones(len(rows), dtype=bool)
-        return Touching(self.system, 4.0 * self.alpha, times, contacts, states, states, grazing, 0).repeated(cover)
+        states = np.zeros((len(sides), 2 * self.system.degrees_of_freedom))
+        states[:, self.index] = sides * self.amplitude
+        times = self.alpha * np.where(sides > 0.0, 1.0, 3.0)
+        orbit = Touching(self.system, 4.0 * self.alpha, times, contacts, states, states, np.ones(len(sides), dtype=bool), 0)
+        return orbit.repeated(cover)
 
 
 def linear_modes(system: ImpactSystem) -> list[LinearMode]:
@@ -141,10 +150,121 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     ]
 
 
-def mode_of(orbit: Touching) -> LinearMode | None:
-    """The one mode that a grazing orbit without hard impacts is the motion of; None where several modes move."""
+def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
+    """C (M, M): minus the displacement towards the stop, at each instant, by unit impulses away from it at each instant.
+
+    Returns
+    -------
+    ndarray or None
+        None where another mode is in resonance with the cover, or is a rigid-body mode: it has no periodic response.
+    """
     modes = orbit.system.modes
-    n = len(modes.frequencies)
-    energies = 0.5 * (modes.squares * orbit.after[0, :n] ** 2 + orbit.after[0, n:] ** 2)
-    k = int(np.argmax(energies))
-    return LinearMode(orbit.system, k) if np.sum(energies) - energies[k] < _ALONE**2 * energies[k] else None
+    apart = (orbit.times[:, None] - orbit.times[None, :]) % orbit.period
+    out = np.zeros_like(apart)
+    side = modes.contact_side[orbit.contact]
+    for k, frequency in enumerate(modes.frequencies):
+        if k == mode.index:
+            continue
+        participation = side * modes.contact_gap[orbit.contact, k]
+        if np.max(np.abs(participation)) == 0.0:
+            continue
+        swing = 2.0 * frequency * math.sin(0.5 * frequency * orbit.period)
+        if not abs(swing) > _RESONANT:
+            return None
+        out += np.outer(participation, participation) * np.cos(frequency * (apart - 0.5 * orbit.period)) / swing
+    return out
+
+
+def begins(matrix: np.ndarray, impacts: np.ndarray) -> int:
+    """Whether a family with these impacts begins upward (1) or downward (-1) in energy, to first order, or not at all (0).
+
+    Parameters
+    ----------
+    matrix : (M, M) float
+        C.
+    impacts : (M,) bool
+    """
+    try:
+        impulses = np.linalg.solve(matrix[np.ix_(impacts, impacts)], np.ones(int(np.sum(impacts))))
+    except np.linalg.LinAlgError:
+        return 0
+    gaps = 1.0 - matrix[np.ix_(~impacts, impacts)] @ impulses
+    size = float(np.max(np.abs(impulses)))
+    for side in (1, -1):
+        if np.all(side * impulses > -_MARGIN * size) and np.all(side * gaps < _MARGIN):
+            return side
+    return 0
+
+
+@takes_options_of(follow_family)
+def families_at(mode: LinearMode, cover: int, impacts: int, *, periodic: bool = True, **options: Any) -> list[Neighbour]:
+    """The families that begin where a linear mode touches the stops, with the period of its k-fold cover.
+
+    Parameters
+    ----------
+    mode : LinearMode
+    cover : int
+        k. Families of a shorter period belong to a smaller k. At most 11, so that all choices can be tried.
+    impacts : int
+        Most impacts in half a period.
+    periodic : bool
+        Whether families without a reversal are given too; not beyond twelve touches in the cover.
+    **options
+        As for `branches.tracing.follow_family`; where the mode grazes outside the `energy` range there are none.
+
+    Returns
+    -------
+    list of Neighbour
+        In the order of their impacts; of kind "passage" where the family begins upward in energy, above the mode, and "fold" where it
+        begins downward, beside the mode.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> mode = saltus.linear_modes(saltus.vibro_impact_nes(mu=0.1, sigma=0.1))[0]
+    >>> [(family.label, family.kind) for family in families_at(mode, 2, 5, points=30) if family.ends == ("origin", "origin")]
+    [('U2210+', 'fold')]
+    """
+    energy = options.get("energy", (0.0, math.inf))
+    return [item.followed(**options) for item in beginnings(mode, cover, impacts, periodic=periodic, energy=energy)]
+
+
+def beginnings(
+    mode: LinearMode, cover: int, impacts: int, *, periodic: bool = True, energy: tuple[float, float] = (0.0, math.inf)
+) -> list[Neighbour]:
+    """The families of `families_at`, each with only its first orbit `beside` the mode.
+
+    Parameters
+    ----------
+    mode, cover, impacts, periodic
+        As for `families_at`.
+    energy : (float, float)
+        Where the mode grazes outside there are none.
+
+    Raises
+    ------
+    ValueError
+        For a cover or impacts out of range.
+    """
+    if not isinstance(mode, LinearMode):
+        raise TypeError(f"the mode is {shown(mode)}, expected one of saltus.linear_modes(system)")
+    for name, value, most in (("cover", cover, EVERY - 1), ("impacts", impacts, math.inf)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
+            raise ValueError(f"{name} = {shown(value)}: expected an integer, 1 {f'to {most}' if name == 'cover' else 'or more'}")
+    low, high = energy
+    if not low <= mode.energies[1] <= high:
+        return []
+    orbit = mode.touching(cover)
+    matrix = response(mode, orbit)
+    found = []
+    for mask in orbit.choices():
+        chosen = np.array([bool(mask >> i & 1) for i in range(len(orbit.times))])
+        if not 0 < np.sum(chosen) <= 2 * impacts or (matrix is not None and not begins(matrix, chosen)):
+            continue
+        choice = candidate(orbit, mask)
+        if choice.cover > 1 or (choice.ends == PERIODIC and not periodic):
+            continue
+        family = meet(orbit, choice, False)
+        if family.beside is not None:
+            found.append(family)
+    return sorted(found, key=lambda item: (item.impacts, item.ends, item.sequence))

@@ -231,8 +231,7 @@ def orbit_columns(
     waves = np.maximum(entry["waves_absorber"].astype(int), 1)
     frequency = 2.0 * np.pi / (4.0 * entry["quarter_period"])
     speeds = impact_speeds(problem, starts, rows.ends)
-    slowest = np.min(np.abs(speeds), axis=1) if speeds.shape[1] else np.full(count, np.inf)
-    grazing = slowest < GRAZING * np.sqrt(2.0 * entry["energy"])
+    grazing = np.min(np.abs(speeds), axis=1, initial=np.inf) < GRAZING * np.sqrt(2.0 * entry["energy"])
     columns = {
         "h": entry["energy"],
         "alpha": entry["quarter_period"],
@@ -254,28 +253,14 @@ def orbit_columns(
 
 
 def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Speeds of approach at the impacts of the segment in order of time, those at its ends included.
-
-    Parameters
-    ----------
-    problem : MultipointProblem
-    starts : (N, 2 n) float
-        States at the start of the segment.
-    ends : (N, k + 1, 2 n) float
-        States at the end of each flight.
-
-    Returns
-    -------
-    (N, number of impacts) float
-    """
-    segment = problem.segment
-    columns = []
-    if problem.kinds[0] == kernel.STOP:
-        columns.append(-segment.side[problem.inner + 1] * (starts @ segment.gap_rate[problem.inner + 1]))
+    """Speeds of approach (N, m) at the m impacts of a segment in order of time, those at its ends included, from the states at its start
+    (N, 2 n) and at the end of each flight (N, k + 1, 2 n)."""
+    side, rate = problem.segment.side, problem.segment.gap_rate
     hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
-    for i in range(hits):
-        columns.append(segment.side[i] * (ends[:, i] @ segment.gap_rate[i]))
-    return np.array(columns).T if columns else np.zeros((len(ends), 0))
+    speeds = [side[i] * (ends[:, i] @ rate[i]) for i in range(hits)]
+    if problem.kinds[0] == kernel.STOP:
+        speeds.insert(0, -side[problem.inner + 1] * (starts @ rate[problem.inner + 1]))
+    return np.array(speeds).reshape(-1, len(ends)).T
 
 
 def _two_dof_stability(
@@ -320,16 +305,11 @@ def _two_dof_stability(
 
 def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.ndarray) -> dict[str, np.ndarray]:
     """More degrees of freedom: orbit by orbit."""
-    count, size = len(rows.y), problem.size
-    columns: dict[str, np.ndarray] = {
-        "multipliers": np.full((count, size - 2), np.nan, complex),
-        "tau": np.full(count, np.nan),
-        "tau_half": np.full(count, np.nan),
-        "stable": np.full(count, -1, np.int8),
-        "trivial": np.full(count, np.nan),
-        "pairing": np.full(count, np.nan),
-        "reliable": np.zeros(count, bool),
-    }
+    count = len(rows.y)
+    columns: dict[str, np.ndarray] = {name: np.full(count, np.nan) for name in ("tau", "tau_half", "trivial", "pairing")}
+    columns["multipliers"] = np.full((count, problem.size - 2), np.nan, complex)
+    columns["stable"] = np.full(count, -1, np.int8)
+    columns["reliable"] = np.zeros(count, bool)
     for i in np.flatnonzero(~grazing):
         solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
         found = saddle_point_multipliers(cycle_of(problem, solution.y))

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, mirror, mirror_ends
+from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, mirror, segments_per_period
 from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -51,9 +51,7 @@ class Presentation(NamedTuple):
     @property
     def quarter_period(self) -> float:
         """A quarter of the period of the orbit."""
-        first, last = self.ends
-        quarters = 4 if first == "periodic" else 1 if (first == "origin") != (last == "origin") else 2
-        return float(np.sum(self.times)) / quarters
+        return 0.25 * segments_per_period(self.ends) * float(np.sum(self.times))
 
     @property
     def leans(self) -> bool:
@@ -70,7 +68,8 @@ class Presentation(NamedTuple):
 
     def mirrored(self) -> Presentation:
         """The presentation of -u."""
-        return Presentation(mirror_ends(self.ends), mirror(self.sequence), -self.start, -self.nodes, self.times)
+        first, last = mirror(self.ends)
+        return Presentation((first, last), mirror(self.sequence), -self.start, -self.nodes, self.times)
 
 
 def presentation_of(problem: MultipointProblem, y: np.ndarray) -> Presentation:
@@ -167,6 +166,11 @@ class Symmetries(NamedTuple):
     half: bool
     reversals: tuple[tuple[float, int], ...]
 
+    @property
+    def order(self) -> int:
+        """How many symmetries the orbit has, itself and its mirror image taken as two."""
+        return self.cover * (1 + self.half) * max(1, len(self.reversals))
+
 
 class Shifts(NamedTuple):
     """Which shifts of its impacts map an orbit to itself, or to its mirror image.
@@ -187,17 +191,16 @@ def shifts_of(cycle: Cycle, tolerance: float = SAME) -> Shifts:
     sizes = np.abs(cycle.after)
     time = tolerance * float(cycle.duration.max())
     state = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
-    length = next((d for d in range(1, count) if count % d == 0 and _is_shifted(cycle, d, 1, time, state)), count)
-    half = cycle.system.has_odd_symmetry and length % 2 == 0 and _is_shifted(cycle, length // 2, -1, time, state)
+
+    def is_shifted(by: int, sign: int) -> bool:
+        """Whether the orbit is `sign` times itself so many impacts later."""
+        if (np.abs(np.roll(cycle.duration, -by) - cycle.duration) > time).any():
+            return False
+        return bool((np.abs(np.roll(cycle.after, -by, axis=0) - sign * cycle.after) <= state).all())
+
+    length = next((d for d in range(1, count) if count % d == 0 and is_shifted(d, 1)), count)
+    half = cycle.system.has_odd_symmetry and length % 2 == 0 and is_shifted(length // 2, -1)
     return Shifts(length, half, time, state)
-
-
-def _is_shifted(cycle: Cycle, by: int, sign: int, time: float, state: np.ndarray) -> bool:
-    """Whether an orbit is `sign` times itself so many impacts later, within differences of flight times and states."""
-    later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
-    if (np.abs(later - cycle.duration) > time).any():
-        return False
-    return bool((np.abs(np.concatenate([cycle.after[by:], cycle.after[:by]]) - sign * cycle.after) <= state).all())
 
 
 def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
@@ -229,15 +232,8 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
 
 
 def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
-    """All presentations of an orbit, or of the primitive one that it repeats, that have its canonical ends and sequence.
-
-    Images under mirror and reversal in time count as the same orbit. There are several where the sequence is its own image.
-    """
-    cycle, found = _primitive(cycle_of(problem, y))
-    if found.reversals:
-        return with_canonical_sequence(problem.system, _between_reversals(cycle, found))
-    sequence, _ = canonical_sequence(cycle.letters, PERIODIC, odd_symmetry=problem.system.has_odd_symmetry)
-    return _closed(cycle, sequence)
+    """`all_presentations` of an orbit that have its canonical ends and sequence; several where the sequence is its own image."""
+    return with_canonical_sequence(problem.system, all_presentations(problem, y))
 
 
 def with_canonical_sequence(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
@@ -253,43 +249,13 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Present
     They go from each instant of reversal to the next, or from each impact where there is no reversal; forwards and backwards in time, and
     mirrored where the system has odd symmetry.
     """
-    cycle, found = _primitive(cycle_of(problem, y))
-    return _between_reversals(cycle, found) if found.reversals else _closed(cycle)
-
-
-def closed_presentations(problem: MultipointProblem, y: np.ndarray, sequence: ImpactSequence | None = None) -> list[Presentation]:
-    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry; those with a
-    sequence, where one is given."""
-    return _closed(cycle_of(problem, y), sequence)
-
-
-def segment_images(problem: MultipointProblem, y: np.ndarray) -> Iterator[Presentation]:
-    """The solved segment, mirrored where the system has odd symmetry, run backwards, and both; of a closed orbit those from all impacts.
-
-    These are `all_presentations` of an orbit that is primitive and has no more reversals than its ends.
-    """
-    if problem.periodic:
-        yield from closed_presentations(problem, y)
-        return
-    own = presentation_of(problem, y)
-    for presentation in (own, run_backwards(problem.system, own, problem)):
-        yield presentation
-        if problem.system.has_odd_symmetry:
-            yield presentation.mirrored()
-
-
-def _primitive(cycle: Cycle) -> tuple[Cycle, Symmetries]:
-    """The primitive orbit of an orbit, and its symmetries."""
+    cycle = cycle_of(problem, y)
     found = symmetries(cycle)
-    length = len(cycle.duration) // found.cover
     if found.cover > 1:
-        before, after, duration, contact = (part[:length] for part in (cycle.before, cycle.after, cycle.duration, cycle.contact))
-        cycle = Cycle(cycle.system, before, after, duration, contact, cycle.lead)
-    return cycle, found
-
-
-def _between_reversals(cycle: Cycle, found: Symmetries) -> list[Presentation]:
-    """From each instant of reversal to the next, and back; all of these mirrored too where the system has odd symmetry."""
+        once = slice(len(cycle.duration) // found.cover)
+        cycle = Cycle(cycle.system, cycle.before[once], cycle.after[once], cycle.duration[once], cycle.contact[once], cycle.lead)
+    if not found.reversals:
+        return _closed(cycle)
     kinds = []
     for instant, e in found.reversals:
         distance = np.abs((cycle.times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
@@ -301,17 +267,27 @@ def _between_reversals(cycle: Cycle, found: Symmetries) -> list[Presentation]:
     return _with_mirrored(cycle.system, images)
 
 
-def _closed(cycle: Cycle, sequence: ImpactSequence | None = None) -> list[Presentation]:
-    """See `closed_presentations`."""
-    wanted = None if sequence is None else {sequence, mirror(sequence)}
-    images = []
-    for backwards in (False, True):
-        letters = cycle.letters[::-1] if backwards else cycle.letters
-        for first in range(len(letters)):
-            if wanted is None or letters[first:] + letters[:first] in wanted:
-                images.append(closed_presentation(cycle, first=first, backwards=backwards))
-    images = _with_mirrored(cycle.system, images)
-    return images if sequence is None else [image for image in images if image.sequence == sequence]
+def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry."""
+    return _closed(cycle_of(problem, y))
+
+
+def segment_images(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+    """The solved segment and the same run backwards, and both mirrored where the system has odd symmetry; of a closed orbit its
+    `closed_presentations`.
+
+    These are `all_presentations` of an orbit that is primitive and has no more reversals than its ends.
+    """
+    if problem.periodic:
+        return closed_presentations(problem, y)
+    own = presentation_of(problem, y)
+    return _with_mirrored(problem.system, [own, run_backwards(problem.system, own, problem)])
+
+
+def _closed(cycle: Cycle) -> list[Presentation]:
+    count = len(cycle.duration)
+    images = [closed_presentation(cycle, first=first, backwards=backwards) for backwards in (False, True) for first in range(count)]
+    return _with_mirrored(cycle.system, images)
 
 
 def _with_mirrored(system: ImpactSystem, images: list[Presentation]) -> list[Presentation]:

@@ -43,14 +43,12 @@ TYPES = ("BP", "SB", "PD", "RT")
 _GAP = 1e-6
 """Singular values below this fraction of the largest count as zero at a located bifurcation."""
 
-
 _CONVERGED = 1e-5
 """Largest last Newton correction of a first orbit, relative to its distance from the bifurcation. It is loose because rounding is large
 near a singular point; following the family corrects the orbit again."""
 
 _BEND = 0.1
 """How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
-
 
 NEAR = 1e-6
 """Relative difference within which an image of a located orbit is that orbit."""
@@ -131,25 +129,21 @@ def image_of(branch: Branch, image: Image) -> Branch:
     else:
         points = branch.points | {name: -branch.points[name] for name in _MIRRORED}
     events = tuple(_event(problem, event, solutions[event.point], str(points["label"][event.point])) for event in branch.events)
-    ended = tuple(
-        end._replace(text=end.text.replace(before.note, after.note)) if before is not None and before.note and after.note else end
-        for end, (before, after) in zip(branch.ended, _last_events(branch, events), strict=True)
-    )
+    ended = []
+    for end, at in zip(branch.ended, (0, len(branch) - 1), strict=True):
+        for before, after in zip(branch.events, events, strict=True):
+            if before.point == at and before.note and after.note:
+                end = end._replace(text=end.text.replace(before.note, after.note))
+        ended.append(end)
     return replace(branch, problem=problem, points=points, events=events, ended=(ended[0], ended[1]))
-
-
-def _last_events(branch: Branch, events: tuple[BranchEvent, ...]) -> list[tuple[Any, Any]]:
-    """The events at both ends, of the branch and of its image."""
-    pairs = list(zip(branch.events, events, strict=True))
-    return [next(((a, b) for a, b in pairs if a.point == at and a.type in ("GR", "EP")), (None, None)) for at in (0, len(branch) - 1)]
 
 
 def _event(problem: MultipointProblem, event: BranchEvent, solution: Solution, label: str) -> BranchEvent:
     """An event of the image: the same, in terms of its own orbit."""
     if event.type != "GR":
         return event._replace(label=label)
-    said = Family(problem).grazing(event.note or "", solution)
-    return event._replace(label=label, stop=said["stop"], note=said["note"])
+    described = Family(problem).grazing(event.note or "", solution)
+    return event._replace(label=label, stop=described["stop"], note=described["note"])
 
 
 class EmanatingFamily(NamedTuple):
@@ -254,13 +248,13 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
     except SwitchError as error:
         # A branch point is known as well as the square root of rounding, where the families are nearly parallel.
         middle = refine_branch_point(family, y, scales_of(problem, y))
+        if middle is None:
+            raise RuntimeError(f"no second family at {event.id}: {error}") from error
+        y = middle
         try:
-            if middle is None:
-                raise error
-            direction = branch_directions(family, middle, known)[0]
+            direction = branch_directions(family, y, known)[0]
         except SwitchError as still:
             raise RuntimeError(f"no second family at {event.id}: {still}") from error
-        y = middle
     for step in _firsts(family, y, direction):
         found = symmetries(cycle_of(problem, step.y))
         quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2
@@ -275,12 +269,11 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
 def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray) -> list[EmanatingFamily]:
     """Both sides of a family that leaves an orbit in a direction, as one where they are images of each other."""
     steps = list(_firsts(Family(problem), middle, direction))
-    for step in steps[:1]:
-        images = images_between(problem, middle, step.y)
-        if images:
-            # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
-            image = None if images[0].is_the_same_orbit(problem) else images[0] if problem.periodic else Image(True, False)
-            return [EmanatingFamily(*_printed(problem, middle, step), image)]
+    images = images_between(problem, middle, steps[0].y) if steps else []
+    if images:
+        # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
+        image = None if images[0].is_the_same_orbit(problem) else images[0] if problem.periodic else Image(True, False)
+        return [EmanatingFamily(*_printed(problem, middle, steps[0]), image)]
     return [EmanatingFamily(*_printed(problem, middle, step)) for step in steps]
 
 
@@ -306,10 +299,8 @@ def _windows(problem: MultipointProblem, event: BranchEvent, here: Solution) -> 
     close on themselves."""
     if event.type == "RT":
         return _resonant_windows(problem, event, here)
-    if problem.periodic:
-        return [2]
-    if event.breaks == "reversal":
-        return [1]
+    if problem.periodic or event.breaks == "reversal":
+        return [2 if problem.periodic else 1]
     if event.type == "PD" and problem.quarters == 1:
         return [(0, 4), (1, 5)]
     return [(0, 2)] if "about the start" in (event.note or "") else [(1, 3)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,7 +25,7 @@ from continuation.points import PlainPoints, Points
 from continuation.problem import EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["SETTINGS", "TraceError", "check_energy", "cut_branch", "extend", "follow_family", "record_of_event", "report"]
+__all__ = ["SETTINGS", "cut_branch", "extend", "follow_family", "record_of_event", "report"]
 
 EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
@@ -38,10 +39,6 @@ UNDECIDED_AT = ("SN", "BP", "SB", "PD")
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
 Condition = Callable[[Orbit], "bool | str"]
-
-
-class TraceError(ValueError):
-    """Options that cannot be; the message says in one line what was received and what was expected."""
 
 
 def follow_family(
@@ -86,29 +83,23 @@ def follow_family(
     rising : bool
         Whether a branch followed both ways is put in the order of energies rising at the start, or falling there.
 
-    Returns
-    -------
-    Branch
-
     Raises
     ------
-    TraceError
+    ValueError
         For options that cannot be, and for a start that is no orbit, because it passes beyond a stop or an impact would have to pull.
     RuntimeError
         Where the family cannot be followed.
     """
-    energy = check_energy(energy)
+    energy = checked_energy_range(energy)
     if direction not in _SIGNS:
-        raise TraceError(f"direction {shown(direction)}: expected up, down or both")
+        raise ValueError(f"direction {shown(direction)}: expected up, down or both")
     if stop_at is not None and stop_at not in EVENT_TYPES:
-        raise TraceError(f"stop_at {shown(stop_at)}: expected one of {', '.join(EVENT_TYPES)}")
+        raise ValueError(f"stop_at {shown(stop_at)}: expected one of {', '.join(EVENT_TYPES)}")
     if stop_when is not None and not callable(stop_when):
-        raise TraceError(f"stop_when = {shown(stop_when)}: expected a function of an orbit")
+        raise ValueError(f"stop_when = {shown(stop_when)}: expected a function of an orbit")
     if points is not None:
-        if isinstance(points, bool) or not isinstance(points, int | np.integer):
-            raise TraceError(f"points = {shown(points)}: expected an integer, at least 1")
-        if not 1 <= points < 1 << 63:
-            raise TraceError(f"points = {shown(points)}: expected at least 1")
+        if isinstance(points, bool) or not isinstance(points, int | np.integer) or not 1 <= points < 1 << 63:
+            raise ValueError(f"points = {shown(points)}: expected an integer, at least 1")
         settings = replace(settings, maximum_points=points)
     problem.refuse_drift()
     family = Family(problem, energy, quarter_period)
@@ -117,7 +108,7 @@ def follow_family(
     begin = start if isinstance(start, Step) else family.begin(start)
     beyond = unphysical(problem, begin.extra) if begin.converged else None
     if beyond is not None:
-        raise TraceError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
+        raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
     collector = _Collector(problem, energy, on_event, on_point, sign)
     try:
@@ -130,7 +121,7 @@ def follow_family(
             stop_when=None if stop_when is None else lambda point: stop_when(Orbit(problem, point.step.extra)),
             stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
             on_points=collector.points,
-            on_event=collector.event,
+            on_event=None if on_event is None else collector.event,
         )
     except (KeyboardInterrupt, RuntimeError) as error:
         with defer_interrupts():
@@ -179,14 +170,11 @@ def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
         the range at the point where it begins.
     """
     h = branch.points["h"]
-    inside = (h >= energy[0]) & (h <= energy[1])
-    if not inside[branch.start]:
+    outside = np.flatnonzero((h < energy[0]) | (h > energy[1]))
+    if branch.start in outside:
         return None
-    first = last = branch.start
-    while first > 0 and inside[first - 1]:
-        first -= 1
-    while last < len(h) - 1 and inside[last + 1]:
-        last += 1
+    k = int(np.searchsorted(outside, branch.start))
+    first, last = int(outside[k - 1]) + 1 if k else 0, int(outside[k]) - 1 if k < len(outside) else len(h) - 1
     if branch.ended[1].reason == "CLOSED" and (first == 0 or last == len(h) - 1):
         return None
     before = _to_bound(branch, first, -1, energy) if first > 0 else None
@@ -210,9 +198,9 @@ def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
         points = {name: np.concatenate([column, outer[name]]) for name, column in points.items()}
         events += [_moved(event, place, length) for event in after.events]
         ended[1] = after.ended[1]
-    start, counts = branch.start - first + lead, dict[str, int]()
+    start, counts = branch.start - first + lead, Counter[str]()
     for k, event in enumerate(events):
-        counts[event.type] = counts.get(event.type, 0) + 1
+        counts[event.type] += 1
         events[k] = event._replace(id=f"{event.type}{counts[event.type]}", number=event.point - start)
     cut = Branch(branch.problem, points, tuple(events), (ended[0], ended[1]), start, energy, digit_work=branch.digit_work)
     return cut.known_within(branch)
@@ -263,14 +251,6 @@ def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
     return error
 
 
-def check_energy(energy: tuple[float, float]) -> tuple[float, float]:
-    """The range of energies; `TraceError` for what is none."""
-    try:
-        return checked_energy_range(energy)
-    except ValueError as error:
-        raise TraceError(str(error)) from None
-
-
 @dataclass(eq=False)
 class _Collector:
     """Reports events with their number from the start as they are found, and keeps what an interrupted run has computed."""
@@ -284,7 +264,7 @@ class _Collector:
     sign: int = 1
     begin: Point | None = None
     count: int = 0
-    types: dict[str, int] = field(default_factory=dict)
+    types: Counter[str] = field(default_factory=Counter)
 
     def points(self, points: Sequence[Point]) -> None:
         """Take the points of a block, or one by one, each into the half of the run that it continues."""
@@ -304,9 +284,8 @@ class _Collector:
                 self.on_point(self.count)
 
     def event(self, event: Event) -> None:
-        if self.on_event is None:
-            return
-        self.types[event.code] = self.types.get(event.code, 0) + 1
+        assert self.on_event is not None
+        self.types[event.code] += 1
         number = self.sign * event.index
         columns = Orbit(self.problem, event.point.extra).columns
         self.on_event(record_of_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
@@ -339,17 +318,13 @@ def _along(event: Event, backward: bool) -> tuple[str, int, str | None]:
             note = f"{note}: {becomes}"
     if event.status == "bracketed":
         low, high = event.bracket
-        note = f"{note}; only bracketed, in {high - low:.1e} of arclength: {_why_bracketed(details)}"
+        refused = f"nearer steps fail, as where two families nearly touch ({details.get('reason') or 'no reason given'})"
+        why = {
+            "pole": "its test function grows without bound there",
+            "jump": "its test function changes sign without passing zero, as far as steps can resolve it",
+        }.get(details.get("kind", ""), refused)
+        note = f"{note}; only bracketed, in {high - low:.1e} of arclength: {why}"
     return label, half_waves, note
-
-
-def _why_bracketed(details: Mapping[str, Any]) -> str:
-    """Why an event is located no better than its bracket."""
-    if details.get("kind") == "pole":
-        return "its test function grows without bound there"
-    if details.get("kind") == "jump":
-        return "its test function changes sign without passing zero, as far as steps can resolve it"
-    return f"nearer steps fail, as where two families nearly touch ({details.get('reason') or 'no reason given'})"
 
 
 def record_of_event(
@@ -399,10 +374,10 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
     barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
     columns["stable"], work = decide_between(problem, lambda i: solutions.y[i], columns, barriers)
-    counts: dict[str, int] = {}
+    counts = Counter[str]()
     events = []
     for event, against in zip(run.events, backward, strict=True):
-        counts[event.code] = counts.get(event.code, 0) + 1
+        counts[event.code] += 1
         name, number = f"{event.code}{counts[event.code]}", event.index - run.start
         events.append(record_of_event(event, name, event.index, number, columns, event.index, backward=against))
     ended = []

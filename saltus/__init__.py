@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from branches.export.figure_data import write_atlas as write_atlas
     from branches.figures.atlas import draw_atlas as draw_atlas
     from branches.figures.atlas_data import atlas_of as atlas_of
-    from branches.grazing.at_linear_modes import families_at as families_at
     from branches.grazing.following import Neighbour as Neighbour
     from branches.grazing.following import neighbours as neighbours
     from branches.impulsive.motions import impulsive_manifold as impulsive_manifold
     from branches.impulsive.orbits import impulsive_orbits as impulsive_orbits
     from branches.linear_modes import LinearMode as LinearMode
+    from branches.linear_modes import families_at as families_at
     from branches.linear_modes import linear_modes as linear_modes
     from branches.orbit import Orbit as Orbit
     from branches.reading import read_branch as read_branch
@@ -84,11 +84,10 @@ _HOME = {
     "branches.figures.atlas": "draw_atlas",
     "branches.figures.atlas_data": "atlas_of",
     "branches.export.figure_data": "read_atlas write_atlas",
-    "branches.grazing.at_linear_modes": "families_at",
     "branches.grazing.following": "Neighbour neighbours",
     "branches.impulsive.motions": "impulsive_manifold",
     "branches.impulsive.orbits": "impulsive_orbits",
-    "branches.linear_modes": "LinearMode linear_modes",
+    "branches.linear_modes": "LinearMode families_at linear_modes",
     "branches.orbit": "Orbit",
     "branches.reading": "read_branch read_orbit",
     "branches.search.discovery": "Discovery",

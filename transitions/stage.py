@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from bvp.texts import shown
 from transitions.families import NEAR, Families
 from transitions.ridges import LEAST_PERIODS, SHARE
 
@@ -196,6 +197,8 @@ def changes(stages: Sequence[Stage]) -> list[Change]:
     ----------
     stages : sequence of Stage
     """
+    if not isinstance(stages, Sequence) or not all(isinstance(stage, Stage) for stage in stages):
+        raise TypeError(f"the stages are {shown(stages)}, expected a list of those that saltus.stages_of gives")
     out: list[Change] = []
     for i, stage in enumerate(stages):
         if stage.follows is None:

@@ -22,12 +22,11 @@ from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
 from branches.events import DigitWork
 from branches.family import RESONANCES
-from branches.full_family import Course, longest_course, order
-from branches.grazing.at_linear_modes import beginnings
+from branches.full_family import Course, longest_course
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
 from branches.identity import first_of
-from branches.linear_modes import linear_modes
+from branches.linear_modes import beginnings, linear_modes
 from branches.naming.search import Limits
 from branches.presentation import presentations, segment_images, symmetries, with_canonical_sequence
 from branches.search.discovery import WITHOUT_ORIGIN, discover_orbits
@@ -221,7 +220,7 @@ def is_half(branch: Branch, end: int) -> bool:
     length = branch.points["arclength"]
     middle = int(np.argmin(np.abs(length - 0.5 * (length[place] + length[inside]))))
     there, own = (cycle_of(branch.problem, branch.unknowns(i)) for i in (place, middle))
-    return any(order(symmetries(there, nearly)) > order(symmetries(own, nearly)) for nearly in NEARLY)
+    return any(symmetries(there, nearly).order > symmetries(own, nearly).order for nearly in NEARLY)
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, energy: tuple[float, float], quarter_period: float) -> Branch:

@@ -10,10 +10,9 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent
 from branches.family import Family, unphysical
-from branches.grazing.touching import Candidate, Touching, candidate, touching
+from branches.grazing.touching import Candidate, Touching, candidate, mode_label, mode_of, touching
 from branches.identity import is_solved_as_it_is
-from branches.linear_modes import mode_of
-from branches.sequences import Ends, format_sequence, impacts_per_period
+from branches.sequences import Ends, impacts_per_period
 from branches.tracing import follow_family
 from bvp.checks import require_branch
 from bvp.kernels.step import locate, metric_direction
@@ -156,10 +155,10 @@ def neighbours(branch: Branch, event: BranchEvent | str, *, cover: int = 1, **op
     """
     require_branch(branch)
     event = branch.event(event)
-    if event.type != "GR":
-        raise ValueError(f"{event.id} is of type {event.type}; neighbours need an event of type GR")
     if cover < 1:
         raise ValueError(f"cover is {cover}, expected 1 or more")
+    if event.type != "GR":
+        raise ValueError(f"{event.id} is of type {event.type}; neighbours need an event of type GR")
     solution = branch.orbit(event.point).solution
     here = SolvedProblem(branch.problem, solution.y, solution["residual"])
     found = meetings_at(branch.problem, solution.y, leaves_upward(branch, event.point), cover=cover)
@@ -233,7 +232,7 @@ def _meet(
     """Solve a problem at the grazing orbit y, and look for its admissible sides."""
 
     def neighbour(kind: str, **more: Any) -> Neighbour:
-        sequence = format_sequence(problem.sequence)
+        sequence = "".join(problem.sequence)
         return Neighbour(kind, problem.ends, sequence, "", problem.energy(y), problem.quarter_period(y), stops, impacts, cover, **more)
 
     y, residual, directions = _solve(problem, y)
@@ -274,25 +273,19 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
         keep = singular > _SINGULAR * singular[0]
         y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ error)[keep] / singular[keep]))
     null = right[-1] * scale
-    if keep.all():
-        y = _at_energy(problem, y, null, problem.energy(start))
+    if not keep.all():
+        try:
+            directions = list(branch_directions(Family(problem), y, null))
+        except SwitchError:
+            directions = []
+    else:
+        directions = [null, -null]
+        # Along the family to the energy of the start. The energy is quadratic in the unknowns: this difference is its slope exactly.
+        slope = 0.5 * (problem.energy(y + null) - problem.energy(y - null))
+        part = (problem.energy(start) - problem.energy(y)) / slope if slope != 0.0 else np.inf
+        y = y + part * null if abs(part) < _MOVED else y
         residual = float(np.max(np.abs(problem.residual(y)))) / largest
-    if not np.all(np.abs(y - start) <= _MOVED * scale):
-        residual = np.inf
-    if keep.all():
-        return y, residual, [null, -null]
-    try:
-        return y, residual, list(branch_directions(Family(problem), y, null))
-    except SwitchError:
-        return y, residual, []
-
-
-def _at_energy(problem: MultipointProblem, y: np.ndarray, along: np.ndarray, energy: float) -> np.ndarray:
-    """An orbit moved along its family to an energy that it nearly has; as it is where the energy hardly changes along the family."""
-    # The energy is a quadratic function of the unknowns, so that this difference is its slope exactly.
-    slope = 0.5 * (problem.energy(y + along) - problem.energy(y - along))
-    part = (energy - problem.energy(y)) / slope if slope != 0.0 else np.inf
-    return y + part * along if abs(part) < _MOVED else y
+    return y, residual if np.all(np.abs(y - start) <= _MOVED * scale) else np.inf, directions
 
 
 def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str]) -> list[Step]:
@@ -380,8 +373,7 @@ def _after_impact(problem: MultipointProblem, letter: str, z: np.ndarray) -> np.
 def _linear(orbit: Touching) -> Neighbour:
     """Linear motion without any impact, with the name of the mode."""
     mode = mode_of(orbit)
-    label = "" if mode is None else mode.label
-    which = "a linear motion of several modes" if mode is None else f"the linear mode {label or mode.index + 1}"
+    label = "" if mode is None else mode_label(orbit.system, mode)
+    which = "a linear motion of several modes" if mode is None else f"the linear mode {label or mode + 1}"
     reason = f"{which}, which touches the stops: other families begin there, too"
     return Neighbour("linear mode", (), "", label, orbit.h, 0.25 * orbit.period, orbit.stops, 0, 1, reason)
-

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from bvp.multipoint import MultipointProblem
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["EVERY", "Candidate", "Symmetry", "Touching", "candidate", "touching"]
+__all__ = ["EVERY", "Candidate", "Symmetry", "Touching", "candidate", "mode_label", "mode_of", "touching"]
 
 CONTACT = 1e-8
 """Largest distance of a touch from its stop, as a part of the largest gap, and largest speed of an impact of zero speed, as a part of
@@ -33,6 +34,9 @@ _SAME = 1e-7
 """States, as parts of the largest, and times, as parts of the period, that are the same."""
 
 _TURNS = 4096
+
+_ALONE = 1e-6
+"""Amplitude of the other modes, as a part of the largest, below which one mode moves alone."""
 
 EVERY = 12
 """Most grazing instants, or pairs of them, of which all sets are tried."""
@@ -55,31 +59,16 @@ class Symmetry(NamedTuple):
 
     def move(self, mask: int) -> int:
         """The image of a set of instants; sets are bit masks."""
-        out = 0
-        for i, j in enumerate(self.image):
-            if mask >> i & 1:
-                out |= 1 << j
-        return out
+        return sum(1 << j for i, j in enumerate(self.image) if mask >> i & 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Touching:
     """A grazing orbit, instant by instant.
 
-    Parameters
-    ----------
-    system : ImpactSystem
-    period : float
-    times : (P,) float
-        Instants of impact or touch in [0, T), ascending.
-    contact : (P,) int
-        Contact hit or touched (row of the contact arrays of `Modes`).
-    before, after : (P, N) float
-        Modal states there; equal at a touch.
-    grazing : (P,) bool
-        Where the speed is zero.
-    kept : int
-        Bit mask of the instants that count as impacts in the family that led to this orbit.
+    period: T. times (P,): instants of impact or touch in [0, T), ascending. contact (P,): contact hit or touched there (row of the contact
+    arrays of `Modes`). before, after (P, N): modal states there, equal at a touch. grazing (P,): where the speed is zero. kept: bit mask of
+    the instants that count as impacts in the family that led to this orbit.
     """
 
     system: ImpactSystem
@@ -150,8 +139,8 @@ class Touching:
     def symmetries(self) -> tuple[Symmetry, ...]:
         """All symmetries, the identity first: shifts in time, as they are or mirrored, and reversals about origin and rest axes."""
         count, half = len(self.times), self.after.shape[1] // 2
-        size = np.concatenate([np.full(half, np.max(np.abs(self.after[:, :half]))), np.full(half, np.max(np.abs(self.after[:, half:])))])
-        flip = np.concatenate([-np.ones(half), np.ones(half)])
+        size = np.repeat([np.max(np.abs(self.after[:, :half])), np.max(np.abs(self.after[:, half:]))], half)
+        flip = np.repeat([-1.0, 1.0], half)
         signs = (1.0, -1.0) if self.system.has_odd_symmetry else (1.0,)
         numbers = np.arange(count)
         gaps = np.diff(np.append(self.times, self.times[0] + self.period))
@@ -196,23 +185,22 @@ class Touching:
             groups = [sorted({1 << i | 1 << image[i] for i in free}) for image in self._reversals()]
         seen: set[int] = set()
         for parts in groups:
-            sets = _unions(self.hard, parts) if len(parts) <= EVERY else _flips(self.kept, parts)
-            yield from self._classes(list(sets), seen)
-
-    def _classes(self, masks: list[int], seen: set[int]) -> Iterator[int]:
-        """The smallest image of each set, without images seen before, in the order of the sets."""
-        dtype = np.int64 if len(self.times) < 63 else object
-        sets = np.array(masks, dtype=dtype)
-        smallest = sets.copy()
-        for symmetry in self.symmetries:
-            moved = np.zeros_like(sets)
-            for i, j in enumerate(symmetry.image):
-                moved |= (sets >> i & 1) << j
-            smallest = np.minimum(smallest, moved)
-        for mask in smallest.tolist():
-            if mask not in seen:
-                seen.add(mask)
-                yield mask
+            if len(parts) <= EVERY:
+                sets = [self.hard | sum(chosen) for chosen in product(*((0, part) for part in reversed(parts)))]
+            else:
+                sets = [self.kept ^ part ^ other for i, part in enumerate(parts) for other in (0, *parts[:i])]
+            # The smallest image of each set; all sets at once.
+            masks = np.array(sets, dtype=np.int64 if len(self.times) < 63 else object)
+            smallest = masks.copy()
+            for symmetry in self.symmetries:
+                moved = np.zeros_like(masks)
+                for i, j in enumerate(symmetry.image):
+                    moved |= (masks >> i & 1) << j
+                smallest = np.minimum(smallest, moved)
+            for mask in smallest.tolist():
+                if mask not in seen:
+                    seen.add(mask)
+                    yield mask
 
     def _reversals(self) -> list[tuple[int, ...]]:
         """Reversals as permutations, one of each class of those that a symmetry carries into each other."""
@@ -222,25 +210,9 @@ class Touching:
                 continue
             out.append(reversal.image)
             for symmetry in self.symmetries:
-                carried = [0] * len(reversal.image)
-                for i, j in enumerate(reversal.image):
-                    carried[symmetry.image[i]] = symmetry.image[j]
-                known.add(tuple(carried))
+                carried = {symmetry.image[i]: symmetry.image[j] for i, j in enumerate(reversal.image)}
+                known.add(tuple(carried[i] for i in range(len(carried))))
         return out
-
-
-def _unions(base: int, parts: list[int]) -> Iterator[int]:
-    """A set with any of the parts."""
-    for number in range(1 << len(parts)):
-        yield base | sum(part for i, part in enumerate(parts) if number >> i & 1)
-
-
-def _flips(base: int, parts: list[int]) -> Iterator[int]:
-    """Yield the bit sets that differ from `base` by one or two of the parts."""
-    for i, part in enumerate(parts):
-        yield base ^ part
-        for other in parts[:i]:
-            yield base ^ part ^ other
 
 
 def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
@@ -307,6 +279,7 @@ class Candidate(NamedTuple):
     impacts: int
     cover: int
 
+
 def candidate(orbit: Touching, mask: int) -> Candidate:
     """The problem in which the instants of a set count as impacts, on the shortest segment that its symmetries leave.
 
@@ -314,7 +287,8 @@ def candidate(orbit: Touching, mask: int) -> Candidate:
     kept = tuple(symmetry for symmetry in orbit.symmetries if symmetry.move(mask) == mask)
     cover = sum(symmetry.axis is None and not symmetry.mirrored for symmetry in kept)
     impacts = bin(mask).count("1") // cover
-    axes = _axes(orbit, kept)
+    reversals = [symmetry for symmetry in kept if symmetry.axis is not None]
+    axes = sorted((item.time + half * orbit.period, item.axis or "") for item in reversals for half in (0.0, 0.5))
     if axes:
         return _segment(orbit, mask, axes, impacts, cover)
     inside = [i for i in range(len(orbit.times)) if mask >> i & 1]
@@ -328,15 +302,6 @@ def candidate(orbit: Touching, mask: int) -> Candidate:
     stamps = np.array([(orbit.times[i] - orbit.times[begin]) % orbit.period for i in chosen] + [period])
     sequence = tuple(orbit.letters[i] for i in chosen)
     return Candidate(PERIODIC, sequence, orbit.after[begin], orbit.after[chosen[1:]], np.diff(stamps), impacts, cover)
-
-
-def _axes(orbit: Touching, kept: tuple[Symmetry, ...]) -> list[tuple[float, str]]:
-    """Axes of reversal over the period, (time, kind), ascending."""
-    out = []
-    for symmetry in kept:
-        if symmetry.axis is not None:
-            out += [(symmetry.time, symmetry.axis), (symmetry.time + 0.5 * orbit.period, symmetry.axis)]
-    return sorted(out)
 
 
 def _segment(orbit: Touching, mask: int, axes: list[tuple[float, str]], impacts: int, cover: int) -> Candidate:
@@ -367,3 +332,20 @@ def _segment(orbit: Touching, mask: int, axes: list[tuple[float, str]], impacts:
     stamps = np.concatenate([[0.0], offsets[inner], [length]])
     sequence = tuple(orbit.letters[i] for i in inner)
     return Candidate((ends[0], ends[1]), sequence, start, orbit.after[inner], np.diff(stamps), impacts, cover)
+
+
+def mode_of(orbit: Touching) -> int | None:
+    """Index of the one mode that a grazing orbit without hard impacts is the motion of; None where several modes move."""
+    modes = orbit.system.modes
+    n = len(modes.frequencies)
+    energies = 0.5 * (modes.squares * orbit.after[0, :n] ** 2 + orbit.after[0, n:] ** 2)
+    k = int(np.argmax(energies))
+    return k if np.sum(energies) - energies[k] < _ALONE**2 * energies[k] else None
+
+
+def mode_label(system: ImpactSystem, index: int) -> str:
+    """L11+ where absorber and primary move the same way in a linear mode, L11- where not; "" for systems without two such masses."""
+    if system.degrees_of_freedom != 2 or system.absorber is None or system.primary is None:
+        return ""
+    shape = system.modes.shapes[:, index]
+    return "L11+" if shape[system.absorber] * shape[system.primary] > 0.0 else "L11-"

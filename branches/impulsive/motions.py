@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
+from branches.export.tables import plain_columns
 from branches.search.starts import ScannedSegment
 from bvp.checks import checked_energy_range, require_system
 from bvp.kernels import shooting as kernel
@@ -117,15 +119,11 @@ class Traces(NamedTuple):
         """Those of some of the motions."""
         return Traces(*(values[which] for values in self))
 
-    def padded(self, size: int) -> Traces:
-        """With columns for at least `size` events."""
-        more = size - self.kind.shape[1]
-        return self if more <= 0 else Traces(self.number, *(np.pad(values, ((0, 0), (0, more))) for values in self[1:]))
-
     def joined(self, other: Traces) -> Traces:
-        """Those of both."""
+        """Those of both, with columns for the larger number of events."""
         size = max(self.kind.shape[1], other.kind.shape[1])
-        return Traces(*(np.concatenate(pair) for pair in zip(self.padded(size), other.padded(size), strict=True)))
+        wide = (Traces(one.number, *(np.pad(v, ((0, 0), (0, size - v.shape[1]))) for v in one[1:])) for one in (self, other))
+        return Traces(*(np.concatenate(pair) for pair in zip(*wide, strict=True)))
 
 
 class ImpulsiveMotions:
@@ -152,10 +150,8 @@ class ImpulsiveMotions:
         self.longest = longest
         self.modes = modes = system.modes
         row = modes.contact_gap[0]
-        rows = [row]
-        for _ in range(3):
-            rows.append(rows[-1] @ modes.matrix)
-        self.functional = np.ascontiguousarray(rows)
+        rates = accumulate([row, *[modes.matrix] * 3], np.matmul)  # the gap coordinate and its derivatives by time
+        self.functional = np.ascontiguousarray(list(rates))
         across = np.array([-row[1], row[0]]) / math.hypot(row[0], row[1])
         self.across_displacement = np.concatenate([across, np.zeros(2)])
         self.across_velocity = np.concatenate([np.zeros(2), across])
@@ -165,56 +161,52 @@ class ImpulsiveMotions:
         """Start state of the modes (4,)."""
         return self.modes.from_state @ np.concatenate(impulsive_state(self.system, energy))
 
-    def _follow(self, levels: np.ndarray, longest: float) -> tuple[np.ndarray, ...]:
+    def _follow(self, levels: np.ndarray) -> kernel.Events:
+        """The events of the motions at log h = `levels`, and their derivatives; a count of -1 if a motion could not be followed."""
         modes = self.modes
-        unit = self.start(1.0)
-        starts = np.exp(0.5 * levels)[:, None] * unit
-        changes = 0.5 * starts
+        starts = np.exp(0.5 * levels)[:, None] * self.start(1.0)
         while True:
             shape = (len(levels), self.room)
-            kind = np.zeros(shape, dtype=np.int64)
-            time, shift = np.zeros(shape), np.zeros(shape)
-            state, change = np.zeros((*shape, 4)), np.zeros((*shape, 4))
-            count = np.zeros(len(levels), dtype=np.int64)
+            (time, shift), (state, change) = np.zeros((2, *shape)), np.zeros((2, *shape, 4))
+            kind, count = np.zeros(shape, dtype=np.int64), np.zeros(len(levels), dtype=np.int64)
             events, work = kernel.Events(kind, time, shift, state, change, count), work_array(4, len(modes.contact_side))
-            kernel.sensitivities(modes.flight, modes.contacts, self.functional, starts, changes, float(longest), events, work)
+            kernel.sensitivities(modes.flight, modes.contacts, self.functional, starts, 0.5 * starts, float(self.longest), events, work)
             if not np.any(count == kernel.FULL) or self.room >= _MOST_EVENTS:
-                return kind, time, shift, state, change, np.where(count < 0, -1, count)
+                return events._replace(counts=np.where(count < 0, -1, count))
             self.room *= 2
 
     def at(self, levels: np.ndarray) -> Traces:
         """The motions at log h = `levels` (M,)."""
-        kind, time, shift, state, change, count = self._follow(levels, self.longest)
+        events = self._follow(levels)
         rows = np.array([self.across_displacement, self.across_velocity, *self.functional[:3]])
-        values, slopes = state @ rows.T, change @ rows.T
-        crossing, turning = np.where(kind == kernel.ZERO, 0, 1)[..., None], np.where(kind == kernel.TURNING, 4, 3)[..., None]
-        rate, rate_slope = _pick(values, turning), _pick(slopes, turning)
-        return Traces(
-            count, kind, time, shift, _pick(values, crossing), _pick(slopes, crossing), values[..., 2], slopes[..., 2], rate**2,
-            2.0 * rate * rate_slope,
-        )  # fmt: skip
+        values, slopes = events.states @ rows.T, events.state_changes @ rows.T
+
+        def picked(which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            first, second = (np.take_along_axis(part, which[..., None], axis=2)[..., 0] for part in (values, slopes))
+            return first, second
+
+        residual = picked(np.where(events.kinds == ZERO, 0, 1))
+        rate, rate_slope = picked(np.where(events.kinds == TURNING, 4, 3))
+        gap = values[..., 2], slopes[..., 2]
+        return Traces(events.counts, events.kinds, events.times, events.shifts, *residual, *gap, rate**2, 2.0 * rate * rate_slope)
 
     def segment(self, level: float, event: int, low: float, high: float) -> ScannedSegment:
         """The motion at log h = `level` up to an event. The zero of the residual lies between low and high."""
-        kind, time, _, state, _, number = self._follow(np.array([level]), self.longest)
-        if number[0] <= event:
-            raise ValueError(f"the motion has {number[0]} events; there is no event {event}")
+        found = self._follow(np.array([level]))
+        kind, time, state = found.kinds[0], found.times[0], found.states[0]
+        if found.counts[0] <= event:
+            raise ValueError(f"the motion has {found.counts[0]} events; there is no event {event}")
         modes, letters = self.modes, self.modes.contact_letters
-        hits = np.flatnonzero(kind[0, :event] >= 0)
-        contacts = kind[0, hits]
-        before = state[0, hits]
+        hits = np.flatnonzero(kind[:event] >= 0)
+        contacts, before = kind[hits], state[hits]
         speed = np.einsum("ij,ij->i", modes.contact_rate[contacts], before)
         after = before - ((1.0 + modes.contact_restitution[contacts]) * speed)[:, None] * modes.contact_push[contacts]
-        stamps = np.concatenate([[0.0], time[0, hits], [time[0, event]]])
-        last = int(kind[0, event])
+        stamps = np.concatenate([[0.0], time[hits], [time[event]]])
+        last = int(kind[event])
         ends = ("origin", {ZERO: "origin", TURNING: "rest"}.get(last) or "stop" + letters[last])
-        residual = abs(float((self.across_displacement if last == ZERO else self.across_velocity) @ state[0, event]))
+        residual = abs(float((self.across_displacement if last == ZERO else self.across_velocity) @ state[event]))
         sequence = tuple(letters[c] for c in contacts)
         return ScannedSegment(ends, sequence, self.start(math.exp(level)), after, np.diff(stamps), level, low, high, residual)
-
-
-def _pick(values: np.ndarray, which: np.ndarray) -> np.ndarray:
-    return np.take_along_axis(values, which, axis=2)[..., 0]
 
 
 PERIODS = 200
@@ -250,16 +242,16 @@ class Manifold:
     @property
     def sampling(self) -> str:
         """The range of sampling rates, as text."""
-        rates = self.rate[np.isfinite(self.rate)]
-        return f"{rates.min():.0f} to {rates.max():.0f} samples a period" if len(rates) else "no motion was followed"
+        if not np.isfinite(self.rate).any():
+            return "no motion was followed"
+        return f"{np.nanmin(self.rate):.0f} to {np.nanmax(self.rate):.0f} samples a period"
 
     def record(self) -> dict[str, Any]:
         """As plain data: null for a missing frequency; `breaks` lists the indices after which the curve jumps."""
         return {
-            "h": [float(h) for h in self.h],
-            "frequency": [float(f) if math.isfinite(f) else None for f in self.frequency],
-            "breaks": [int(i) for i in np.flatnonzero(self.breaks)],
-            "samples_per_period": [float(rate) if math.isfinite(rate) else None for rate in self.rate],
+            **plain_columns({"h": self.h, "frequency": self.frequency}),
+            "breaks": np.flatnonzero(self.breaks).tolist(),
+            **plain_columns({"samples_per_period": self.rate}),
             "window": self.window,
             "periods": self.periods,
             "failed": [{"h": h, "reason": reason} for h, reason in self.failed],

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,7 @@ _ASIDE = 1e-6
 
 _STAGES = {"without_impacts": "linear", "covers": "k-fold covers", "duplicates": "found twice", "beyond_bounds": "beyond the bounds"}
 """Stages of the search that `ImpulsiveOrbits.counts` names if they occur."""
+
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -181,10 +182,7 @@ def narrowed(motions: ImpulsiveMotions, brackets: list[Bracket]) -> np.ndarray:
     """log h of each bracket's zero, by Newton's steps kept inside the bracket."""
     if not brackets:
         return np.zeros(0)
-    low = np.array([bracket.low for bracket in brackets])
-    high = np.array([bracket.high for bracket in brackets])
-    event = np.array([bracket.event for bracket in brackets])
-    kind = np.array([bracket.kind for bracket in brackets])
+    low, high, event, kind = (np.array(column) for column in zip(*brackets, strict=True))
     row = np.arange(len(brackets))
     sign = motions.at(low).residual[row, event] > 0.0
     at = 0.5 * (low + high)
@@ -259,8 +257,7 @@ BATCH = 256
 MOST_MOTIONS = 400_000
 
 
-@dataclass(frozen=True)
-class Bracket:
+class Bracket(NamedTuple):
     """A zero of the residual at one event: log h below and above, index and kind of the event."""
 
     low: float
@@ -290,10 +287,6 @@ def scan_energies(motions: ImpulsiveMotions, energy: tuple[float, float], quarte
     energy : (float, float)
     quarter_period : float
         Longest; an origin is met after two quarter periods, rest and stop after one.
-
-    Returns
-    -------
-    Scan
     """
     scan = Scan()
     low, high = math.log(energy[0]), math.log(energy[1])
@@ -301,13 +294,12 @@ def scan_energies(motions: ImpulsiveMotions, energy: tuple[float, float], quarte
     at = motions.at(edges)
     scan.motions += len(edges)
     # Last in, first out: only the intervals next to be halved are kept in memory.
-    pending = [(edges[:-1], edges[1:], at.rows(np.arange(len(edges) - 1)), at.rows(np.arange(1, len(edges))))]
+    pending = [(edges[:-1], edges[1:], at.rows(slice(-1)), at.rows(slice(1, None)))]
     while pending:
         a, b, first, last = pending.pop()
         if len(a) > BATCH:
-            half = len(a) // 2
-            pending.append((a[half:], b[half:], first.rows(slice(half, None)), last.rows(slice(half, None))))
-            pending.append((a[:half], b[:half], first.rows(slice(half)), last.rows(slice(half))))
+            for half in (slice(len(a) // 2, None), slice(len(a) // 2)):
+                pending.append((a[half], b[half], first.rows(half), last.rows(half)))
             continue
         changed, closed, clear, zero = judge(first, last, b - a, motions, quarter_period)
         narrow = b - a <= FLOOR
@@ -315,13 +307,12 @@ def scan_energies(motions: ImpulsiveMotions, energy: tuple[float, float], quarte
         for i, j in np.argwhere(zero & done[:, None]):
             scan.brackets.append(Bracket(float(a[i]), float(b[i]), int(j), int(first.kind[i, j])))
         scan.changes += int(np.sum(narrow & changed))
-        for i in np.flatnonzero(narrow & ~(closed | zero).all(axis=1)):
-            scan.open.append((float(a[i]), float(b[i])))
         split = np.flatnonzero(~done)
-        if not len(split):
-            continue
+        left = narrow & ~(closed | zero).all(axis=1)
         if scan.motions > MOST_MOTIONS:
-            scan.open += [(float(a[i]), float(b[i])) for i in split]
+            left, split = left | ~done, split[:0]
+        scan.open += [(float(a[i]), float(b[i])) for i in np.flatnonzero(left)]
+        if not len(split):
             continue
         middle = 0.5 * (a[split] + b[split])
         between = motions.at(middle)
@@ -360,21 +351,16 @@ def judge(
         leaves = one.time[row, here] + moves + 1e-12 * motions.longest >= motions.longest
         changed[row] = ~leaves
     changed |= (first.number < 0) | (last.number < 0)
-    kind = first.kind[:, :size]
-    late = np.minimum(first.time[:, :size], last.time[:, :size])
-    within = same & (late <= np.where(kind == ZERO, 2.0, 1.0) * quarter_period)
+    first, last = (Traces(one.number, *(values[:, :size] for values in one[1:])) for one in (first, last))
+    late = np.minimum(first.time, last.time)
+    within = same & (late <= np.where(first.kind == ZERO, 2.0, 1.0) * quarter_period)
     w = width[:, None]
-    slopes = first.residual_slope[:, :size], last.residual_slope[:, :size]
-    sure, sign = certain(first.residual[:, :size], last.residual[:, :size], *slopes, w)
-    steady = kind != TURNING
-    alone, _ = certain(first.crossing[:, :size], last.crossing[:, :size], first.crossing_slope[:, :size], last.crossing_slope[:, :size], w)
-    clear = ~same | alone
+    sure, sign = certain(first.residual, last.residual, first.residual_slope, last.residual_slope, w)
+    clear, _ = certain(first.crossing, last.crossing, first.crossing_slope, last.crossing_slope, w)
     for bound in (0.0, *motions.modes.contact_bound):
-        alone, _ = certain(
-            first.gap[:, :size] - bound, last.gap[:, :size] - bound, first.gap_slope[:, :size], last.gap_slope[:, :size], w
-        )
-        clear &= ~same | steady | alone
-    return changed, ~within | sure, clear, within & sign
+        alone, _ = certain(first.gap - bound, last.gap - bound, first.gap_slope, last.gap_slope, w)
+        clear &= (first.kind != TURNING) | alone
+    return changed, ~within | sure, ~same | clear, within & sign
 
 
 def certain(

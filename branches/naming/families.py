@@ -28,8 +28,8 @@ from branches.naming.matching import (
 from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
 from branches.search.discovery import discover_orbits
 from branches.search.orbits import Found, accept, from_other_end
-from branches.tracing import SETTINGS, TraceError, check_energy, cut_branch, follow_family, report
-from bvp.checks import require_system
+from branches.tracing import SETTINGS, cut_branch, follow_family, report
+from bvp.checks import checked_energy_range, require_system
 from bvp.closures import EndsError, parse_end
 from bvp.texts import shown
 
@@ -174,11 +174,11 @@ def trace_named(
         if value is not None and not isinstance(value, Mapping):
             raise TypeError(f"{what} = {shown(value)}: expected a mapping")
     limits = search_bounds(bounds)
-    energy = check_energy(energy if energy is not None else limits.energy)
+    energy = checked_energy_range(energy if energy is not None else limits.energy)
     followed: Followed = {}
     found, branch = resolve(name, system, reference_points=reference_points or {}, limits=limits, energy=energy, followed=followed)
     if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
-        raise TraceError(
+        raise ValueError(
             f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
         )
     if on_start is not None:

@@ -157,7 +157,7 @@ class Search:
         out: dict[Branch, Found] = {}
         for orbit in found:
             branch = followed_through(self.followed, orbit, (low, high))
-            if self.name.family is not None and not branch.has_id(self.name.family):
+            if self.name.family is not None and self.name.family not in branch.full_family.ids:
                 self.others[branch.id] = branch
             else:
                 out.setdefault(branch, orbit)
@@ -284,7 +284,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
                 found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
                 if found.canonical == wanted:
                     branch = followed_through(followed, found, span)
-                    if branch.has_id(name.family):
+                    if name.family in branch.full_family.ids:
                         return found, branch
         if name.h is not None:
             break

@@ -209,8 +209,8 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
         raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected {MOST_BOUND} or less, or no bound")
     if ends is None:
         return
-    if not ends:
-        raise ValueError(f"no ends are given, expected some of {', '.join(CLASSES)}")
+    if not ends or isinstance(ends, str):
+        raise ValueError(f"the ends are {shown(ends)}, expected a list with some of {', '.join(CLASSES)}")
     for name in ends:
         if name not in CLASSES:
             near = most_alike(shown(name), CLASSES, 1)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve, curves
-from branches.sequences import mirror, mirror_ends, unfolded_sequence
+from branches.sequences import mirror, unfolded_sequence
 from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
@@ -134,8 +134,9 @@ def _segment(system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, pat
         is_complete = is_complete and len(path.contacts) > crossing.impacts
         far += letters[path.contacts[crossing.impacts]] if len(path.contacts) > crossing.impacts else "+"
     ends, sign = (curve.end, far), 1.0
-    if system.has_odd_symmetry and (mirror_ends(ends), mirror(sequence)) < (ends, sequence):
-        ends, sequence, sign = mirror_ends(ends), mirror(sequence), -1.0
+    if system.has_odd_symmetry and (mirror(ends), mirror(sequence)) < (ends, sequence):
+        (first, last), sequence, sign = mirror(ends), mirror(sequence), -1.0
+        ends = first, last
     times = np.append(path.durations, crossing.flight)
     place, low, high = (curve.angle(parameter) for parameter in (crossing.parameter, crossing.low, crossing.high))
     return ScannedSegment(ends, sequence, sign * path.start, sign * path.nodes, times, place, low, high, crossing.residual), is_complete

@@ -20,7 +20,7 @@ from branches.naming.labels import Label
 from branches.orbit import label_at
 from branches.search.intervals import SAME_START, Limits, Opening, segments
 from branches.search.starts import Sampler, ScannedSegment
-from branches.sequences import Ends, ImpactSequence, canonical_sequence, format_sequence, impacts_per_period
+from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 
@@ -214,7 +214,7 @@ class OrbitSearch:
 
     def _set_aside(self, segment: ScannedSegment, reason: str) -> None:
         self.counts["unpolished"] += 1
-        sequence = format_sequence(segment.sequence)
+        sequence = "".join(segment.sequence)
         self.unpolished.append(
             Unpolished(segment.ends, sequence, segment.parameter, segment.low, segment.high, segment.alpha, segment.residual, reason)
         )

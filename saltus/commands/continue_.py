@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     with defer_interrupts() as interrupt:
         with interrupt.released(), catalogues.lookup(arguments.name, arguments, scene) as catalogue:
             branch, code = _follow(arguments, scene, files, catalogue, interrupt)
-        if branch.others:
+        if branch.full_family.others:
             files.report([f"cut    {branch.full_family.cut_text()}"])
         files.report(_warnings(branch))
         code = max(code, _write(branch, files, arguments.frequency))

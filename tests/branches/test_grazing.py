@@ -267,14 +267,3 @@ def test_impacts_that_interact_do_not_merge():
     problem, solution, _ = at_one_instant(two_stops(True))
     with pytest.raises(CannotMerge, match="act on each other"):
         merged(problem, solution.y)
-
-
-def test_other_events_are_refused():
-    """Oracle: the messages."""
-    branch = traced("S13O00+")
-    with pytest.raises(ValueError, match="SB1 is of type SB; neighbours need an event of type GR"):
-        branch.neighbours("SB1")
-    with pytest.raises(ValueError, match="no event 'GR7' on this branch; it has GR1"):
-        branch.neighbours("GR7")
-    with pytest.raises(ValueError, match="cover is 0, expected 1 or more"):
-        branch.neighbours("GR1", cover=0)

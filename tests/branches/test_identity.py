@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.full_family import energy_scale
-from branches.identity import BORDER, FamilyMark, canonical_orbit, cover_of, digests, mark_of, same_orbit
+from branches.full_family import BORDER, FamilyMark, digests, energy_scale
+from branches.identity import canonical_orbit, cover_of, pattern_of, same_orbit
 from branches.presentation import embed, solved, symmetries
-from branches.sequences import PERIODIC, canonical_sequence, mirror, mirror_ends
+from branches.sequences import PERIODIC, canonical_sequence, mirror
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
@@ -35,7 +35,7 @@ def exchanged(problem, y):
 
 def mirrored(problem, y):
     """The orbit -u."""
-    other = MultipointProblem(problem.system, mirror_ends(problem.ends), mirror(problem.sequence))
+    other = MultipointProblem(problem.system, mirror(problem.ends), mirror(problem.sequence))
     return other, other.pack(-problem.start(y), -problem.nodes(y), problem.flight_times(y))
 
 
@@ -168,8 +168,9 @@ def test_the_pattern_of_two_impacts():
     and two are opposite sides at opposite phase (1/e)."""
     branch = traced("S13O00+")
     for point in (0, len(branch) // 2):
-        mark = mark_of("GR", branch.problem, branch.orbit(point).solution.y)
-        assert math.isclose(mark.pattern, 1.5 * math.e + 0.5 / math.e, rel_tol=1e-9)
+        cycle = branch.orbit(point).cycle
+        pattern = pattern_of(branch.system, cycle.times / cycle.period, cycle.contact)
+        assert math.isclose(pattern, 1.5 * math.e + 0.5 / math.e, rel_tol=1e-9)
 
 
 def test_numbers_near_a_border_of_rounding_have_both_hashes():

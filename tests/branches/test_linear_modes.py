@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.grazing.at_linear_modes import begins, families_at, response
-from branches.linear_modes import linear_modes, mode_of
+from branches.grazing.touching import mode_of
+from branches.linear_modes import begins, families_at, linear_modes, response
 from branches.sequences import canonical_sequence, full_sequence
 from bvp.closures import cycle_of
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -25,9 +25,9 @@ IN_PHASE, OUT_OF_PHASE = linear_modes(SYSTEM)
 
 
 @cache
-def at(label, turns, impacts=10):
+def at(label, cover, impacts=10):
     mode = IN_PHASE if label == "L11+" else OUT_OF_PHASE
-    return families_at(mode, turns, impacts, points=25, energy=(0.01, 10.0))
+    return families_at(mode, cover, impacts, points=25, energy=(0.01, 10.0))
 
 
 def test_linear_modes_are_nodes():
@@ -100,18 +100,18 @@ def test_what_keeps_a_reversal_beyond_twelve_touches():
 
 
 @pytest.mark.parametrize("label", ["L11+", "L11-"])
-@pytest.mark.parametrize("turns", [1, 2, 3, 4, 5])
-def test_what_begins_is_what_the_rule_allows(label, turns):
+@pytest.mark.parametrize("cover", [1, 2, 3, 4, 5])
+def test_what_begins_is_what_the_rule_allows(label, cover):
     """Oracle: the rule of gaps, by plain enumeration: which touches become impacts, to which side, and nothing else."""
     mode = IN_PHASE if label == "L11+" else OUT_OF_PHASE
-    count = 2 * turns
+    count = 2 * cover
     expected = {}
     for text, side in patterns(mode, count).items():
         period = next(d for d in range(1, count + 1) if count % d == 0 and text[d:] + text[:d] == text)
         if period == count or (2 * period == count and period % 2 == 1):
             expected[text] = side
     found = {}
-    for item in at(label, turns):
+    for item in at(label, cover):
         word = full_sequence(item.branch.problem.sequence, item.ends)
         assert len(word) == item.impacts
         problem, y = item.there.problem, item.there.y
@@ -138,14 +138,14 @@ def test_the_backbones_begin_at_the_modes():
 NAMED = [("L11+", 2, "U2210+"), ("L11+", 4, "U4621+"), ("L11+", 5, "U5711+"), ("L11+", 5, "S59E22+"), ("L11-", 4, "U4410-")]
 
 
-@pytest.mark.parametrize(("label", "turns", "found"), NAMED)
-def test_families_that_the_reference_names(label, turns, found):
+@pytest.mark.parametrize(("label", "cover", "found"), NAMED)
+def test_families_that_the_reference_names(label, cover, found):
     """Oracle: Lee et al. (2009) name them (p and q exchanged where a family is started at its other end)."""
-    assert found in [item.label for item in at(label, turns)]
+    assert found in [item.label for item in at(label, cover)]
 
 
 def test_named_families_behind_the_next_grazing():
-    """Oracle: Lee et al. (2009) let U4520- and S55O11- begin at L11+ too: one grazing further on, from three of its turns."""
+    """Oracle: Lee et al. (2009) let U4520- and S55O11- begin at L11+ too: one grazing further on, from three of its covers."""
     (first,) = [item for item in families_at(IN_PHASE, 3, 1, energy=(0.05, 1.0)) if item.label == "S35O00+"]
     event = next(e for e in first.branch.events if e.type == "GR" and e.h > 0.2)
     assert abs(event.h / 0.2543033 - 1.0) < 1e-6
@@ -153,16 +153,16 @@ def test_named_families_behind_the_next_grazing():
     assert "S55O11-" in labels and labels & {"U4520-", "U4502-"}
 
 
-@pytest.mark.parametrize("turns", [1, 3, 5])
-def test_speeds_of_first_order(turns):
+@pytest.mark.parametrize("cover", [1, 3, 5])
+def test_speeds_of_first_order(cover):
     """Oracle: the impulses of the complementarity problem: speed = P c M^-1 c / 2, with the energy rising by w^2 A e / b."""
     modes = SYSTEM.modes
     mode = IN_PHASE
-    orbit = mode.touching(turns)
+    orbit = mode.touching(cover)
     matrix = response(mode, orbit)
     b = abs(modes.contact_gap[0, mode.index])
     checked = 0
-    for item in at("L11+", turns):
+    for item in at("L11+", cover):
         if item.event is None or item.ends[0] != "origin":
             continue
         cycle = cycle_of(item.there.problem, item.there.y)
@@ -185,11 +185,11 @@ def test_speeds_of_first_order(turns):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_orbits_beside_the_grazing_are_those_that_begin(side):
-    """Oracle: a scan of the angles beside the mode's at an energy beside its grazing: the orbits near it, up to three turns."""
+    """Oracle: a scan of the angles beside the mode's at an energy beside its grazing: the orbits near it, up to the 3-fold cover."""
     mode = IN_PHASE
     h = mode.energies[1] * (1.0 + side * 1e-2)
     expected = set()
-    for item in (family for turns in (1, 2, 3) for family in at("L11+", turns)):
+    for item in (family for cover in (1, 2, 3) for family in at("L11+", cover)):
         if item.ends[0] == "origin" and any(abs(orbit.alpha / item.alpha - 1.0) < 0.01 for orbit in item.branch.orbits_at(energy=h)):
             assert (item.kind == "passage") == (side == 1)
             expected.add(canonical_sequence(tuple(item.branch.problem.sequence), item.ends))
@@ -197,16 +197,16 @@ def test_orbits_beside_the_grazing_are_those_that_begin(side):
     for end in ("stop", "rest", "origin"):
         grid = refined(SYSTEM, end, 4.0 * mode.alpha, h, 0.0, 4, 0.2, 4001)
         for orbit in sampled(SYSTEM, end, 4.0 * mode.alpha, h, grid, range(4)):
-            turns = orbit.alpha / mode.alpha
-            if round(turns) <= 3 and abs(turns / round(turns) - 1.0) < 0.01:
+            cover = orbit.alpha / mode.alpha
+            if round(cover) <= 3 and abs(cover / round(cover) - 1.0) < 0.01:
                 found.add(canonical_sequence(orbit.problem.sequence, orbit.problem.ends))
     assert found == expected
 
 
 def test_mirrored_and_reversed_choices_are_one():
     """Oracle: no two families of one list have the same canonical ends and word."""
-    for turns in (3, 4, 5):
-        keys = [canonical_sequence(tuple(item.branch.problem.sequence), item.ends) for item in at("L11+", turns)]
+    for cover in (3, 4, 5):
+        keys = [canonical_sequence(tuple(item.branch.problem.sequence), item.ends) for item in at("L11+", cover)]
         assert len(keys) == len(set(keys))
 
 
@@ -223,10 +223,13 @@ def test_other_systems():
     assert [mode.index for mode in linear_modes(free)] == [1]
     with pytest.raises(ValueError, match="conservative"):
         linear_modes(vibro_impact_nes(rho=0.7))
-    with pytest.raises(ValueError, match="cover is 0 and impacts 3"):
-        families_at(first, 0, 3)
-    with pytest.raises(ValueError, match="cover is 12: families are enumerated up to the 11-fold"):
-        families_at(first, 12, 3)
+    for value in (0, 12, float("nan"), True):
+        with pytest.raises(ValueError, match=f"cover = {value}: expected an integer, 1 to 11"):
+            families_at(first, value, 3)
+    with pytest.raises(ValueError, match="impacts = 0: expected an integer, 1 or more"):
+        families_at(first, 1, 0)
+    with pytest.raises(TypeError, match="the mode is nan, expected one of saltus.linear_modes"):
+        families_at(float("nan"), 1, 3)
 
 
 def test_three_masses():
@@ -248,7 +251,7 @@ def test_three_masses():
 def test_a_motion_of_several_modes_is_none():
     """Oracle: a state with both modes."""
     orbit = IN_PHASE.touching(1)
-    assert mode_of(orbit).index == 0
+    assert mode_of(orbit) == 0
     mixed = orbit.after.copy()
     mixed[:, 1] = 0.1
     assert mode_of(replace(orbit, after=mixed)) is None

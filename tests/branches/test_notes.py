@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import saltus
 from branches.tracing import record_of_event
 from continuation.problem import Event
 from tests.branches.traced import traced
@@ -33,13 +32,6 @@ def test_changes_of_label_read_along_the_branch(name, low, high):
     assert sorted(told) == changes and any(event.type == "IO" for event in told.values())
     assert any(event.number < 0 for event in told.values()) or name == "U8353-"
     assert np.all(branch.points["frequency_index"] > 0.0)
-
-
-def test_what_is_told_is_what_the_branch_says():
-    """Oracle: the finished branch: label and note of each event, told as it was found."""
-    events = []
-    branch = saltus.trace("S95E22-", energy=(0.05, 10.0), on_event=events.append)
-    assert sorted((e.type, e.number, e.label, e.note) for e in events) == sorted((e.type, e.number, e.label, e.note) for e in branch.events)
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,8 @@ def distance(orbit, other):
 
 @pytest.mark.parametrize(("name", "event", "ends", "times"), CASES, ids=[f"{case[0][:7]}-{case[1]}" for case in CASES])
 def test_new_families(name, event, ends, times):
-    """Oracle: continuity at the event, the period there (twice the old one at PD), the event-driven run, and both sides."""
+    """Oracle: continuity at the event, the period there (twice the old one at PD), the event-driven run, and both sides; the unfolding
+    parameter xi of a conservative system is 0 on solutions."""
     branch, at, born = switched(name, event)
     assert len(born) >= 2 and ends in {family.ends for family in born}
     old = branch.orbit(at.point)
@@ -81,37 +82,12 @@ def test_new_families(name, event, ends, times):
         run = saltus.simulate(family.system, u[0], v[0], orbit.period)
         size = np.linalg.norm(monodromy(orbit), 2)
         assert np.linalg.norm(run.final - start) < 1000.0 * EPS * max(size, 1.0) * np.linalg.norm(start)
-        assert orbit.residual < 1e-12
+        assert orbit.residual < 1e-12 and family.problem.periodic is (family.ends == ("periodic", "periodic"))
+        if family.problem.periodic:
+            assert max(abs(family.orbit(i).solution.y[-1]) for i in range(len(family))) < 1e-12
         assert_label_is_that_of_the_start(family)
         near, far = distance(family.orbit(0), old), distance(family.orbit(min(8, len(family) - 2)), old)
         assert near < 0.1 and (far > near or family.ended[1].reason == "EVENT")
-
-
-@pytest.mark.parametrize(("name", "event"), [("S13O00+", "SB1"), ("S11O00-", "PD1"), (REST, "SB1"), (STEEP, "SB1")])
-def test_new_families_start_at_the_event(name, event):
-    """Oracle: traced back towards the event, the distance from the old orbit goes to zero with the arclength."""
-    branch, at, born = switched(name, event, points=2)
-    for family in born:
-        back = family.trace(0, direction="both", points=60, energy=(0.5 * at.h, 2.0 * at.h))
-        period = back.points["alpha"] / (family.points["alpha"][0])
-        miss = np.hypot(np.log(back.points["h"] / at.h), np.log(period))
-        i = int(np.argmin(miss))
-        assert abs(back.points["h"][i] / at.h - 1.0) < 1e-2
-        places = [back.points["h"][i]]
-        assert places and back.points["residual"].max() < 1e-12
-        # the wider problem has its own event where both families cross
-        events = [event for event in back.events if event.type in ("BP", "SN", "SB")]
-        assert any(abs(event.h / at.h - 1.0) < 1e-6 for event in events), [(e.type, e.h) for e in back.events]
-
-
-def test_the_reversal_breaking_family_closes_without_unfolding():
-    """Oracle: the unfolding parameter xi of a conservative system is 0 on solutions."""
-    for name in (REST, STEEP):
-        _, _, born = switched(name, "SB1")
-        for family in born:
-            assert family.ends == ("periodic", "periodic") and family.problem.periodic
-            xi = [family.orbit(i).solution.y[-1] for i in range(len(family))]
-            assert np.max(np.abs(xi)) < 1e-12
 
 
 def test_orbits_without_the_reversal_have_none():
@@ -158,7 +134,7 @@ def test_both_sides_are_exact_images_of_each_other(name, event):
     assert any(abs(other.alpha / orbit.alpha - 1.0) < 1e-10 for other in first.trace(0, points=60).orbits_at(energy=orbit.h))
 
 
-def test_words_of_the_image_are_those_of_its_own_orbit():
+def test_notes_of_the_image_are_those_of_its_own_orbit():
     """Oracle: the mirror: the stop that the one side touches is the other stop for the other side."""
     branch = traced("S13O00+")
     first, second = branch.switch("SB1")
@@ -206,8 +182,8 @@ def test_stability_at_the_symmetry_breaking_of_the_backbone():
     assert len(beside) == len(new) == 1 and beside != new and old
 
 
-def test_a_crossing_with_seven_turns_leads_onto_the_backbone_itself():
-    """Oracle: closed form: the family that S73O33- crosses is seven turns of S11O00-; the answer is S11O00-, through the crossing."""
+def test_a_crossing_with_a_7_fold_cover_leads_onto_the_backbone_itself():
+    """Oracle: closed form: the family that S73O33- crosses is the 7-fold cover of S11O00-; the answer is S11O00-, through the crossing."""
     _, at, born = switched("S73O33-", "BP1", points=25)
     backbone = Backbone()
     (family,) = born
@@ -218,20 +194,20 @@ def test_a_crossing_with_seven_turns_leads_onto_the_backbone_itself():
     assert math.isclose(family.orbit_at(energy=at.h).alpha, at.alpha / 7.0, rel_tol=1e-5)
 
 
-WAYS_BACK = [("S13O00+", "SB1", 1), ("S11O00-", "PD1", 2), (REST, "SB1", 1), (REST, "PD1", 2), ("U3201-", "SB1", 1), ("S11O00-", "RT4", 5),
-             ("S11O00-", "RT2", 4), ("U3201-", "RT2", 3), ("U3201-", "RT3", 4)]  # fmt: skip
+WAYS_BACK = [("S13O00+", "SB1", 1), ("S11O00-", "PD1", 2), (REST, "SB1", 1), (REST, "PD1", 2), (STEEP, "SB1", 1), ("U3201-", "SB1", 1),
+             ("S11O00-", "RT4", 5), ("S11O00-", "RT2", 4), ("U3201-", "RT2", 3), ("U3201-", "RT3", 4)]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "event", "turns"), WAYS_BACK)
-def test_every_birth_leads_back_to_the_old_family(name, event, turns):
-    """Oracle: the old family: seen from the new one, it is crossed where it gave emanating to it."""
+@pytest.mark.parametrize(("name", "event", "cover"), WAYS_BACK)
+def test_every_emanating_family_leads_back_to_the_old_family(name, event, cover):
+    """Oracle: the old family: seen from the new one, it is crossed where it began."""
     branch, at, born = switched(name, event, points=3)
     for family in born:
         through = family.trace(1, energy=(0.5 * at.h, 2.0 * at.h))
         crossings = [e for e in through.events if e.type == "BP" and abs(e.h / at.h - 1.0) < 1e-5]
         assert len(crossings) == 1 and through.id == family.id
         (back,) = through.switch(crossings[0], points=5)
-        assert back.id == branch.id and back.cover == turns
+        assert back.id == branch.id and back.cover == cover
 
 
 RESONANT = [("S11O00-", f"RT{k}") for k in range(1, 9)] + [("U3201-", f"RT{k}") for k in range(1, 6)] + [(REST, "RT1"), (REST, "RT3")]
@@ -239,9 +215,9 @@ RESONANT = [("S11O00-", f"RT{k}") for k in range(1, 9)] + [("U3201-", f"RT{k}") 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("name", "event"), RESONANT)
-def test_families_born_at_a_q_tupling(name, event):
-    """Oracle: theory: q times the period and tau to 2 at the emanating, orbits that do not repeat themselves, and the event-driven run; for
-    q >= 5 one of the two families (or sides of a family) is stable beside the emanating and the other is not."""
+def test_families_that_emanate_at_a_resonance(name, event):
+    """Oracle: theory: q times the period and tau to 2 at the event, orbits that do not repeat themselves, and the event-driven run; for
+    q >= 5 one of the two families (or sides of a family) is stable beside the event and the other is not."""
     branch, at, born = switched(name, event)
     q = at.p_q[1]
     kinds = {}
@@ -302,12 +278,3 @@ def test_switching_goes_on_from_what_was_switched_to(name, event, ends, followin
         assert math.isclose(new.points["alpha"][0] / found.alpha, 2.0 if found.type == "PD" else 1.0, rel_tol=1e-3)
         symmetric = symmetries(new.orbit(1).cycle)
         assert symmetric.cover == 1 and bool(symmetric.reversals) is not new.problem.periodic
-
-
-def test_events_that_are_no_bifurcation_are_refused():
-    """Oracle: the message names the types that switching starts from, or the events that there are."""
-    branch = traced("S13O00+")
-    with pytest.raises(ValueError, match="switching starts from BP, SB, PD or RT"):
-        branch.switch("GR1")
-    with pytest.raises(ValueError, match="no event 'SB7' on this branch; it has GR1"):
-        branch.switch("SB7")

@@ -64,8 +64,7 @@ def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
 
 def test_families_without_start_velocities(tmp_path):
     """Oracle: the ends; a family between a rest and a stop never passes the origin."""
-    from branches.grazing.at_linear_modes import families_at
-    from branches.linear_modes import linear_modes
+    from branches.linear_modes import families_at, linear_modes
 
     begun = next(met for met in families_at(linear_modes(real.SYSTEM)[0], 1, 1, points=20) if "origin" not in met.ends)
     begun.branch.save(tmp_path / "rest.json")

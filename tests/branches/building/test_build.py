@@ -120,7 +120,7 @@ def test_what_fifty_digits_cost_and_missed_events_are_reported(tmp_path, monkeyp
         return points["stable"], DigitWork(1, 0.5)
 
     def missed(branch):
-        found = Missed(("RT",), (0, 1), (0.1, 0.2), (1.0, 1.1), "between the points 0 and 1")
+        found = Missed(("RT",), (0, 1), "between the points 0 and 1")
         return [found, found._replace(hidden=True)]
 
     monkeypatch.setattr(tracing, "decide_between", decided)
