@@ -133,6 +133,8 @@ def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict
     with reporting(name):
         about, stored = {"csv": _from_csv, "json": _from_json, "npz": _from_npz, "mat": _from_mat}[kind](content)
         layout.require(about)
+        if stored is None:
+            raise KeyError("columns")
         older = layout.renamed if about["schema"] < layout.schema else {}
         types = {**layout.columns, **dict.fromkeys(layout.wide)}
         columns = {key: _column(stored[older.get(key, key)], type) for key, type in types.items()}
@@ -180,14 +182,15 @@ def _from_csv(content: bytes) -> tuple[Any, dict[str, Any]]:
     return json.loads(head[2:]), stored
 
 
-def _from_json(content: bytes) -> tuple[Any, dict[str, Any]]:
+def _from_json(content: bytes) -> tuple[Any, Any]:
     record = json.loads(content)
-    return record, record.pop("columns") if isinstance(record, dict) else {}
+    return record, record.pop("columns", None) if isinstance(record, dict) else None
 
 
 def _from_npz(content: bytes) -> tuple[Any, dict[str, Any]]:
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        return json.loads(str(file["about"])), dict(file)
+        stored = dict(file)
+    return json.loads(str(stored["about"])), stored
 
 
 def _from_mat(content: bytes) -> tuple[Any, dict[str, Any]]:
