@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from branches.catalogue.database import CatalogueError
+from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.store import CatalogueStore
 from bvp.texts import brief
 
@@ -138,6 +138,8 @@ class Catalogue(CatalogueStore):
         """
         from branches.catalogue.members import family_of
 
+        if not hasattr(orbit, "solution"):
+            raise not_taken("an orbit is a saltus.Orbit, such as those of Branch.orbits_at", orbit)
         self.require_system(orbit.system.describe())
         return family_of(self, orbit)
 

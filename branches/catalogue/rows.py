@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from branches.events import BranchEvent
-from bvp.texts import brief
+from bvp.texts import brief, shown
 
 __all__ = [
     "Edge", "EventOrbit", "FamilyRow", "Interval", "Node", "SceneRecord", "compact_json", "crosses", "dead_end_id", "difference",
@@ -338,6 +338,8 @@ class SceneRecord:
             return scene
         if hasattr(scene, "describe"):
             return cls(scene.describe())
+        if not hasattr(scene, "bounds"):
+            raise TypeError(f"the scene is {shown(scene)}, expected a Scene such as saltus.load_scene(), or an ImpactSystem")
         bounds = {key: list(value) if isinstance(value, tuple) else value for key, value in scene.bounds.items()}
         points = {name: dict(point) for name, point in scene.reference_points.items()}
         return cls(scene.system.describe(), bounds, points, scene.title, scene.source, getattr(scene, "text", ""))
@@ -356,7 +358,7 @@ def difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> str | None:
     differences = []
     for key in dict.fromkeys([*mine, *theirs]):
         if mine.get(key) != theirs.get(key):
-            differences.append(f"{key} is {_shown(mine.get(key))}, not {_shown(theirs.get(key))}")
+            differences.append(f"{key} is {_value(mine.get(key))}, not {_value(theirs.get(key))}")
     if len(differences) > 3:
         differences = [*differences[:3], f"and {len(differences) - 3} more"]
     return ", ".join(differences) or None
@@ -370,5 +372,5 @@ def _leaves(value: Any, name: str = "") -> list[tuple[str, Any]]:
     return [(name, list(value) if isinstance(value, tuple) else value)]
 
 
-def _shown(value: Any) -> str:
+def _value(value: Any) -> str:
     return "absent" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)

@@ -158,6 +158,8 @@ class CatalogueStore(CatalogueFile):
 
     def add_node(self, node: Node) -> None:
         """Add a node that is no family, such as a linear mode. A node with the same id stays as it is."""
+        if not isinstance(node, Node):
+            raise not_taken("a node is a saltus.Node", node)
         with self.transaction():
             self._insert("nodes", node.values(), _IGNORE)
 
@@ -174,6 +176,8 @@ class CatalogueStore(CatalogueFile):
         Edge
             With the dead end as its target.
         """
+        if not isinstance(edge, Edge):
+            raise not_taken("an edge is a saltus.Edge", edge)
         edge = replace(edge, h=float(edge.h), alpha=float(edge.alpha))
         with self.transaction():
             if edge.target is None:

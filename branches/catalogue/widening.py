@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from branches.catalogue.database import CatalogueError
 from branches.catalogue.members import KnownFamilies, presented, unknowns_of
 from branches.catalogue.rows import dead_end_id
+from bvp.checks import require_branch
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -55,6 +56,7 @@ def holds(branch: Branch, other: Branch) -> bool:
 
 def widen(catalogue: CatalogueStore, branch: Branch) -> Kept:
     """Add a family, or replace a part of it that is there already: see `Catalogue.widen`."""
+    require_branch(branch)
     catalogue.require_system(branch.system.describe())
     if branch.id not in catalogue:
         catalogue.add(branch)
