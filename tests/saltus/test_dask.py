@@ -1,7 +1,6 @@
 """`saltus build --dask ADDRESS`: the work goes to a cluster, and nothing changes but where it is done."""
 
 import socket
-import sqlite3
 
 import pytest
 
@@ -11,6 +10,7 @@ from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
 from tests.branches.building.test_frontier import Serial
+from tests.branches.catalogue.families import rows
 from tests.saltus.running import refused, run
 
 distributed = pytest.importorskip("distributed")
@@ -24,13 +24,8 @@ def cluster():
         yield running
 
 
-def rows(path):
-    """All rows of a catalogue, but for when it was made."""
-    connection = sqlite3.connect(path)
-    tables = ("scene", "families", "points", "events", "nodes", "edges", "work", "progress")
-    found = {table: connection.execute(f"SELECT * FROM {table}").fetchall() for table in tables}
-    connection.close()
-    return found
+TABLES = ("scene", "families", "points", "events", "nodes", "edges", "work", "progress")
+"""All but the provenance, which says when a catalogue was made."""
 
 
 def test_a_cluster_builds_the_same_catalogue(cluster, tmp_path, capsys):
@@ -40,8 +35,8 @@ def test_a_cluster_builds_the_same_catalogue(cluster, tmp_path, capsys):
     assert not err and "complete" in out
     with Catalogue(tmp_path / "serial.sqlite", "a", scene=saltus.load_scene()) as catalogue:
         build(catalogue, BuildPlan.within(Bounds((0.1, 0.2), 1.9, 2)), Serial())
-    one, other = (rows(tmp_path / f"{name}.sqlite") for name in ("serial", "cluster"))
-    assert len(one["families"]) > 3 and one == other
+    one, other = (rows(tmp_path / f"{name}.sqlite", *TABLES) for name in ("serial", "cluster"))
+    assert len(one[1]) > 3 and one == other
 
 
 def refused_address(address, tmp_path, capsys):
