@@ -39,7 +39,8 @@ _ENTRY = mp.mpf(10) ** (15 - DIGITS)
 
 
 class DigitModes:
-    """Modes of an undamped system in many digits; a modal state is a list of n displacements and n velocities.
+    """Modes of an undamped system in many digits. A modal state is an array (2 n,) of mpf, displacements before velocities; an array
+    (m, 2 n) holds m of them.
 
     Parameters
     ----------
@@ -48,14 +49,12 @@ class DigitModes:
 
     Attributes
     ----------
-    squares : list of n mpf
+    squares : (n,) ndarray of mpf
         Of the frequencies, ascending; exactly 0 for a rigid-body mode, negative where the stiffness is.
-    shapes : (n, n) mp.matrix
+    shapes : (n, n) ndarray of mpf
         Mass-normalised, one a column.
-    gaps : list of (list of n mpf)
+    gaps : (S, n) ndarray of mpf
         c . phi_k for each stop.
-    lengths : list of mpf
-        Squares of the lengths of these rows.
     """
 
     def __init__(self, system: ImpactSystem) -> None:
@@ -63,73 +62,71 @@ class DigitModes:
         if reason is not None:
             raise ValueError(f"periodic orbits in many digits need a conservative system: {reason}")
         with mp.workdps(DIGITS):
-            self.mass = mp.matrix(system.mass.tolist())
-            lower = mp.cholesky(self.mass)
-            inverse = lower**-1
+            mass = mp.matrix(system.mass.tolist())
+            inverse = mp.cholesky(mass) ** -1
             squares, vectors = mp.eigsy(inverse * mp.matrix(system.stiffness.tolist()) * inverse.T)
             self.size = len(squares)
             # Of a rigid-body mode the rounded matrices leave a trace of stiffness, which counts for nothing in double precision either.
-            self.squares = [mp.mpf(0) if double == 0.0 else square for square, double in zip(squares, system.modes.squares, strict=True)]
-            self.shapes = inverse.T * vectors
-            self.gaps = [
-                [mp.fsum(mp.mpf(float(c)) * self.shapes[i, k] for i, c in enumerate(stop.gap)) for k in range(self.size)]
-                for stop in system.stops
-            ]
-            self.lengths = [_dot(row, row) for row in self.gaps]
+            self.squares = np.where(system.modes.squares == 0.0, mp.mpf(0), np.array(list(squares)))
+            self.shapes = _array(inverse.T * vectors)
+            self.gaps = _exact([stop.gap for stop in system.stops]) @ self.shapes
+            self.weights = self.shapes.T @ _array(mass)
 
-    def state(self, displacements: Any, velocities: Any) -> list[Any]:
-        """Modal state with displacements and velocities (n,)."""
-        moments = [self.shapes.T * (self.mass * mp.matrix([mp.mpf(float(x)) for x in part])) for part in (displacements, velocities)]
-        return [*moments[0], *moments[1]]
+    def state(self, physical: np.ndarray) -> np.ndarray:
+        """Modal state with displacements and velocities (2 n,)."""
+        return np.concatenate([self.weights @ _exact(part) for part in np.split(physical, 2)])
 
-    def velocities(self, z: list[Any]) -> list[Any]:
+    def velocities(self, z: np.ndarray) -> list[Any]:
         """Velocities u' (n,) of a modal state."""
-        return list(self.shapes * mp.matrix(z[self.size :]))
+        return list(self.shapes @ z[self.size :])
 
-    def energy(self, z: list[Any]) -> Any:
+    def energy(self, z: np.ndarray) -> Any:
         """h."""
-        n = self.size
-        return sum((z[n + k] ** 2 + square * z[k] ** 2 for k, square in enumerate(self.squares)), mp.mpf(0)) / 2
+        places, speeds = np.split(z, 2)
+        return (speeds @ speeds + self.squares @ places**2) / 2
 
-    def flight(self, time: Any) -> list[tuple[Any, Any, Any]]:
-        """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `flow`."""
+    def flight(self, time: Any) -> np.ndarray:
+        """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `flow`: (3, n)."""
         out = []
         for square in self.squares:
             w = mp.sqrt(abs(square))
             c, s = mp.cos_sin(w * time) if square >= 0 else (mp.cosh(w * time), mp.sinh(w * time))
             over = s / w if w else time
             out.append((c, over, square * over))
-        return out
+        return np.array(out).T
 
-    def flow(self, z: list[Any], flight: list[tuple[Any, Any, Any]]) -> list[Any]:
-        """The state after a free flight."""
-        n = self.size
-        places = [c * z[k] + over * z[n + k] for k, (c, over, _) in enumerate(flight)]
-        return places + [c * z[n + k] - times * z[k] for k, (c, _, times) in enumerate(flight)]
+    def flow(self, z: np.ndarray, flight: np.ndarray) -> np.ndarray:
+        """States after a free flight."""
+        c, over, times = flight
+        places, speeds = z[..., : self.size], z[..., self.size :]
+        return np.concatenate([c * places + over * speeds, c * speeds - times * places], axis=-1)
 
-    def rate(self, z: list[Any]) -> list[Any]:
+    def rate(self, z: np.ndarray) -> np.ndarray:
         """Velocities and accelerations of the modes."""
-        n = self.size
-        return z[n:] + [-square * z[k] for k, square in enumerate(self.squares)]
+        return np.concatenate([z[..., self.size :], -self.squares * z[..., : self.size]], axis=-1)
 
-    def gap(self, stop: int, z: list[Any]) -> Any:
+    def gap(self, stop: int, z: np.ndarray) -> Any:
         """The gap coordinate."""
-        return _dot(self.gaps[stop], z)
+        return z[..., : self.size] @ self.gaps[stop]
 
-    def speed(self, stop: int, z: list[Any]) -> Any:
+    def speed(self, stop: int, z: np.ndarray) -> Any:
         """The rate of the gap coordinate."""
-        return _dot(self.gaps[stop], z[self.size :])
+        return z[..., self.size :] @ self.gaps[stop]
 
-    def impact(self, stop: int, z: list[Any]) -> list[Any]:
-        """The state after an elastic impact."""
-        n, b = self.size, self.gaps[stop]
-        push = 2 * self.speed(stop, z) / self.lengths[stop]
-        return z[:n] + [p - push * x for p, x in zip(z[n:], b, strict=True)]
+    def impact(self, stop: int, z: np.ndarray) -> np.ndarray:
+        """States after an elastic impact."""
+        b = self.gaps[stop]
+        kick = np.multiply.outer(2 * self.speed(stop, z) / (b @ b), b)
+        return np.concatenate([z[..., : self.size], z[..., self.size :] - kick], axis=-1)
 
 
-def _dot(a: list[Any], b: list[Any]) -> Any:
-    """Sum of products, as far as the shorter list goes."""
-    return sum((x * y for x, y in zip(a, b, strict=False)), mp.mpf(0))
+def _exact(values: Any) -> np.ndarray:
+    """Doubles as the binary fractions that they are."""
+    return np.frompyfunc(lambda x: mp.mpf(float(x)), 1, 1)(np.asarray(values))
+
+
+def _array(matrix: Any) -> np.ndarray:
+    return np.array(matrix.tolist(), dtype=object).reshape(matrix.rows, matrix.cols)
 
 
 @lru_cache(maxsize=4)
@@ -145,9 +142,9 @@ class DigitOrbit:
     Attributes
     ----------
     problem : MultipointProblem
-    states : list of (list of 2 n mpf)
+    states : (k + 1, 2 n) ndarray of mpf
         Modal states at the start of each flight.
-    times : list of mpf
+    times : (k + 1,) ndarray of mpf
         Flight times.
     residual : mpf
         What is left of the equations.
@@ -156,8 +153,8 @@ class DigitOrbit:
     """
 
     problem: MultipointProblem
-    states: list[list[Any]]
-    times: list[Any]
+    states: np.ndarray
+    times: np.ndarray
     residual: Any
     moved: float
 
@@ -170,13 +167,6 @@ class DigitOrbit:
     def energy(self) -> Any:
         """h."""
         return self.modes.energy(self.states[0])
-
-    @cached_property
-    def arrivals(self) -> list[list[Any]]:
-        """Modal states at the end of each flight, before the impact there."""
-        with mp.workdps(DIGITS):
-            flights = (self.modes.flight(time) for time in self.times)
-            return [self.modes.flow(z, flight) for z, flight in zip(self.states, flights, strict=True)]
 
     @cached_property
     def half_map(self) -> Any:
@@ -197,10 +187,7 @@ class DigitOrbit:
         """tau of the full period, for two degrees of freedom."""
         with mp.workdps(DIGITS):
             if self.problem.periodic:
-                size = self.problem.size
-                unit = [[mp.mpf(i == j) for i in range(size)] for j in range(size)]
-                final = self._carried(unit)
-                return mp.fsum(final[i][i] for i in range(size)) - 2
+                return np.trace(self._carried(_exact(np.eye(self.problem.size)))[0]) - 2
             half = 2 + 4 * self.half_map[0, 1] * self.half_map[1, 0]
             return half * half - 2 if self.problem.quarters == 1 else half
 
@@ -218,7 +205,7 @@ class DigitOrbit:
                 numbers = [(self.trace - 2) / 4], [error / 4], [(self.trace + 2) / 4], [error / 4]
             else:
                 phi = self.half_map
-                displacement = max(abs(q) for z in self.states for q in z[: m + 1])
+                displacement = np.abs(self.states[:, : m + 1]).max()
                 factors = balance(problem, mp.sqrt(2 * self.energy) / displacement if displacement else mp.mpf(1))
                 places = (0, 0), (0, m), (m, 0), (m, m)
                 a, b, c, d = (f * phi[i : i + m, j : j + m] for f, (i, j) in zip(factors, places, strict=True))
@@ -231,51 +218,47 @@ class DigitOrbit:
     def _half_map(self) -> Any:
         problem, modes = self.problem, self.modes
         n, stops = modes.size, problem.modes.contact_stop
-        start, end = problem.kinds
-        z, final = self.states[0], self.arrivals[-1]
-        zero = [mp.mpf(0)] * n
+        (start, end), (closing, opening) = problem.kinds, problem.contacts[-2:]
+        z = self.states[0]
+        zero = _exact(np.zeros((n - 1, n)))
 
-        def basis(kind: int, contact: int, at: list[Any]) -> list[list[Any]]:
+        def basis(kind: int, contact: int, at: np.ndarray) -> np.ndarray:
             if kind == ORIGIN:
                 return _across(at[n:])
-            return _across([-force for force in modes.rate(at)[n:]] if kind == REST else modes.gaps[stops[contact]])
+            return _across(-modes.rate(at)[n:] if kind == REST else modes.gaps[stops[contact]])
 
-        first, last = basis(start, problem.contacts[-1], z), basis(end, problem.contacts[-2], final)
+        first = basis(start, opening, z)
+        kept, turned = (np.hstack([first, zero]), np.hstack([zero, first]))
         if start == ORIGIN:
-            columns = [zero + x for x in first] + [[-q for q in x] + zero for x in first]
-        else:
-            columns = [x + zero for x in first] + [zero + x for x in first]
+            kept, turned = turned, -kept
         if start == STOP:
-            stop = int(stops[problem.contacts[-1]])
-            speed = modes.speed(stop, z)
-            for column, x in zip(columns, first, strict=False):
-                column[n:] = [_dot(modes.rate(z)[n:], x) / speed * b for b in modes.gaps[stop]]
-        phi = mp.zeros(2 * (n - 1))
-        for j, x in enumerate(self._carried(columns)):
-            for i, row in enumerate(last):
-                displacement, velocity = _dot(row, x), _dot(row, x[n:])
-                phi[i, j], phi[n - 1 + i, j] = (velocity, -displacement) if end == ORIGIN else (displacement, velocity)
-        return phi
+            stop = int(stops[opening])
+            slopes = first @ modes.rate(z)[n:] / modes.speed(stop, z)
+            kept[:, n:] = np.multiply.outer(slopes, modes.gaps[stop])
+        carried, final = self._carried(np.vstack([kept, turned]))
+        last = basis(end, closing, final)
+        displacements, velocities = carried[:, :n] @ last.T, carried[:, n:] @ last.T
+        phi = np.hstack([velocities, -displacements] if end == ORIGIN else [displacements, velocities])
+        return mp.matrix(phi.T.tolist())
 
-    def _carried(self, columns: list[list[Any]]) -> list[list[Any]]:
-        """Perturbations at the start, carried to the far end: through saltation matrices; at a stop there onto the stop along the flow."""
+    def _carried(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Perturbations (m, 2 n) at the start, carried to the far end: through saltation matrices; at a stop there onto the stop along the
+        flow. Then the state at the far end, before an impact there."""
         problem, modes = self.problem, self.modes
-        for i, (before, time) in enumerate(zip(self.arrivals, self.times, strict=True)):
+        for i, (z, time) in enumerate(zip(self.states, self.times, strict=True)):
             flight = modes.flight(time)
-            columns = [modes.flow(x, flight) for x in columns]
+            columns, before = modes.flow(columns, flight), modes.flow(z, flight)
             contact = problem.contacts[i]
             if contact < 0:
                 continue
             stop = int(problem.modes.contact_stop[contact])
-            speed, cut = modes.speed(stop, before), i == problem.inner and not problem.periodic
-            flow = modes.rate(before)
-            coming = flow if cut else modes.impact(stop, flow)
-            going = [mp.mpf(0)] * len(flow) if cut else modes.rate(modes.impact(stop, before))
-            for j, x in enumerate(columns):
-                late = modes.gap(stop, x) / speed
-                there = x if cut else modes.impact(stop, x)
-                columns[j] = [p + late * (q - r) for p, q, r in zip(there, going, coming, strict=True)]
-        return columns
+            late = modes.gap(stop, columns) / modes.speed(stop, before)
+            shift = -modes.rate(before)
+            if i < problem.inner or problem.periodic:
+                shift = modes.rate(modes.impact(stop, before)) + modes.impact(stop, shift)
+                columns = modes.impact(stop, columns)
+            columns = columns + np.multiply.outer(late, shift)
+        return columns, before
 
 
 def orbit_in_digits(problem: MultipointProblem, y: np.ndarray, quarter_period: float | None = None) -> DigitOrbit:
@@ -299,139 +282,111 @@ def orbit_in_digits(problem: MultipointProblem, y: np.ndarray, quarter_period: f
 
 
 class _Equations:
-    """The equations of a segment; x holds z_0, t_0, z_1, t_1, ..., the states modal."""
+    """The equations of a segment; row i of x holds z_i and t_i, the states modal."""
 
     def __init__(self, problem: MultipointProblem, y: np.ndarray, quarter_period: float | None) -> None:
         self.problem = problem
         self.modes = modes = digit_modes(problem.system)
-        self.n = modes.size
+        self.n = n = modes.size
         self.quarter_period = None if quarter_period is None else mp.mpf(float(quarter_period))
         double = problem.modes
         self.stops = [int(double.contact_stop[contact]) if contact >= 0 else -1 for contact in problem.contacts]
         self.bounds = [mp.mpf(float(double.contact_bound[contact])) if contact >= 0 else None for contact in problem.contacts]
         starts = np.vstack([problem.start(y), problem.nodes(y)]) @ double.to_state.T
-        self.x: list[Any] = []
-        for state, time in zip(starts, problem.flight_times(y), strict=True):
-            self.x += [*modes.state(state[: self.n], state[self.n :]), mp.mpf(float(time))]
-        self.speed = mp.sqrt(2 * modes.energy(self.x[: 2 * self.n])) or mp.mpf(1)
-        sizes = [1.0] * self.n + [float(self.speed)] * self.n
-        self.sizes = np.array((sizes + [1.0]) * (problem.inner + 1))
+        times = _exact(problem.flight_times(y))
+        self.x = np.array([[*modes.state(state), time] for state, time in zip(starts, times, strict=True)])
+        z = self.x[0, :-1]
+        self.speed = mp.sqrt(2 * modes.energy(z)) or mp.mpf(1)
+        self.sizes = np.tile([1.0] * n + [float(self.speed)] * n + [1.0], problem.inner + 1)
         self.first = self._conditions(problem.kinds[0], problem.inner + 1)
         self.last = self._conditions(problem.kinds[1], problem.inner)
         # Energy is conserved, so one of the closure equations follows from the others: leave out the one that changes the energy most.
-        z = self.x[: 2 * self.n]
-        slopes = modes.rate(z)[self.n :] + [p * self.speed for p in z[self.n :]]
-        self.left_out = max(range(2 * self.n), key=lambda k: abs(slopes[k]))
+        slopes = np.abs(np.concatenate([modes.rate(z)[n:], z[n:] * self.speed]))
+        self.kept = np.delete(np.arange(2 * n), np.argmax(slopes))
 
-    def _conditions(self, kind: int, node: int) -> list[tuple[list[Any], Any]]:
+    def _conditions(self, kind: int, node: int) -> tuple[np.ndarray, np.ndarray]:
         """Rows L and values l of the conditions L z = l at an end."""
-        n = self.n
-        rows = [[mp.mpf(j == k) for j in range(2 * n)] for k in range(2 * n)]
-        if kind == ORIGIN:
-            return [(row, mp.mpf(0)) for row in rows[:n]]
-        if kind == REST:
-            return [(row, mp.mpf(0)) for row in rows[n:]]
+        n, unit = self.n, _exact(np.eye(2 * self.n))
+        if kind in (ORIGIN, REST):
+            return unit[:n] if kind == ORIGIN else unit[n:], _exact(np.zeros(n))
+        if kind == PERIODIC and node <= self.problem.inner:
+            return unit[:0], unit[0, :0]
         b = self.modes.gaps[self.stops[node]]
-        on_stop = (b + [mp.mpf(0)] * n, self.bounds[node])
-        if kind == PERIODIC:
-            return [on_stop] if node > self.problem.inner else []
-        pivot = max(range(n), key=lambda k: abs(b[k]))
-        along = [([b[pivot] * x - b[k] * y for x, y in zip(rows[n + k], rows[n + pivot], strict=True)], mp.mpf(0)) for k in range(n)]
-        return [on_stop, *(along[k] for k in range(n) if k != pivot)]
+        rows, values = [b @ unit[:n]], [self.bounds[node]]
+        if kind == STOP:
+            pivot = int(np.argmax(np.abs(b)))
+            rows += [b[pivot] * unit[n + k] - b[k] * unit[n + pivot] for k in range(n) if k != pivot]
+        return np.array(rows), np.array(values + [mp.mpf(0)] * (len(rows) - 1))
 
-    def parts(self) -> tuple[list[list[Any]], list[Any]]:
-        """States at the start of each flight, and flight times."""
-        row = 2 * self.n + 1
-        pieces = [self.x[i : i + row] for i in range(0, len(self.x), row)]
-        return [piece[:-1] for piece in pieces], [piece[-1] for piece in pieces]
-
-    def residual(self) -> list[Any]:
+    def residual(self) -> np.ndarray:
         """The start's end holds, each flight ends on the next node, each node is on its stop, the far end holds."""
         modes, inner = self.modes, self.problem.inner
-        states, times = self.parts()
-        out = [_dot(row, states[0]) - value for row, value in self.first]
-        for i in range(inner):
-            landed = modes.impact(self.stops[i], modes.flow(states[i], modes.flight(times[i])))
-            out += [a - b for a, b in zip(landed, states[i + 1], strict=True)]
-            out.append(modes.gap(self.stops[i], states[i + 1]) - self.bounds[i])
-        end = modes.flow(states[-1], modes.flight(times[-1]))
-        if self.problem.periodic:
-            landed = modes.impact(self.stops[inner], end)
-            out += [a - b for k, (a, b) in enumerate(zip(landed, states[0], strict=True)) if k != self.left_out]
-        out += [_dot(row, end) - value for row, value in self.last]
+        states, times = self.x[:, :-1], self.x[:, -1]
+        out = [self.first[0] @ states[0] - self.first[1]]
+        for i, stop in enumerate(self.stops[: inner + 1]):
+            end = modes.flow(states[i], modes.flight(times[i]))
+            if i < inner:
+                out += [modes.impact(stop, end) - states[i + 1], [modes.gap(stop, states[i + 1]) - self.bounds[i]]]
+            elif self.problem.periodic:
+                out.append((modes.impact(stop, end) - states[0])[self.kept])
+        out.append(self.last[0] @ end - self.last[1])
         if self.quarter_period is not None:
-            out.append(mp.fsum(times) - self.problem.quarters * self.quarter_period)
-        return out
+            out.append([mp.fsum(times) - self.problem.quarters * self.quarter_period])
+        return np.concatenate(out)
 
     def jacobian(self) -> np.ndarray:
         """Derivative of the residual in double precision."""
-        n, modes, inner = self.n, self.modes, self.problem.inner
-        squares = np.array([float(x) for x in modes.squares])
-        states, times = self.parts()
-        row, size, periodic = 2 * n + 1, 2 * n, self.problem.periodic
+        modes, inner, size = self.modes, self.problem.inner, 2 * self.n
+        unit, count = np.eye(size), len(self.x)
         out: list[np.ndarray] = []
 
-        def rows(*blocks: tuple[int, np.ndarray]) -> None:
-            height = np.atleast_2d(blocks[0][1]).shape[0]
-            block = np.zeros((height, len(self.x)))
-            for at, values in blocks:
-                part = np.atleast_2d(values)
-                block[:, at : at + part.shape[1]] += part
-            out.append(block)
+        def rows(height: int, *blocks: tuple[int, Any]) -> None:
+            out.append(np.zeros((height, count, size + 1)))
+            for node, values in blocks:
+                part = np.atleast_2d(np.asarray(values, dtype=float))
+                out[-1][:, node, : part.shape[1]] += part
 
-        rows((0, _floats(self.first)))
-        for i, time in enumerate(times):
-            c, over, times_w = np.array([[float(x) for x in mode] for mode in modes.flight(time)]).T
-            flow = np.block([[np.diag(c), np.diag(over)], [np.diag(-times_w), np.diag(c)]])
-            arrival = flow @ np.array([float(x) for x in states[i]])
-            rate = np.concatenate([arrival[n:], -squares * arrival[:n]])
-            at, node = i * row, (i + 1) * row
-            if i < inner or periodic:
-                b = np.array([float(x) for x in modes.gaps[self.stops[i]]])
-                push = np.eye(size)
-                push[n:, n:] -= 2.0 * np.outer(b, b) / (b @ b)
-                landing = np.column_stack([push @ flow, push @ rate])
-                if i < inner:
-                    rows((at, landing), (node, -np.eye(size)))
-                    rows((node, b))
-                else:
-                    kept = [k for k in range(size) if k != self.left_out]
-                    rows((at, landing[kept]), (0, -np.eye(size)[kept]))
-            else:
-                rows((at, _floats(self.last) @ np.column_stack([flow, rate])))
+        rows(len(self.first[0]), (0, self.first[0]))
+        for i, stop in enumerate(self.stops[: inner + 1]):
+            flight = modes.flight(self.x[i, -1])
+            arrival = modes.flow(self.x[i, :-1], flight)
+            landing = np.vstack([modes.flow(unit, flight), modes.rate(arrival)])
+            if i < inner:
+                rows(size, (i, modes.impact(stop, landing).T), (i + 1, -unit))
+                rows(1, (i + 1, modes.gaps[stop]))
+            elif self.problem.periodic:
+                rows(size - 1, (i, modes.impact(stop, landing).T[self.kept]), (0, -unit[self.kept]))
+        rows(len(self.last[0]), (inner, self.last[0] @ landing.T))
         if self.quarter_period is not None:
-            last = np.zeros(len(self.x))
-            last[size::row] = 1.0
-            rows((0, last))
-        return np.vstack(out)
+            rows(1)
+            out[-1][:, :, -1] = 1.0
+        return np.concatenate(out).reshape(-1, count * (size + 1))
 
     def solve(self) -> DigitOrbit:
         """Correct until nothing is gained any more."""
-        given = list(self.x)
+        given = self.x
         inverse = np.empty((0, 0))
         worst = mp.inf
         for _ in range(_ROUNDS):
             residual = self.residual()
-            size = max(abs(r) for r in residual)
+            size = np.abs(residual).max()
             if not size < worst:
                 break
-            worst, kept = size, list(self.x)
+            worst, kept = size, self.x
             if size == 0:
                 break
             if size > _NEAR * self.speed or not inverse.size:
-                jacobian = self.jacobian() * self.sizes
                 # The least correction, in units of the sizes: J' = Q R, J^+ = Q R'^-1.
-                q, r = np.linalg.qr(jacobian.T)
+                q, r = np.linalg.qr((self.jacobian() * self.sizes).T)
                 inverse = self.sizes[:, None] * np.linalg.solve(r, q.T).T
-            update = inverse @ np.array([float(r / size) for r in residual])
-            self.x = [x - mp.mpf(float(d)) * size for x, d in zip(self.x, update, strict=True)]
+            update = inverse @ (residual / size).astype(float)
+            self.x = self.x - _exact(update.reshape(self.x.shape)) * size
         if not worst < _GOOD * max(1, self.speed):
             raise ArithmeticError(f"the orbit did not settle in {DIGITS} digits (residual {mp.nstr(worst, 3)})")
-        self.x = kept
-        states, times = self.parts()
-        period, change = mp.fsum(times), mp.fsum(times) - mp.fsum(given[2 * self.n :: 2 * self.n + 1])
-        apart = [abs(a - b) / self.speed for a, b in zip(states[0], given, strict=False)]
-        return DigitOrbit(self.problem, states, times, worst, float(max(*apart, abs(change / period))))
+        period = mp.fsum(kept[:, -1])
+        change = abs(period - mp.fsum(given[:, -1])) / period
+        apart = np.abs(kept[0, :-1] - given[0, :-1]).max() / self.speed
+        return DigitOrbit(self.problem, kept[:, :-1], kept[:, -1], worst, float(max(apart, change)))
 
 
 def _eigenvalues(p: Any, q: Any, size: Any) -> tuple[list[Any], list[Any]]:
@@ -443,23 +398,16 @@ def _eigenvalues(p: Any, q: Any, size: Any) -> tuple[list[Any], list[Any]]:
     return list(mp.eig(matrix, left=False, right=False)), [mp.sqrt(error * (error + mp.mnorm(matrix)))] * m
 
 
-def _floats(conditions: list[tuple[list[Any], Any]]) -> np.ndarray:
-    return np.array([[float(x) for x in row] for row, _ in conditions])
-
-
-def _across(x: list[Any]) -> list[list[Any]]:
-    """Orthonormal vectors perpendicular to x (n,); of two entries oriented with it."""
+def _across(x: np.ndarray) -> np.ndarray:
+    """Orthonormal vectors perpendicular to x (n,), one a row; of two entries oriented with it."""
     if len(x) == 2:
-        size = mp.hypot(x[0], x[1])
-        return [[-x[1] / size, x[0] / size]]
-    found = [[y / mp.norm(x) for y in x]]
+        return np.array([[-x[1], x[0]]]) / mp.sqrt(x @ x)
+    found = [x / mp.sqrt(x @ x)]
     # The unit vector that is most along x gives nothing new.
-    for k in sorted(range(len(x)), key=lambda k: abs(x[k]))[: len(x) - 1]:
-        vector = [mp.mpf(j == k) for j in range(len(x))]
+    for k in np.argsort(np.abs(x.astype(float)))[:-1]:
+        vector = _exact(np.eye(len(x))[k])
         for _ in range(2):
             for other in found:
-                part = _dot(other, vector)
-                vector = [a - part * b for a, b in zip(vector, other, strict=True)]
-        size = mp.norm(vector)
-        found.append([a / size for a in vector])
-    return found[1:]
+                vector = vector - (other @ vector) * other
+        found.append(vector / mp.sqrt(vector @ vector))
+    return np.array(found[1:]).reshape(-1, len(x))

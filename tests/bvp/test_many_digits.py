@@ -71,7 +71,7 @@ def test_a_rigid_body_mode_moves_on_in_a_straight_line():
     """Oracle: q(t) = q + p t."""
     modes = digit_modes(chain(np.random.default_rng(1), 3))
     assert modes.squares[0] == 0 and all(square > 0 for square in modes.squares[1:])
-    state = [mp.mpf(k + 1) for k in range(6)]
+    state = np.array([mp.mpf(k + 1) for k in range(6)])
     moved = modes.flow(state, modes.flight(mp.mpf(2)))
     assert moved[0] == 1 + 2 * 4 and moved[3] == 4
 
