@@ -1,10 +1,11 @@
 """Contact modes: the free motion, and the motion while some of the stops stick. All use the same flight kernels.
 
-While the gaps w_S = c_S . u of the stops S are held, u = T r + U w_S with T a basis of c_S u = 0 and U = M^-1 c' (c M^-1 c')^-1: the
-reduced motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each stop held. Kinetic energy keeps r and w
-apart. The held gaps and the loads are states y' = S y of their own. With X S - B X = G, z = z~ + X y takes z' = B z + G y to z~' = B z~:
-the particular solution is X y. Where it would be large beside the gaps - a load at resonance, or on a coordinate that hardly resists - the
-difference z - X y would cancel, and the block and the load share one larger block instead, whose exponential has no such limit.
+While the stops S stick, their gaps w_S = c_S . u are constant, and u = T r + U w_S with T a basis of c_S u = 0 and
+U = M^-1 c' (c M^-1 c')^-1: the reduced motion T'MT r'' + T'CT r' + T'KT r = T'(f - K U w_S) has one degree of freedom less for each
+sticking stop. Kinetic energy keeps r and w apart. These gaps and the loads are states y' = S y of their own. With X S - B X = G,
+z = z~ + X y takes z' = B z + G y to z~' = B z~: the particular solution is X y. Where it would be large beside the gaps - a load at
+resonance, or on a coordinate that hardly resists - the difference z - X y would cancel, and the block and the load share one larger block
+instead, whose exponential has no such limit.
 
 The contact force of a sticking stop is a linear function of the state. It takes the place of the contact's distance: the stop releases
 at the next zero of the force.
@@ -12,9 +13,8 @@ at the next zero of the force.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,69 +27,38 @@ from bvp.modes import balanced, modal_impulse, repeated_contacts, two_parts, und
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["ContactMode", "ContactModeTable", "contact_mode_of"]
+__all__ = ["ContactModeTable", "contact_mode_of"]
 
 NEVER = 1e300
 """Bound of a gap that cannot be reached."""
 
 
-@dataclass(frozen=True, eq=False)
-class ContactMode:
-    """One mode, for N states Z: arrays as in `bvp.modes.Modes`, and
+def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms: BudgetTerms) -> dict[str, np.ndarray]:
+    """The mode in which the contacts of the bits of `sticking` stick.
 
-    held : int
-        Bit c is set where contact c is held.
-    leave : (2n, N) ndarray
-        (u, v) = leave Z.
-    enter : (N, 2n + 2G) ndarray
-        Z = enter (u, v, y); velocities across a held gap are dropped.
-    to_modes : (2n, N) ndarray
-    from_modes : (N, 2n + 2G) ndarray
-        The same for the modal coordinates (q, p) of the system without dampers and stops, u = Phi q and v = Phi p: in these a motion goes
-        from mode to mode, for a free translation of any size, which is one of them, then takes no digits from the others.
-    push, push_rest : (m, N) ndarray
-        As the nearest doubles, and what these leave (see `bvp.modes`); 0 while a contact is held.
-    first, second : (R, N) ndarray
-        Rows of the energy budget: their integrand is (first . Z)(second . Z).
-    """
-
-    held: int
-    pairs: np.ndarray
-    mean: np.ndarray
-    delta: np.ndarray
-    matrix: np.ndarray
-    leave: np.ndarray
-    enter: np.ndarray
-    to_modes: np.ndarray
-    from_modes: np.ndarray
-    gap: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
-    side: np.ndarray
-    bound: np.ndarray
-    push: np.ndarray
-    push_rest: np.ndarray
-    first: np.ndarray
-    second: np.ndarray
-
-
-def contact_mode_of(system: ImpactSystem, held: int, forcing: Forcing, terms: BudgetTerms) -> ContactMode:
-    """The mode in which the contacts of the bits of `held` are held.
+    Returns
+    -------
+    dict of ndarray
+        The arrays of `bvp.kernels.contact_mode.ContactModes` from `pairs` to `second`, without their first dimension, for N states Z.
+        (u, v) = leave Z, and Z = enter (u, v, y), where velocities across a gap that is constant are dropped. `to_modes` and `from_modes`
+        are the same for the modal coordinates (q, p) of the system without dampers and stops, u = Phi q and v = Phi p. In these a motion
+        goes from mode to mode: a free translation of any size is one of them, and takes no digits from the others. `push` is 0 while a
+        contact sticks.
 
     Raises
     ------
     RuntimeError
-        Where an eigenvalue iteration does not converge, or the held gaps depend on each other.
+        Where an eigenvalue iteration does not converge, or the gaps of sticking stops depend on each other.
     """
     n = system.degrees_of_freedom
     modes = system.modes
-    contacts = [c for c in range(len(modes.contact_side)) if held >> c & 1]
+    contacts = [c for c in range(len(modes.contact_side)) if sticking >> c & 1]
     rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts]).reshape(-1, n)
     k = len(contacts)
     inverse_rows = np.linalg.solve(system.mass, rows.T)
     compliance = rows @ inverse_rows
     if k and np.linalg.cond(compliance) > 1e12:
-        raise RuntimeError("stops are held whose gaps depend on each other")
+        raise RuntimeError("stops stick whose gaps depend on each other")
     basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:] if k else np.eye(n)
     basis = np.where(np.abs(basis) <= 8.0 * n * EPSILON, 0.0, basis)
     lift = np.linalg.solve(compliance, inverse_rows.T).T if k else np.zeros((n, 0))
@@ -106,35 +75,28 @@ def contact_mode_of(system: ImpactSystem, held: int, forcing: Forcing, terms: Bu
     size = len(layout.matrix)
     reduced = np.zeros((2 * n, 2 * m))
     reduced[:n, :m] = reduced[n:, m:] = basis
+    loaded, fixed = 2 * len(forcing.loads), np.array(layout.load_states[:k], dtype=int)
     leave = reduced @ layout.position
-    for j in range(k):
-        leave[:n, layout.masters[j]] += lift[:, j]
+    leave[:n, fixed] += lift
     down = np.zeros((2 * m, 2 * n))
     down[:m, :n] = down[m:, n:] = left
-    generators = np.zeros((2 * (k + len(forcing.loads)), 2 * n + 2 * len(forcing.loads)))
-    for j in range(k):
-        generators[2 * j, :n] = rows[j]
-    generators[2 * k :, 2 * n :] = np.eye(2 * len(forcing.loads))
-    loaded = 2 * len(forcing.loads)
-    enter = layout.states @ np.hstack([blocks.from_state @ down, np.zeros((2 * m, loaded))]) + layout.loads @ generators
+    none = np.zeros((2 * m, loaded))
     shapes, weights = np.kron(np.eye(2), modes.shapes), np.kron(np.eye(2), modes.shapes.T @ system.mass)
+    levels = np.zeros((2, 2 * k + loaded, 2 * n + loaded))  # y of the sticking stops and loads, from (u, v, y) and from (q, p, y)
+    levels[0, : 2 * k : 2, :n], levels[1, : 2 * k : 2, :n] = rows, exact_product(rows, modes.shapes)
+    levels[:, 2 * k :, 2 * n :] = np.eye(loaded)
+    enter = layout.states @ np.hstack([blocks.from_state @ down, none]) + layout.loads @ levels[0]
     to_modes = _snapped(exact_product(weights, reduced, blocks.to_state)) @ layout.inside
-    for j in range(k):
-        to_modes[:n, layout.masters[j]] += exact_product(weights[:n, :n], lift[:, j])
-    from_modes = layout.states @ np.hstack([_snapped(exact_product(blocks.from_state, down, shapes)), np.zeros((2 * m, loaded))])
-    held_rows = np.zeros((2 * k + loaded, 2 * n + loaded))
-    for j in range(k):
-        held_rows[2 * j, :n] = exact_product(rows[j], modes.shapes)
-    held_rows[2 * k :, 2 * n :] = np.eye(loaded)
-    from_modes += layout.loads @ held_rows
-    outer = np.zeros((2 * len(forcing.loads), size))
-    for g in range(len(forcing.loads)):
-        outer[2 * g, layout.masters[k + g]] = outer[2 * g + 1, layout.masters[k + g] + 1] = 1.0
+    to_modes[:n, fixed] += exact_product(weights[:n, :n], lift)
+    from_modes = layout.states @ np.hstack([_snapped(exact_product(blocks.from_state, down, shapes)), none]) + layout.loads @ levels[1]
+    outer = np.zeros((loaded, size))
+    for g, begin in enumerate(layout.load_states[k:]):
+        outer[2 * g, begin] = outer[2 * g + 1, begin + 1] = 1.0
     gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
     acceleration = np.zeros_like(gap)
     side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
     repeated = repeated_contacts(system.stops)
-    fixed = {int(modes.contact_stop[c]) for c in contacts}
+    closed = {int(modes.contact_stop[c]) for c in contacts}
     press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
     for c in range(len(side)):
         if c in contacts:
@@ -142,7 +104,7 @@ def contact_mode_of(system: ImpactSystem, held: int, forcing: Forcing, terms: Bu
             rate[c] = gap[c] @ layout.matrix
             acceleration[c] = rate[c] @ layout.matrix
             side[c], bound[c] = -1.0, 0.0
-        elif c in repeated or int(modes.contact_stop[c]) in fixed or not _moves(system, rows, modes.contact_stop[c]):
+        elif c in repeated or int(modes.contact_stop[c]) in closed or not _moves(system, rows, modes.contact_stop[c]):
             side[c], bound[c] = 1.0, NEVER
         else:
             row = np.array(system.stops[modes.contact_stop[c]].gap)
@@ -163,14 +125,18 @@ def contact_mode_of(system: ImpactSystem, held: int, forcing: Forcing, terms: Bu
                 push[c], push_rest[c] = layout.states @ near, layout.states @ rest
     second = terms.velocity @ leave[n:]
     first = np.where((terms.load < 0)[:, None], second, outer[terms.load] if len(outer) else second)
-    flight = (layout.pairs, layout.mean, layout.delta, layout.matrix)
-    arrays = (*flight, leave, enter, to_modes, from_modes, gap, rate, acceleration, side, bound, push, push_rest, first, second)
-    return ContactMode(held, *(np.ascontiguousarray(array + 0) for array in arrays))
+    arrays = {
+        **{"pairs": layout.pairs, "mean": layout.mean, "delta": layout.delta, "matrix": layout.matrix},
+        **{"leave": leave, "enter": enter, "to_modes": to_modes, "from_modes": from_modes},
+        **{"gap": gap, "rate": rate, "acceleration": acceleration, "side": side, "bound": bound},
+        **{"push": push, "push_rest": push_rest, "first": first, "second": second},
+    }
+    return {name: np.ascontiguousarray(array + 0) for name, array in arrays.items()}
 
 
-def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks, np.ndarray]:
+def _blocks(system: ImpactSystem, basis: np.ndarray, count: int) -> tuple[Blocks, np.ndarray]:
     """The blocks of the reduced system and the map r = left u; the free system keeps its own modes."""
-    if not held:
+    if not count:
         return system.modes, np.eye(len(basis))
     mass, damping = (basis.T @ matrix @ basis for matrix in (system.mass, system.damping))
     stiffness = exact_product(basis.T, system.stiffness, basis)
@@ -192,7 +158,7 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, held: int) -> tuple[Blocks,
 def _free_acceleration(
     system: ImpactSystem, inverse_rows: np.ndarray, forcing: Forcing, to_modes: np.ndarray, outer: np.ndarray
 ) -> np.ndarray:
-    """Rows of c_S . M^-1 (f - C v - K u), which the held stops have to take away."""
+    """Rows of c_S . M^-1 (f - C v - K u), which the sticking stops have to take away."""
     shapes = system.modes.shapes
     stiffness, damping = exact_product(system.stiffness, shapes), exact_product(system.damping, shapes)
     stiffness = np.where(system.modes.squares == 0.0, 0.0, stiffness)
@@ -225,68 +191,59 @@ class ContactModeTable:
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
         self.system, self.forcing, self.terms = system, forcing, terms
-        self.modes = [contact_mode_of(system, 0, forcing, terms)]
+        self.modes = {0: contact_mode_of(system, 0, forcing, terms)}
 
-    def add(self, held: int) -> None:
-        """Add the contact mode in which the stops of the bit set `held` stick."""
-        self.modes.append(contact_mode_of(self.system, held, self.forcing, self.terms))
+    def add(self, sticking: int) -> None:
+        """Add the contact mode in which the contacts of the bit set `sticking` stick."""
+        self.modes[sticking] = contact_mode_of(self.system, sticking, self.forcing, self.terms)
         self.__dict__.pop("stacked", None)
 
     @cached_property
     def stacked(self) -> ContactModes:
         """All modes in arrays of one size, that of the largest mode. A smaller mode is padded with states that stay 0."""
-        count = max(len(mode.pairs) for mode in self.modes)
-        size = max(len(mode.matrix) + (len(mode.pairs) < count) for mode in self.modes)
-        modes = self.system.modes
-        contacts = len(modes.contact_side)
-        n, y = self.system.degrees_of_freedom, 2 * len(self.forcing.loads)
-        number, terms = len(self.modes), len(self.terms.weight)
-        # A mode with fewer blocks gets blocks of size one that act on the last padded state only.
-        pairs = np.empty((number, count, 2), dtype=np.int64)
-        pairs[:] = size - 1, -1
-        stacked = {
-            "mean": np.zeros((number, count)),
-            "delta": np.zeros((number, count)),
-            "matrix": np.zeros((number, size, size)),
-            "leave": np.zeros((number, 2 * n, size)),
-            "enter": np.zeros((number, size, 2 * n + y)),
-            "to_modes": np.zeros((number, 2 * n, size)),
-            "from_modes": np.zeros((number, size, 2 * n + y)),
-            **{key: np.zeros((number, contacts, size)) for key in ("gap", "rate", "acceleration", "push", "push_rest")},
-            **{key: np.zeros((number, contacts)) for key in ("side", "bound")},
-            **{key: np.zeros((number, terms, size)) for key in ("first", "second")},
-        }
-        for k, mode in enumerate(self.modes):
-            pairs[k, : len(mode.pairs)] = mode.pairs
-            for key, array in stacked.items():
-                own = getattr(mode, key)
-                target = array[k]
-                target[tuple(slice(0, length) for length in own.shape)] = own
+        modes = list(self.modes.values())
+        count = max(len(mode["pairs"]) for mode in modes)
+        size = max(len(mode["matrix"]) + (len(mode["pairs"]) < count) for mode in modes)
+        stacked = {}
+        for name, first in modes[0].items():
+            shape = list(first.shape)
+            if name in ("pairs", "mean", "delta"):
+                shape[0] = count
+            if name in ("matrix", "enter", "from_modes"):
+                shape[0] = size
+            if name not in ("pairs", "mean", "delta", "enter", "from_modes", "side", "bound"):
+                shape[-1] = size
+            array = np.zeros((len(modes), *shape), dtype=first.dtype)
+            if name == "pairs":  # a mode with fewer blocks gets blocks of size one that act on the last padded state only
+                array[:] = size - 1, -1
+            for k, mode in enumerate(modes):
+                array[k][tuple(slice(length) for length in mode[name].shape)] = mode[name]
+            stacked[name] = array
+        contacts = self.system.modes
         reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
         return ContactModes(
-            sticking=np.array([mode.held for mode in self.modes], dtype=np.int64),
-            pairs=pairs,
+            sticking=np.array(list(self.modes), dtype=np.int64),
             **stacked,
-            restitution=modes.contact_restitution,
-            contact_mass=reduced[modes.contact_stop],
-            contact_stop=modes.contact_stop,
+            restitution=contacts.contact_restitution,
+            contact_mass=reduced[contacts.contact_stop],
+            contact_stop=contacts.contact_stop,
             weight=self.terms.weight,
             part=self.terms.part,
             frequency=self.forcing.frequency,
             breaks=self.forcing.breaks,
             levels=self.forcing.levels,
-            shape=np.array([n, len(self.terms.dampers), len(self.system.stops)], dtype=np.int64),
+            shape=np.array([len(self.system.mass), len(self.terms.dampers), len(self.system.stops)], dtype=np.int64),
         )
+
 
 PARTICULAR_LIMIT = 30.0
 """Largest size of a particular solution that is split off, relative to the gaps and to the response far from resonance. A larger one would
 lose digits in the difference z - X y."""
 
 
-@dataclass(frozen=True, eq=False)
-class Joined:
-    """Blocks joined with loads: Z = states z + loads y, z = inside Z, (r, r') = position Z; `masters`: where the state of each load begins
-    in Z."""
+class Joined(NamedTuple):
+    """Blocks joined with loads: Z = states z + loads y, z = inside Z, (r, r') = position Z; `load_states`: where the state of each load
+    begins in Z."""
 
     pairs: np.ndarray
     mean: np.ndarray
@@ -296,7 +253,7 @@ class Joined:
     position: np.ndarray
     states: np.ndarray
     loads: np.ndarray
-    masters: list[int]
+    load_states: list[int]
 
 
 def join(
@@ -307,7 +264,7 @@ def join(
     m, count = basis.shape[1], len(loads)
     gaps = np.array([stop.gap for stop in system.stops])
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
-    inverse = blocks.from_state[:, m:] @ _mass_inverse(blocks) if m else np.zeros((0, 0))
+    inverse = blocks.from_state[:, m:] @ blocks.shapes @ blocks.shapes.T if m else np.zeros((0, 0))
     drives = [exact_product(inverse, load) for load in loads]
     pieces: list[tuple[list[int], np.ndarray, list[int], list[float], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
@@ -348,7 +305,7 @@ def join(
     size = sum(len(piece[-1]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
-    pairs, masters, start = [], [], 0
+    pairs, load_states, start = [], [], 0
     for index, ratios, joined, units, joint in pieces:
         width = len(joint)
         place = np.array(index) if plain else np.arange(start, start + width)
@@ -361,17 +318,12 @@ def join(
             for entry in range(2):
                 into[place[len(index) + 2 * k + entry], 2 * g + entry] = units[k]
         if not index:
-            masters.append(start)
+            load_states.append(start)
             inside[:, place] += particular[:, 2 * joined[0] : 2 * joined[0] + 2]
         start += width
     layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     mean, delta = traceless(matrix, layout)
-    return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, masters)
-
-
-def _mass_inverse(blocks: Blocks) -> np.ndarray:
-    """M^-1 of the reduced system, Phi Phi'."""
-    return blocks.shapes @ blocks.shapes.T
+    return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, load_states)
 
 
 def _ratios(block: np.ndarray) -> np.ndarray:
