@@ -15,8 +15,8 @@ import numpy as np
 from bvp.texts import shown
 
 __all__ = [
-    "EPSILON", "SMALLEST", "Frozen", "InvalidSystem", "changeable", "checked_energy_range", "checked_number", "is_finite", "read_only",
-    "real", "reals", "refuse_unknown", "require_branch", "require_motion", "require_system", "square",
+    "EPSILON", "SMALLEST", "Frozen", "InvalidSystem", "changeable", "checked_energy_range", "checked_number", "finite_numbers", "is_finite",
+    "read_only", "real", "reals", "refuse_unknown", "require_branch", "require_motion", "require_system", "square",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -99,6 +99,31 @@ def reals(value: Any, *, flat: bool = False) -> np.ndarray:
     if flat and array.ndim != 1:
         raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
     return np.array(array, dtype=float)
+
+
+def finite_numbers(value: Any, what: str, *shape: int | None) -> np.ndarray:
+    """An array of finite numbers of a given shape, None where any length will do; a single number is a list of one.
+
+    Raises
+    ------
+    ValueError
+
+    Examples
+    --------
+    >>> finite_numbers([1, "x"], "u", 2)
+    Traceback (most recent call last):
+    ValueError: u is a list of 2 finite numbers; received [1, 'x']
+    """
+    try:
+        array = np.atleast_1d(reals(value))
+    except (TypeError, ValueError):
+        array = np.full(1, math.nan)
+    fits = array.ndim == len(shape) and all(length in (None, own) for length, own in zip(shape, array.shape, strict=True))
+    if fits and np.isfinite(array).all():
+        return array
+    size = "" if shape[-1] is None else f"{shape[-1]} "
+    kind = f"a list of {size}" if len(shape) == 1 else f"an array (m, {shape[-1]}) of "
+    raise ValueError(f"{what} is {kind}finite numbers; received {shown(value)}")
 
 
 def checked_energy_range(value: Any, *, positive: bool = False) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.checks import changeable, reals
+from bvp.checks import changeable, finite_numbers
 from bvp.kernels.flight import sample_flights
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, count_impacts, unfold_impacts
 from bvp.texts import shown
@@ -40,7 +40,7 @@ def contact_of(system: ImpactSystem, letter: str) -> int:
     """
     letters = system.modes.contact_letters
     if letter not in letters:
-        raise EndsError(f"the sequence has an impact {letter!r}, but this system's stops are {', '.join(letters)}")
+        raise EndsError(f"there is no contact {shown(letter)}; this system's contacts are {', '.join(letters)}")
     return letters.index(letter)
 
 
@@ -217,19 +217,11 @@ class Cycle:
 
         Raises
         ------
-        ValueError, TypeError
-            For times that are not finite numbers in one row.
+        ValueError
+            For times that are not a list of finite numbers.
         """
         modes = self.system.modes
-        try:
-            times = np.atleast_1d(reals(times))
-        except (TypeError, ValueError):
-            raise TypeError(f"times are numbers; received {shown(times)}") from None
-        if times.ndim != 1:
-            raise ValueError(f"times are a list of numbers; received an array of shape {times.shape}")
-        if not np.isfinite(times).all():
-            k = int(np.flatnonzero(~np.isfinite(times))[0])
-            raise ValueError(f"times are finite; number {k + 1} of {times.size} is {times[k]}")
+        times = finite_numbers(times, "times", None)
         n = self.system.degrees_of_freedom
         states = np.empty((times.size, 2 * n))
         # The flight that the orbit starts in began before its start.

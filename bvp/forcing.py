@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import EPSILON, is_finite, reals, require_system
+from bvp.checks import EPSILON, finite_numbers, is_finite, reals, require_system
 from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
@@ -23,17 +23,6 @@ if TYPE_CHECKING:
 __all__ = [
     "BudgetTerms", "Constant", "Force", "Forcing", "Harmonic", "Record", "budget_terms", "forcing_of", "ground_load", "split_damping",
 ]  # fmt: skip
-
-
-def _finite(values: Any, name: str) -> np.ndarray:
-    """A finite one-dimensional array; ValueError else."""
-    try:
-        array = reals(values)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} is a list of numbers; received {shown(values)}") from None
-    if array.ndim != 1 or not len(array) or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} is a list of finite numbers; received {array.tolist()}")
-    return array
 
 
 @brief
@@ -50,7 +39,7 @@ class Constant:
     load: np.ndarray
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "load", _finite(self.load, "load"))
+        object.__setattr__(self, "load", finite_numbers(self.load, "load", None))
 
 
 @brief
@@ -73,7 +62,7 @@ class Harmonic:
     def __post_init__(self) -> None:
         if not (is_finite(self.frequency) and self.frequency > 0.0):
             raise ValueError(f"frequency is a finite number above 0 (a load of frequency 0 is Constant); received {shown(self.frequency)}")
-        parts = [_finite(part, name) for name, part in (("cosine", self.cosine), ("sine", self.sine)) if np.size(part)]
+        parts = [finite_numbers(part, name, None) for name, part in (("cosine", self.cosine), ("sine", self.sine)) if np.size(part)]
         if not parts or len({len(part) for part in parts}) > 1:
             raise ValueError("a harmonic load has cosine, sine or both, of one length")
         zero = np.zeros(len(parts[0]))
@@ -100,7 +89,7 @@ class Record:
 
     def __post_init__(self) -> None:
         for name in ("load", "times", "values"):
-            object.__setattr__(self, name, _finite(getattr(self, name), name))
+            object.__setattr__(self, name, finite_numbers(getattr(self, name), name, None))
         if len(self.times) != len(self.values) or len(self.times) < 2:
             raise ValueError(f"a record has as many values as times, at least 2; received {len(self.values)} and {len(self.times)}")
         wrong = np.flatnonzero(np.diff(self.times) <= 0.0)
@@ -127,9 +116,7 @@ def ground_load(system: ImpactSystem, direction: Any = None) -> np.ndarray:
     array([-0.1, -1. ])
     """
     require_system(system)
-    r = np.ones(system.degrees_of_freedom) if direction is None else _finite(direction, "direction")
-    if len(r) != system.degrees_of_freedom:
-        raise ValueError(f"direction has an entry for each of {system.degrees_of_freedom} coordinates; received {len(r)}")
+    r = finite_numbers(np.ones(system.degrees_of_freedom) if direction is None else direction, "direction", system.degrees_of_freedom)
     return -(system.mass @ r)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from bvp.checks import read_only, reals
+from bvp.checks import finite_numbers, read_only
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
@@ -19,7 +19,7 @@ from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.kernels.motion import Flights, raise_peaks, sample, spent, states_after
-from bvp.texts import brief, listed, shown
+from bvp.texts import brief, listed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -300,12 +300,7 @@ class Motion:
         return out
 
     def _times(self, times: Any) -> np.ndarray:
-        try:
-            wanted = np.atleast_1d(reals(times))
-        except (TypeError, ValueError):
-            raise ValueError(f"times is a list of times; received {shown(times)}") from None
-        if wanted.ndim != 1:
-            raise ValueError(f"times is a list of times; received shape {wanted.shape}")
+        wanted = finite_numbers(times, "times", None)
         wrong = ~((wanted >= 0.0) & (wanted <= self.duration))
         if np.any(wrong):
             raise ValueError(f"the motion covers times 0 to {self.duration:g}; received {wanted[wrong][0]:g}")

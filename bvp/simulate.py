@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import is_finite, reals, require_system
+from bvp.checks import finite_numbers, is_finite, require_system
+from bvp.closures import contact_of
 from bvp.contact_modes import ContactModeTable
 from bvp.forcing import budget_terms, forcing_of, split_damping
 from bvp.interrupts import InterruptHandler, Pace, defer_interrupts
@@ -109,7 +110,7 @@ class Simulator:
             As `bvp.simulate.simulate`.
         """
         with defer_interrupts() as interrupt:
-            motion = self._run(interrupt, u, v, duration, max_impacts, leaving, marks, on_progress)
+            motion = self._run(interrupt, checked_state(self.system, u, v), duration, max_impacts, leaving, marks, on_progress)
         if interrupt.came:
             error = KeyboardInterrupt()
             error.motion = motion  # type: ignore[attr-defined]
@@ -123,20 +124,18 @@ class Simulator:
     def _run(
         self,
         interrupt: InterruptHandler,
-        u: Any,
-        v: Any,
+        start: np.ndarray,
         duration: float,
         max_impacts: int,
         leaving: str | None,
         marks: Sequence[float],
         on_progress: Callable[[float], object] | None,
     ) -> Motion:
-        """The motion from (u, v), or the part computed before an interrupt. The kernel returns at each new contact mode, when its log is
+        """The motion from a start, or the part computed before an interrupt. The kernel returns at each new contact mode, when its log is
         full, and now and then to report progress; this loop calls it again."""
         system = self.system
-        start = checked_state(system, u, v)
-        fractions = self._checked(duration, max_impacts, marks)
-        contact = contact_index(system, leaving)
+        fractions = _checked(duration, max_impacts, marks)
+        contact = -1 if leaving is None else contact_of(system, leaving)
         n = system.degrees_of_freedom
         initial = system.energy(start[:n], start[n:])
         state = self.state(len(fractions) if initial > 0.0 else 0, 0)
@@ -198,8 +197,10 @@ class Simulator:
             initial_energy=initial,
             energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
             marks=tuple(
-                EnergyMark(float(fraction), *_mark(marked[k], self.parts) if k < counts[places.MARK] else (None, {}))
-                for k, fraction in enumerate(fractions)
+                EnergyMark(float(row[0]), float(row[1]), dict(zip(self.parts, row[2:-1].tolist(), strict=True)))
+                if k < counts[places.MARK]
+                else EnergyMark(float(fraction), None, {})
+                for k, (fraction, row) in enumerate(zip_longest(fractions, marked))
             ),
             start=start,
             final=final,
@@ -230,17 +231,6 @@ class Simulator:
             return np.atleast_1d(self.system.energy(final[:, :n], final[:, n:]))
         return 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
 
-    def _checked(self, duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
-        """The marks, ascending, where all three are as they should be; ValueError else."""
-        if not (is_finite(duration) and duration >= 0.0):
-            raise ValueError(f"duration is a finite time of 0 or more; received {shown(duration)}")
-        if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or not 0 <= max_impacts < 1 << 63:
-            raise ValueError(f"max_impacts is an integer of 0 or more; received {shown(max_impacts)}")
-        fractions = np.unique(reals(marks))
-        if not np.all((fractions > 0.0) & (fractions < 1.0)):
-            raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
-        return fractions
-
     def run_many(
         self,
         states: Any,
@@ -267,10 +257,8 @@ class Simulator:
         """
         system = self.system
         n, parts = system.degrees_of_freedom, len(self.parts)
-        starts = np.ascontiguousarray(reals(states))
-        if starts.ndim != 2 or starts.shape[1] != 2 * n or not np.all(np.isfinite(starts)):
-            raise ValueError(f"states is an array of finite numbers of shape (b, {2 * n}); received shape {starts.shape}")
-        fractions = self._checked(duration, max_impacts, marks)
+        starts = np.ascontiguousarray(finite_numbers(states, "states", None, 2 * n))
+        fractions = _checked(duration, max_impacts, marks)
         summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n))
         summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
         state, modal = self.state(len(fractions), n if with_peaks else 0), np.zeros_like(starts)
@@ -304,11 +292,6 @@ class Simulator:
             parts=self.parts,
             fractions=fractions,
         )
-
-
-def _mark(row: np.ndarray, parts: tuple[str, ...]) -> tuple[float, dict[str, float]]:
-    """Time and dissipation of a row of marks."""
-    return float(row[1]), dict(zip(parts, row[2:-1].tolist(), strict=True))
 
 
 def simulate(
@@ -387,24 +370,16 @@ def simulate(
 def checked_state(system: ImpactSystem, u: Any, v: Any) -> np.ndarray:
     """(u, v) as one finite array of length 2n; ValueError else."""
     n = system.degrees_of_freedom
-    parts = []
-    for name, value in (("u", u), ("v", v)):
-        try:
-            part = reals(value)
-        except (TypeError, ValueError):
-            raise ValueError(f"{name} is a list of {n} numbers; received {shown(value)}") from None
-        if part.shape != (n,) or not np.all(np.isfinite(part)):
-            raise ValueError(f"{name} is a list of {n} finite numbers; received {part.tolist()}")
-        parts.append(part)
-    return np.concatenate(parts)
+    return np.concatenate([finite_numbers(u, "u", n), finite_numbers(v, "v", n)])
 
 
-def contact_index(system: ImpactSystem, letter: str | None) -> int:
-    """Index of a contact by its letter, -1 for None; ValueError with the nearest letter for an unknown one."""
-    if letter is None:
-        return -1
-    letters = system.modes.contact_letters
-    if letter not in letters:
-        near = get_close_matches(str(letter), letters, 1, 0.0)
-        raise ValueError(f"no contact {shown(letter)}; nearest: {near[0]!r}, all: {', '.join(letters)}")
-    return letters.index(letter)
+def _checked(duration: Any, max_impacts: Any, marks: Sequence[float]) -> np.ndarray:
+    """The marks, ascending, where all three are as they should be; ValueError else."""
+    if not (is_finite(duration) and duration >= 0.0):
+        raise ValueError(f"duration is a finite time of 0 or more; received {shown(duration)}")
+    if isinstance(max_impacts, bool) or not isinstance(max_impacts, (int, np.integer)) or not 0 <= max_impacts < 1 << 63:
+        raise ValueError(f"max_impacts is an integer of 0 or more; received {shown(max_impacts)}")
+    fractions = np.unique(finite_numbers(marks, "marks", None))
+    if not np.all((fractions > 0.0) & (fractions < 1.0)):
+        raise ValueError(f"marks are fractions of the initial energy between 0 and 1; received {list(marks)}")
+    return fractions

@@ -5,10 +5,11 @@ from enum import Enum
 
 import numpy as np
 
+from bvp.closures import contact_of
 from bvp.kernels import impact as kernels
 from bvp.kernels.flight import flow_state
 from bvp.kernels.impact import restitute_state
-from bvp.simulate import checked_state, contact_index
+from bvp.simulate import checked_state
 
 
 class ImpactStatus(Enum):
@@ -49,7 +50,8 @@ def next_impact(system, u, v, horizon, leaving=None):
     n = system.degrees_of_freedom
     z = modes.from_state @ checked_state(system, u, v)
     work = kernels.work_array(len(z), len(modes.contact_side))
-    status, contact, time = kernels.next_impact(modes.flight, modes.contacts, contact_index(system, leaving), z, float(horizon), work)
+    left = -1 if leaving is None else contact_of(system, leaving)
+    status, contact, time = kernels.next_impact(modes.flight, modes.contacts, left, z, float(horizon), work)
     end = np.empty_like(z)
     flow_state(modes.flight, z, time, end)
     state = modes.to_state @ end
@@ -62,5 +64,5 @@ def restitute(system, contact, v):
     """Velocities after an impact at the contact with this letter."""
     n = system.degrees_of_freedom
     z = system.modes.from_state @ checked_state(system, np.zeros(n), v)
-    restitute_state(system.modes.contacts, contact_index(system, contact), z, z)
+    restitute_state(system.modes.contacts, contact_of(system, contact), z, z)
     return (system.modes.to_state @ z)[n:]

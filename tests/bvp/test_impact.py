@@ -330,8 +330,8 @@ def test_the_kernel_state_at_a_hit_is_on_the_stop():
     [
         (([0.0], [1.0, 2.0], 1.0), "v is a list of 1 finite numbers"),
         (([math.nan], [1.0], 1.0), "u is a list of 1 finite numbers"),
-        ((["x"], [1.0], 1.0), "u is a list of 1 numbers"),
-        (([0.0], [1.0], 1.0, "a+"), r"no contact 'a\+'; nearest: '\+', all: \+"),
+        ((["x"], [1.0], 1.0), "u is a list of 1 finite numbers"),
+        (([0.0], [1.0], 1.0, "a+"), r"no contact 'a\+'; this system's contacts are \+"),
     ],
 )
 def test_bad_input_is_refused(arguments, words):

@@ -250,7 +250,7 @@ def test_samples_lie_on_the_flights(seed, lam):
         (([0.0], [1.0], math.nan), "duration is a finite time"),
         (([0.0, 0.0], [1.0], 1.0), "u is a list of 1 finite numbers"),
         (([0.0], [1.0], 1.0, -1), "max_impacts is an integer of 0 or more; received -1"),
-        (([0.0], [1.0], 1.0, 10, "-"), r"no contact '-'; nearest: '\+'"),
+        (([0.0], [1.0], 1.0, 10, "-"), r"no contact '-'; this system's contacts are \+"),
     ],
 )
 def test_bad_input_is_refused(arguments, words):
