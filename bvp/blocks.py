@@ -62,14 +62,7 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
     B[n+k, n+k] = -2 zeta_k w_k. Else the coupled modes come first, in blocks of neighbouring indices, then q_k and p_k of each mode that is
     left alone.
 
-    Parameters
-    ----------
-    system : Matrices
-        Such as an `ImpactSystem`.
-    squares : (n,) ndarray
-        w^2 of the undamped modes, of any sign.
-    shapes : (n, n) ndarray
-        Phi, with Phi^T M Phi = I.
+    `squares` are w^2 of the undamped modes, of any sign, and `shapes` is Phi with Phi^T M Phi = I.
 
     Raises
     ------
@@ -199,18 +192,9 @@ def _coupled_blocks(squares: np.ndarray, damping: np.ndarray) -> tuple[list[np.n
 
 
 def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Real block-diagonal form: matrix = forward diag(blocks) backward, backward the inverse of forward.
+    """Real block-diagonal form (blocks, forward, backward): matrix = forward diag(blocks) backward, backward the inverse of forward.
 
-    Parameters
-    ----------
-    matrix : (N, N) ndarray
-    limit : float
-        Largest entry allowed in a Sylvester solution; blocks that need more are merged with the nearest one.
-
-    Returns
-    -------
-    blocks : list of ndarray
-    forward, backward : (N, N) ndarray
+    Blocks whose Sylvester solution would have an entry above `limit` are merged with the nearest one.
 
     Raises
     ------
@@ -290,19 +274,8 @@ def traceless(matrix: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def decay_rates(system: Matrices, shapes: np.ndarray) -> np.ndarray:
-    """Real parts of the rates of oscillating modes, from the power and the energy of each. Where damping is light, those of an
-    eigenvalue solver have few digits.
-
-    Parameters
-    ----------
-    system : Matrices
-    shapes : (2n, k) complex ndarray
-        (u, v) of each mode.
-
-    Returns
-    -------
-    (k,) ndarray
-    """
+    """Real parts of the rates (k,) of oscillating modes with the complex shapes (u, v) (2n, k), from the power and the energy of each.
+    Where damping is light, those of an eigenvalue solver have few digits."""
     u, v = np.split(shapes, 2)
     power = np.einsum("ik,ij,jk->k", v.conj(), system.damping, v).real
     energy = np.einsum("ik,ij,jk->k", v.conj(), system.mass, v).real + np.einsum("ik,ij,jk->k", u.conj(), system.stiffness, u).real

@@ -17,10 +17,10 @@ from bvp.texts import shown
 if TYPE_CHECKING:
     from bvp.modes import Modes
     from bvp.multipoint import MultipointProblem
-    from bvp.system import ImpactSystem, Stop
+    from bvp.system import ImpactSystem
 
 __all__ = [
-    "Cycle", "EndsError", "contact_of", "cycle_of", "end_maps", "free_translation", "parse_end", "translation_text",
+    "Cycle", "EndsError", "contact_of", "cycle_of", "end_maps", "free_translation", "parse_end",
 ]  # fmt: skip
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
@@ -60,21 +60,10 @@ def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
     if match[1] == "origin" and not system.has_odd_symmetry:
         raise EndsError(
             "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
-            + " and ".join(_bounds_text(stop, system.coordinates) for stop in system.stops if stop.lower != -stop.upper)
+            + " and ".join(f"stop {stop.name} from {stop.lower:g} to {stop.upper:g}" for stop in system.stops if stop.lower != -stop.upper)
             + "; expected rest or stop ends"
         )
     return KINDS[match[1]], contact_of(system, match[2]) if match[2] else -1
-
-
-def _bounds_text(stop: Stop, coordinates: tuple[str, ...]) -> str:
-    """The bounds of a stop as an inequality, such as -1 <= u1 - 2*u2 <= 3."""
-    terms: list[str] = []
-    for c, name in zip(stop.gap, coordinates, strict=True):
-        if c:
-            size = name if abs(c) == 1.0 else f"{abs(c):g}*{name}"
-            terms.append(("-" if c < 0.0 else "") + size if not terms else f"{'-' if c < 0.0 else '+'} {size}")
-    low = f"{stop.lower:g} <= " if np.isfinite(stop.lower) else ""
-    return low + " ".join(terms) + (f" <= {stop.upper:g}" if np.isfinite(stop.upper) else "")
 
 
 @lru_cache(maxsize=64)
@@ -135,23 +124,6 @@ def free_translation(system: ImpactSystem) -> np.ndarray | None:
     found = rigid @ directions[-1]
     found = found / found[np.argmax(np.abs(found))]
     return np.where(np.abs(found) < _NONE, 0.0, found)
-
-
-def translation_text(direction: np.ndarray, coordinates: tuple[str, ...]) -> str:
-    """The direction in words.
-
-    Examples
-    --------
-    >>> translation_text(np.array([1.0, 1.0, 0.0]), ("x", "y", "z")), translation_text(np.array([1.0, -0.5]), ("x", "y"))
-    ('x and y by the same amount', 'x : y = 1 : -0.5')
-    """
-    moved = [(name, entry) for name, entry in zip(coordinates, direction.tolist(), strict=True) if entry]
-    names = [name for name, _ in moved]
-    if len(moved) == 1:
-        return f"{names[0]} alone"
-    if max(abs(entry - moved[0][1]) for _, entry in moved) < _NONE:
-        return f"{', '.join(names[:-1])} and {names[-1]} by the same amount"
-    return f"{' : '.join(names)} = {' : '.join(f'{entry:.4g}' for _, entry in moved)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,17 +205,7 @@ class Cycle:
 
 
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
-    """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends.
-
-    Parameters
-    ----------
-    problem : MultipointProblem
-    y : (u,) float
-
-    Returns
-    -------
-    Cycle
-    """
+    """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends."""
     count = int(count_impacts(problem.segment.shape))
     size = problem.size
     before = np.empty((count, size))

@@ -183,18 +183,12 @@ def run_fast_path(
     Parameters
     ----------
     numbers : (S, ..) ndarray
-        A row of `fast_path_numbers` for each system.
-    which : (b,) int64 ndarray
-        The system of each motion.
-    states : (b, 4) array_like
-        (u, v) of each start.
-    energies : (b,) array_like
-        Its energy.
-    duration : float
-        Longest time.
+        A row of `fast_path_numbers` for each system; `which` (b,) is the system of each motion.
+    states, energies : (b, 4) and (b,) array_like
+        (u, v) of each start, and its energy.
+    duration, max_impacts : float, int or (b,) array_like of int
     to_rest : bool
         Where no impact is possible any more and both modes come to rest, the motion counts to infinite time.
-    max_impacts : int or (b,) array_like of int
     fractions : sequence of float
         Ascending, of the initial energy.
     """

@@ -89,8 +89,8 @@ class Modes(Blocks):
         )
 
 
-def system_modes(system: Matrices, all_stops: Sequence[Any]) -> Modes:
-    """The modes of a system with stops (each a `bvp.system.Stop`).
+def system_modes(system: Any) -> Modes:
+    """The modes of an `ImpactSystem`.
 
     Raises
     ------
@@ -102,11 +102,11 @@ def system_modes(system: Matrices, all_stops: Sequence[Any]) -> Modes:
     n = len(squares)
     position, velocity = blocks.to_state[:n], blocks.to_state[n:]
     contacts: list[tuple[Any, ...]] = []
-    for k, stop in enumerate(all_stops):
+    for k, stop in enumerate(system.stops):
         row = np.array(stop.gap)
         participation = exact_product(row, blocks.shapes)
         impulse = blocks.shapes @ participation / (participation @ participation)
-        letter = stop.name if len(all_stops) > 1 else ""
+        letter = stop.name if len(system.stops) > 1 else ""
         gap, rate = exact_product(row, position), exact_product(row, velocity)
         acceleration, push = rate @ blocks.matrix, balanced(blocks.from_state[:, n:] @ impulse, rate)
         for side, sign, bound in ((-1.0, "-", stop.lower), (1.0, "+", stop.upper)):
@@ -198,22 +198,12 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     (2018) 1007) on the given matrices remove what the scaling left. A square below the rounding of its own Rayleigh quotient
     is 0, and so is one below 1e-292.
 
-    Parameters
-    ----------
-    mass, stiffness : (n, n) ndarray
-        Symmetric, mass positive definite.
-
     Returns
     -------
     squares : (n,) ndarray
         Ascending.
     shapes : (n, n) ndarray
         Columns with Phi^T M Phi = I; the component with the most kinetic energy is positive.
-
-    Raises
-    ------
-    RuntimeError
-        If Jacobi's method does not converge.
     """
     n = mass.shape[0]
     scale = 1.0 / np.sqrt(np.diag(mass))
@@ -261,16 +251,7 @@ def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> list
     The oscillating entries account for the power of the dampers and vanish without damping. They follow from Lyapunov's equation, so that
     the energy change of a flight equals the dissipation to the last digit. Added to the constant entries, they would be rounded away.
 
-    Parameters
-    ----------
-    system : Matrices
-    rates : (k,) complex ndarray
-        As the flight is computed with.
-    shapes : (2n, k) complex ndarray
-
-    Returns
-    -------
-    (2k, 2k) list of list of Fraction
+    `rates` (k,) are those that the flight is computed with, and `shapes` (2n, k) complex; G is (2k, 2k).
     """
     u, v = np.split(shapes, 2)
     damping = 0.5 * (system.damping + system.damping.T)
@@ -289,12 +270,6 @@ def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> list
 def impulse_direction(form: list[list[Fraction]], rate: Sequence[Fraction]) -> list[Fraction]:
     """G^-1 r/(r.G^-1 r) to more than thirty digits.
 
-    Parameters
-    ----------
-    form : (N, N) list of list of Fraction
-        G.
-    rate : sequence of N Fraction
-
     Examples
     --------
     >>> found = impulse_direction([[Fraction(3), Fraction(0)], [Fraction(0), Fraction(7)]], [Fraction(1), Fraction(1)])
@@ -311,21 +286,8 @@ def impulse_direction(form: list[list[Fraction]], rate: Sequence[Fraction]) -> l
 
 
 def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> list[Fraction] | None:
-    """The direction of an impulse in the states z of `bvp.modes`, along which the energy changes as it must.
-
-    Parameters
-    ----------
-    system : Matrices
-    modes : Modes
-        Of the system.
-    rate : (2n,) ndarray
-        The speed across the gap is rate . z.
-
-    Returns
-    -------
-    list of Fraction or None
-        None where damping couples modes that do not all oscillate.
-    """
+    """The direction of an impulse in the states z of `bvp.modes`, along which the energy changes as it must; None where damping couples
+    modes that do not all oscillate. The speed across the gap is rate . z."""
     row = [Fraction(float(value)) for value in rate]
     if modes.layout != "coupled":
         # The kinetic energy is p.p/2, and the flight keeps positions and velocities apart.

@@ -105,14 +105,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
 
     Small multipliers keep their digits beside large ones, and nothing divides by the speed of an impact before the last step.
 
-    Parameters
-    ----------
-    cycle : Cycle
-        With at least one impact; plain cuts of flights (contact -1) are allowed anywhere.
-
-    Returns
-    -------
-    Multipliers
+    Plain cuts of flights (contact -1) are allowed anywhere.
 
     Raises
     ------

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.checks import changeable, read_only
-from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end, translation_text
+from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end
 from bvp.kernels.compiled import address_of, entry_point
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
@@ -170,10 +170,11 @@ class MultipointProblem:
         direction = None if ORIGIN in self.kinds else free_translation(self.system)
         if direction is None:
             return
+        moved = [f"{name} by {entry:.4g}" for name, entry in zip(self.system.coordinates, direction.tolist(), strict=True) if entry]
         instead = "an origin end, or a spring to the ground" if self.system.has_odd_symmetry else "a spring to the ground"
         raise EndsError(
             f"the ends {self.ends[0]}, {self.ends[1]} leave the system free to drift: no spring or stop resists a motion of "
-            f"{translation_text(direction, self.system.coordinates)}; expected {instead}"
+            f"{', '.join(moved)}; expected {instead}"
         )
 
     # -- unknowns -------------------------------------------------------------------------------------------------------------

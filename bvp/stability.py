@@ -121,10 +121,6 @@ def decide(
     pivot : float or (N,) float
         The smallest pivot of the equations that were solved, relative to its column (`branching` of a solution, of either sign).
 
-    Returns
-    -------
-    () or (N,) int8
-
     Notes
     -----
     Each entry of the balanced map is right to e = 64 eps (k + 1 + 1/|pivot|) magnified max|entries|: rounding enters once a flight, the
@@ -151,21 +147,8 @@ def verdict(nu: Any, error: Any, rest: Any, rest_error: Any, krein: Any = 0) -> 
 
     A pair lambda, 1/lambda has the trace lambda + 1/lambda = 2 + 4 nu. It lies on the unit circle where -1 < nu < 0.
 
-    Parameters
-    ----------
-    nu : (..., m) complex or float
-    error : (..., m) float
-        Bound of the error of nu.
-    rest : (..., m) complex or float
-        1 + nu, in any order, known apart from nu where that is near -1.
-    rest_error : (..., m) float
-    krein : (..., m) int, optional
-        Signatures of the pairs: +1 or -1 where they are known, else 0.
-
-    Returns
-    -------
-    (...) int8
-        1 stable, 0 unstable, -1 undecided.
+    Here nu, rest = 1 + nu (known apart from nu where that is near -1, in any order) and the bounds of their errors are arrays (..., m), and
+    `krein` holds the signatures of the pairs, +1 or -1 where they are known, else 0. Returns 1 (stable), 0 (unstable) or -1 (undecided).
 
     Notes
     -----
@@ -212,16 +195,6 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
 def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     """Traces, stability and Krein signatures of a solved orbit.
 
-    Parameters
-    ----------
-    problem : MultipointProblem
-    solution : Solution
-        A converged point of that problem.
-
-    Returns
-    -------
-    Stability
-
     Notes
     -----
     `verdict` decides. Between two ends nu are the eigenvalues of b'c and 1 + nu those of d'a. Their errors are those of the entries, as in
@@ -243,7 +216,7 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     entry_error = float(roundings(problem.inner, solution["branching"])) * magnified * float(np.max(np.abs([a, b, c, d])))
     nu, vectors, error = _eigenvalues(b.T @ c, b, c, entry_error)
     above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)
-    krein = _krein(a.T @ c, vectors, nu, entry_error * (_size(a) + _size(c)) + entry_error**2)
+    krein = _krein(a.T @ c, vectors, nu, float(entry_error * (np.linalg.norm(a, 2) + np.linalg.norm(c, 2)) + entry_error**2))
     stable = DECISION[int(verdict(nu, error, above, above_error, krein))]
     traces = 2.0 + 4.0 * nu
     if problem.quarters == 1:
@@ -251,16 +224,12 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     return Stability(traces, None, stable, krein, nu, error)
 
 
-def _size(matrix: np.ndarray) -> float:
-    return float(np.linalg.norm(matrix, 2))
-
-
 def _eigenvalues(
     matrix: np.ndarray, p: np.ndarray, q: np.ndarray, entry_error: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Eigenvalues by real part, unit eigenvectors, error bounds, of a product of p and q with entries right to `entry_error`."""
     m = matrix.shape[0]
-    spread = m * entry_error * (_size(p) + _size(q) + m * entry_error)
+    spread = m * entry_error * (np.linalg.norm(p, 2) + np.linalg.norm(q, 2) + m * entry_error)
     if m == 1:
         return matrix[0], np.ones((1, 1)), np.array([spread])
     values, vectors = np.linalg.eig(matrix)
@@ -297,7 +266,7 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     if not np.all(np.isfinite(multipliers.values)):
         return Stability(unknown, None, None, none, unknown, unknown, multipliers.note)
     impacts = len(cycle.contact)
-    spread = float(roundings(impacts, solution["branching"])) / nearest_grazing(cycle)[1] * _size(multipliers.matrix)
+    spread = float(roundings(impacts, solution["branching"])) / nearest_grazing(cycle)[1] * float(np.linalg.norm(multipliers.matrix, 2))
     if m == 1:
         tau, error = np.array([multipliers.trace]), np.array([2.0 * spread])
     else:

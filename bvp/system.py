@@ -7,6 +7,7 @@ restitution. An `ImpactSystem` carries the three matrices, the stops and the nam
 from __future__ import annotations
 
 import math
+import string
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ import numpy as np
 
 from bvp.blocks import Matrices
 from bvp.checks import EPSILON, SMALLEST, InvalidSystem, checked_number, read_only, reals, refuse_unknown, square
-from bvp.modes import Modes, repeated_contacts, system_modes
+from bvp.modes import repeated_contacts, system_modes
 from bvp.texts import brief, listed, shown
 
 __all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
@@ -157,7 +158,28 @@ class ImpactSystem(Matrices):
             )
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
-        object.__setattr__(self, "stops", _named_stops(self.stops, n))
+        stops = (self.stops,) if isinstance(self.stops, Stop) else self.stops
+        if not isinstance(stops, Sequence) or not stops or not all(isinstance(stop, Stop) for stop in stops):
+            raise InvalidSystem("stops is a list of at least one Stop")
+        if len(stops) > 26:
+            raise InvalidSystem(f"at most 26 stops can be named a to z; received {len(stops)}")
+        taken = [stop.name for stop in stops if stop.name]
+        if len(set(taken)) != len(taken):
+            raise InvalidSystem(f"stops have different names; received {', '.join(taken)}")
+        free = iter([letter for letter in string.ascii_lowercase if letter not in taken])
+        named = tuple(stop if stop.name else replace(stop, name=next(free)) for stop in stops)
+        for stop in named:
+            if len(stop.gap) != n:
+                raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
+        object.__setattr__(self, "stops", named)
+        contacts = [(stop, bound) for stop in named for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
+        for contact, earlier in repeated_contacts(named).items():
+            (a, bound), (b, _) = (contacts[k] for k in (earlier, contact))
+            if a.restitution != b.restitution:
+                raise InvalidSystem(
+                    f"stops {a.name} and {b.name} end the same gap at the same place, {bound:g} of stop {a.name}, "
+                    f"with restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
+                )
         names = tuple(f"u{k + 1}" for k in range(n)) if self.coordinates == () else self.coordinates
         if isinstance(names, str) or not isinstance(names, Sequence) or len(names) != n:
             raise InvalidSystem(f"coordinates is a list of {n} names; received {shown(names)}")
@@ -234,10 +256,8 @@ class ImpactSystem(Matrices):
         parameters = self.parameters and {**self.parameters, "lam": 0.0, "rho": 1.0}
         return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters)
 
-    @cached_property
-    def modes(self) -> Modes:
-        """The blocks of free flight, as arrays for the kernels (computed once)."""
-        return system_modes(self, self.stops)
+    modes = cached_property(system_modes)
+    """The blocks of free flight, as arrays for the kernels (computed once)."""
 
     def describe(self) -> dict[str, Any]:
         """The system as plain lists, numbers and strings, for JSON and TOML; `from_description` is the inverse."""
@@ -383,30 +403,3 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
 
 MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
 """Named models: the function that makes one and the names of its parameters."""
-
-
-def _named_stops(stops: Any, n: int) -> tuple[Stop, ...]:
-    """The stops with a name each, and gap rows of the right length."""
-    if isinstance(stops, Stop):
-        stops = (stops,)
-    if not isinstance(stops, Sequence) or not stops or not all(isinstance(stop, Stop) for stop in stops):
-        raise InvalidSystem("stops is a list of at least one Stop")
-    if len(stops) > 26:
-        raise InvalidSystem(f"at most 26 stops can be named a to z; received {len(stops)}")
-    taken = [stop.name for stop in stops if stop.name]
-    if len(set(taken)) != len(taken):
-        raise InvalidSystem(f"stops have different names; received {', '.join(taken)}")
-    free = iter([letter for letter in "abcdefghijklmnopqrstuvwxyz" if letter not in taken])
-    named = tuple(stop if stop.name else replace(stop, name=next(free)) for stop in stops)
-    for stop in named:
-        if len(stop.gap) != n:
-            raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
-    contacts = [(stop, bound) for stop in named for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
-    for contact, earlier in repeated_contacts(named).items():
-        (a, bound), (b, _) = (contacts[k] for k in (earlier, contact))
-        if a.restitution != b.restitution:
-            raise InvalidSystem(
-                f"stops {a.name} and {b.name} end the same gap at the same place, {bound:g} of stop {a.name}, "
-                f"with restitutions {a.restitution:g} and {b.restitution:g}; give them one, or leave one of them out"
-            )
-    return named

@@ -43,7 +43,7 @@ def test_what_is_held_has_none():
 def test_ends_that_do_not_hold_the_place_are_refused(ends):
     """Oracle: the text names the motion and what holds it; a grounded chain has these ends."""
     word = ("+", "-")
-    with pytest.raises(EndsError, match="u1, u2 and u3 by the same amount; expected an origin end, or a spring to the ground") as caught:
+    with pytest.raises(EndsError, match="u1 by 1, u2 by 1, u3 by 1; expected an origin end, or a spring to the ground") as caught:
         MultipointProblem(chain(MASSES, SPRINGS), ends, word).refuse_drift()
     assert "\n" not in str(caught.value)
     MultipointProblem(chain(MASSES, SPRINGS, ground=0.2), ends, word).refuse_drift()

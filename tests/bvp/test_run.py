@@ -262,7 +262,7 @@ def test_times_outside_the_run_are_refused():
     result = simulate(oscillator(upper=1.0), [0.0], [1.0], 2.0)
     with pytest.raises(ValueError, match="the motion covers times 0 to 2; received 2.5"):
         result.sample([1.0, 2.5])
-    with pytest.raises(ValueError, match="received nan"):
+    with pytest.raises(ValueError, match=r"received \[nan\]"):
         result.sample([math.nan])
 
 

@@ -161,7 +161,7 @@ CALLS = [
     (lambda branch: branch.switch("PD77"), "no event 'PD77' on this branch; it has"),
     (lambda branch: branch.orbit(1).sample([0.0, math.nan, math.inf]), "times is a list of finite numbers; received [0.0, nan, inf]"),
     (lambda branch: branch.orbit(1).sample("now"), "times is a list of finite numbers; received 'now'"),
-    (lambda branch: branch.orbit(1).sample([[0.0]]), "an array of shape (1, 1)"),
+    (lambda branch: branch.orbit(1).sample([[0.0]]), "times is a list of finite numbers; received [[0.0]]"),
     # states and files
     (lambda branch: saltus.simulate(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: Simulator(system()).run([2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
