@@ -28,7 +28,6 @@ from branches.kernels import (
     two_dof_tests,
 )
 from branches.orbit import label_at
-from bvp.checks import changeable
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
@@ -129,7 +128,7 @@ def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     """Typical size of each unknown at the orbit y, (len(y),): one scale each for displacements, velocities and times."""
     problem.residual(y)
     problem._factor.before[:] = problem.end_states(y)
-    set_scale(problem.segment, changeable(y), problem._factor)
+    set_scale(problem.segment, np.array(y, float), problem._factor)
     return problem._factor.scale.copy()
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from branches.naming.labels import ImpossibleLabelError, Label
-from bvp.checks import Frozen
+from bvp.checks import Frozen, read_only
 from bvp.closures import Cycle, cycle_of
 from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
@@ -76,7 +76,7 @@ class Orbit:
     """The package `saltus` adds it."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "solution", self.solution.frozen())
+        object.__setattr__(self, "solution", Solution(*(read_only(getattr(self.solution, item.name)) for item in fields(Solution))))
 
     @property
     def system(self) -> ImpactSystem:
@@ -314,9 +314,9 @@ def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.n
         solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
         found = saddle_point_multipliers(cycle_of(problem, solution.y))
         columns["multipliers"][i] = found.values
-        columns["trivial"][i] = found.quality.trivial
-        columns["pairing"][i] = found.quality.pairing
-        columns["reliable"][i] = found.quality.reliable
+        columns["trivial"][i] = found.trivial
+        columns["pairing"][i] = found.pairing
+        columns["reliable"][i] = found.reliable
         stable = stability(problem, solution).stable
         columns["stable"][i] = -1 if stable is None else int(stable)
     return columns

@@ -84,8 +84,8 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
         matrix[n:, :n] = -np.diag(squares)
         matrix[n:, n:] = -np.diag(np.diag(damping))
         pairs = np.column_stack([np.arange(n), np.arange(n, 2 * n)])
-        mean, delta = traceless(matrix, pairs)
-        return Blocks("uncoupled", shapes, pairs, mean, delta, matrix, to_state, from_state)
+        half = 0.5 * np.diag(damping)
+        return Blocks("uncoupled", shapes, pairs, -half, half * half - squares, matrix, to_state, from_state)
     pieces: list[np.ndarray] = []
     columns: list[np.ndarray] = []
     rows: list[np.ndarray] = []

@@ -15,7 +15,7 @@ import numpy as np
 from bvp.texts import shown
 
 __all__ = [
-    "EPSILON", "SMALLEST", "Frozen", "InvalidSystem", "changeable", "checked_energy_range", "checked_number", "finite_numbers", "is_finite",
+    "EPSILON", "SMALLEST", "Frozen", "InvalidSystem", "checked_energy_range", "checked_number", "finite_numbers", "is_finite",
     "read_only", "real", "reals", "refuse_unknown", "require_branch", "require_motion", "require_system", "square",
 ]  # fmt: skip
 
@@ -282,18 +282,6 @@ def read_only(array: np.ndarray) -> np.ndarray:
     if isinstance(array.base, memoryview) and not array.flags.writeable:
         return array
     return np.asarray(memoryview(array).toreadonly())  # type: ignore[arg-type]
-
-
-def changeable(array: np.ndarray) -> np.ndarray:
-    """The array in the form that kernels accept: contiguous, float and writable. It is copied if necessary.
-
-    Examples
-    --------
-    >>> changeable(read_only(np.zeros(2))).flags.writeable
-    True
-    """
-    array = np.ascontiguousarray(array, dtype=float)
-    return array if array.flags.writeable else array.copy()
 
 
 class Frozen(dict[str, Any]):

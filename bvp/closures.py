@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.checks import changeable, finite_numbers
+from bvp.checks import finite_numbers
 from bvp.kernels.flight import sample_flights
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, count_impacts, unfold_impacts
 from bvp.texts import shown
@@ -212,7 +212,7 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     after = np.empty((count, size))
     duration = np.empty(count)
     row = np.empty(count, dtype=np.int64)
-    y = changeable(y)
+    y = np.array(y, float)
     _, lead = unfold_impacts(problem.segment, y, problem.end_states(y), ImpactList(before, after, duration, row), np.empty((2, size)))
     modes = problem.system.modes
     contact = problem.contacts[row].copy()

@@ -26,7 +26,6 @@ class InterruptHandler:
 
     came: bool = False
     _raises: bool = False
-    _kept: bool = False
     _inside: InterruptHandler | None = None
 
     def __call__(self, number: int, frame: object) -> None:
@@ -40,15 +39,18 @@ class InterruptHandler:
     @contextmanager
     def released(self) -> Iterator[None]:
         """Within it an interrupt raises `KeyboardInterrupt`, until `keep` is called."""
-        self._raises, self._kept = True, False
+        self._raises = True
         try:
             yield
         finally:
             self._raises = False
 
     def keep(self) -> None:
-        """Keep interrupts from now on."""
-        self._raises, self._kept = False, True
+        """Keep interrupts from now on, and one that a block inside has delayed."""
+        self._raises = False
+        if self._inside is not None:
+            self.came, self._inside.came = self._inside.came, False
+            self._inside = None
 
 
 @contextmanager
@@ -81,8 +83,6 @@ def defer_interrupts() -> Iterator[InterruptHandler]:
             yield handler
         finally:
             before._inside = None
-            if before._kept:
-                before.came, handler.came = handler.came, False
         return
     if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
         yield handler

@@ -17,15 +17,9 @@ from bvp.closures import Cycle
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
 
 __all__ = [
-    "GRAZING_LIMIT",
-    "TRIVIAL_LOST",
-    "Multipliers",
-    "Quality",
-    "nearest_grazing",
-    "saddle_point_multipliers",
-    "scaled_nodes",
+    "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "nearest_grazing", "pairs_of", "saddle_point_multipliers", "scaled_nodes",
     "sort_multipliers",
-]
+]  # fmt: skip
 
 SWEEPS = 60
 """Largest number of sweeps round the cycle. Diagonal blocks that are still coupled then are kept as they are."""
@@ -48,27 +42,6 @@ TRIVIAL_LOST = 1.0
 """Relative error of the trivial directions at which the product of saltation matrices has lost every digit of the trivial multiplier."""
 
 
-@dataclass(frozen=True)
-class Quality:
-    """How good multipliers are.
-
-    Parameters
-    ----------
-    trivial : float
-        How badly the saltation product keeps the trivial directions: the larger of |(M - I) f|/|f| and, for a conservative
-        system, |grad H (M - I)|/|grad H|.
-    pairing : float or None
-        Largest |lambda_i lambda_j - 1| over the pairs; None for a system that loses energy, whose multipliers have no pairs.
-    reliable : bool
-        False where an impact grazes, a pair is off by more than 1e-6, or the trivial directions are off by more than 1e-8 of
-        the largest multiplier.
-    """
-
-    trivial: float
-    pairing: float | None
-    reliable: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Multipliers:
     """Floquet multipliers of the return map to an impact, and how good they are.
@@ -79,7 +52,14 @@ class Multipliers:
         The nontrivial ones, by modulus descending, then by angle. m = 2n - 2 for a conservative system (its return map to an
         impact has one trivial multiplier 1, left out); m = 2n - 1 for one that loses energy (none is trivial). NaN where an
         impact grazes.
-    quality : Quality
+    trivial : float
+        How badly the saltation product keeps the trivial directions: the larger of |(M - I) f|/|f| and, for a conservative system,
+        |grad H (M - I)|/|grad H|.
+    pairing : float or None
+        Largest |lambda_i lambda_j - 1| over the pairs; None for a system that loses energy, whose multipliers have no pairs.
+    reliable : bool
+        False where an impact grazes, a pair is off by more than 1e-6, or the trivial directions are off by more than 1e-8 of the largest
+        multiplier.
     matrix : (m, m) float
         The return map, in the frame of the last sweep: for its size and condition. Its eigenvalues are not right to the last digit.
     sweeps : int
@@ -89,7 +69,9 @@ class Multipliers:
     """
 
     values: np.ndarray
-    quality: Quality
+    trivial: float
+    pairing: float | None
+    reliable: bool
     matrix: np.ndarray
     sweeps: int = 0
     note: str = ""
@@ -129,7 +111,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     graze, sine = nearest_grazing(cycle)
     if sine < GRAZING_LIMIT:
         note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
-        return Multipliers(unbounded, Quality(math.nan, unpaired, False), np.full((dimension, dimension), math.nan), 0, note)
+        return Multipliers(unbounded, math.nan, unpaired, False, np.full((dimension, dimension), math.nan), 0, note)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)
     contacts = ContactRows(modes.contact_gap, modes.contact_rate, modes.contact_push, 1.0 + modes.contact_restitution)
@@ -142,16 +124,16 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     values, matrix, singular, sweeps = _pencil_eigenvalues(factors, dimension)
     if singular or not np.all(np.isfinite(values)):
         note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
-        return Multipliers(unbounded, Quality(trivial, unpaired, False), matrix, sweeps, note)
+        return Multipliers(unbounded, trivial, unpaired, False, matrix, sweeps, note)
     values = sort_multipliers(values)
-    pairing = _pairing(values) if conservative else None
+    pairing = max((abs(value * partner - 1.0) for value, partner in pairs_of(values)), default=0.0) if conservative else None
     largest = max(1.0, float(np.max(np.abs(values), initial=0.0)))
     faults = []
     if pairing is not None and not pairing < PAIRING_LIMIT:
         faults.append(f"a pair of multipliers has a product that is off 1 by {pairing:.1e}")
     if not trivial < TRIVIAL_LIMIT * largest:
         faults.append(f"the trivial directions are kept to {trivial:.1e} only")
-    return Multipliers(values, Quality(trivial, pairing, not faults), matrix, sweeps, "; ".join(faults))
+    return Multipliers(values, trivial, pairing, not faults, matrix, sweeps, "; ".join(faults))
 
 
 def _from_impact(cycle: Cycle) -> Cycle:
@@ -277,14 +259,11 @@ def sort_multipliers(values: np.ndarray) -> np.ndarray:
     return values[np.lexsort((np.angle(values), -modulus))]
 
 
-def _pairing(values: np.ndarray) -> float:
-    """Largest |lambda_i lambda_j - 1| when each multiplier, from the largest on, takes the best partner that is left."""
-    left = list(range(values.size))
-    worst = 0.0
+def pairs_of(values: np.ndarray) -> list[tuple[complex, complex]]:
+    """Multipliers in pairs: each, from the first on, with the one that is left whose product with it is nearest to 1."""
+    left = values.tolist()
+    pairs = []
     while left:
-        i = left.pop(0)
-        defects = [abs(values[i] * values[j] - 1.0) for j in left]
-        best = int(np.argmin(defects))
-        worst = max(worst, float(defects[best]))
-        left.pop(best)
-    return worst
+        value = left.pop(0)
+        pairs.append((value, left.pop(int(np.argmin([abs(value * other - 1.0) for other in left])))))
+    return pairs

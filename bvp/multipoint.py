@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.checks import changeable, read_only
 from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end
 from bvp.kernels.compiled import address_of, entry_point
 from bvp.kernels.extrema import Observed
@@ -76,10 +75,6 @@ class Solution:
     position: np.ndarray
     ends: np.ndarray
     result: np.ndarray
-
-    def frozen(self) -> Solution:
-        """The same, with arrays that cannot be written to."""
-        return Solution(*(read_only(array) for array in (self.y, self.tangent, self.position, self.ends, self.result)))
 
     def __getitem__(self, name: str) -> float:
         return float(self.result[RESULT_INDEX[name]])
@@ -181,7 +176,7 @@ class MultipointProblem:
 
     def pack(self, start: ArrayLike, nodes: ArrayLike | None, flight_times: ArrayLike) -> np.ndarray:
         """Unknowns y (u,) from the start state (N,), the node states (k, N) - None: by exact flight - and the flight times (k + 1,)."""
-        start, times = changeable(np.asarray(start)), changeable(np.asarray(flight_times))
+        start, times = np.array(start, float), np.array(flight_times, float)
         if nodes is None:
             nodes = np.empty((self.inner, self.size))
             nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
@@ -217,7 +212,7 @@ class MultipointProblem:
     def end_states(self, y: np.ndarray) -> np.ndarray:
         """State at the end of each flight, before the impact there, (k + 1, N)."""
         out = np.empty((self.inner + 1, self.size))
-        end_states(self.segment, changeable(y), self._work, out)
+        end_states(self.segment, np.array(y, float), self._work, out)
         return out
 
     # -- equations ------------------------------------------------------------------------------------------------------------
@@ -226,13 +221,13 @@ class MultipointProblem:
         """F(y), (u - 1,)."""
         residual = np.empty(self.unknowns - 1)
         factor = self._factor
-        evaluate(self.segment, changeable(y), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
+        evaluate(self.segment, np.array(y, float), factor.before, factor.flights, self._work[0, : self.size].copy(), residual)
         return residual
 
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
         factor = self._factor
-        y = changeable(y)
+        y = np.array(y, float)
         self.residual(y)
         factor.scale[:] = 1.0
         fill(self.segment, y, factor)
@@ -313,7 +308,7 @@ class MultipointProblem:
         packed, factor = self._packed, self._factor
         landing = Landing(out, out_tangent, result)
         take, _ = self._kernel(0)
-        take(packed, factor, changeable(y), changeable(tangent), Request(ds, math.nan, maximum), metric, landing)
+        take(packed, factor, np.array(y, float), np.array(tangent, float), Request(ds, math.nan, maximum), metric, landing)
         if result[0] != 1.0:
             return None
         ends = factor.before.copy()

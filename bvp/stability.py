@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from bvp.checks import EPSILON, changeable
+from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.stability import half_map, half_map_scratch
-from bvp.multipliers import nearest_grazing, saddle_point_multipliers
+from bvp.multipliers import nearest_grazing, pairs_of, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 
 __all__ = ["DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "verdict"]
@@ -187,7 +187,7 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
         entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
         return np.array(entries), solution["magnified"]
     phi = np.zeros((2 * (problem.half - 1),) * 2)
-    y, ends = changeable(solution.y), changeable(solution.ends)
+    y, ends = np.array(solution.y, float), np.array(solution.ends, float, order="C")
     magnified = half_map(problem.segment, y, ends, *half_map_scratch(problem.size), phi)
     return phi, float(magnified)
 
@@ -271,21 +271,10 @@ def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
         tau, error = np.array([multipliers.trace]), np.array([2.0 * spread])
     else:
         # d(lambda + 1/lambda) = (1 - 1/lambda^2) d lambda
-        tau, values = _traces(multipliers.values)
+        traces = [(value + 1.0 / value, value) for value, _ in pairs_of(multipliers.values)]
+        traces = [(trace.real if value.imag == 0.0 else trace, value) for trace, value in traces]
+        tau, values = np.array(sorted(traces, key=lambda pair: (np.real(pair[0]), np.imag(pair[0])))).T
         bound = 2 * m * spread * float(np.linalg.cond(np.linalg.eig(multipliers.matrix)[1]))
         error = np.abs(1.0 - values**-2) * bound + bound * bound
     stable = DECISION[int(verdict((tau - 2.0) / 4.0, error / 4.0, (tau + 2.0) / 4.0, error / 4.0))]
     return Stability(tau, None, stable, none, unknown, error, multipliers.note)
-
-
-def _traces(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """lambda + 1/lambda and lambda, once for each pair, by the real part of the trace."""
-    left = list(values)
-    pairs = []
-    while left:
-        value = left.pop(0)
-        left.pop(int(np.argmin([abs(value * other - 1.0) for other in left])))
-        trace = value + 1.0 / value
-        pairs.append((trace.real if abs(value.imag) == 0.0 else trace, value))
-    pairs.sort(key=lambda pair: (np.real(pair[0]), np.imag(pair[0])))
-    return np.array([trace for trace, _ in pairs]), np.array([value for _, value in pairs])

@@ -173,7 +173,7 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
         object.__setattr__(self, "stops", named)
         contacts = [(stop, bound) for stop in named for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
-        for contact, earlier in repeated_contacts(named).items():
+        for contact, earlier in (repeated_contacts(named) if len(named) > 1 else {}).items():
             (a, bound), (b, _) = (contacts[k] for k in (earlier, contact))
             if a.restitution != b.restitution:
                 raise InvalidSystem(
@@ -202,7 +202,7 @@ class ImpactSystem(Matrices):
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         stops = [f"{stop.name}: {stop.lower:g} to {stop.upper:g}, restitution {stop.restitution:g}" for stop in self.stops]
         parameters = ", ".join(f"{key} = {value:g}" for key, value in (self.parameters or {}).items())
-        model = [("model", f"{self.model}: {parameters}")] if self._is_its_model() else []
+        model = [("model", f"{self.model}: {parameters}")] if "model" in self.describe() else []
         title = f"ImpactSystem with {self.degrees_of_freedom} degrees of freedom"
         return title, [*model, ("coordinates", listed(self.coordinates)), ("stops", listed(stops, 3))]
 
@@ -261,8 +261,12 @@ class ImpactSystem(Matrices):
 
     def describe(self) -> dict[str, Any]:
         """The system as plain lists, numbers and strings, for JSON and TOML; `from_description` is the inverse."""
-        if self._is_its_model():
-            return {"model": self.model, **{key: float(value) for key, value in (self.parameters or {}).items()}}
+        if self.model in MODELS and self.parameters is not None:
+            # `dataclasses.replace` may have changed the system, and then it is no longer that of its model.
+            other = MODELS[self.model][0](**self.parameters)
+            same = all(np.array_equal(getattr(self, key), getattr(other, key)) for key in ("mass", "damping", "stiffness"))
+            if same and all(getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary")):
+                return {"model": self.model, **{key: float(value) for key, value in self.parameters.items()}}
         stops = []
         for stop in self.stops:
             entry: dict[str, Any] = {"name": stop.name, "c": list(stop.gap)}
@@ -280,16 +284,6 @@ class ImpactSystem(Matrices):
             "stops": stops,
             "coordinates": names,
         }
-
-    def _is_its_model(self) -> bool:
-        """True where the named model still gives this very system (`dataclasses.replace` may have changed it)."""
-        if self.model not in MODELS or self.parameters is None:
-            return False
-        other = MODELS[self.model][0](**self.parameters)
-        same = all(np.array_equal(getattr(self, key), getattr(other, key)) for key in ("mass", "damping", "stiffness"))
-        return same and all(
-            getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary")
-        )
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> ImpactSystem:

@@ -51,7 +51,7 @@ def test_columns_are_those_of_the_saddle_point_matrix(name):
         error = 1e-9 + 1e-15 * largest + 2e-15 / np.abs(found.values[0] - found.values[1])
         assert np.max(np.abs(found.values / branch.points["multipliers"][i] - 1.0)) < error
         assert abs(np.trace(monodromy(orbit)) - 2.0 - branch.points["tau"][i]) < 1e-9 * max(1.0, largest)
-        assert bool(branch.points["reliable"][i]) is found.quality.reliable
+        assert bool(branch.points["reliable"][i]) is found.reliable
 
 
 def test_what_is_unbounded_is_not_given():

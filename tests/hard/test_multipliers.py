@@ -34,8 +34,8 @@ def test_cuts_change_nothing(pieces):
     for orbit in collection() + chains():
         cycle = cycle_of(orbit.problem, orbit.solution.y)
         full, pieced = saddle_point_multipliers(cycle), saddle_point_multipliers(cut(cycle, pieces))
-        assert pieced.values.shape == full.values.shape and pieced.quality.reliable, orbit.name
-        worst = largest(worst, abs(pieced.trace - full.trace) / np.max(np.abs(full.values)), pieced.quality.pairing)
+        assert pieced.values.shape == full.values.shape and pieced.reliable, orbit.name
+        worst = largest(worst, abs(pieced.trace - full.trace) / np.max(np.abs(full.values)), pieced.pairing)
         if separation(full.values) > 1e-2:
             worst = largest(worst, np.max(np.abs(pieced.values / full.values - 1.0)))
             compared += 1
@@ -72,7 +72,7 @@ def test_large_and_small_together():
     cycle, exact = mixed_cycle()
     found = saddle_point_multipliers(cycle)
     assert 1e11 < abs(exact[0]) < 1e13 and 1e-13 < abs(exact[-1]) < 1e-11
-    assert found.quality.reliable
+    assert found.reliable
     assert np.max(np.abs(saltation_multipliers(cycle)[-1] / exact[-1] - 1.0)) > 1e-3
     matched = [min(abs(value / other - 1.0) for other in exact) for value in found.values]
     paired = [min(abs(other / value - 1.0) for value in found.values) for other in exact]
@@ -96,7 +96,7 @@ def test_the_trivial_multiplier_is_lost():
     flow = system.modes.matrix @ cycle.after[0]
     assert min(abs(np.linalg.eigvals(matrix) - 1.0)) > 0.9
     lost = np.linalg.norm(matrix @ flow - flow) / np.linalg.norm(flow)
-    assert lost > 1.0 and found.quality.trivial > 1e-3 * lost
+    assert lost > 1.0 and found.trivial > 1e-3 * lost
     assert any("loses the trivial multiplier" in line for line in orbit_lines(Orbit(problem, solution), ""))
     alone, y = backbone_segment(system, 1.7)
     calm = Orbit(alone, alone.solve(y, quarter_period=1.7))

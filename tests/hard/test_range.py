@@ -109,7 +109,7 @@ def test_a_thousand_turns():
     exact = Closed(SYSTEM, alpha)
     velocities = (SYSTEM.modes.to_state @ problem.start(solution.y))[2:]
     found = saddle_point_multipliers(cycle_of(problem, solution.y))
-    assert found.quality.reliable
+    assert found.reliable
     with mp.workdps(50):
         angle = mp.acos(exact.tau_half() / 2) * 2 * count
     value = complex(mp.cos(angle), mp.sin(angle))

@@ -28,7 +28,7 @@ def orbit_error(system, alpha, shake=1e-6):
     n = system.degrees_of_freedom
     velocities = (system.modes.to_state @ problem.start(solution.y))[n:]
     multipliers = saddle_point_multipliers(cycle_of(problem, solution.y))
-    assert multipliers.quality.reliable
+    assert multipliers.reliable
     values = exact.multipliers()
     return largest(
         relative(velocities, exact.origin),

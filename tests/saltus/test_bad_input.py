@@ -118,7 +118,7 @@ CASES = [
     ("continue S13O00+ --scene {asymmetric}", ["mass", "symmetric"]),
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
     # origin ends without odd symmetry
-    ("continue S13O00+ --scene {uneven}", ["S13O00+ starts at the origin", "equal gaps", "u1 - u2 <= 0.5;", "the id of a", "saltus build"]),
+    ("continue S13O00+ --scene {uneven}", ["S13O00+ starts at the origin", "equal gaps", "from -1 to 0.5;", "the id of a", "saltus build"]),
     ("continue periodic:++:dd737b71 --scene {uneven}", ["periodic:++:dd737b71", "without a reversal", "--catalogue FILE"]),
     ("continue rest-rest:+:dc2855cb --scene {one_sided}", ["two degrees of freedom", "this system has 1", "--catalogue FILE"]),
     # loads that a command does not use
