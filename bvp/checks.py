@@ -213,11 +213,8 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
 
     Parameters
     ----------
-    system : object
-    conservative : str
-        What needs a system that neither loses energy nor is driven: the subject of the message. Empty: any system passes.
-    two_dof : str
-        Beginning of the message for a system without two degrees of freedom and one stop. Empty: any system passes.
+    conservative, two_dof : str
+        Beginning of the message if the method needs a conservative system, or two degrees of freedom and one stop. Empty: it does not.
     advice : str
         End of the message on degrees of freedom.
 
@@ -240,29 +237,13 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
 
 
 def require_branch(branch: Any) -> None:
-    """Refuse what is no `branches.branch.Branch`, such as its name.
-
-    Raises
-    ------
-    TypeError
-
-    Examples
-    --------
-    >>> require_branch("S13+")
-    Traceback (most recent call last):
-    TypeError: the branch is 'S13+', expected a Branch such as saltus.trace("S13+")
-    """
+    """Refuse what is no `branches.branch.Branch`, such as its name, with a TypeError."""
     if not hasattr(branch, "unknowns"):
         raise TypeError(f"the branch is {shown(branch)}, expected a Branch such as saltus.trace(\"S13+\")")
 
 
 def require_motion(motion: Any) -> None:
-    """Refuse what is no `bvp.motion.Motion`.
-
-    Raises
-    ------
-    TypeError
-    """
+    """Refuse what is no `bvp.motion.Motion`, with a TypeError."""
     if not hasattr(motion, "flights"):
         raise TypeError(f"the motion is {shown(motion)}, expected a Motion such as saltus.simulate(system, u, v, duration)")
 

@@ -31,13 +31,7 @@ class EndsError(ValueError):
 
 
 def contact_of(system: ImpactSystem, letter: str) -> int:
-    """Index of the contact with a letter.
-
-    Raises
-    ------
-    EndsError
-        Where the system has none.
-    """
+    """Index of the contact with a letter; EndsError where the system has none."""
     letters = system.modes.contact_letters
     if letter not in letters:
         raise EndsError(f"there is no contact {shown(letter)}; this system's contacts are {', '.join(letters)}")
@@ -46,13 +40,8 @@ def contact_of(system: ImpactSystem, letter: str) -> int:
 
 @lru_cache(maxsize=256)
 def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
-    """Kind and contact (-1: none) of an end "origin", "rest", "periodic" or "stop" with the contact's letter.
-
-    Raises
-    ------
-    EndsError
-        For ends that the system does not have.
-    """
+    """Kind and contact (-1: none) of an end "origin", "rest", "periodic" or "stop" with the contact's letter; EndsError if the system has
+    none."""
     match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
     if match is None or (match[1] == "stop") != (match[2] is not None):
         letters = system.modes.contact_letters
@@ -176,16 +165,7 @@ class Cycle:
         return modes.contact_side[self.contact] * np.einsum("ij,ij->i", modes.contact_rate[self.contact], self.before)
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements and velocities at any times.
-
-        Parameters
-        ----------
-        times : (m,) float
-            From the orbit's start; the orbit is periodic. At an impact the velocity is the one after it.
-
-        Returns
-        -------
-        u, v : (m, n) float
+        """Displacements and velocities (m, n) at any times (m,) from the orbit's start; at an impact the velocity is the one after it.
 
         Raises
         ------

@@ -48,10 +48,9 @@ class FastPathRuns:
     ----------
     reason : (b,) int64 ndarray
         CLEARED (no impact is possible any more), TIMED (the duration), FULL_COUNT (the most impacts) or DECLINED (nothing else holds then).
-    duration, last_impact : (b,) ndarray
-        Time reached, and time of the last impact (NaN: no impact). If no further impact is possible, the duration is the time of the last
-        impact, and the dissipation after it counts to infinite time.
-    impacts : (b,) int64 ndarray
+    duration, impacts, last_impact : (b,) ndarray
+        Time reached, number of impacts, and time of the last one (NaN: none). If no further impact is possible, the duration is that time,
+        and the dissipation after it counts to infinite time.
     peaks : (b, 2) ndarray
         Largest |u_1| and |u_2|.
     dissipated : (b, 3) ndarray
@@ -204,6 +203,9 @@ def run_fast_path(
     kernels.fast_path_batch(systems, starts, initial, float(duration), most, wanted, np.empty(4), np.empty(places.PARTS), out)
     ended = np.where(out[:, kernels.REASON] == CLEARED, rests[which], False)
     spent = out[:, kernels.SPENT : kernels.SPENT + places.PARTS]
+    forms = numbers[which, places.FORM : places.FORM + 8].reshape(-1, 2, 2, 2)  # mass and stiffness
+    u, v = starts[:, :2], starts[:, 2:]
+    kinetic_and_elastic = 0.5 * (np.einsum("bi,bij,bj->b", v, forms[:, 0], v) + np.einsum("bi,bij,bj->b", u, forms[:, 1], u))
     return FastPathRuns(
         reason=out[:, kernels.REASON].astype(np.int64),
         duration=out[:, kernels.TIME],
@@ -213,12 +215,5 @@ def run_fast_path(
         dissipated=spent,
         times=out[:, kernels.TIMES :],
         initial_energy=initial,
-        energy=np.where(ended, 0.0, _energy(numbers[which], starts)),
+        energy=np.where(ended, 0.0, kinetic_and_elastic),
     )
-
-
-def _energy(numbers: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """Energy of states (b, 4) in the systems of rows of numbers."""
-    forms = numbers[:, places.FORM : places.FORM + 8].reshape(-1, 2, 2, 2)
-    u, v = states[:, :2], states[:, 2:]
-    return 0.5 * (np.einsum("bi,bij,bj->b", v, forms[:, 0], v) + np.einsum("bi,bij,bj->b", u, forms[:, 1], u))

@@ -143,28 +143,9 @@ class Forcing:
     levels: np.ndarray
     sizes: np.ndarray
 
-    def state(self, time: float) -> np.ndarray:
-        """y at a time, (2 G,)."""
-        k = max(int(np.searchsorted(self.breaks, time, side="right")) - 1, 0)
-        out = self.levels[k].copy()
-        out[:, 0] += out[:, 1] * (time - self.breaks[k])
-        moving = self.frequency > 0.0
-        out[moving] = np.stack([np.cos(self.frequency * time), np.sin(self.frequency * time)], axis=1)[moving]
-        return out.ravel()
-
-    def force(self, time: float) -> np.ndarray:
-        """f at a time, (n,)."""
-        return np.einsum("gnk,gk->n", self.loads, self.state(time).reshape(-1, 2))
-
 
 def forcing_of(forces: Any, n: int) -> Forcing:
-    """The loads on a system of n coordinates from one load, a list of them or None; ValueError for anything else.
-
-    Examples
-    --------
-    >>> forcing_of([Harmonic(2.0, sine=[1.0]), Constant([3.0])], 1).force(0.25).round(12)
-    array([3.47942554])
-    """
+    """The loads on a system of n coordinates from one load, a list of them or None; ValueError for anything else."""
     if forces is None:
         forces = ()
     if isinstance(forces, Constant | Harmonic | Record):

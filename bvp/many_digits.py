@@ -170,13 +170,7 @@ class DigitOrbit:
 
     @cached_property
     def half_map(self) -> Any:
-        """phi (2 (n - 1), 2 (n - 1)) between the ends: see `bvp.kernels.stability`.
-
-        Raises
-        ------
-        ValueError
-            For a periodic closure: it has no ends.
-        """
+        """phi (2 (n - 1), 2 (n - 1)) between the ends: see `bvp.kernels.stability`. A periodic closure has none: ValueError."""
         if self.problem.periodic:
             raise ValueError("a periodic closure has no half map; its trace decides its stability")
         with mp.workdps(DIGITS):
@@ -262,15 +256,9 @@ class DigitOrbit:
 
 
 def orbit_in_digits(problem: MultipointProblem, y: np.ndarray, quarter_period: float | None = None) -> DigitOrbit:
-    """The orbit next to a solution in double precision.
+    """The orbit next to a solution y (u,) in double precision.
 
-    Parameters
-    ----------
-    problem : MultipointProblem
-    y : (u,) float
-        Unknowns near the orbit.
-    quarter_period : float, optional
-        The orbit at this quarter period, taken as the binary fraction that it is; without it, the nearest one of the family.
+    With a quarter period, taken as the binary fraction that it is, it is the orbit there; else the nearest one of the family.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from bvp.checks import finite_numbers, is_finite, require_system
 from bvp.closures import contact_of
 from bvp.contact_modes import ContactModeTable
 from bvp.forcing import budget_terms, forcing_of, split_damping
-from bvp.interrupts import InterruptHandler, Pace, defer_interrupts
+from bvp.interrupts import Pace, defer_interrupts
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
 from bvp.kernels.energy_budget import integral_work
@@ -101,16 +101,84 @@ class Simulator:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.simulate.simulate`.
-
-        Raises
-        ------
-        BeyondStop
-        ValueError, KeyboardInterrupt
-            As `bvp.simulate.simulate`.
-        """
+        """The motion from (u, v); see `bvp.simulate.simulate`. A start beyond a stop raises `BeyondStop`."""
+        system, start = self.system, checked_state(self.system, u, v)
+        fractions = _checked(duration, max_impacts, marks)
+        contact = -1 if leaving is None else contact_of(system, leaving)
+        # The kernel returns at each new contact mode, when its log is full, and now and then to report progress; then it is called again.
         with defer_interrupts() as interrupt:
-            motion = self._run(interrupt, checked_state(self.system, u, v), duration, max_impacts, leaving, marks, on_progress)
+            n = system.degrees_of_freedom
+            initial = system.energy(start[:n], start[n:])
+            state = self.state(len(fractions) if initial > 0.0 else 0, 0)
+            counts, clock, sums, marked = state.counts, state.clock, state.sums, state.marks
+            counts[places.LEAVING] = counts[places.CONTACT] = contact
+            clock[places.INITIAL] = initial
+            marked[:, 0] = fractions[: len(marked)]
+            state.x[: 2 * n] = start
+            before = start.copy()
+            pieces: list[places.Log] = []
+            room, scratch = 256, self.scratch(before)
+            pace = Pace()
+            while True:
+                modes = self.table.stacked
+                size = modes.matrix.shape[1]
+                if counts[places.PENDING] >= 0:
+                    state, scratch = state._replace(z=np.zeros(size)), self.scratch(before)
+                log = self.log(room)
+                counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
+                with pace:
+                    status = kernels.move(modes, float(duration), int(max_impacts), state, log, scratch)
+                pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
+                if on_progress is not None:
+                    on_progress(float(clock[places.TIME]))
+                if status == kernels.NEW_MODE:
+                    self.table.add(int(counts[places.PENDING]))
+                elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
+                    break
+                elif status == kernels.FULL:
+                    room = min(2 * room, 1 << 16)
+            modes = self.table.stacked
+            size = modes.matrix.shape[1]
+            states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
+            numbers, columns, before_, sums_ = (
+                np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
+            )
+            last = np.pad(state.z, (0, size - len(state.z)))
+            final = modes.leave[counts[places.MODE]] @ last
+            motion = Motion(
+                system=system,
+                forcing=self.forcing,
+                status=STATUS.get(status, MotionStatus.INTERRUPTED),
+                duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
+                kinds=numbers[:, 0],
+                times=columns[:, 0],
+                contacts=numbers[:, 1],
+                speeds=columns[:, 1],
+                losses=columns[:, 2],
+                before=before_,
+                sums=sums_,
+                totals=sums.sum(axis=1),
+                parts=self.parts,
+                impacts=int(counts[places.IMPACTS]),
+                touches=int(counts[places.TOUCHES]),
+                last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
+                clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
+                sticking_time=float(clock[places.STICKING_TIME]),
+                switch_error=float(clock[places.SWITCH_ERROR]),
+                initial_energy=initial,
+                energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
+                marks=tuple(
+                    EnergyMark(float(row[0]), float(row[1]), dict(zip(self.parts, row[2:-1].tolist(), strict=True)))
+                    if k < counts[places.MARK]
+                    else EnergyMark(float(fraction), None, {})
+                    for k, (fraction, row) in enumerate(zip_longest(fractions, marked))
+                ),
+                start=start,
+                final=final,
+                numbers=numbers,
+                states=states,
+                contact_modes=modes,
+            )
         if interrupt.came:
             error = KeyboardInterrupt()
             error.motion = motion  # type: ignore[attr-defined]
@@ -120,94 +188,6 @@ class Simulator:
             w, stop = max(gaps, key=lambda pair: max(pair[0] - pair[1].upper, pair[1].lower - pair[0]))
             raise BeyondStop(f"the start lies beyond stop {stop.name}: its gap is {w:g}, expected {stop.lower:g} to {stop.upper:g}")
         return motion
-
-    def _run(
-        self,
-        interrupt: InterruptHandler,
-        start: np.ndarray,
-        duration: float,
-        max_impacts: int,
-        leaving: str | None,
-        marks: Sequence[float],
-        on_progress: Callable[[float], object] | None,
-    ) -> Motion:
-        """The motion from a start, or the part computed before an interrupt. The kernel returns at each new contact mode, when its log is
-        full, and now and then to report progress; this loop calls it again."""
-        system = self.system
-        fractions = _checked(duration, max_impacts, marks)
-        contact = -1 if leaving is None else contact_of(system, leaving)
-        n = system.degrees_of_freedom
-        initial = system.energy(start[:n], start[n:])
-        state = self.state(len(fractions) if initial > 0.0 else 0, 0)
-        counts, clock, sums, marked = state.counts, state.clock, state.sums, state.marks
-        counts[places.LEAVING] = counts[places.CONTACT] = contact
-        clock[places.INITIAL] = initial
-        marked[:, 0] = fractions[: len(marked)]
-        state.x[: 2 * n] = start
-        before = start.copy()
-        pieces: list[places.Log] = []
-        room, scratch = 256, self.scratch(before)
-        pace = Pace()
-        while True:
-            modes = self.table.stacked
-            size = modes.matrix.shape[1]
-            if counts[places.PENDING] >= 0:
-                state, scratch = state._replace(z=np.zeros(size)), self.scratch(before)
-            log = self.log(room)
-            counts[places.EVENTS], counts[places.PASSES] = 0, pace.passes
-            with pace:
-                status = kernels.move(modes, float(duration), int(max_impacts), state, log, scratch)
-            pieces.append(places.Log(*(array[: counts[places.EVENTS]].copy() for array in log)))
-            if on_progress is not None:
-                on_progress(float(clock[places.TIME]))
-            if status == kernels.NEW_MODE:
-                self.table.add(int(counts[places.PENDING]))
-            elif status not in (kernels.FULL, kernels.PAUSED) or interrupt.came:
-                break
-            elif status == kernels.FULL:
-                room = min(2 * room, 1 << 16)
-        modes = self.table.stacked
-        size = modes.matrix.shape[1]
-        states = np.vstack([np.pad(piece.states, ((0, 0), (0, size - piece.states.shape[1]))) for piece in pieces])
-        numbers, columns, before_, sums_ = (
-            np.concatenate([getattr(piece, key) for piece in pieces]) for key in ("numbers", "values", "before", "sums")
-        )
-        last = np.pad(state.z, (0, size - len(state.z)))
-        final = modes.leave[counts[places.MODE]] @ last
-        return Motion(
-            system=system,
-            forcing=self.forcing,
-            status=STATUS.get(status, MotionStatus.INTERRUPTED),
-            duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
-            kinds=numbers[:, 0],
-            times=columns[:, 0],
-            contacts=numbers[:, 1],
-            speeds=columns[:, 1],
-            losses=columns[:, 2],
-            before=before_,
-            sums=sums_,
-            totals=sums.sum(axis=1),
-            parts=self.parts,
-            impacts=int(counts[places.IMPACTS]),
-            touches=int(counts[places.TOUCHES]),
-            last_impact=float(clock[places.LAST_IMPACT]) if counts[places.IMPACTS] else None,
-            clear_from=float(clock[places.CLEAR_TIME]) if counts[places.CLEAR] else None,
-            sticking_time=float(clock[places.STICKING_TIME]),
-            switch_error=float(clock[places.SWITCH_ERROR]),
-            initial_energy=initial,
-            energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
-            marks=tuple(
-                EnergyMark(float(row[0]), float(row[1]), dict(zip(self.parts, row[2:-1].tolist(), strict=True)))
-                if k < counts[places.MARK]
-                else EnergyMark(float(fraction), None, {})
-                for k, (fraction, row) in enumerate(zip_longest(fractions, marked))
-            ),
-            start=start,
-            final=final,
-            numbers=numbers,
-            states=states,
-            contact_modes=modes,
-        )
 
     def state(self, marks: int, peaks: int) -> places.MotionState:
         """A motion at time 0 with room for so many marks and peaks; its state of the contact mode is still empty."""

@@ -207,16 +207,7 @@ class ImpactSystem(Matrices):
         return title, [*model, ("coordinates", listed(self.coordinates)), ("stops", listed(stops, 3))]
 
     def energy(self, u: Any, v: Any) -> Any:
-        """Kinetic and elastic energy (v M v + u K u)/2.
-
-        Parameters
-        ----------
-        u, v : (..., n) array_like
-            Displacements and velocities.
-
-        Returns
-        -------
-        float or (...) ndarray
+        """Kinetic and elastic energy (v M v + u K u)/2 of displacements and velocities (..., n).
 
         Examples
         --------

@@ -147,3 +147,13 @@ def chain(masses, springs, ground=0.0, damping=0.0, stops=None):
         row[0], row[-1] = 1.0, -1.0 if n > 1 else 1.0
         stops = (Stop(tuple(row), -1.0, 1.0),)
     return ImpactSystem(np.diag(masses), damping * stiffness, stiffness, stops)
+
+
+def force_at(forcing, time):
+    """f (n,) of loads at a time, from the states of the small systems that make them."""
+    k = max(int(np.searchsorted(forcing.breaks, time, side="right")) - 1, 0)
+    y = forcing.levels[k].copy()
+    y[:, 0] += y[:, 1] * (time - forcing.breaks[k])
+    moving = forcing.frequency > 0.0
+    y[moving] = np.stack([np.cos(forcing.frequency * time), np.sin(forcing.frequency * time)], axis=1)[moving]
+    return np.einsum("gnk,gk->n", forcing.loads, y)

@@ -7,6 +7,7 @@ import pytest
 
 from bvp.forcing import forcing_of
 from saltus import load_scene
+from tests.bvp import twins
 
 SCENE = """
 [system]
@@ -41,7 +42,7 @@ def scene_of(tmp_path, loads, record=RECORD, text=SCENE):
 
 def force_at(scene, time):
     """f(t)."""
-    return forcing_of(scene.forces, scene.system.degrees_of_freedom).force(time)
+    return twins.force_at(forcing_of(scene.forces, scene.system.degrees_of_freedom), time)
 
 
 def test_a_harmonic_on_a_coordinate(tmp_path):
