@@ -205,24 +205,15 @@ class BudgetTerms:
 
 def budget_terms(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -> BudgetTerms:
     """The terms of named parts of the damping matrix and of the work of the loads; v'Cv goes by the eigenvectors of C's symmetric part."""
-    velocity, load, weight, part = [], [], [], []
+    rows: list[tuple[np.ndarray, int, float, int]] = []
     for k, matrix in enumerate(dampers.values()):
         values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-        for value, vector in zip(values, vectors.T, strict=True):
-            if abs(value) > 8.0 * len(values) * EPSILON * np.abs(values).max():
-                velocity.append(vector)
-                load.append(-1)
-                weight.append(value)
-                part.append(k)
-    for g in range(len(forcing.loads)):
-        for k in range(2):
-            column = forcing.loads[g, :, k]
-            if np.any(column):
-                velocity.append(column)
-                load.append(2 * g + k)
-                weight.append(1.0)
-                part.append(len(dampers) + stops)
-    n = next(iter(dampers.values())).shape[0]
+        rounding = 8.0 * len(values) * EPSILON * np.abs(values).max()
+        rows += [(vector, -1, value, k) for value, vector in zip(values, vectors.T, strict=True) if abs(value) > rounding]
+    columns = forcing.loads.transpose(0, 2, 1).reshape(2 * len(forcing.loads), -1)
+    rows += [(column, k, 1.0, len(dampers) + stops) for k, column in enumerate(columns) if np.any(column)]
+    n = len(next(iter(dampers.values())))
+    velocity, load, weight, part = zip(*rows, strict=True) if rows else ((), (), (), ())
     return BudgetTerms(
         np.array(velocity, dtype=float).reshape(-1, n),
         np.array(load, dtype=np.int64),

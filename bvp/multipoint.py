@@ -143,7 +143,6 @@ class MultipointProblem:
         )
         shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
         self.segment = Segment._make([modes.flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
-        self.observed = observed_of(system)
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
         self._factor = make_factor(self.segment)
@@ -151,7 +150,7 @@ class MultipointProblem:
         self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
-        self._watched = pack_observed(self.observed)
+        self._watched = pack_observed(observed_of(system))
         self._two_dof = self.half == 2
 
     def refuse_drift(self) -> None:
