@@ -210,9 +210,9 @@ def budget_terms(dampers: dict[str, np.ndarray], forcing: Forcing, stops: int) -
         values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
         rounding = 8.0 * len(values) * EPSILON * np.abs(values).max()
         rows += [(vector, -1, value, k) for value, vector in zip(values, vectors.T, strict=True) if abs(value) > rounding]
-    columns = forcing.loads.transpose(0, 2, 1).reshape(2 * len(forcing.loads), -1)
-    rows += [(column, k, 1.0, len(dampers) + stops) for k, column in enumerate(columns) if np.any(column)]
     n = len(next(iter(dampers.values())))
+    columns = forcing.loads.transpose(0, 2, 1).reshape(-1, n)
+    rows += [(column, k, 1.0, len(dampers) + stops) for k, column in enumerate(columns) if np.any(column)]
     velocity, load, weight, part = zip(*rows, strict=True) if rows else ((), (), (), ())
     return BudgetTerms(
         np.array(velocity, dtype=float).reshape(-1, n),

@@ -248,13 +248,13 @@ class Motion:
     def contact_intervals(self) -> tuple[ContactInterval, ...]:
         """The motion as intervals of free flight and of sticking."""
         letters = self.system.modes.contact_letters
-        held = np.asarray(self.contact_modes.sticking)[self.numbers[:, 2]]
+        sticking = np.asarray(self.contact_modes.sticking)[self.numbers[:, 2]]
         for row in np.flatnonzero(self.kinds == EventKind.CHATTER.value):
-            held[row] = held[row - 1]
-        first = np.flatnonzero(np.concatenate([[True], held[1:] != held[:-1]]))
+            sticking[row] = sticking[row - 1]
+        first = np.flatnonzero(np.concatenate([[True], sticking[1:] != sticking[:-1]]))
         ends = [*self.times[first[1:]].tolist(), self.duration]
         return tuple(
-            ContactInterval(float(self.times[k]), end, tuple(letter for c, letter in enumerate(letters) if int(held[k]) >> c & 1))
+            ContactInterval(float(self.times[k]), end, tuple(letter for c, letter in enumerate(letters) if int(sticking[k]) >> c & 1))
             for k, end in zip(first, ends, strict=True)
         )
 

@@ -7,24 +7,25 @@ that the differences lose none that a test looks at.
 import mpmath
 import numpy as np
 
+from bvp.kernels.multipoint import ORIGIN, REST, STOP
+
 DIGITS = 60
 STEP = mpmath.mpf(10) ** -18
+
+exact = np.frompyfunc(lambda x: mpmath.mpf(float(x)), 1, 1)
 
 
 def flow(squares, z, t):
     """The modal state z after a free flight of t."""
-    n = len(squares)
-    q, p = [], []
-    for k, square in enumerate(squares):
-        w = mpmath.sqrt(square)
-        c, s = (mpmath.cos(w * t), mpmath.sin(w * t) / w) if w else (mpmath.mpf(1), t)
-        q.append(c * z[k] + s * z[n + k])
-        p.append(c * z[n + k] - square * s * z[k])
-    return q + p
+    q, p = np.split(np.asarray(z), 2)
+    w = [mpmath.sqrt(square) for square in squares]
+    c = np.array([mpmath.cos(x * t) for x in w])
+    s = np.array([mpmath.sin(x * t) / x if x else mpmath.mpf(t) for x in w])
+    return np.concatenate([c * q + s * p, c * p - squares * s * q])
 
 
 def dot(row, z):
-    return mpmath.fsum(mpmath.mpf(float(a)) * b for a, b in zip(row, z, strict=True))
+    return exact(row) @ z
 
 
 class Exact:
@@ -34,8 +35,8 @@ class Exact:
         mpmath.mp.dps = DIGITS
         self.problem = problem
         self.segment = problem.segment
-        self.squares = [mpmath.mpf(float(w)) for w in problem.modes.squares]
-        self.y = [mpmath.mpf(float(v)) for v in solution.y]
+        self.squares = exact(problem.modes.squares)
+        self.y = exact(solution.y)
         self.held = int(np.argmax(np.abs(solution.tangent[: problem.unknowns])))
         self.free = [j for j in range(problem.unknowns) if j != self.held]
         self.jacobian = problem.jacobian(solution.y)[:, self.free]
@@ -45,14 +46,11 @@ class Exact:
         """Newton's corrections with the derivative of the start, which gain some fourteen digits each beside it."""
         for _ in range(rounds):
             residual = self.residual()
-            size = max(abs(r) for r in residual)
+            size = np.abs(residual).max()
             if size == 0:
                 break
-            scaled = np.array([float(r / size) for r in residual])
-            update = np.linalg.solve(self.jacobian, scaled)
-            for j, value in zip(self.free, update, strict=True):
-                self.y[j] -= mpmath.mpf(float(value)) * size
-        self.left = max(abs(r) for r in self.residual())
+            self.y[self.free] -= exact(np.linalg.solve(self.jacobian, (residual / size).astype(float))) * size
+        self.left = np.abs(self.residual()).max()
 
     def move(self, value, rounds=12):
         """Along the family to where the held unknown has a value near that of the start."""
@@ -61,52 +59,36 @@ class Exact:
 
     def energy(self):
         """h of the start."""
-        z, n = self.start(), len(self.squares)
-        return mpmath.fsum(square * q * q + p * p for square, q, p in zip(self.squares, z[:n], z[n:], strict=True)) / 2
+        q, p = np.split(self.start(), 2)
+        return (self.squares @ q**2 + p @ p) / 2
 
     def start(self):
-        segment = self.segment
-        s = self.problem.parameters
-        return [dot(segment.start_map[r], self.y[:s]) + float(segment.start_offset[r]) for r in range(self.problem.size)]
+        return dot(self.segment.start_map, self.y[: self.problem.parameters]) + self.segment.start_offset
 
     def flight_times(self):
-        s, size = self.problem.parameters, self.problem.size
-        return [self.y[s + i * (size + 1)] for i in range(self.problem.inner + 1)]
+        return self.problem.flight_times(self.y)
 
     def impact(self, i, z):
-        segment = self.segment
-        speed = dot(segment.gap_rate[i], z) * float(segment.jump[i])
-        return [a - speed * float(b) for a, b in zip(z, segment.push[i], strict=True)]
+        return z - dot(self.segment.gap_rate[i], z) * float(self.segment.jump[i]) * exact(self.segment.push[i])
 
     def residual(self):
         """F of a problem between two ends."""
-        problem, segment, size = self.problem, self.segment, self.problem.size
-        s = problem.parameters
-        z = self.start()
-        out = []
+        problem, segment, nodes = self.problem, self.segment, self.problem.nodes(self.y)
+        out, z = [], self.start()
         for i, time in enumerate(self.flight_times()):
-            if i > 0:
-                at = s + 1 + (i - 1) * (size + 1)
-                z = self.y[at : at + size]
             end = flow(self.squares, z, time)
             if i < problem.inner:
-                at = s + 1 + i * (size + 1)
-                target = self.y[at : at + size]
-                out += [a - b for a, b in zip(self.impact(i, end), target, strict=True)]
-                out.append(dot(segment.gap[i], target) - float(segment.bound[i]))
-            else:
-                out += [dot(row, end) - float(value) for row, value in zip(segment.end_map, segment.end_offset, strict=True)]
-        return out
+                z = nodes[i]
+                out += [self.impact(i, end) - z, [dot(segment.gap[i], z) - float(segment.bound[i])]]
+        return np.concatenate([*out, dot(segment.end_map, end) - segment.end_offset])
 
     def run(self, z, to_stop):
-        """From a start state through all impacts of the word to the far end: at its stop, or at the orbit's own time there."""
+        """From a start state through all impacts of the sequence to the far end: at its stop, or at the orbit's own time there."""
         times = self.flight_times()
-        total = mpmath.fsum(times)
         elapsed = mpmath.mpf(0)
-        for i, guess in enumerate(times):
+        for i, t in enumerate(times):
             if i == self.problem.inner and not to_stop:
-                return flow(self.squares, z, total - elapsed)
-            t = guess
+                return flow(self.squares, z, mpmath.fsum(times) - elapsed)
             for _ in range(8):
                 x = flow(self.squares, z, t)
                 change = (dot(self.segment.gap[i], x) - float(self.segment.bound[i])) / dot(self.segment.gap_rate[i], x)
@@ -121,40 +103,25 @@ class Exact:
 
     def half_map(self):
         """phi, (2 (n-1), 2 (n-1)) mpf entries, for two degrees of freedom."""
-        origin, rest, stop = 0, 1, 2
-        kinds = self.problem.kinds
+        kinds, inner = self.problem.kinds, self.problem.inner
         start = self.start()
-        final = self.run(start, kinds[1] == stop)
+        final = self.run(start, kinds[1] == STOP)
 
         def across(kind, node, z):
-            if kind == origin:
-                x = z[2:]
-            elif kind == rest:
-                x = [square * q for square, q in zip(self.squares, z[:2], strict=True)]
-            else:
-                x = [mpmath.mpf(float(g)) for g in self.segment.gap[node, :2]]
-            size = mpmath.sqrt(x[0] ** 2 + x[1] ** 2)
-            return [-x[1] / size, x[0] / size]
+            x = z[2:] if kind == ORIGIN else self.squares * z[:2] if kind == REST else exact(self.segment.gap[node, :2])
+            return np.array([-x[1], x[0]]) / mpmath.sqrt(x @ x)
 
-        first = across(kinds[0], self.problem.inner + 1, start)
-        last = across(kinds[1], self.problem.inner, final)
-        zero = [mpmath.mpf(0)] * 2
-        if kinds[0] == origin:
-            columns = [zero + first, [-x for x in first] + zero]
-        elif kinds[0] == rest:
-            columns = [first + zero, zero + first]
-        else:
-            gap = [mpmath.mpf(float(g)) for g in self.segment.gap[self.problem.inner + 1, :2]]
-            work = mpmath.fsum(w * q * d for w, q, d in zip(self.squares, start[:2], first, strict=True))
-            normal = gap[0] * start[2] + gap[1] * start[3]
-            columns = [first + [-work / normal * g for g in gap], zero + first]
-        phi = [[None, None], [None, None]]
-        for j, column in enumerate(columns):
-            ends = [
-                self.run([a + sign * STEP * b for a, b in zip(start, column, strict=True)], kinds[1] == stop) for sign in (1, -1)
-            ]
-            x = [(a - b) / (2 * STEP) for a, b in zip(*ends, strict=True)]
-            displacement = last[0] * x[0] + last[1] * x[1]
-            velocity = last[0] * x[2] + last[1] * x[3]
-            phi[0][j], phi[1][j] = (velocity, -displacement) if kinds[1] == origin else (displacement, velocity)
-        return phi
+        first, last = across(kinds[0], inner + 1, start), across(kinds[1], inner, final)
+        zero = exact(np.zeros(2))
+        kept, turned = np.concatenate([first, zero]), np.concatenate([zero, first])
+        if kinds[0] == ORIGIN:
+            kept, turned = turned, -kept
+        if kinds[0] == STOP:
+            gap = exact(self.segment.gap[inner + 1, :2])
+            kept[2:] = -((self.squares * start[:2]) @ first) / (gap @ start[2:]) * gap
+        phi = []
+        for column in (kept, turned):
+            after, before = (self.run(start + sign * STEP * column, kinds[1] == STOP) for sign in (1, -1))
+            q, p = np.split((after - before) / (2 * STEP), 2)
+            phi.append((last @ p, -(last @ q)) if kinds[1] == ORIGIN else (last @ q, last @ p))
+        return np.array(phi).T

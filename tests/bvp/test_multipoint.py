@@ -323,7 +323,7 @@ def test_refusals():
         MultipointProblem(vibro_impact_nes(lam=0.1), ("origin", "stop+"), ())
     with pytest.raises(EndsError, match="unknown end"):
         MultipointProblem(vibro_impact_nes(), ("orgin", "stop+"), ())
-    with pytest.raises(EndsError, match="stops are"):
+    with pytest.raises(EndsError, match="contacts are"):
         MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ("x",))
     with pytest.raises(EndsError, match="two periodic ends"):
         MultipointProblem(vibro_impact_nes(), ("origin", "periodic"), ("+",))
