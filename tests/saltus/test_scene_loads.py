@@ -147,7 +147,7 @@ def test_wrong_records_are_named_with_their_line(tmp_path, record, words):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('NES = ["sink"]', 'NES = ["snik"]', ["'snik' is none of", "floor, roof, sink"]),
+        ('NES = ["sink"]', 'NES = ["snik"]', ["received 'snik'", "floor, roof, sink"]),
         ('NES = ["sink"]', 'NES = ["snik", "sink"]', ["NES = 'snik'", "nearest: sink"]),
         ('NES = ["sink"]', 'NES = ["roof", "sink"]', ["roof", "NES", "LO"]),
         ('NES = ["sink"]', "NES = []", ["NES", "each once"]),
