@@ -305,13 +305,7 @@ def impulsive_manifold(
 
 def peak_at(system: ImpactSystem, energy: float, periods: int = PERIODS) -> tuple[float, float]:
     """Dominant angular frequency of the gap coordinate of the first stop after an impulsive start, and the samples taken in a period of
-    the oscillator.
-
-    Raises
-    ------
-    RuntimeError
-        Where the motion cannot be followed; the message says why.
-    """
+    the oscillator. RuntimeError where the motion cannot be followed."""
     period = oscillator_period(system)
     duration = periods * period
     u, v = impulsive_state(system, energy)
@@ -361,8 +355,6 @@ def dominant_frequency(signal: np.ndarray, step: float) -> float:
     """
     values = np.asarray(signal, dtype=float)
     count = len(values)
-    if count < 8:
-        raise ValueError(f"a spectrum of {count} samples; expected 8 or more")
     window = np.sin(np.pi * (np.arange(count) + 0.5) / count) ** 2
     windowed = (values - np.sum(window * values) / np.sum(window)) * window
     if not np.max(np.abs(windowed)) > 1e-13 * np.max(np.abs(values), initial=1e-300):

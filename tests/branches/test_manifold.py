@@ -45,19 +45,8 @@ def test_the_larger_of_two_tones():
 
 
 def test_what_does_not_vary():
-    """Oracle: 0 for a constant; a ValueError for too few samples."""
+    """Oracle: 0 for a constant."""
     assert dominant_frequency(np.full(100, 3.7), 0.1) == 0.0
-    with pytest.raises(ValueError, match="expected 8 or more"):
-        dominant_frequency(np.zeros(7), 0.1)
-
-
-@pytest.mark.parametrize(
-    ("energy", "said"), [((0.0, 1.0), "range 0:1: expected"), ((1.0, math.inf), "range 1:inf: expected"), ((2.0, 1.0), "reversed")]
-)
-def test_a_range_that_cannot_be_followed(energy, said):
-    """Oracle: the words of the message."""
-    with pytest.raises(ValueError, match=said):
-        impulsive_manifold(SYSTEM, energy)
 
 
 @pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.4, 0.9)])
@@ -93,7 +82,7 @@ def test_jumps_are_kept():
     assert np.all(steps[~curve.breaks] <= allowed[~curve.breaks] + 1e-15) and np.all(steps[curve.breaks] > allowed[curve.breaks])
 
 
-def test_a_motion_that_fails_is_told(monkeypatch):
+def test_a_motion_that_fails_is_reported(monkeypatch):
     """Oracle: null in the record, the reason beside it, a break around it, for a run that is made to give up at some energies."""
     real = module.simulate
 
