@@ -28,7 +28,6 @@ from bvp.stability import roundings
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.events import BranchEvent
-    from branches.orbit import Orbit
     from bvp.multipoint import MultipointProblem
 
 __all__ = ["Barrier", "Missed", "decide_between", "missed_events", "stability_events"]
@@ -277,13 +276,13 @@ def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
         names = ", ".join(event.id for event in between) or "no event"
         how = f"crosses {level.name}" if crossed else f"does not cross {level.name}"
         found = _missed(branch, level.types, i, j, f"{how}, with {names} there")
-        yield found._replace(hidden=level.limit and not between and _is_hidden(branch.orbit(i), branch.orbit(j)))
-
-
-def _is_hidden(first: Orbit, second: Orbit) -> bool:
-    """Whether rounding hides a change of stability between two orbits: neither alone is decided, and no pivot changes its sign."""
-    pivots = first.solution["branching"] * second.solution["branching"]
-    return pivots > 0.0 and all(int(orbit.columns["stable"][0]) < 0 for orbit in (first, second))
+        hidden = False
+        if level.limit and not between:
+            # Rounding hides a change of stability where neither orbit alone is decided, and no pivot changes its sign.
+            orbits = branch.orbit(i), branch.orbit(j)
+            hidden = orbits[0].solution["branching"] * orbits[1].solution["branching"] > 0.0
+            hidden = hidden and all(int(orbit.columns["stable"][0]) < 0 for orbit in orbits)
+        yield found._replace(hidden=hidden)
 
 
 def _turning_points(branch: Branch) -> Iterator[Missed]:

@@ -246,7 +246,13 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     located = {event.point for event in branch.events}
     plain = [i for i in range(len(branch.points["h"])) if i not in located] or range(len(branch.points["h"]))
     inside = [i for i in plain if branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
-    problem, y = _primitive(branch, inside)
+    problem, length = branch.problem, branch.points["arclength"]
+    middle = min(inside, key=lambda i: abs(float(length[i]) - 0.5 * float(length[inside[0]] + length[inside[-1]])))
+    # Two orbits are tested, since one orbit at a bifurcation has more symmetry than its family.
+    tested = [branch.orbit(i).solution.y for i in (inside[len(inside) // 3], middle)]
+    y = tested[1]
+    if not any(is_solved_as_it_is(problem, y) for y in tested):
+        problem, y = canonical_orbit(problem, y)
     uncut = (_known(one) for one in (branch, wider) if one is not None and problem is one.problem and one.points["h"].max() <= window[1])
     curve = next((one for one in uncut if one is not None), None)
     if curve is None:
@@ -255,19 +261,6 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
     ids = tuple(f"{format_ends(ends)}:{''.join(sequence)}:{digest}" for digest in digests(marks))
     return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), read_only(curve.h), read_only(curve.alpha))
-
-
-def _primitive(branch: Branch, points: list[int]) -> tuple[MultipointProblem, np.ndarray]:
-    """The problem and one orbit of the branch. If the branch solves covers, or uses fewer symmetries than its orbits have, the result is
-    its primitive orbit with all symmetries. Two orbits are tested, since one orbit at a bifurcation has more symmetry than its family."""
-    problem = branch.problem
-    length = branch.points["arclength"]
-    middle = min(points, key=lambda i: abs(float(length[i]) - 0.5 * float(length[points[0]] + length[points[-1]])))
-    for i in (points[len(points) // 3], middle):
-        y = branch.orbit(i).solution.y
-        if is_solved_as_it_is(problem, y):
-            return problem, branch.orbit(middle).solution.y
-    return canonical_orbit(problem, y)
 
 
 def _known(branch: Branch) -> _Curve | None:
