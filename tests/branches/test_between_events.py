@@ -86,7 +86,7 @@ def test_an_orbit_of_a_branch_has_the_stability_that_the_family_decides(name):
             assert middle.stable == (branch.points["stable"][i] == 1)
 
 
-@pytest.mark.parametrize("name", ["S11-", "U8344-", "U(15)578-", "U4122-", "S73O33-", "S31O11-", *MIDDLE])
+@pytest.mark.parametrize("name", MIDDLE)
 def test_what_stays_undecided_is_at_an_event_or_grazes(name):
     """Oracle: the events of the branch."""
     branch = branch_of(name)
