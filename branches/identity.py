@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.presentation import SAME, Presentation, presentation_of, presentations, segment_images, shifts_of, solved, symmetries
+from branches.presentation import SAME, Presentation, presentation_of, presentations, segment_images, solved, symmetries
 from branches.sequences import Ends, ImpactSequence, full_sequence, mirror, segments_per_period
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
@@ -117,9 +117,8 @@ def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
     if not _may_repeat(problem.ends, problem.sequence):
         return 1
-    cycle = cycle_of(problem, solution.y)
-    shifts, count = shifts_of(cycle), len(cycle.duration)
-    return 2 if shifts.length == count and problem.quarters == 2 and shifts.half else count // shifts.length
+    found = symmetries(cycle_of(problem, solution.y))
+    return 2 if found.cover == 1 and problem.quarters == 2 and found.half else found.cover
 
 
 @lru_cache(maxsize=4096)

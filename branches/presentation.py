@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Presentation", "Symmetries", "all_presentations", "closed_presentation", "closed_presentations", "embed",
-    "presentation_of", "presentations", "run_backwards", "segment_images", "shifts_of", "solved", "symmetries", "with_canonical_sequence",
+    "presentation_of", "presentations", "run_backwards", "segment_images", "solved", "symmetries", "with_canonical_sequence",
 ]  # fmt: skip
 
 SLACK = 1e-9
@@ -172,22 +172,16 @@ class Symmetries(NamedTuple):
         return self.cover * (1 + self.half) * max(1, len(self.reversals))
 
 
-class Shifts(NamedTuple):
-    """Which shifts of its impacts map an orbit to itself, or to its mirror image.
+def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
+    """The symmetries of an orbit, from its impacts.
 
-    length: impacts in the primitive period. half: whether the primitive orbit has u(t + T/2) = -u(t). time, state (2 n,): differences of
-    flight times and states that count as none.
+    Parameters
+    ----------
+    cycle : Cycle
+    tolerance : float
+        Relative difference of states and flight times that counts as none.
     """
-
-    length: int
-    half: bool
-    time: float
-    state: np.ndarray
-
-
-def shifts_of(cycle: Cycle, tolerance: float = SAME) -> Shifts:
-    """The shifts of an orbit; the tolerance is as for `symmetries`."""
-    dof, count = cycle.after.shape[1] // 2, len(cycle.duration)
+    count, dof = len(cycle.duration), cycle.after.shape[1] // 2
     sizes = np.abs(cycle.after)
     time = tolerance * float(cycle.duration.max())
     state = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
@@ -200,35 +194,21 @@ def shifts_of(cycle: Cycle, tolerance: float = SAME) -> Shifts:
 
     length = next((d for d in range(1, count) if count % d == 0 and is_shifted(d, 1)), count)
     half = cycle.system.has_odd_symmetry and length % 2 == 0 and is_shifted(length // 2, -1)
-    return Shifts(length, half, time, state)
-
-
-def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
-    """The symmetries of an orbit, from its impacts.
-
-    Parameters
-    ----------
-    cycle : Cycle
-    tolerance : float
-        Relative difference of states and flight times that counts as none.
-    """
-    shifts = shifts_of(cycle, tolerance)
-    count, length, half = len(cycle.duration), shifts.length, cycle.after.shape[1] // 2
     # The flight times exclude most reversals, all at once: row j of `index` numbers the flights from j on.
     index = (np.arange(count)[:, None] + np.arange(count)) % count
-    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= shifts.time, axis=1)
+    backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= time, axis=1)
     period = cycle.period * length / count
     instants = cycle.times[:length]
     found = []
     for j in (j for j in range(length) if backwards[j]):
         for e in (-1, 1) if cycle.system.has_odd_symmetry else (1,):
-            flip = np.repeat([float(e), -float(e)], half)
-            if (np.abs(cycle.after[(j - np.arange(count)) % count] - flip * cycle.before) <= shifts.state).all():
+            flip = np.repeat([float(e), -float(e)], dof)
+            if (np.abs(cycle.after[(j - np.arange(count)) % count] - flip * cycle.before) <= state).all():
                 middle = 0.5 * (instants[0] + instants[j])
                 found += [(float(c % period), e) for c in (middle, middle + 0.5 * period)]
     # An instant at the very start may come out at the end of the period by rounding.
     found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
-    return Symmetries(count // length, shifts.half, tuple(found))
+    return Symmetries(count // length, half, tuple(found))
 
 
 def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
