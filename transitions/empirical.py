@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from bvp.texts import brief, shown
+from transitions.spectrum import checked
 
-__all__ = ["IntrinsicModes", "NotInstalled", "decompose", "orthogonality_index", "sifting"]
+__all__ = ["IntrinsicModes", "NotInstalled", "decompose", "sifting"]
 
 
 class NotInstalled(ImportError):
@@ -36,8 +37,6 @@ class IntrinsicModes:
         and have no meaning near the ends of the record.
     amplitudes : (k, m) float
         Modulus of the analytic signal.
-    orthogonality : float
-        The result of `orthogonality_index`.
     """
 
     times: np.ndarray
@@ -45,12 +44,21 @@ class IntrinsicModes:
     residue: np.ndarray
     frequencies: np.ndarray
     amplitudes: np.ndarray
-    orthogonality: float
 
     @property
     def mean_frequencies(self) -> np.ndarray:
         """Mean angular frequency (k,) of each mode, weighted by its squared amplitude: the centre of its power spectrum."""
         return np.sum(self.frequencies * self.amplitudes**2, axis=1) / np.sum(self.amplitudes**2, axis=1)
+
+    @property
+    def orthogonality(self) -> float:
+        """Index of orthogonality, 0 for orthogonal parts: sum_t sum_{i != j} c_i(t) c_j(t) / sum_t X(t)^2 with X the sum of all parts c.
+
+        It is the index of Huang et al. (1998), but with separate sums over time in numerator and denominator, because X passes through
+        zero."""
+        parts = np.vstack([self.functions, self.residue])
+        total = float(np.sum(np.sum(parts, axis=0) ** 2))
+        return (total - float(np.sum(parts**2))) / total if total > 0.0 else 0.0
 
 
 def sifting() -> Any:
@@ -82,7 +90,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
 
     Returns
     -------
-    Modes
+    IntrinsicModes
 
     Raises
     ------
@@ -97,8 +105,6 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     """
     from scipy.signal import hilbert
 
-    from transitions.spectrum import checked
-
     times, signal, step = checked(times, signal)
     if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
         raise ValueError(f"most is an integer of 1 or more; received {shown(most)}")
@@ -106,35 +112,7 @@ def decompose(times: np.ndarray, signal: np.ndarray, *, most: int | None = None)
     size = float(np.ptp(signal)) or 1.0
     sifter = sifting()
     sifter.emd(signal / size, times - times[0], max_imf=-1 if most is None else most)
-    functions, _ = sifter.get_imfs_and_residue()
-    functions = size * np.asarray(functions, dtype=float).reshape(-1, len(times))
-    residue = signal - functions.sum(axis=0)
-    analytic = hilbert(functions, axis=1) if len(functions) else np.zeros((0, len(times)), dtype=complex)
-    phase = np.unwrap(np.angle(analytic), axis=1)
-    frequencies = np.gradient(phase, step, axis=1) if len(functions) else np.zeros((0, len(times)))
-    return IntrinsicModes(times, functions, residue, frequencies, np.abs(analytic), orthogonality_index(functions, residue))
-
-
-def orthogonality_index(functions: np.ndarray, residue: np.ndarray | None = None) -> float:
-    """Index of orthogonality of the parts of a decomposition: 0 for orthogonal parts.
-
-    Parameters
-    ----------
-    functions : (k, m) float
-    residue : (m,) float, optional
-        One more part.
-
-    Returns
-    -------
-    float
-        sum_t sum_{i != j} c_i(t) c_j(t) / sum_t X(t)^2 with X the sum of all parts c. It is the index of Huang et al. (1998), but with
-        separate sums over time in numerator and denominator, because X passes through zero.
-
-    Examples
-    --------
-    >>> orthogonality_index(np.array([[1.0, 0.0], [0.0, 2.0]])), orthogonality_index(np.array([[1.0, 1.0], [1.0, 1.0]]))
-    (0.0, 0.5)
-    """
-    parts: Any = functions if residue is None else np.vstack([functions, residue])
-    total = float(np.sum(np.sum(parts, axis=0) ** 2))
-    return (total - float(np.sum(parts**2))) / total if total > 0.0 else 0.0
+    functions = size * np.asarray(sifter.get_imfs_and_residue()[0], dtype=float).reshape(-1, len(times))
+    analytic = np.array([hilbert(function) for function in functions]).reshape(functions.shape)
+    frequencies = np.gradient(np.unwrap(np.angle(analytic), axis=1), step, axis=1)
+    return IntrinsicModes(times, functions, signal - functions.sum(axis=0), frequencies, np.abs(analytic))

@@ -6,6 +6,7 @@ family's points. The shares are read from a few orbits along the family, when th
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ import numpy as np
 
 from bvp.checks import require_branch
 from bvp.texts import brief
-from transitions.ridges import SHARE
+from transitions.ridges import SHARE, runs
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -109,16 +110,16 @@ class FamilyHarmonics:
     def _intervals(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Intervals in which the energy rises or falls: its logarithm, rising, and the index of the point."""
         level = np.log(np.maximum(self.h, 1e-300))
-        folds = np.flatnonzero(np.diff(np.sign(np.diff(level))) != 0) + 1
-        out = []
-        for part in np.split(np.arange(len(level) - 1), folds):
-            index = np.append(part, part[-1] + 1) if len(part) else part
-            if len(index) > 1 and level[index[0]] != level[index[-1]]:
-                index = index if level[index[0]] < level[index[-1]] else index[::-1]
-                out.append((level[index], index.astype(float)))
-        return out
+        signs = np.sign(np.diff(level))
+        parts = [np.arange(first, stop + 1) for first, stop in runs(signs) if stop > first and signs[first]]
+        rising = [part[:: int(signs[part[0]])] for part in parts]
+        return [(level[part], part.astype(float)) for part in rising]
 
-    def read(self, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    @cached_property
+    def _tables(self) -> dict[tuple[float, ...], tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+    def _read(self, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Harmonics of a few orbits: indices (r,) of their points, and the shares (r, 32). Orbits whose correction fails are left out.
         If all fail, the function raises `bvp.multipoint.NotConverged`."""
         if gap not in self._tables:
@@ -127,20 +128,13 @@ class FamilyHarmonics:
             assert self.load is not None
             branch = self.load()
             rows: dict[int, np.ndarray] = {}
-            last: NotConverged | None = None
             for i in np.unique(np.linspace(0, len(self.h) - 1, _READ).round().astype(int)).tolist():
-                try:
+                with contextlib.suppress(NotConverged):
                     rows[i] = harmonics(branch.orbit(i), np.array(gap))
-                except NotConverged as failure:
-                    last = failure
-            if not rows and last is not None:
-                raise last
+            if not rows:
+                raise NotConverged(f"no orbit of the family {self.id} converges")
             self._tables[gap] = np.array(list(rows), dtype=float), np.array(list(rows.values()))
         return self._tables[gap]
-
-    @cached_property
-    def _tables(self) -> dict[tuple[float, ...], tuple[np.ndarray, np.ndarray]]:
-        return {}
 
     def shares_at(self, point: float | np.ndarray, gap: tuple[float, ...]) -> np.ndarray:
         """Share of each harmonic in the amplitude of the gap coordinate, (..., 32), at the points `point` (...) of the family.
@@ -148,22 +142,12 @@ class FamilyHarmonics:
         A fractional index interpolates between two points. Without `load` the first harmonic has the whole amplitude."""
         if self.load is None:
             return np.broadcast_to(np.eye(1, _HARMONICS)[0], (*np.shape(point), _HARMONICS))
-        at, table = self.read(gap)
+        at, table = self._read(gap)
         return np.stack([np.interp(point, at, column) for column in table.T], axis=-1)
 
     def _share_of(self, harmonic: np.ndarray, point: np.ndarray, gap: tuple[float, ...]) -> np.ndarray:
         """Share (i,) of the amplitude that one harmonic has at each place."""
-        if self.load is None:
-            return (harmonic == 1).astype(float)
-        at, table = self.read(gap)
-        out = np.zeros(len(point))
-        for k in np.unique(harmonic).tolist():
-            out[harmonic == k] = np.interp(point[harmonic == k], at, table[:, k - 1])
-        return out
-
-    def label_at(self, point: float) -> str:
-        """The label at a place of the family, an index of its points or between two."""
-        return str(self.labels[round(point)])
+        return np.take_along_axis(self.shares_at(point, gap), harmonic[:, None] - 1, axis=1)[:, 0]
 
     def _nearest(self, energies: np.ndarray, frequencies: np.ndarray) -> Iterator[_Nearest]:
         """The harmonics nearest to energies and frequencies (j,), for each interval of the family in which some of the energies occur."""
@@ -180,7 +164,7 @@ class FamilyHarmonics:
 
     def closest(self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The closest harmonic at energies and frequencies (j,): base-2 logarithm of the frequency of the orbit, harmonic, and its share of
-        the amplitude. NaN, 1 and 0 if no orbit has the energy."""
+        the amplitude. NaN, 1 and any share if no orbit has the energy."""
         count = len(energies)
         own, harmonic, point, least = np.full(count, np.nan), np.ones(count, dtype=int), np.zeros(count), np.full(count, np.inf)
         for near in self._nearest(energies, frequencies):
@@ -188,11 +172,7 @@ class FamilyHarmonics:
             rows = near.rows[better]
             own[rows], harmonic[rows], point[rows] = near.pitch[better], near.harmonic[better], near.point[better]
             least[rows] = np.abs(near.away[better])
-        there = np.isfinite(own)
-        share = np.zeros(count)
-        if there.any():
-            share[there] = self._share_of(harmonic[there], point[there], gap)
-        return own, harmonic, share
+        return own, harmonic, self._share_of(harmonic, point, gap)
 
     def meet(self, energies: np.ndarray, frequencies: np.ndarray, gap: tuple[float, ...]) -> list[Meeting]:
         """Its harmonics within 0.05 octave of energies and frequencies (j,) that have a fifth of the orbit's amplitude."""
@@ -255,10 +235,7 @@ def families_of(source: Catalogue | Iterable[Branch], gap: Sequence[float] | Non
     """
     from branches.catalogue import Catalogue
 
-    if isinstance(source, Catalogue):
-        members, system = _of_catalogue(source), source.system
-    else:
-        members, system = _of_branches(source)
+    members, system = (_of_catalogue(source), source.system) if isinstance(source, Catalogue) else _of_branches(source)
     if gap is None:
         gap = relative(system)
     if len(gap) != system.degrees_of_freedom:
@@ -275,17 +252,16 @@ def relative(system: ImpactSystem) -> tuple[float, ...]:
     """Absorber minus primary if the system has them, else the gap coordinate of its first stop."""
     if system.absorber is None or system.primary is None:
         return tuple(system.stops[0].gap)
-    row = np.zeros(system.degrees_of_freedom)
-    row[system.absorber], row[system.primary] = 1.0, -1.0
-    return tuple(row.tolist())
+    unit = np.eye(system.degrees_of_freedom)
+    return tuple((unit[system.absorber] - unit[system.primary]).tolist())
 
 
 def _of_catalogue(catalogue: Catalogue) -> list[FamilyHarmonics]:
     out = []
     for row in catalogue.families():
         h, alpha, labels = zip(*catalogue.track(row), strict=True)
-        impacts = round(2.0 * row.impacts)
-        out.append(FamilyHarmonics(row.id, np.array(h), np.array(alpha), np.array(labels), impacts, partial(catalogue.branch, row.id)))
+        load = partial(catalogue.branch, row.id)
+        out.append(FamilyHarmonics(row.id, np.array(h), np.array(alpha), np.array(labels), round(2.0 * row.impacts), load))
     return out
 
 

@@ -57,8 +57,7 @@ class Around:
         return (np.interp(high, cycles, area) - np.interp(low, cycles, area)) / (high - low)
 
 
-@dataclass(frozen=True, eq=False)
-class Lines:
+class Lines(NamedTuple):
     """Spectral lines of a motion along a ridge, which is the first line: frequencies relative to the ridge, and amplitudes, (s, j) each.
 
     They are means over three periods, and 0 if the line does not exist there.
@@ -81,10 +80,9 @@ def lines_of(found: Sequence[Ridge], interval: RidgeInterval, around: Around) ->
         at = around.reached(here.start, here.stop)
         if at.start >= at.stop:
             continue
-        own = slice(first - ridge.first, stop - ridge.first)
-        amplitudes = ridge.amplitudes[own]
-        size = around.mean(amplitudes, here.start, at)
-        pitch = around.mean(amplitudes * np.log(ridge.frequencies[own] / interval.frequencies[here]), here.start, at)
+        own = RidgeInterval(ridge, first, stop - 1)
+        size = around.mean(own.amplitudes, here.start, at)
+        pitch = around.mean(own.amplitudes * np.log(own.frequencies / interval.frequencies[here]), here.start, at)
         k = next((k for k, place in enumerate(free) if place <= at.start), len(rows))
         if k == len(rows):
             rows.append((np.zeros(count), np.zeros(count)))
@@ -116,12 +114,6 @@ def unlike(shares: np.ndarray, harmonic: int, ratios: np.ndarray, parts: np.ndar
     ratios, parts : (s, j) float
         Frequencies of the lines relative to the first line, and their shares of the motion's amplitude. A line or a harmonic without a
         partner counts with its full share.
-
-    Examples
-    --------
-    >>> orbit = np.array([[0.8, 0.0, 0.1]])
-    >>> np.round(unlike(orbit, 1, np.array([[1.0], [3.02]]), np.array([[0.7], [0.15]])), 6).tolist()
-    [0.1]
     """
     left = shares.copy()
     rows = np.arange(len(left))
@@ -135,13 +127,7 @@ def unlike(shares: np.ndarray, harmonic: int, ratios: np.ndarray, parts: np.ndar
 
 def partner(count: int, harmonic: int, ratios: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """Shares (count, j) of a motion's amplitude of its lines at the harmonics 1 to `count`, 0 for a harmonic without a line. The other
-    arguments are those of `unlike`.
-
-    Examples
-    --------
-    >>> partner(4, 1, np.array([[1.0], [3.02]]), np.array([[0.75], [0.25]]))[:, 0].tolist()
-    [0.75, 0.0, 0.25, 0.0]
-    """
+    arguments are those of `unlike`."""
     out = np.zeros((count, ratios.shape[1]))
     columns = np.arange(ratios.shape[1])
     for k, near, part in zip(*_partners(ratios, harmonic, count), parts, strict=True):
@@ -170,8 +156,7 @@ class Match(NamedTuple):
         return (away / NEAR) ** 2 + np.minimum(1.0, (self.unlike / SHARE) ** 2 + self.miscount**2)
 
 
-@dataclass(frozen=True, eq=False)
-class FamilyInterval:
+class FamilyInterval(NamedTuple):
     """Places `first` to `last` of a ridge, both included, at which it follows one family, or none (None)."""
 
     first: int
@@ -181,8 +166,8 @@ class FamilyInterval:
 
 def lasting(meeting: Meeting, cycles: np.ndarray) -> bool:
     """Whether a ridge is at a family for three of its periods or more; `cycles` (j,) as for `family_intervals`."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(meeting.deviation), [False]]).astype(int)))
-    return any(cycles[b - 1] - cycles[a] >= LEAST_PERIODS for a, b in zip(edges[::2], edges[1::2], strict=True))
+    there = np.isfinite(meeting.deviation)
+    return any(there[first] and cycles[stop - 1] - cycles[first] >= LEAST_PERIODS for first, stop in runs(there))
 
 
 def family_intervals(matches: Sequence[Match], cycles: np.ndarray) -> list[FamilyInterval]:
@@ -246,14 +231,13 @@ def _cheapest(costs: np.ndarray, switch: float) -> np.ndarray:
     total = costs[0].copy()
     before = np.zeros((count, states), dtype=np.int32)
     own = np.arange(states)
+    change = np.where(own == 0, 0.0, switch)
     for j in range(1, count):
-        best = int(np.argmin(total[1:])) + 1 if states > 1 else 0
-        source = best if best and total[best] + switch < total[0] else 0
-        left = total[source] + (switch if source else 0.0)
-        change = np.where(own == 0, left, left + switch)
-        stays = (total <= change) & (own > 0)
+        source = int(np.argmin(total + change))  # the state to leave, by way of state 0
+        moved = total[source] + change[source] + change
+        stays = (total <= moved) & (own > 0)
         before[j] = np.where(stays, own, source)
-        total = np.where(stays, total, change) + costs[j]
+        total = np.where(stays, total, moved) + costs[j]
     path = np.empty(count, dtype=int)
     path[-1] = int(np.argmin(total))
     for j in range(count - 1, 0, -1):

@@ -15,7 +15,7 @@ import numpy as np
 
 from bvp.texts import brief, shown
 
-__all__ = ["Ground", "envelope", "filtered", "record_text", "synthetic_record"]
+__all__ = ["Ground", "filtered", "record_text", "synthetic_record"]
 
 
 @brief
@@ -29,19 +29,17 @@ class Ground:
     low_damping: float = 0.6
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0.0 < value < np.inf:
-                raise ValueError(f"{name} of the ground is a finite number above 0; received {shown(value)}")
+        _require_positive("the ground", **vars(self))
+
+
+def _require_positive(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"{name} of {what} is a finite number above 0; received {shown(value)}")
 
 
 def filtered(noise: np.ndarray, step: float, ground: Ground) -> np.ndarray:
-    """The acceleration (m,) at the times 0, step, ... of ground at rest at time 0, for noise (m,) that is constant over each step.
-
-    Examples
-    --------
-    >>> filtered(np.zeros(3), 0.1, Ground())
-    array([0., 0., 0.])
-    """
+    """The acceleration (m,) at the times 0, step, ... of ground at rest at time 0, for noise (m,) that is constant over each step."""
     from scipy.signal import lsim
 
     w, z, v, y = ground.frequency, ground.damping, ground.low_frequency, ground.low_damping
@@ -56,17 +54,6 @@ def filtered(noise: np.ndarray, step: float, ground: Ground) -> np.ndarray:
     )
     inputs = np.array([[0.0], [-1.0], [0.0], [0.0]])
     return lsim((matrix, inputs, matrix[3:], np.zeros((1, 1))), noise, step * np.arange(len(noise)), interp=False)[1]
-
-
-def envelope(times: np.ndarray, rise: float, decay_from: float, decay: float) -> np.ndarray:
-    """(t/rise)^2 up to `rise`, 1 up to `decay_from`, then exp(-(t - decay_from)/decay).
-
-    Examples
-    --------
-    >>> envelope(np.array([0.0, 1.0, 2.0, 5.0, 7.0]), 2.0, 5.0, 2.0).round(4)
-    array([0.    , 0.25  , 1.    , 1.    , 0.3679])
-    """
-    return np.where(times < rise, (times / rise) ** 2, np.exp(-np.maximum(times - decay_from, 0.0) / decay))
 
 
 def synthetic_record(
@@ -92,7 +79,7 @@ def synthetic_record(
         Largest acceleration.
     ground : Ground, optional
     rise, decay_from, decay : float
-        Of the envelope.
+        The envelope is (t/rise)^2 up to `rise`, 1 up to `decay_from`, then exp(-(t - decay_from)/decay).
 
     Returns
     -------
@@ -109,31 +96,20 @@ def synthetic_record(
     >>> len(times), float(times[-1]), float(abs(accelerations).max())
     (1001, 20.0, 3.0)
     """
-    named = {"duration": duration, "step": step, "peak": peak, "rise": rise, "decay_from": decay_from, "decay": decay}
-    for name, value in named.items():
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"{name} of a record is a finite number above 0; received {shown(value)}")
+    _require_positive("a record", duration=duration, step=step, peak=peak, rise=rise, decay_from=decay_from, decay=decay)
     count = round(duration / step)
     if count < 1:
         raise ValueError(f"a record of {duration:g} in steps of {step:g} has one sample; expected two at least")
     times = np.linspace(0.0, duration, count + 1)
     # RandomState: its streams stay the same in all versions of numpy.
     noise = np.random.RandomState(seed).standard_normal(count + 1)
-    shaped = filtered(noise * envelope(times, rise, decay_from, decay), step, ground or Ground())
+    envelope = np.where(times < rise, (times / rise) ** 2, np.exp(-np.maximum(times - decay_from, 0.0) / decay))
+    shaped = filtered(noise * envelope, step, ground or Ground())
     return times, shaped * (peak / np.abs(shaped).max())
 
 
 def record_text(times: np.ndarray, accelerations: np.ndarray, remark: str = "") -> str:
-    """A record as CSV: columns time and acceleration, to a millionth of the unit.
-
-    Parameters
-    ----------
-    times : (k,) array_like
-        In seconds.
-    accelerations : (k,) array_like
-        In the unit that the remark names.
-    remark : str
-        The first line, after #; by default there is none.
+    """A record as CSV: columns time and acceleration, to a millionth of the unit. The remark is a first line after #.
 
     Examples
     --------

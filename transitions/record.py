@@ -23,13 +23,20 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from transitions.sharing import Sharing
 
-__all__ = ["PER_PERIOD", "Extents", "SampledMotion", "drift_rows", "extents", "sampled", "samples_of"]
+__all__ = ["PER_PERIOD", "Extents", "SampledMotion", "drift_rows", "extents", "require", "sampled", "samples_of"]
 
 PER_PERIOD = 256
 """Samples in the shortest period of free vibration. Impacts excite harmonics far above its frequency."""
 
 _UNIFORM = 1e-6  # largest difference from a uniform time, in steps; the rounding of long records is far smaller
+_ENERGIES = ("energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo")
 _REST = 1e-13  # of the largest displacement and velocity; smaller values at the start are rounding
+
+
+def require(value: Any, kind: type, what: str, example: str) -> None:
+    """Raise a TypeError for a value of another type; the message has an example of an expression that makes the right one."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{what} is {shown(value)}, expected a {kind.__name__} such as {example}")
 
 
 @brief
@@ -84,38 +91,27 @@ class SampledMotion:
             if not np.isfinite(values).all():
                 raise ValueError(f"{item.name} of a record are finite; number {int(np.argmax(~np.isfinite(values.ravel()))) + 1} is not")
             object.__setattr__(self, item.name, read_only(values))
-        times = self.times
+        times, wide = self.times, self.displacements.shape
         if times.ndim != 1 or len(times) < 2:
             raise ValueError(f"times of a record are a list of two or more; received shape {times.shape}")
-        count = len(times)
-        if self.displacements.ndim != 2 or len(self.displacements) != count or self.displacements.shape[1] < 1:
-            raise ValueError(f"displacements of a record have shape ({count}, n); received {self.displacements.shape}")
-        if self.velocities.shape != self.displacements.shape:
-            raise ValueError(f"velocities of a record have shape {self.displacements.shape}; received {self.velocities.shape}")
-        for name in ("energy", "nes_energy", "lo_energy", "dissipated_nes", "dissipated_lo"):
-            if getattr(self, name).shape != (count,):
-                raise ValueError(f"{name} of a record has shape ({count},); received {getattr(self, name).shape}")
+        if len(wide) != 2 or wide[0] != len(times) or wide[1] < 1:
+            raise ValueError(f"displacements of a record have shape ({len(times)}, n); received {wide}")
+        for name in ("velocities", *_ENERGIES):
+            shape, expected = getattr(self, name).shape, wide if name == "velocities" else times.shape
+            if shape != expected:
+                raise ValueError(f"{name} of a record have shape {expected}; received {shape}")
         if self.impacts.ndim != 1 or np.any(np.diff(self.impacts) < 0.0):
             raise ValueError("impacts of a record are times in order")
-        step = (times[-1] - times[0]) / (count - 1)
-        if not step > 0.0:
-            raise ValueError(f"times of a record rise; received {times[0]:g} to {times[-1]:g}")
-        away = np.abs(times - (times[0] + step * np.arange(count)))
-        if away.max() > _UNIFORM * step:
-            raise ValueError(
-                f"times of a record are uniform; received {times[int(np.argmax(away))]:.10g} "
-                f"where steps of {step:g} expect {times[0] + step * int(np.argmax(away)):.10g}"
-            )
+        step = (times[-1] - times[0]) / (len(times) - 1)
+        away = np.abs(times - np.linspace(times[0], times[-1], len(times)))
+        if not (step > 0.0 and away.max() <= _UNIFORM * step):
+            worst = int(np.argmax(away))
+            raise ValueError(f"times of a record rise in equal steps; received {times[worst]:.10g} as number {worst + 1}")
 
     @property
     def step(self) -> float:
         """Time between two samples."""
         return float((self.times[-1] - self.times[0]) / (len(self.times) - 1))
-
-    @property
-    def duration(self) -> float:
-        """From the first time to the last."""
-        return float(self.times[-1] - self.times[0])
 
     @property
     def from_rest(self) -> bool:
@@ -298,12 +294,6 @@ def drift_rows(system: ImpactSystem, nes: tuple[int, ...] = ()) -> dict[str, np.
     >>> drift_rows(chain)
     {'second - first': array([-1.,  1.])}
     """
-    n, names = system.degrees_of_freedom, system.coordinates
-    rows = {}
-    for j in range(n):
-        for i in range(j):
-            if system.stiffness[i, j] and i not in nes and j not in nes:
-                row = np.zeros(n)
-                row[i], row[j] = -1.0, 1.0
-                rows[f"{names[j]} - {names[i]}"] = row
-    return rows
+    names, unit = system.coordinates, np.eye(system.degrees_of_freedom)
+    springs = [(i, j) for j in range(len(unit)) for i in range(j) if system.stiffness[i, j] and i not in nes and j not in nes]
+    return {f"{names[j]} - {names[i]}": unit[j] - unit[i] for i, j in springs}

@@ -129,15 +129,16 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     del some, kept  # these are large for a long motion
     order = np.argsort(columns, kind="stable")  # the frequencies at each time rise, because the rows do
     columns, level, heights, shares = columns[order], level[order], heights[order], shares[order]
-    following = _linked(columns, level, len(spectrum.times), spectrum.octaves, step)
-    number = np.empty(len(columns), dtype=np.int64)
+    reach = np.maximum(spectrum.octaves, _DRIFT * 2.0**level * step / (2.0 * math.pi))
+    maxima = Maxima(columns, level, np.searchsorted(columns, np.arange(len(spectrum.times) + 1)), reach)
+    following, number = np.empty((2, len(columns)), dtype=np.int64)
+    link(maxima, spectrum.octaves, _DRIFT, step, following, np.empty(len(columns), dtype=np.bool_), number)
     count = chains(following, number)
     order = np.argsort(number, kind="stable")
-    bounds = np.searchsorted(number[order], np.arange(count + 1))
     out: list[Ridge] = []
-    for first, stop in zip(bounds[:-1], bounds[1:], strict=True):
-        part = order[first:stop]
-        out += _ridges(columns[part], level[part], heights[part], shares[part], max(spectrum.octaves, _DRIFT), step)
+    for part in np.split(order, np.searchsorted(number[order], np.arange(1, count))):
+        if len(part):
+            out += _ridges(columns[part], level[part], heights[part], shares[part], max(spectrum.octaves, _DRIFT), step)
     return sorted(out, key=lambda ridge: ridge.first)
 
 
@@ -195,16 +196,6 @@ def _ridges(columns: np.ndarray, level: np.ndarray, heights: np.ndarray, shares:
             first = last
     for first, stop in zip(cuts, [*cuts[1:], len(every)], strict=True):
         yield Ridge(int(every[first]), 2.0 ** level[first:stop], heights[first:stop], shares[first:stop])
-
-
-def _linked(columns: np.ndarray, level: np.ndarray, count: int, spacing: float, step: float) -> np.ndarray:
-    """Index of the maximum that follows each maximum, -1 for none. `columns` are sorted; `level` is the frequency in octaves."""
-    bounds = np.searchsorted(columns, np.arange(count + 1))
-    reach = np.maximum(spacing, _DRIFT * 2.0**level * step / (2.0 * math.pi))
-    following, scratch = np.empty((2, len(columns)), dtype=np.int64)
-    followed = np.empty(len(columns), dtype=np.bool_)
-    link(Maxima(columns, level, bounds, reach), spacing, _DRIFT, step, following, followed, scratch)
-    return following
 
 
 def beside(found: Sequence[Ridge], interval: RidgeInterval) -> list[Ridge]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import require_system
-from bvp.forcing import Constant, Harmonic, Record, split_damping
+from bvp.forcing import split_damping
 from bvp.texts import brief
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bvp.motion import Motion
     from bvp.system import ImpactSystem
 
-__all__ = ["Sharing", "lock", "locked_coordinates", "sharing_of"]
+__all__ = ["Sharing", "lock", "sharing_of"]
 
 _OUT_OF_REACH = 1e20  # bound, in units of displacement, of the one stop that a locked system needs if it has no other
 
@@ -63,16 +63,15 @@ class Sharing:
         u, v = motion.sample(times)
         total = np.atleast_1d(motion.system.energy(u, v))
         if self.mass is None or self.stiffness is None:
-            none = np.full(len(total), np.nan)
-            return total, none, none.copy()
+            return total, np.full(len(total), np.nan), np.full(len(total), np.nan)
         nes = 0.5 * (np.einsum("ji,ik,jk->j", v, self.mass, v) + np.einsum("ji,ik,jk->j", u, self.stiffness, u))
         return total, nes, total - nes
 
     def dissipated(self, motion: Motion, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The energy that the NES and the LO have dissipated up to any times, and the work of the loads: (j,) each."""
-        spent = motion.spent(times)
+        spent, work = np.split(motion.spent(times), [-1], axis=1)
         own = np.array([part in self.nes_parts for part in motion.parts])
-        return spent[:, :-1][:, own].sum(axis=1), spent[:, :-1][:, ~own].sum(axis=1), spent[:, -1]
+        return spent[:, own].sum(axis=1), spent[:, ~own].sum(axis=1), work[:, 0]
 
     def totals(self, dissipated: Mapping[str, float]) -> tuple[float, float]:
         """(NES, LO) of the energy that the parts of a motion have dissipated."""
@@ -104,51 +103,23 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     parts = frozenset(["gaps", *(f"stop {stop.name}" for stop in stops)])
     if not nes:
         return Sharing(None, None, "no coordinate is marked as NES", dampers, parts, sink=False)
-    mass, stiffness = np.zeros_like(system.mass), np.zeros_like(system.mass)
+    mass, stiffness, unit = np.zeros_like(system.mass), np.zeros_like(system.mass), np.eye(len(system.mass))
     for i, k in enumerate(nes):
         if np.any(np.delete(system.mass[k], k)):
             why_not = f"the mass matrix couples {system.coordinates[k]} to others; its kinetic energy has no share of its own"
             return Sharing(None, None, why_not, dampers, parts)
         mass[k, k] = system.mass[k, k]
         for j in lo if len(lo) == 1 else range(len(mass)):
-            if j != k and j not in nes[:i]:  # a spring between two coordinates of the NES counts once
-                row = np.zeros(len(mass))
-                row[k], row[j] = 1.0, -1.0
-                stiffness -= system.stiffness[k, j] * np.outer(row, row)
+            if j not in nes[: i + 1]:  # a spring between two coordinates of the NES counts once
+                stiffness -= system.stiffness[k, j] * np.outer(unit[k] - unit[j], unit[k] - unit[j])
     return Sharing(mass, stiffness + 0.0, "", dampers, parts)
-
-
-def locked_coordinates(system: ImpactSystem, nes: Sequence[int]) -> np.ndarray:
-    """The matrix T (n, n - k) with u = T q for a locked NES, q being the other coordinates.
-
-    Each NES coordinate moves with the one other coordinate in the gap of its stop, c . u = 0, or stands still if there is none.
-
-    Raises
-    ------
-    ValueError
-        If no NES is marked, or a gap does not determine the motion of its coordinate.
-    """
-    n = system.degrees_of_freedom
-    if not nes:
-        raise ValueError("no coordinate is marked as NES, which is what would be locked (in a scene NES under [coordinates])")
-    kept = [k for k in range(n) if k not in nes]
-    matrix = np.zeros((n, len(kept)))
-    matrix[kept, range(len(kept))] = 1.0
-    for k in nes:
-        hosts = {
-            tuple((j, -stop.gap[j] / stop.gap[k]) for j in range(n) if stop.gap[j] and j != k)
-            for stop in system.stops
-            if stop.gap[k] and not any(stop.gap[j] for j in nes if j != k)
-        }
-        if len(hosts) != 1 or len(host := next(iter(hosts))) > 1:
-            raise ValueError(f"{system.coordinates[k]} cannot be locked: expected one gap, between it and one other coordinate at most")
-        for j, ratio in host:
-            matrix[k, kept.index(j)] = ratio
-    return matrix
 
 
 def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ()) -> tuple[ImpactSystem, tuple[Force, ...]]:
     """The system and its loads with the NES locked: T'MT, T'CT, T'KT, T'f, and the stops that can still move.
+
+    u = T q, and q are the other coordinates. Each NES coordinate moves with the one other coordinate in the gap of its stop, c . u = 0, or
+    stands still if there is none.
 
     Parameters
     ----------
@@ -159,7 +130,7 @@ def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ())
     Raises
     ------
     ValueError
-        As `locked_coordinates`; if no coordinate is left.
+        If no NES is marked, a gap does not determine the motion of its coordinate, or no coordinate is left.
 
     Examples
     --------
@@ -170,30 +141,34 @@ def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ())
     >>> locked.mass, locked.damping, locked.stiffness, locked.coordinates
     (array([[1.1]]), array([[0.02]]), array([[1.]]), ('u2',))
     """
-    matrix = locked_coordinates(system, nes)
-    if not matrix.shape[1]:
+    n = system.degrees_of_freedom
+    if not nes:
+        raise ValueError("no coordinate is marked as NES, which is what would be locked (in a scene NES under [coordinates])")
+    kept = [k for k in range(n) if k not in nes]
+    matrix = np.eye(n)[:, kept]
+    for k in nes:
+        hosts = {
+            tuple((j, -stop.gap[j] / stop.gap[k]) for j in range(n) if stop.gap[j] and j != k)
+            for stop in system.stops
+            if stop.gap[k] and not any(stop.gap[j] for j in nes if j != k)
+        }
+        if len(hosts) != 1 or len(host := next(iter(hosts))) > 1:
+            raise ValueError(f"{system.coordinates[k]} cannot be locked: expected one gap, between it and one other coordinate at most")
+        for j, ratio in host:
+            matrix[k, kept.index(j)] = ratio
+    if not kept:
         raise ValueError("every coordinate is marked as NES: nothing is left to move when it is locked")
-    kept = [k for k in range(system.degrees_of_freedom) if k not in nes]
     rows = [np.array(stop.gap) @ matrix for stop in system.stops]
     free = [np.abs(row).max() > 1e-12 * np.abs(stop.gap).max() for row, stop in zip(rows, system.stops, strict=True)]
     stops = tuple(replace(stop, gap=tuple(row)) for stop, row, moves in zip(system.stops, rows, free, strict=True) if moves)
     if not stops:
-        row = np.zeros(len(kept))
-        row[0] = 1.0
-        stops = (replace(system.stops[0], gap=tuple(row), lower=-_OUT_OF_REACH, upper=_OUT_OF_REACH),)
+        stops = (replace(system.stops[0], gap=tuple(np.eye(len(kept))[0]), lower=-_OUT_OF_REACH, upper=_OUT_OF_REACH),)
     mass, damping, stiffness = (matrix.T @ part @ matrix for part in (system.mass, system.damping, system.stiffness))
     locked = replace(
         system, mass=mass, damping=damping, stiffness=stiffness, stops=stops, coordinates=tuple(system.coordinates[k] for k in kept),
         absorber=None, primary=None, model=None, parameters=None,
     )  # fmt: skip
-    return locked, tuple(_reduced(force, matrix) for force in forces)
-
-
-def _reduced(force: Force, matrix: np.ndarray) -> Force:
-    """A load with T'f in place of f."""
-    if isinstance(force, Constant):
-        return Constant(matrix.T @ force.load)
-    if isinstance(force, Record):
-        return replace(force, load=matrix.T @ force.load)
-    assert isinstance(force, Harmonic) and force.cosine is not None and force.sine is not None
-    return replace(force, cosine=matrix.T @ force.cosine, sine=matrix.T @ force.sine)
+    return locked, tuple(
+        replace(force, **{name: matrix.T @ getattr(force, name) for name in ("load", "cosine", "sine") if hasattr(force, name)})
+        for force in forces
+    )

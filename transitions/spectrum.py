@@ -198,8 +198,10 @@ def morlet_spectrum(
     if isinstance(per_octave, bool) or not isinstance(per_octave, int) or per_octave < 1:
         raise ValueError(f"per_octave is an integer of 1 or more; received {shown(per_octave)}")
     span = (float(times[0]), float(times[-1]))
-    size = _power_of_two(signal)
-    signal = signal / size  # no square of it overflows
+    largest = float(np.abs(signal).max())
+    # In units of a power of two, which does not round, no square of the signal overflows.
+    size = math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
+    signal = signal / size
     lowest = 4.0 * math.pi * wavelet.reach / (span[1] - span[0])
     highest = math.pi / (step * (1.0 + _WIDTHS / wavelet.sharpness))
     low, high = frequencies if frequencies is not None else _band(signal - signal.mean(), step, lowest, highest)
@@ -223,23 +225,11 @@ def morlet_spectrum(
     return Spectrum(times[::stride], grid, span, wavelet, signal, size, step, stride)
 
 
-def _power_of_two(signal: np.ndarray) -> float:
-    """The power of two next to the largest value, 1 for zeros. Division by it does not round."""
-    largest = float(np.abs(signal).max())
-    return math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
-
-
 def checked(times: Any, signal: Any) -> tuple[np.ndarray, np.ndarray, float]:
-    """Times, signal and step of a signal at uniform times.
-
-    Raises
-    ------
-    ValueError
-        With a message of one line, for anything else.
-    """
-    complex_one = next((part for part in (np.asarray(times), np.asarray(signal)) if np.iscomplexobj(part)), None)
-    if complex_one is not None:
-        raise ValueError(f"the times and values of a signal are real numbers; received {complex_one.dtype}")
+    """Times, signal and step of a signal at uniform times; a ValueError for anything else."""
+    for values in (times, signal):
+        if np.iscomplexobj(values):
+            raise ValueError(f"the times and values of a signal are real numbers; received {np.asarray(values).dtype}")
     times, signal = np.asarray(times, dtype=float), np.asarray(signal, dtype=float)
     if times.ndim != 1 or len(times) < 8 or signal.shape != times.shape:
         raise ValueError(f"a signal has a row of 8 times or more and as many values; received shapes {times.shape} and {signal.shape}")
@@ -317,7 +307,9 @@ def _octave(
     length = columns * rate * stride
     transform = rfft(_at_rest(signal, step, lowest, reach, length), overwrite_x=True)
     spacing = 2.0 * math.pi / (length * step)
-    weights = _weights(rate)
+    # Lagrange's polynomials (6, rate) of the nodes, at each part of the interval between the middle two
+    parts = np.arange(rate) / rate
+    weights = np.array([np.prod([(parts - j) / (node - j) for j in _NODES if j != node], axis=0) for node in _NODES])
     ahead = np.arange(_NODES[0], -(-count // rate) + _NODES[-1]) % columns
     for frequency in frequencies:
         width = _REACH / wavelet.envelope(frequency)
@@ -335,13 +327,6 @@ def _octave(
         if rate > 1:
             slow = (np.lib.stride_tricks.sliding_window_view(slow[ahead], len(_NODES)) @ weights).ravel()
         yield np.abs(slow[:count])
-
-
-def _weights(rate: int) -> np.ndarray:
-    """Lagrange's polynomials (6, rate) of the nodes, at each part of the interval between the middle two."""
-    at = np.arange(rate) / rate
-    others = [np.delete(_NODES, k) for k in range(len(_NODES))]
-    return np.array([np.prod([(at - j) / (node - j) for j in rest], axis=0) for node, rest in zip(_NODES, others, strict=True)])
 
 
 def _at_rest(signal: np.ndarray, step: float, lowest: float, reach: int, length: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,27 +11,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bvp.texts import shown
-from transitions.families import NEAR, Families
-from transitions.ridges import LEAST_PERIODS, SHARE
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
-    from transitions.record import SampledMotion
 
 __all__ = [
-    "Change", "Companion", "Follows", "Leaving", "Stage", "StartFamily", "changes", "counted_label", "family_name", "impacts_from",
-    "leaving", "stage_from_data", "stages_as_data", "start_family", "start_from_data", "why_another",
+    "Change", "Companion", "Follows", "Leaving", "Stage", "StartFamily", "changes", "counted_label", "leaving", "stage_from_data",
+    "stages_as_data", "start_family",
 ]  # fmt: skip
 
-def family_name(name: str, label: str, family: str) -> str:
-    """Name of a family in messages: the name given by the user, else its label, else its id.
-
-    Examples
-    --------
-    >>> family_name("S95E22-", "S55E22+", "a:b:c"), family_name("", "S55E22+", "a:b:c"), family_name("", "", "a:b:c")
-    ('S95E22-', 'S55E22+', 'a:b:c')
-    """
-    return name or label or family
+_SAME_STATE = 1e-6  # relative distance of two states of one orbit that is computed twice
 
 
 def counted_label(called: str, label: str) -> str:
@@ -81,23 +71,17 @@ class Follows:
 
     @property
     def called(self) -> str:
-        """Its name, as `family_name` decides."""
-        return family_name(self.name, self.label, self.family)
+        """Its name in messages: the name given by the user, else its label, else its id."""
+        return self.name or self.label or self.family
 
     @property
     def counted(self) -> str:
-        """Its label, as `counted_label` decides."""
+        """Its label, if that differs from its name; else ""."""
         return counted_label(self.called, self.label)
 
     @property
     def beside(self) -> str:
-        """The other harmonics in words.
-
-        Examples
-        --------
-        >>> Follows("a", "S13O00+", 1, 0.0, 0.5, 2, (1, 3, 5), ()).beside
-        ', with 3, 5'
-        """
+        """The other harmonics in words, such as ", with 3, 5"."""
         rest = ", ".join(str(k) for k in self.harmonics if k != self.harmonic)
         return f", with {rest}" if rest else ""
 
@@ -154,13 +138,7 @@ class Stage:
 
     @property
     def text(self) -> str:
-        """The family that it follows, in words.
-
-        Examples
-        --------
-        >>> Stage(0, 9, 3, 2.1, (2, 2.2), (1, 2), 0.9, 0, 0, 3, (), None).text
-        'follows no family'
-        """
+        """The family that it follows, in words."""
         why = f": {self.why}" if self.why else ""
         if self.follows is None:
             return f"follows no family{why}"
@@ -182,11 +160,6 @@ class Change:
     harmonic: int
     name: str = ""
 
-    @property
-    def called(self) -> str:
-        """The family's name, else its label, else its id."""
-        return self.name or self.label or self.family
-
 
 def changes(stages: Sequence[Stage]) -> list[Change]:
     """The captures and escapes between stages, in order of time.
@@ -199,54 +172,33 @@ def changes(stages: Sequence[Stage]) -> list[Change]:
     """
     if not isinstance(stages, Sequence) or not all(isinstance(stage, Stage) for stage in stages):
         raise TypeError(f"the stages are {shown(stages)}, expected a list of those that saltus.stages_of gives")
+    followed = [None if stage.follows is None else (stage.follows.family, stage.follows.harmonic) for stage in stages]
     out: list[Change] = []
     for i, stage in enumerate(stages):
-        if stage.follows is None:
-            continue
         follows = stage.follows
+        if follows is None:
+            continue
         what = (follows.family, follows.label, follows.harmonic, follows.name)
-        one = (follows.family, follows.harmonic)
-        before = stages[i - 1].follows if i else None
-        after = stages[i + 1].follows if i + 1 < len(stages) else None
-        if before is None or (before.family, before.harmonic) != one:
+        if i == 0 or followed[i - 1] != followed[i]:
             out.append(Change(stage.start, "capture", *what))
-        if i + 1 < len(stages) and (after is None or (after.family, after.harmonic) != one):
+        if i + 1 < len(stages) and followed[i + 1] != followed[i]:
             out.append(Change(stage.end, "escape", *what))
     return out
 
 
 def stages_as_data(stages: Sequence[Stage]) -> list[dict[str, Any]]:
     """Stages as plain data for JSON; ``follows`` is null if a stage follows no family."""
-    out = []
-    for stage in stages:
-        data = asdict(stage)
-        data["frequencies"], data["energies"] = list(stage.frequencies), list(stage.energies)
-        data["companions"] = list(data["companions"])
-        out.append(data)
-    return out
+    return json.loads(json.dumps([asdict(stage) for stage in stages]))
 
 
 def stage_from_data(data: dict[str, Any]) -> Stage:
-    """A stage from an item of `stages_as_data`.
-
-    Raises
-    ------
-    KeyError, TypeError
-        For anything else.
-    """
+    """A stage from an item of `stages_as_data`; KeyError or TypeError for anything else."""
     follows = data["follows"]
-    return Stage(
-        **{name: data[name] for name in ("start", "end", "periods", "frequency", "share", "dissipated_nes", "dissipated_lo", "impacts")},
-        frequencies=(data["frequencies"][0], data["frequencies"][1]),
-        energies=(data["energies"][0], data["energies"][1]),
-        companions=tuple(Companion(**item) for item in data["companions"]),
-        follows=None if follows is None else Follows(**{**follows, **{name: tuple(follows[name]) for name in ("harmonics", "others")}}),
-        why=data.get("why", ""),
-    )
-
-
-_PLACES = 64  # number of places in a stage at which it is compared with the family
-_SAME_STATE = 1e-6  # relative distance of two states of one orbit that is computed twice
+    changed = {
+        "companions": tuple(Companion(**item) for item in data["companions"]),
+        "follows": follows and Follows(**{**follows, "harmonics": tuple(follows["harmonics"]), "others": tuple(follows["others"])}),
+    }
+    return Stage(**{**data, "frequencies": tuple(data["frequencies"]), "energies": tuple(data["energies"]), **changed})
 
 
 class Leaving(NamedTuple):
@@ -284,14 +236,8 @@ class StartFamily:
 
     @property
     def called(self) -> str:
-        """Its name, or its id if it has none.
-
-        Examples
-        --------
-        >>> StartFamily("a:b:c", "", "", 9.0, 3).called
-        'a:b:c'
-        """
-        return family_name(self.name, "", self.family)
+        """Its name, or its id if it has none."""
+        return self.name or self.family
 
     @property
     def explained(self) -> str:
@@ -307,17 +253,26 @@ class StartFamily:
 
     @property
     def kept(self) -> str:
-        """The number of impacts that keep the impact sequence, in words.
-
-        Examples
-        --------
-        >>> StartFamily("a:b:c", "S13O00+", "S13O00+", 9.0, 1).kept
-        '1 impact in its impact sequence'
-        """
+        """The number of impacts that keep the impact sequence, in words."""
         return f"{self.impacts} impact{'s' * (self.impacts != 1)} in its impact sequence"
 
 
-def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float, str]]:
+def start_family(
+    family: str, name: str, orbit: Orbit, state: tuple[np.ndarray, np.ndarray], impacts: Sequence[tuple[float, str]], end: float | None
+) -> StartFamily:
+    """The family of a start, and how long the motion keeps the impact sequence of its orbit.
+
+    `state` is the start of the motion, as for `_impacts_from`; `impacts` are times and stops of the motion's impacts. `end` is the end of
+    the motion, None if no impact is possible after the last one.
+    """
+    left = leaving(_impacts_from(orbit, *state), impacts)
+    if left is not None:
+        return StartFamily(family, name, orbit.label, left.time, left.impact - 1, left)
+    last = impacts[-1][0] if impacts else 0.0
+    return StartFamily(family, name, orbit.label, last if end is None else end, len(impacts))
+
+
+def _impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float, str]]:
     """Times and stops of an orbit's impacts over one period, in order of time, from a state at one of its ends.
 
     The state is the orbit's at time 0 or half a period later, or the mirror image of one of these if the system has odd symmetry. Of a
@@ -325,17 +280,16 @@ def impacts_from(orbit: Orbit, u: np.ndarray, v: np.ndarray) -> list[tuple[float
     """
     from branches.sequences import mirror
 
-    period, wanted = orbit.period, np.concatenate([u, v])
-    begins = (0.0, 0.5 * period)
-    states = np.hstack(orbit.sample(np.array(begins)))
-    signs = (1.0, -1.0) if orbit.system.has_odd_symmetry else (1.0,)
-    candidates = list(itertools.product(signs, range(len(begins))))
-    distances = [float(np.linalg.norm(wanted - sign * states[k])) for sign, k in candidates]
-    near = [i for i, distance in enumerate(distances) if distance <= _SAME_STATE * float(np.linalg.norm(wanted))]
-    sign, k = candidates[near[0] if near else int(np.argmin(distances))]
-    stops = [impact.stop for impact in orbit.impacts]
-    times = np.mod([impact.time - begins[k] for impact in orbit.impacts], period)
-    return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(tuple(stops)), strict=True))
+    wanted = np.concatenate([u, v])
+    begins = (0.0, 0.5 * orbit.period)
+    states = dict(zip(begins, np.hstack(orbit.sample(np.array(begins))), strict=True))
+    candidates = list(itertools.product((1.0, -1.0) if orbit.system.has_odd_symmetry else (1.0,), begins))
+    distances = np.array([np.linalg.norm(wanted - sign * states[begin]) for sign, begin in candidates])
+    near = distances <= _SAME_STATE * np.linalg.norm(wanted)
+    sign, begin = candidates[int(np.argmax(near) if near.any() else np.argmin(distances))]
+    stops = tuple(impact.stop for impact in orbit.impacts)
+    times = np.mod([impact.time - begin for impact in orbit.impacts], orbit.period)
+    return sorted(zip(times.tolist(), stops if sign > 0.0 else mirror(stops), strict=True))
 
 
 def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, str]]) -> Leaving | None:
@@ -356,92 +310,3 @@ def leaving(orbit: Sequence[tuple[float, str]], impacts: Sequence[tuple[float, s
         if stop != expected:
             return Leaving(k + 1, time, stop, expected)
     return None
-
-
-def start_family(
-    family: str, name: str, orbit: Orbit, state: tuple[np.ndarray, np.ndarray], impacts: Sequence[tuple[float, str]], end: float | None
-) -> StartFamily:
-    """The family of a start, and how long the motion keeps the impact sequence of its orbit.
-
-    `state` is the start of the motion, as for `impacts_from`; `impacts` are times and stops of the motion's impacts. `end` is the end of
-    the motion, None if no impact is possible after the last one.
-    """
-    left = leaving(impacts_from(orbit, *state), impacts)
-    if left is not None:
-        return StartFamily(family, name, orbit.label, left.time, left.impact - 1, left)
-    last = impacts[-1][0] if impacts else 0.0
-    return StartFamily(family, name, orbit.label, last if end is None else end, len(impacts))
-
-
-def start_from_data(data: dict[str, Any] | None) -> StartFamily | None:
-    """The family of a start from the result of `dataclasses.asdict`; None from None. In a file the named tuple is a list.
-
-    Raises
-    ------
-    KeyError, TypeError
-        For anything else.
-    """
-    if data is None:
-        return None
-    left = data["left"]
-    return StartFamily(**{**data, "left": None if left is None else Leaving(*left)})
-
-
-def why_another(
-    start: StartFamily,
-    families: Families,
-    record: SampledMotion,
-    stage: Stage,
-    times: np.ndarray,
-    pitch: np.ndarray,
-    unlike: float | None,
-) -> str:
-    """Why a stage does not follow the family of the start, in words; "" if that is not among the families.
-
-    `times` and `pitch` (j,) are times and angular frequencies of the stage's ridge. `unlike` is the mean difference of the lines of the
-    motion and of the family (`transitions.following.unlike`), None if they were not compared.
-    """
-    family = next((family for family in families.members if family.id == start.family), None)
-    if family is None:
-        return ""
-    name = start.called
-    if stage.follows is not None and start.family in stage.follows.others:
-        return f"{name} fits as well, this one is simpler"
-    if not stage.impacts:
-        return f"it has no impact, {name} has {family.impacts} in a period"
-    some = np.unique(np.linspace(0, len(times) - 1, _PLACES).round().astype(int))
-    energies = np.interp(times[some], record.times, record.energy)
-    own, harmonic, share = family.closest(np.maximum(energies, 1e-300), pitch[some], families.gap)
-    there = np.isfinite(own)
-    if 2 * there.sum() < len(some) and not (times[0] < start.end and there.any()):
-        low, high = float(family.h.min()), float(family.h.max())
-        return f"{name} has no orbit at these energies, only from h = {low:.4g} to {high:.4g}"
-    if times[0] < start.end:
-        change = _change(own[there], times[some][there], pitch[some][there])
-        if change > 2.0 * NEAR:
-            return f"the frequency of {name} changes by {change:.2g} octaves in three of its periods, too fast for the spectrum"
-    away = np.log2(pitch[some]) - own - np.log2(harmonic)
-    k = int(np.median(harmonic[there]))
-    which = f"harmonic {k} of {name}"
-    off = float(np.median(np.abs(away[there])))
-    if off > NEAR:
-        return f"its frequency is {off:.2g} octaves from {which}, {NEAR:g} is allowed"
-    part = float(np.median(share[there]))
-    if part < SHARE:
-        return f"{which} carries {part:.0%} of the orbit's amplitude, {SHARE:.0%} is required"
-    rate = stage.impacts / stage.periods * k
-    if abs(rate - family.impacts) * LEAST_PERIODS / k >= 1.0:
-        return f"it has {rate:.2g} impacts in a period of {name}, not {family.impacts}"
-    if unlike is not None and unlike > SHARE:
-        return f"its harmonics have other amplitudes than those of {name}"
-    if stage.follows is not None:
-        return f"this one fits better than {name}"
-    return f"it fits {name} too poorly, or for less than three periods"
-
-
-def _change(own: np.ndarray, times: np.ndarray, pitch: np.ndarray) -> float:
-    """Largest change in octaves of the logarithm (j,) of a frequency within three periods of the ridge."""
-    spans = LEAST_PERIODS * 2.0 * np.pi / pitch
-    return max(
-        (float(np.ptp(own[(times >= time) & (times <= time + span)])) for time, span in zip(times, spans, strict=True)), default=0.0
-    )

@@ -5,28 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from transitions.families import Families, Meeting
+from transitions.families import NEAR, Families, Meeting
 from transitions.following import EQUAL_SHARE, Around, Match, best_of, family_intervals, lasting, lines_of, partner, steady, unlike
-from transitions.record import SampledMotion
+from transitions.record import SampledMotion, require
 from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, amplitude_of_motion, beside, periods, ridge_intervals, ridges
 from transitions.spectrum import Spectrum, morlet_spectrum
-from transitions.stage import Companion, Follows, Stage, StartFamily, why_another
+from transitions.stage import Companion, Follows, Stage, StartFamily
 
-__all__ = ["spectrum_of", "stages_of"]
+__all__ = ["stages_of", "why_another"]
 
 _PLACES = 4.0  # number of places in a period at which a ridge is compared with families
 _MOST_PLACES = 4000
+_SOME = 64  # number of places in a stage at which it is compared with the family of the start
 _NOTHING = 1e-300  # in place of an energy or amplitude of 0, so that its logarithm and quotients exist
-
-
-def spectrum_of(record: SampledMotion, gap: Sequence[float], **options: Any) -> Spectrum:
-    """The wavelet spectrum of a gap coordinate of a record; the options are those of `transitions.spectrum.morlet_spectrum`."""
-    w, rate = record.along(gap)
-    return morlet_spectrum(record.times, w, rate, **options)
 
 
 def stages_of(
@@ -66,11 +60,21 @@ def stages_of(
 
     Raises
     ------
+    TypeError
+        For a record, families, a start or a spectrum that is none.
     ValueError
         For families of another gap coordinate.
     transitions.spectrum.TooCoarse
         For a record with too few samples.
     """
+    require(record, SampledMotion, "the record", "saltus.sampled(motion, saltus.sharing_of(system))")
+    for value, kind, what, example in (
+        (families, Families, "the families", "saltus.families_of(branches)"),
+        (start, StartFamily, "the start", "saltus.Transition(...).start"),
+        (spectrum, Spectrum, "the spectrum", "saltus.Transition(...).spectrum"),
+    ):
+        if value is not None:
+            require(value, kind, what, example)
     w, rate = record.along(gap)
     if families is not None and not np.allclose(families.gap, gap, rtol=1e-12, atol=0.0):
         raise ValueError(f"the families have the gap coordinate {families.gap}; the stages are asked for {tuple(gap)}")
@@ -82,7 +86,14 @@ def stages_of(
     for interval in ridge_intervals(spectrum, found):
         for part in _parts(record, w, spectrum, found, interval, families):
             stage = _stage(record, spectrum, found, part)
-            out.append(stage if start is None or families is None else _beside_start(stage, start, families, record, spectrum, part))
+            if start is not None and stage.follows is not None and stage.follows.family == start.family:
+                stage = replace(stage, follows=replace(stage.follows, name=start.name))
+            elif start is not None and families is not None:
+                ridge = part.interval
+                times = spectrum.times[ridge.first : ridge.last + 1]
+                why = why_another(start, families, record, stage, times, ridge.frequencies, part.unlike(start.family))
+                stage = replace(stage, why=why)
+            out.append(stage)
         if on_progress is not None:
             on_progress(float(spectrum.times[interval.last]))
     return out
@@ -138,9 +149,8 @@ def _parts(
     matches = []
     for item in met:
         k = item.harmonic
-        own = item.family.shares_at(item.point, families.gap)
-        miscount = counts[k] - k * math.ceil(LEAST_PERIODS / k) * item.family.impacts / k
-        matches.append(Match(item, unlike(own, k, lines.ratios, shares[k]), miscount))
+        differences = unlike(item.family.shares_at(item.point, families.gap), k, lines.ratios, shares[k])
+        matches.append(Match(item, differences, counts[k] - k * math.ceil(LEAST_PERIODS / k) * item.family.impacts / k))
     cut: list[_Part] = []
     for piece in family_intervals(matches, at):
         if piece.match is None:
@@ -165,12 +175,12 @@ def _impacts_around(record: SampledMotion, times: np.ndarray, around: Around, le
     The count is interpolated between impacts, so that it does not jump if an impact passes the edge of a window. At the ends of the ridge
     the windows are shorter, and the count is scaled."""
     low, high = around.window(length)
-    first, last = (np.interp(edge, around.cycles, times) for edge in (low, high))
-    counts = np.arange(1.0, len(record.impacts) + 1.0)
-    if not len(counts):
+    if not len(record.impacts):
         return np.zeros(len(low))
-    impacts = np.interp(last, record.impacts, counts) - np.interp(first, record.impacts, counts)
-    return impacts / (high - low) * length
+    first, last = (
+        np.interp(np.interp(edge, around.cycles, times), record.impacts, np.arange(1.0, len(record.impacts) + 1.0)) for edge in (low, high)
+    )
+    return (last - first) / (high - low) * length
 
 
 def _joined(cut: Sequence[_Part], places: np.ndarray, cycles: np.ndarray) -> list[_Part]:
@@ -188,15 +198,9 @@ def _joined(cut: Sequence[_Part], places: np.ndarray, cycles: np.ndarray) -> lis
 
 def _where_it_can(meeting: Meeting, record: SampledMotion, times: np.ndarray, pitch: np.ndarray) -> Meeting:
     """The meeting, restricted to places where motion and family both have impacts or both have none."""
-    period = 2.0 * math.pi * meeting.harmonic / pitch
-    impacts = record.impacts
-    if len(impacts):
-        after = np.searchsorted(impacts, times)
-        since = times - np.where(after > 0, impacts[np.maximum(after - 1, 0)], -np.inf)
-        until = np.where(after < len(impacts), impacts[np.minimum(after, len(impacts) - 1)], np.inf) - times
-        near = np.minimum(since, until) <= period
-    else:
-        near = np.zeros(len(times), dtype=bool)
+    impacts = np.concatenate([[-np.inf], record.impacts, [np.inf]])
+    after = np.searchsorted(impacts[1:-1], times) + 1
+    near = np.minimum(times - impacts[after - 1], impacts[after] - times) <= 2.0 * math.pi * meeting.harmonic / pitch
     return meeting._replace(deviation=np.where(near == (meeting.family.impacts > 0), meeting.deviation, np.nan))
 
 
@@ -216,7 +220,7 @@ def _stage(record: SampledMotion, spectrum: Spectrum, found: Sequence[Ridge], pa
         places = slice(part.first, part.last + 1)
         follows = Follows(
             meeting.family.id,
-            meeting.family.label_at(meeting.point[(part.first + part.last) // 2]),
+            str(meeting.family.labels[round(meeting.point[(part.first + part.last) // 2])]),
             meeting.harmonic,
             float(np.mean(np.abs(meeting.deviation[places]))),
             float(np.mean(meeting.share[places])),
@@ -240,15 +244,6 @@ def _stage(record: SampledMotion, spectrum: Spectrum, found: Sequence[Ridge], pa
     )
 
 
-def _beside_start(stage: Stage, start: StartFamily, families: Families, record: SampledMotion, spectrum: Spectrum, part: _Part) -> Stage:
-    """The stage with the name of the family that the motion starts on, or with the reason why it does not follow that family."""
-    if stage.follows is not None and stage.follows.family == start.family:
-        return replace(stage, follows=replace(stage.follows, name=start.name))
-    ridge = part.interval
-    times = spectrum.times[ridge.first : ridge.last + 1]
-    return replace(stage, why=why_another(start, families, record, stage, times, ridge.frequencies, part.unlike(start.family)))
-
-
 def _impacts(record: SampledMotion, start: float, end: float) -> int:
     return int(np.searchsorted(record.impacts, end, "right") - np.searchsorted(record.impacts, start))
 
@@ -261,7 +256,67 @@ def _companions(found: Sequence[Ridge], part: RidgeInterval, frequency: float) -
         first, stop = max(part.first, ridge.first), min(part.last + 1, ridge.first + len(ridge))
         if 2 * (stop - first) < length:
             continue
-        mine = slice(first - ridge.first, stop - ridge.first)
-        ratio = float(np.exp(np.mean(np.log(ridge.frequencies[mine])))) / frequency
-        out.append(Companion(ratio, float(np.sum(ridge.amplitudes[mine])) / length / amplitude))
+        own = RidgeInterval(ridge, first, stop - 1)
+        ratio = float(np.exp(np.mean(np.log(own.frequencies)))) / frequency
+        out.append(Companion(ratio, float(np.sum(own.amplitudes)) / length / amplitude))
     return tuple(sorted(out, key=lambda item: -item.amplitude))
+
+
+def why_another(
+    start: StartFamily,
+    families: Families,
+    record: SampledMotion,
+    stage: Stage,
+    times: np.ndarray,
+    pitch: np.ndarray,
+    unlike: float | None,
+) -> str:
+    """Why a stage does not follow the family of the start, in words; "" if that is not among the families.
+
+    `times` and `pitch` (j,) are times and angular frequencies of the stage's ridge. `unlike` is the mean difference of the lines of the
+    motion and of the family (`transitions.following.unlike`), None if they were not compared.
+    """
+    family = next((family for family in families.members if family.id == start.family), None)
+    if family is None:
+        return ""
+    name = start.called
+    if stage.follows is not None and start.family in stage.follows.others:
+        return f"{name} fits as well, this one is simpler"
+    if not stage.impacts:
+        return f"it has no impact, {name} has {family.impacts} in a period"
+    some = np.unique(np.linspace(0, len(times) - 1, _SOME).round().astype(int))
+    energies = np.interp(times[some], record.times, record.energy)
+    own, harmonic, share = family.closest(np.maximum(energies, 1e-300), pitch[some], families.gap)
+    there = np.isfinite(own)
+    if 2 * there.sum() < len(some) and not (times[0] < start.end and there.any()):
+        low, high = float(family.h.min()), float(family.h.max())
+        return f"{name} has no orbit at these energies, only from h = {low:.4g} to {high:.4g}"
+    if times[0] < start.end:
+        change = _change(own[there], times[some][there], pitch[some][there])
+        if change > 2.0 * NEAR:
+            return f"the frequency of {name} changes by {change:.2g} octaves in three of its periods, too fast for the spectrum"
+    away = np.log2(pitch[some]) - own - np.log2(harmonic)
+    k = int(np.median(harmonic[there]))
+    which = f"harmonic {k} of {name}"
+    off = float(np.median(np.abs(away[there])))
+    if off > NEAR:
+        return f"its frequency is {off:.2g} octaves from {which}, {NEAR:g} is allowed"
+    part = float(np.median(share[there]))
+    if part < SHARE:
+        return f"{which} carries {part:.0%} of the orbit's amplitude, {SHARE:.0%} is required"
+    rate = stage.impacts / stage.periods * k
+    if abs(rate - family.impacts) * LEAST_PERIODS / k >= 1.0:
+        return f"it has {rate:.2g} impacts in a period of {name}, not {family.impacts}"
+    if unlike is not None and unlike > SHARE:
+        return f"its harmonics have other amplitudes than those of {name}"
+    if stage.follows is not None:
+        return f"this one fits better than {name}"
+    return f"it fits {name} too poorly, or for less than three periods"
+
+
+def _change(own: np.ndarray, times: np.ndarray, pitch: np.ndarray) -> float:
+    """Largest change in octaves of the logarithm (j,) of a frequency within three periods of the ridge."""
+    spans = LEAST_PERIODS * 2.0 * np.pi / pitch
+    return max(
+        (float(np.ptp(own[(times >= time) & (times <= time + span)])) for time, span in zip(times, spans, strict=True)), default=0.0
+    )

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +13,12 @@ import numpy as np
 from branches.export.figure_data import Layout, read_figure_data, reporting, write_figure_data
 from bvp.system import ImpactSystem
 from bvp.texts import brief
-from transitions.record import SampledMotion
-from transitions.spectrum import Spectrum, Wavelet
-from transitions.stage import Stage, StartFamily, stage_from_data, stages_as_data, start_from_data
-from transitions.stages import spectrum_of
+from transitions.record import SampledMotion, require
+from transitions.spectrum import Spectrum, Wavelet, morlet_spectrum
+from transitions.stage import Leaving, Stage, StartFamily, stage_from_data, stages_as_data
 
 if TYPE_CHECKING:
+    from branches.branch import Branch
     from branches.catalogue import Catalogue
     from branches.figures.atlas_data import Atlas
 
@@ -67,56 +66,41 @@ class Transition:
     @cached_property
     def spectrum(self) -> Spectrum:
         """The wavelet spectrum of the relative displacement, at the times of a figure."""
-        return spectrum_of(self.record, self.gap, wavelet=self.wavelet, frequencies=self.frequencies, most=SHOWN)
-
-    def with_stages(self, stages: Sequence[Stage]) -> Transition:
-        """The same with other stages. The spectrum does not depend on them and is kept."""
-        other = replace(self, stages=tuple(stages))
-        if "spectrum" in vars(self):
-            vars(other)["spectrum"] = self.spectrum
-        return other
+        times, motion = self.record.times, self.record.along(self.gap)
+        return morlet_spectrum(times, *motion, wavelet=self.wavelet, frequencies=self.frequencies, most=SHOWN)
 
 
-def atlas_behind(catalogue: Catalogue, transition: Transition) -> Atlas:
-    """The families drawn behind a motion: those that its stages follow, and those with at most two impacts in a period.
+def atlas_behind(transition: Transition, catalogue: Catalogue | None = None, branches: Sequence[Branch] = ()) -> Atlas:
+    """The families drawn behind a motion.
 
-    Parameters
-    ----------
-    catalogue : Catalogue
-    transition : Transition
+    With a catalogue these are the families that the stages follow, and those with at most two impacts in a period. Otherwise they are the
+    given branches. The linear modes are always drawn.
 
     Raises
     ------
     ValueError
-        If the systems differ in their masses, springs or stops.
+        If the system of the catalogue has other masses, springs or stops.
     """
     from branches.figures.atlas_data import atlas_of
 
-    require_same(catalogue.system, transition.system)
-    followed = {stage.follows.family for stage in transition.stages if stage.follows is not None}
-    followed |= set() if transition.start is None else {transition.start.family}
-    rows = [row for row in catalogue.families() if row.impacts <= BACKBONE or row.id in followed]
-    branches = [catalogue.branch(row.id) for row in rows]
-    # Families that are followed are named first.
-    reference_points: dict[str, dict[str, float]] = {
-        stage.follows.label: {} for stage in transition.stages if stage.follows is not None and stage.follows.impacts
-    }
-    reference_points.pop("", None)
+    system, names = transition.system.underlying, dict[str, dict[str, float]]()
+    if catalogue is not None:
+        system = catalogue.system
+        require_same(system, transition.system)
+        follows = [stage.follows for stage in transition.stages if stage.follows is not None]
+        ids = {item.family for item in follows} | (set() if transition.start is None else {transition.start.family})
+        branches = [catalogue.branch(row.id) for row in catalogue.families() if row.impacts <= BACKBONE or row.id in ids]
+        # Families that are followed are named first.
+        names = {item.label: {} for item in follows if item.impacts and item.label}
     energy = transition.record.energy[transition.record.energy > 0.0]
-    low, high = (float(energy.min()), float(energy.max())) if len(energy) else (0.0, math.inf)
-    return atlas_of(catalogue.system, branches, reference_points=reference_points, energy=(0.5 * low, 2.0 * high))
+    band = (0.5 * float(energy.min()), 2.0 * float(energy.max())) if len(energy) else None
+    return atlas_of(system, branches, reference_points=names, energy=band)
 
 
 def require_same(undamped: ImpactSystem, moving: ImpactSystem) -> None:
-    """Raise an error if the families belong to another system than the motion. Dampers and restitution may differ.
-
-    Raises
-    ------
-    ValueError
-    """
+    """Raise a ValueError if the families belong to another system than the motion. Dampers and restitution may differ."""
     places = [[(stop.gap, stop.lower, stop.upper) for stop in system.stops] for system in (undamped, moving)]
-    same = undamped.mass.shape == moving.mass.shape and np.array_equal(undamped.mass, moving.mass)
-    if not (same and np.array_equal(undamped.stiffness, moving.stiffness) and places[0] == places[1]):
+    if not (np.array_equal(undamped.mass, moving.mass) and np.array_equal(undamped.stiffness, moving.stiffness) and places[0] == places[1]):
         raise ValueError("the families belong to a system with other masses, springs or stops than the one that moves")
 
 
@@ -133,24 +117,26 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
 
     Raises
     ------
+    TypeError
+        For anything but a Transition.
     branches.export.figure_data.ExportError
         For another suffix.
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
     """
-    record = transition.record
+    require(transition, Transition, "the motion", "saltus.Transition(system, record, gap, stages)")
     about: dict[str, Any] = {
         "schema": 1,
         "content": "transition",
         "system": transition.system.describe(),
-        "impacts": record.impacts.tolist(),
+        "impacts": transition.record.impacts.tolist(),
         "gap": list(transition.gap),
-        "wavelet": {"bandwidth": transition.wavelet.bandwidth, "centre": transition.wavelet.centre},
-        "frequencies": None if transition.frequencies is None else list(transition.frequencies),
+        "wavelet": asdict(transition.wavelet),
+        "frequencies": transition.frequencies,
         "stages": stages_as_data(transition.stages),
         "start": None if transition.start is None else asdict(transition.start),
     }
-    write_figure_data(_LAYOUT, about, {name: getattr(record, name) for name in (*_SINGLE, *_WIDE)}, path)
+    write_figure_data(_LAYOUT, about, {name: getattr(transition.record, name) for name in (*_SINGLE, *_WIDE)}, path)
 
 
 def read_transition(path: str | os.PathLike[str]) -> Transition:
@@ -168,13 +154,13 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
     """
     about, columns = read_figure_data(_LAYOUT, path)
     with reporting(os.fspath(path)):
-        band = about["frequencies"]
+        start, band = about.get("start"), about["frequencies"]
         return Transition(
             ImpactSystem.from_description(about["system"]),
             SampledMotion(**{name: columns[name] for name in (*_SINGLE, *_WIDE)}, impacts=about["impacts"]),
             tuple(float(x) for x in about["gap"]),
             tuple(stage_from_data(item) for item in about["stages"]),
-            Wavelet(float(about["wavelet"]["bandwidth"]), float(about["wavelet"]["centre"])),
-            None if band is None else (float(band[0]), float(band[1])),
-            start_from_data(about.get("start")),
+            Wavelet(**about["wavelet"]),
+            band and (float(band[0]), float(band[1])),
+            start and StartFamily(**{**start, "left": start["left"] and Leaving(*start["left"])}),
         )

@@ -16,16 +16,12 @@ from saltus.motion import start as start_options
 from saltus.options import positive, whole_above_zero
 
 if TYPE_CHECKING:
-    from branches.branch import Branch
-    from branches.catalogue import Catalogue
     from branches.export.tables import Table
-    from branches.figures.atlas_data import Atlas
     from saltus.motion.simulation import MotionReport
     from saltus.motion.start import Start
     from saltus.scene import Scene
     from saltus.terminal import ProgressBar
     from transitions.empirical import IntrinsicModes
-    from transitions.transition import Transition
 
 __all__ = ["add_arguments", "run"]
 
@@ -68,11 +64,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput("--caption needs --plot FILE")
     scene = options.scene_of(arguments)
 
-    from saltus.motion.simulation import NOT_ASKED, default_duration, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
+    from bvp.forcing import Record
+    from saltus.motion.simulation import NOT_ASKED, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
     from saltus.processes import prepare_motion
     from saltus.terminal import ProgressBar
 
-    duration = arguments.duration if arguments.duration is not None else default_duration(scene)
+    records = [float(force.times[-1]) for force in scene.forces if isinstance(force, Record)]
+    duration = arguments.duration or max(records, default=None)
     if duration is None:
         raise BadInput("--duration is required: the scene has no sampled load")
     if arguments.emd:
@@ -176,9 +174,11 @@ def _write(
         if report.began is not None and report.began.explained != report.began.called:
             captions.insert(0, f"The family of the start is {report.began.explained}.")
         from transitions.figures.transition import draw_transition
+        from transitions.transition import atlas_behind
 
         caption = " ".join([*filter(None, [arguments.caption]), *captions])
-        draw_transition(report.shown, _behind(report.shown, catalogue, start.branch), path, caption=caption)
+        behind = atlas_behind(report.shown, catalogue, [] if start.branch is None else [start.branch])
+        draw_transition(report.shown, behind, path, caption=caption)
         if (scale.length, scale.frequency) != (1.0, 1.0):
             files.report(["note   the figure is in natural units"])
 
@@ -190,16 +190,3 @@ def _write(
 def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:
     """A callback that shows the time reached as a percentage of the duration."""
     return lambda time: bar.update(int(100.0 * time / duration))
-
-
-def _behind(shown: Transition, catalogue: Catalogue | None, branch: Branch | None) -> Atlas:
-    """The background of a motion's figure: the linear modes and the families of a catalogue, else the family that it starts on."""
-    if catalogue is not None:
-        from transitions.transition import atlas_behind
-
-        return atlas_behind(catalogue, shown)
-    from branches.figures.atlas_data import atlas_of
-
-    energy = shown.record.energy[shown.record.energy > 0.0]
-    branches = [] if branch is None else [branch]
-    return atlas_of(shown.system.underlying, branches, energy=(0.5 * float(energy.min()), 2.0 * float(energy.max())))

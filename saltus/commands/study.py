@@ -14,7 +14,7 @@ from saltus.tables import counted, table_lines
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from saltus.study.file import StudyFile
+    from saltus.motion.study_file import StudyFile
     from transitions.study.study import Study
 
 __all__ = ["add_arguments", "run"]
@@ -33,9 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
+    from saltus.motion.study_file import read_study_file
+    from saltus.motion.study_runs import check_folder
     from saltus.processes import open_executor
-    from saltus.study.execution import check_folder
-    from saltus.study.file import read_study_file
 
     study = read_study_file(arguments.file)
     folder = _folder(arguments)
@@ -71,7 +71,7 @@ def _require_pyarrow() -> None:
 def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, workers: int) -> int:
     from branches.catalogue.database import WriterLock
     from saltus import __version__
-    from saltus.study.execution import carry_out, find_all_starts, keep_starts, kept_starts
+    from saltus.motion.study_runs import carry_out, find_all_starts, keep_starts, kept_starts
     from saltus.terminal import ProgressBar
     from transitions.study.study import Study, finished_blocks, write_plan
 

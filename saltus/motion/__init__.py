@@ -1,1 +1,1 @@
-"""One damped motion of a scene: its start, its simulation, and the record, table and text that report it."""
+"""Damped motions of a scene: one motion and its report, and the file and the runs of a study of many."""

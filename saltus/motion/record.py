@@ -16,8 +16,7 @@ from saltus.tables import table_lines
 
 if TYPE_CHECKING:
     from branches.export.tables import Table
-    from bvp.forcing import Force
-    from bvp.motion import Motion
+    from bvp.motion import EnergyMark
     from saltus.motion.simulation import ImpactTable, MotionReport
     from saltus.motion.start import Start
     from saltus.scene import Scene
@@ -41,19 +40,22 @@ def motion_record(
     report: MotionReport, scene: Scene, start: Start, units: Units, locked: MotionReport | None = None, modes: IntrinsicModes | None = None
 ) -> dict[str, Any]:
     """The motion as JSON has it; its impacts are in `saltus.motion.simulation.impact_table`."""
-    from transitions.stage import stages_as_data
+    from transitions.stage import changes, stages_as_data
+    from transitions.study.plan import load_as_data
 
     motion, t, e = report.motion, units.time, units.energy
     nes, lo = report.shares
+    left = None if report.began is None else report.began.left
+    stages = report.stages
     return {
         "schema": SCHEMA,
         "system": scene.system.describe(),
-        "forces": [_force(force) for force in scene.forces],
+        "forces": [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, scene.forces)],
         "units": {"clearance": units.length, "natural_frequency": units.frequency},
         "initial": {
             **start.record(),
             "follows": _follows(report, units),
-            "left": _left(report, units),
+            "left": None if left is None else {**left._asdict(), "time": left.time * t},
             "u": (motion.start[: len(start.u)] * units.length).tolist(),
             "v": (motion.start[len(start.u) :] * units.speed).tolist(),
             "energy": motion.initial_energy * e,
@@ -66,7 +68,7 @@ def motion_record(
         "switch_error": motion.switch_error * t,
         "shares": {"nes": nes, "lo": lo},
         "shares_of": {"what": report.shares_of, "energy": report.reference * e},
-        "at": {f"{100.0 * mark.fraction:.10g}": _mark(report, mark, units) for mark in motion.marks},
+        "at": {f"{100.0 * mark.fraction:.10g}": _mark(report, mark, t) for mark in motion.marks},
         "dissipated": {part: value * e for part, value in motion.dissipated.items()},
         "work": motion.work * e,
         "energy": motion.energy * e,
@@ -75,8 +77,8 @@ def motion_record(
         "no_impact_from": None if motion.clear_from is None else motion.clear_from * t,
         "energy_balance_error": motion.balance_error,
         "energy_balance_of_turnover": abs(motion.balance) / motion.turnover if motion.turnover > 0.0 else 0.0,
-        "stages": None if report.stages is None else [_in_units(stage, units) for stage in stages_as_data(report.stages)],
-        "changes": None if report.stages is None else _changes(report, units),
+        "stages": None if stages is None else [_in_units(stage, units) for stage in stages_as_data(stages)],
+        "changes": None if stages is None else [{**asdict(change), "time": change.time * t} for change in changes(stages)],
         "stages_note": report.why_no_stages or None,
         "empirical": modes_record(modes, units),
         "locked": None if locked is None else {"peaks": _peaks(locked, units), "energy_balance_error": locked.motion.balance_error},
@@ -143,12 +145,6 @@ def sample_table(report: MotionReport, samples: int, units: Units) -> Table:
     }
 
 
-def _left(report: MotionReport, units: Units) -> dict[str, Any] | None:
-    """Where a motion that starts on an orbit leaves its impact sequence."""
-    left = None if report.began is None else report.began.left
-    return None if left is None else {**left._asdict(), "time": left.time * units.time}
-
-
 def _follows(report: MotionReport, units: Units) -> dict[str, Any] | None:
     """The family that a motion starts on, up to where it leaves the impact sequence, or impacts no more."""
     began = report.began
@@ -186,41 +182,22 @@ def _chatter(report: MotionReport, units: Units) -> list[dict[str, Any]]:
     return out
 
 
-def _mark(report: MotionReport, mark: Any, units: Units) -> dict[str, float | None]:
-    """When a fraction of the initial energy is gone, and who has dissipated it; None where it is not."""
+def _mark(report: MotionReport, mark: EnergyMark, unit: float) -> dict[str, float | None]:
+    """The time at which a fraction of the initial energy is dissipated, and the parts of the NES and the LO; None if it never is."""
     if mark.time is None or not report.motion.initial_energy > 0.0:
         return {"time": None, "nes": None, "lo": None}
     nes, lo = report.sharing.totals(mark.dissipated)
-    return {"time": mark.time * units.time, "nes": nes / report.reference, "lo": lo / report.reference}
+    return {"time": mark.time * unit, "nes": nes / report.reference, "lo": lo / report.reference}
 
 
 def _peaks(report: MotionReport, units: Units) -> dict[str, dict[str, dict[str, float]]] | None:
     """Peak, its time and root mean square, of displacements, gaps and drifts; None where an interrupt came before."""
     if report.watched is None:
         return None
-    found, t, length = report.watched.extents, units.time, units.length
-    columns = zip((found.peaks * length).tolist(), (found.times * t).tolist(), (found.rms * length).tolist(), strict=True)
-    entries = iter([dict(zip(("peak", "time", "rms"), entry, strict=True)) for entry in columns])
+    found, length = report.watched.extents, units.length
+    rows = np.stack([found.peaks * length, found.times * units.time, found.rms * length], axis=1).tolist()
+    entries = iter([dict(zip(("peak", "time", "rms"), row, strict=True)) for row in rows])
     return {group: {name: next(entries) for name in names} for group, names in report.watched.names.items()}
-
-
-def _force(force: Force) -> dict[str, Any]:
-    """A load; of a record the samples."""
-    from bvp.forcing import Constant, Harmonic
-
-    if isinstance(force, Constant):
-        return {"kind": "constant", "load": force.load.tolist()}
-    if isinstance(force, Harmonic):
-        cosine, sine = (np.asarray(part).tolist() for part in (force.cosine, force.sine))
-        return {"kind": "harmonic", "frequency": force.frequency, "cosine": cosine, "sine": sine}
-    return {"kind": "record", "load": force.load.tolist(), "times": force.times.tolist(), "values": force.values.tolist()}
-
-
-def _changes(report: MotionReport, units: Units) -> list[dict[str, Any]]:
-    """The captures and escapes between the stages."""
-    from transitions.stage import changes
-
-    return [{**asdict(change), "time": change.time * units.time} for change in changes(report.stages or ())]
 
 
 def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:
@@ -261,17 +238,7 @@ def mode_table(modes: IntrinsicModes | None, units: Units) -> Table:
 
 
 def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], impacts: ImpactTable) -> Iterator[str]:
-    """The lines about a motion.
-
-    Parameters
-    ----------
-    report : MotionReport
-    start : Start
-    record : dict
-        `motion_record` of it.
-    impacts : ImpactTable
-        `saltus.motion.simulation.impact_table` of it.
-    """
+    """The lines about a motion, its record, and its impacts (`saltus.motion.simulation.impact_table`)."""
     initial, motion = record["initial"], report.motion
     yield f"start    {start.text}, energy {initial['energy']:.10g}"
     yield from (f"leaves   {text}" for text in of_the_start(report, record, len(impacts["time"])))
@@ -289,7 +256,11 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
     of = f"of the {reference['what']} {reference['energy']:.10g}"
     first, second = report.sharing.names
     yield f"shares   {first} {nes:.4%}  {second} {lo:.4%}  remaining {left:.4%}  {of}"
-    yield f"balance  error {record['energy_balance_error']:.1e}" + _turnover(record, motion)
+    passed = ""
+    if motion.work:
+        passed = f" of the {reference['what']}, {record['energy_balance_of_turnover']:.1e} of the largest energy that passed through"
+        passed += f"; work of the loads {record['work']:.10g}"
+    yield f"balance  error {record['energy_balance_error']:.1e}{passed}"
     if motion.initial_energy > 0.0 and motion.marks:
         rows = [
             (f"{name} %", "not reached", "", "")
@@ -297,7 +268,7 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
             else (f"{name} %", f"{at['time']:.10g}", f"{at['nes']:.4%}", f"{at['lo']:.4%}")
             for name, at in record["at"].items()
         ]
-        yield from table_lines(("gone", "time", f"by {first}", f"by {second}"), rows, columns="rrrr")
+        yield from table_lines(("dissipated", "time", f"by {first}", f"by {second}"), rows, columns="rrrr")
     if record["peaks"] is None:
         yield "peaks    not computed: interrupted"
     else:
@@ -340,14 +311,6 @@ def _numbers(values: list[float]) -> str:
     return " ".join(f"{value:.10g}" for value in values)
 
 
-def _turnover(record: dict[str, Any], motion: Motion) -> str:
-    """The end of the balance line where loads do work."""
-    if not motion.work:
-        return ""
-    of = f" of the {record['shares_of']['what']}, {record['energy_balance_of_turnover']:.1e} of the largest energy that passed through"
-    return f"{of}; work of the loads {record['work']:.10g}"
-
-
 def _impact_lines(impacts: ImpactTable) -> list[str]:
     count = len(impacts["time"])
     if not count:
@@ -362,8 +325,6 @@ def _impact_lines(impacts: ImpactTable) -> list[str]:
 
 
 def _stage_lines(report: MotionReport, record: dict[str, Any]) -> Iterator[str]:
-    from transitions.stage import changes
-
     if report.stages is None:
         yield f"stages   not computed: {report.why_no_stages}"
         return
@@ -375,8 +336,8 @@ def _stage_lines(report: MotionReport, record: dict[str, Any]) -> Iterator[str]:
     scale = record["shares_of"]["energy"] or 1.0
 
     def spent(data: dict[str, Any]) -> tuple[str, ...]:
-        span = f"{data['energies'][1]:.4g} to {data['energies'][0]:.4g}"
-        return span, *(f"{data[key] / scale:.3%}" for key in ("dissipated_nes", "dissipated_lo"))
+        low, high = data["energies"]
+        return f"{high:.4g} to {low:.4g}", f"{data['dissipated_nes'] / scale:.3%}", f"{data['dissipated_lo'] / scale:.3%}"
 
     rows = []
     if report.began is not None:
@@ -389,8 +350,8 @@ def _stage_lines(report: MotionReport, record: dict[str, Any]) -> Iterator[str]:
     by = tuple(f"by {name}" for name in report.sharing.names)
     yield from table_lines(("stage", "from", "to", "periods", "frequency", "energy", *by, "follows"), rows, columns="lrrrrrrrl")
     rows = [
-        (data["kind"], f"{data['time']:.5g}", f"harmonic {change.harmonic} of {change.called}")
-        for change, data in zip(changes(report.stages), record["changes"], strict=True)
+        (item["kind"], f"{item['time']:.5g}", f"harmonic {item['harmonic']} of {item['name'] or item['label'] or item['family']}")
+        for item in record["changes"]
     ]
     if rows:
         yield from table_lines(("change", "at", ""), rows, columns="lr")

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
+    from bvp.forcing import Force
     from bvp.motion import Motion
     from bvp.system import ImpactSystem
     from saltus.motion.start import Start
@@ -30,7 +31,6 @@ __all__ = [
     "ImpactTable",
     "MotionReport",
     "Watched",
-    "default_duration",
     "impact_table",
     "modes_of_motion",
     "require_sifting",
@@ -61,12 +61,12 @@ class Watched:
 
     Attributes
     ----------
-    names : dict of str to tuple of str
+    names : dict of str to sequence of str
         The names of the ``displacements``, ``gaps`` and ``drifts``, in the order of `extents`.
     extents : transitions.record.Extents
     """
 
-    names: dict[str, tuple[str, ...]]
+    names: dict[str, Sequence[str]]
     extents: Extents
 
 
@@ -119,13 +119,6 @@ class MotionReport:
         return (nes / self.reference, lo / self.reference) if self.reference > 0.0 else (0.0, 0.0)
 
 
-def default_duration(scene: Scene) -> float | None:
-    """The end of the longest record among the scene's loads, None where there is none."""
-    from bvp.forcing import Record
-
-    return max((float(force.times[-1]) for force in scene.forces if isinstance(force, Record)), default=None)
-
-
 def run_scene(
     scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
@@ -138,22 +131,17 @@ def run_scene(
     """
     from transitions.sharing import sharing_of
 
-    shared = sharing_of(scene.system, scene.nes, scene.lo)
-    report = _simulate(scene.system, shared, scene.forces, start.u, start.v, duration, max_impacts, start.leaving, scene.nes, on_progress)
-    return replace(report, began=_began(start, report.motion))
-
-
-def _began(start: Start, motion: Motion) -> StartFamily | None:
-    """The family that a motion starts on, None where it starts on none."""
+    sharing, state = sharing_of(scene.system, scene.nes, scene.lo), (start.u, start.v)
+    report = _simulate(scene.system, scene.forces, state, start.leaving, sharing, scene.nes, duration, max_impacts, on_progress)
+    if start.on is None or start.branch is None:
+        return report
     from saltus.options import Units
     from transitions.stage import start_family
 
-    if start.on is None or start.branch is None:
-        return None
-    impacts = impact_table(motion, Units())
+    motion, impacts = report.motion, impact_table(report.motion, Units())
     end = motion.duration if motion.clear_from is None else None
     times_and_stops = list(zip(impacts["time"].tolist(), impacts["stop"].tolist(), strict=True))
-    return start_family(start.branch.id, start.name, start.on, (start.u, start.v), times_and_stops, end)
+    return replace(report, began=start_family(start.branch.id, start.name, start.on, (start.u, start.v), times_and_stops, end))
 
 
 def impact_table(motion: Motion, units: Units) -> ImpactTable:
@@ -187,51 +175,46 @@ def run_locked(
 
     system, forces = lock(scene.system, scene.nes, scene.forces)
     kept = [k for k in range(scene.system.degrees_of_freedom) if k not in scene.nes]
-    return _simulate(system, sharing_of(system), forces, start.u[kept], start.v[kept], duration, max_impacts, None, (), on_progress)
+    state = start.u[kept], start.v[kept]
+    return _simulate(system, forces, state, None, sharing_of(system), (), duration, max_impacts, on_progress)
 
 
 def _simulate(
     system: ImpactSystem,
-    shared: Sharing,
-    forces: Any,
-    u: np.ndarray,
-    v: np.ndarray,
+    forces: Sequence[Force],
+    state: tuple[np.ndarray, np.ndarray],
+    leaving: str | None,
+    sharing: Sharing,
+    nes: tuple[int, ...],
     duration: float,
     max_impacts: int,
-    leaving: str | None,
-    nes: tuple[int, ...],
     on_progress: Callable[[float], object] | None,
 ) -> MotionReport:
-    """Simulate the motion and compute its energy shares, also for the part before an interrupt."""
+    """Simulate the motion and compute its peaks, also for the part before an interrupt."""
     from bvp.motion import MotionStatus
     from bvp.simulate import simulate
+    from transitions.record import drift_rows, extents
 
-    watched = None
+    u, v = state
     try:
         motion = simulate(
-            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=shared.dampers, on_progress=on_progress
+            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=sharing.dampers, on_progress=on_progress
         )
     except KeyboardInterrupt as error:
         # The error carries the part of the motion that was computed before the interrupt.
         if not hasattr(error, "motion"):
             raise
         motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
+    watched = None
     if motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
+        drifts = drift_rows(system, nes)
+        names = {"displacements": system.coordinates, "gaps": [f"gap {stop.name}" for stop in system.stops], "drifts": list(drifts)}
         with contextlib.suppress(KeyboardInterrupt):
-            watched = _watched(motion, nes)
+            rows = [*np.eye(system.degrees_of_freedom), *(stop.gap for stop in system.stops), *drifts.values()]
+            watched = Watched(names, extents(motion, rows))
     # A motion from rest has no initial energy: its percentages refer to the energy that the loads supplied.
     supplied = math.fsum([*motion.dissipated.values(), motion.energy])
-    return MotionReport(motion, shared, watched, motion.initial_energy if motion.initial_energy > 0.0 else supplied)
-
-
-def _watched(motion: Motion, nes: tuple[int, ...]) -> Watched:
-    from transitions.record import drift_rows, extents
-
-    system = motion.system
-    gaps = {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops}
-    drifts = drift_rows(system, nes)
-    rows = np.array([*np.eye(system.degrees_of_freedom), *gaps.values(), *drifts.values()])
-    return Watched({"displacements": tuple(system.coordinates), "gaps": tuple(gaps), "drifts": tuple(drifts)}, extents(motion, rows))
+    return MotionReport(motion, sharing, watched, motion.initial_energy if motion.initial_energy > 0.0 else supplied)
 
 
 def with_stages(
@@ -260,8 +243,8 @@ def with_stages(
     finest = FINEST * wanted / span  # a unit of time
     while True:
         try:
-            shown = Transition(scene.system, sampled(report.motion, report.sharing, samples, span), gap, start=report.began)
-            stages = stages_of(shown.record, gap, families, start=report.began, on_progress=on_progress)
+            record = sampled(report.motion, report.sharing, samples, span)
+            stages = tuple(stages_of(record, gap, families, start=report.began, on_progress=on_progress))
         except TooCoarse as error:
             # Twice as fine: with more samples, or, where these are as many as there can be, over half of the time.
             if 2.0 * samples / span > finest:
@@ -274,16 +257,11 @@ def with_stages(
             return replace(report, why_no_stages=one_line(error))
         else:
             note = "" if span == report.motion.duration else f"computed up to time {span:.6g}, of which the record has {samples} samples"
-            return replace(report, shown=shown.with_stages(stages), why_no_stages=note)
+            return replace(report, shown=Transition(scene.system, record, gap, stages, start=report.began), why_no_stages=note)
 
 
 def require_sifting() -> None:
-    """Say before the work that the package for it is missing.
-
-    Raises
-    ------
-    BadInput
-    """
+    """Raise `BadInput` before the work if the package for it is missing."""
     from transitions.empirical import NotInstalled, sifting
 
     try:

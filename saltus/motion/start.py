@@ -16,7 +16,6 @@ from saltus.options import number, positive
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.events import BranchEvent
     from branches.naming.labels import Name
     from branches.orbit import Orbit
     from saltus.scene import Scene
@@ -55,11 +54,8 @@ class Start:
         """What it is, in words."""
         where = ""
         if self.on is not None and self.branch is not None:
-            from transitions.stage import counted_label
-
-            label = counted_label(self.name, self.on.label)
-            called = f"{self.name or self.branch.id}{f' (counted {label})' if label else ''}"
-            where = f"{called} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
+            counted = f" (counted {self.on.label})" if self.on.label not in ("", self.name) else ""
+            where = f"{self.name or self.branch.id}{counted} at h = {self.on.h:.10g}, alpha = {self.on.alpha:.10g}"
         return {
             "orbit": f"on {where}",
             "impulsive": "impulsive: the oscillator's velocity alone" + (f", on {where}" if where else ""),
@@ -77,17 +73,8 @@ class Start:
 
 
 def state(text: str) -> tuple[float, ...]:
-    """Read numbers with commas between.
-
-    Examples
-    --------
-    >>> state("0,0.5,-1,2")
-    (0.0, 0.5, -1.0, 2.0)
-    """
-    values = tuple(number(part.strip()) for part in text.split(","))
-    if not all(math.isfinite(value) for value in values):
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected finite numbers")
-    return values
+    """Read finite numbers with commas between."""
+    return tuple(finite(part.strip()) for part in text.split(","))
 
 
 def finite(text: str) -> float:
@@ -119,13 +106,9 @@ def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
     BadInput
         For options that do not go together, and what they ask for where it cannot be.
     """
-    given = [
-        option
-        for option, value in (("--on", arguments.on), ("--state", arguments.state), ("--impulse", arguments.impulse))
-        if value is not None
-    ]
-    if arguments.impulsive and arguments.on is None:
-        given.append("--impulsive")
+    alone = True if arguments.impulsive and arguments.on is None else None
+    options = {"--on": arguments.on, "--state": arguments.state, "--impulse": arguments.impulse, "--impulsive": alone}
+    given = [option for option, value in options.items() if value is not None]
     if len(given) > 1:
         raise BadInput(f"{' and '.join(given)} each say where the motion starts: expected one of them")
     if arguments.energy is not None and given not in (["--on"], ["--impulsive"]):
@@ -178,13 +161,11 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     branch = family_of(text, scene, energy, arguments)
     if arguments.impulsive:
         h, alpha = _impulsive_orbit(branch, name, energy)
-        on = _nearest(branch, h, alpha)
+        on = min(branch.orbits_at(energy=h), key=lambda orbit: abs(orbit.alpha - alpha), default=None)
         rest = np.zeros(scene.system.degrees_of_freedom)
         return Start("impulsive", rest, _impulsive(scene, h), None, on, branch, "" if on is None else _called(name, on))
     orbit = select(branch, name, energy, name.alpha)
-    called = _called(name, orbit)
-    u, v, leaving = start_of(orbit)
-    return Start("orbit", u, v, leaving, orbit, branch, called)
+    return Start("orbit", *start_of(orbit), orbit, branch, _called(name, orbit))
 
 
 def _called(name: Name, orbit: Orbit) -> str:
@@ -198,11 +179,12 @@ def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[
     """Energy and quarter period of a family's impulsive orbit. If there are several, the given values select one.
 
     A family that folds back on itself passes through the same orbit twice. Both passes count as one orbit."""
-    found: list[BranchEvent] = []
-    for event in branch.events:
-        known = any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found)
-        if event.type == "IO" and not known:
-            found.append(event)
+    found = [event for event in branch.events if event.type == "IO"]
+    found = [
+        event
+        for k, event in enumerate(found)
+        if not any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found[:k])
+    ]
     listed = " ".join(f"@h={event.h:.10g},alpha={event.alpha:.10g}" for event in found)
     near = [
         event
@@ -214,8 +196,3 @@ def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[
         asked = "" if energy is None and name.alpha is None else " with these values"
         raise BadInput(f"{name} has {which}{asked}{f', expected one of {listed}' if found else ''}")
     return near[0].h, near[0].alpha
-
-
-def _nearest(branch: Branch, h: float, alpha: float) -> Orbit | None:
-    """The orbit of a family at one of its events."""
-    return min(branch.orbits_at(energy=h), key=lambda orbit: abs(orbit.alpha - alpha), default=None)

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from transitions.empirical import NotInstalled, decompose, orthogonality_index
+from transitions.empirical import IntrinsicModes, NotInstalled, decompose
 
 TIMES = 0.02 * np.arange(10_000)
 
@@ -62,9 +62,10 @@ def test_no_length_is_built_in(factor):
 def test_the_index_of_orthogonality():
     """Oracle: by hand; tones of different frequencies over whole periods are orthogonal, a part and its copy are not: 2 c^2/(2 c)^2."""
     turn = 2.0 * math.pi * np.arange(1000) / 1000
-    assert orthogonality_index(np.stack([np.cos(turn), np.sin(3 * turn)])) == pytest.approx(0.0, abs=1e-14)
-    assert orthogonality_index(np.stack([np.cos(turn)]), np.cos(turn)) == pytest.approx(0.5)
-    assert orthogonality_index(np.zeros((2, 5))) == 0.0
+    parts = np.stack([np.cos(turn), np.sin(3 * turn), np.cos(turn), 0.0 * turn])
+    for one, other, index in ((0, 1, 0.0), (0, 2, 0.5), (3, 3, 0.0)):
+        modes = IntrinsicModes(turn, parts[[one]], parts[other], parts[[one]], parts[[one]])
+        assert modes.orthogonality == pytest.approx(index, abs=1e-14)
     assert decompose(TIMES, np.cos(TIMES)).orthogonality == pytest.approx(0.0, abs=1e-3)
 
 

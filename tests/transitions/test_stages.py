@@ -18,8 +18,8 @@ from transitions.families import NEAR, FamilyHarmonics, Meeting, families_of, ha
 from transitions.following import Match, family_intervals, partner, unlike
 from transitions.ridges import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
-from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data, why_another
-from transitions.stages import spectrum_of, stages_of
+from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data
+from transitions.stages import stages_of, why_another
 
 GAP = (1.0, -1.0)
 STEP = 0.02
@@ -114,7 +114,7 @@ def test_a_tone_that_dies_away_is_one_stage():
     record = synthetic(times, decay * np.cos(2.0 * times), -decay * (np.cos(2.0 * times) / 30.0 + 2.0 * np.sin(2.0 * times)))
     found = stages_of(record, GAP)
     assert found[0].start == 0.0 and found[0].end > 345.0 and found[0].frequency == pytest.approx(2.0, rel=0.005)
-    spectrum = spectrum_of(record, GAP)
+    spectrum = morlet_spectrum(times, *record.along(GAP))
     last = int(np.searchsorted(spectrum.times, 900.0))
     (tone,) = [ridge for ridge in ridges(spectrum, times, decay * np.cos(2.0 * times)) if ridge.first == 0 and len(ridge) > last]
     assert tone.frequencies == pytest.approx(2.0, rel=0.02) and 0.8 < tone.shares.min() < tone.shares.max() < 1.1
@@ -241,7 +241,7 @@ def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(scenes, sce
         assert follows is not None and row.id in (follows.family, *follows.others), (row.id, stage)
         assert follows.impacts <= impacts[row.id]
         period = 2.0 * np.pi / stage.frequency
-        assert stage.start < period and stage.end > record.duration - period
+        assert stage.start < period and stage.end > record.times[-1] - period
         told, named = told + 1, named + (follows.family == row.id)
         (beside,) = stages_of(record, GAP, families, start=StartFamily(row.id, row.id, "", 0.0, 0))
         assert beside.why == ("" if follows.family == row.id else f"{row.id} fits as well, this one is simpler")
@@ -262,7 +262,7 @@ def test_closely_spaced_harmonics_need_a_sharper_wavelet():
     u, v = orbit.sample(STEP * np.arange(count))
     record = replace(synthetic(STEP * np.arange(count), u @ GAP, v @ GAP, np.full(count, orbit.h)), impacts=_impacts(orbit, STEP * count))
     families = families_of([branch])
-    sharp = spectrum_of(record, GAP, wavelet=Wavelet(2.0, 6.0))
+    sharp = morlet_spectrum(record.times, *record.along(GAP), wavelet=Wavelet(2.0, 6.0))
     (stage,) = stages_of(record, GAP, families, spectrum=sharp)
     assert stage.follows.family == branch.id and stage.follows.label == "U8353-"
     parts = harmonics(orbit, np.array(GAP))

@@ -36,24 +36,15 @@ def drawn(small_scene):
     """A damped motion from an impulse, with its stages, the families behind it, and its figure."""
     record = of_run(DAMPED, [0.0, 0.0], [0.0, 2.0], 250.0)
     with Catalogue(small_scene[0]) as catalogue:
-        plain = Transition(DAMPED, record, GAP, (), Wavelet(), (0.4, 6.0))
-        stages = stages_of(record, GAP, families_of(catalogue), spectrum=plain.spectrum)
-        transition = plain.with_stages(stages)
-        atlas = atlas_behind(catalogue, transition)
+        transition = Transition(DAMPED, record, GAP, (), Wavelet(), (0.4, 6.0))
+        transition = replace(transition, stages=tuple(stages_of(record, GAP, families_of(catalogue), spectrum=transition.spectrum)))
+        atlas = atlas_behind(transition, catalogue)
     return transition, atlas, transition_figure(transition, atlas)
 
 
 def by_gid(figure, name):
     (found,) = figure.findobj(lambda artist: artist.get_gid() == name)
     return found
-
-
-def test_other_stages_leave_the_spectrum_as_it_is(drawn):
-    """Oracle: the object itself; that of other frequencies is another one."""
-    transition = drawn[0]
-    bare = transition.with_stages([])
-    assert bare.stages == () and bare.spectrum is transition.spectrum
-    assert replace(transition, frequencies=(0.5, 5.0)).spectrum is not transition.spectrum
 
 
 def test_the_stages_are_told_and_marked(drawn):
@@ -76,7 +67,7 @@ def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long):
         name = replace(followed, label="", family="stop+-stop+:-+-+-+-:9bba7e7f", harmonic=8, harmonics=(3, 7, 8), others=("another",))
         stages = [replace(stage, follows=name) for stage in transition.stages]
         panels = [figure.axes[k].get_position().height * figure.get_figheight() for k in range(5)]
-        figure = transition_figure(transition.with_stages(stages), atlas)
+        figure = transition_figure(replace(transition, stages=stages), atlas)
         figure.draw_without_rendering()
         assert [figure.axes[k].get_position().height * figure.get_figheight() for k in range(5)] == pytest.approx(panels, rel=0.05)
     assert_texts_apart(figure, "png")
@@ -209,9 +200,8 @@ def captured():
     branch = traced("S11O00-")
     orbit = branch.orbit_at(energy=0.8)
     record = of_run(system, [0.0, 0.0], orbit.velocities, 400.0)
-    plain = Transition(system, record, GAP)
-    stages = stages_of(record, GAP, families_of([branch], GAP), spectrum=plain.spectrum)
-    transition = plain.with_stages(stages)
+    transition = Transition(system, record, GAP)
+    transition = replace(transition, stages=stages_of(record, GAP, families_of([branch], GAP), spectrum=transition.spectrum))
     return transition, orbit, transition_figure(transition, atlas_of(system.underlying, [branch], energy=(0.003, 1.6)))
 
 
@@ -242,7 +232,7 @@ def test_the_family_of_the_start_is_named_first_and_by_one_name(captured):
     record = transition.record
     stages = stages_of(record, GAP, families_of([branch], GAP), start=start, spectrum=transition.spectrum)
     behind = atlas_of(transition.system.underlying, [branch], energy=(0.003, 1.6))
-    figure = transition_figure(replace(transition.with_stages(stages), start=start), behind)
+    figure = transition_figure(replace(transition, stages=stages, start=start), behind)
     words = [text.get_text() for text in figure.legends[0].get_texts()]
     name = short_name("S95E22-")
     assert len(words) == 1 + len(stages) and words[0] == f"start  0\N{EN DASH}8.74  {name}, 7 impacts in its impact sequence"
@@ -314,9 +304,8 @@ def test_a_family_without_a_label_has_a_short_id_below_and_over_the_spectrum(dra
     blank = np.full(len(curve.h), "")
     other = replace(curve, family=raw, names=blank, labels=blank, cited=np.zeros(len(blank), dtype=bool))
     name = replace(followed, label="", family=raw)
-    figure = transition_figure(
-        transition.with_stages([replace(stage, follows=name) for stage in transition.stages]), replace(atlas, curves=(other,))
-    )
+    stages = [replace(stage, follows=name) for stage in transition.stages]
+    figure = transition_figure(replace(transition, stages=stages), replace(atlas, curves=(other,)))
     below = [text.get_text() for text in figure.legends[0].get_texts()]
     assert all("rest-stop+ #2c49" in text and raw not in text for text in below)
     assert "#2c49" in [text.get_text() for text in figure.axes[4].texts]

@@ -31,13 +31,7 @@ sequences, 2018)."""
 
 
 def checked_points(points: Any, what: str) -> np.ndarray:
-    """Points or directions as an array (m, 2) of floats.
-
-    Raises
-    ------
-    ValueError
-        For anything else.
-    """
+    """Points or directions as an array (m, 2) of floats; a ValueError for anything else."""
     try:
         array = np.atleast_2d(reals(points))
     except (TypeError, ValueError):
@@ -68,7 +62,7 @@ class SectionPlane:
     --------
     >>> from bvp.system import vibro_impact_nes
     >>> plane = SectionPlane(vibro_impact_nes(), 0.06)
-    >>> plane.reach, round(plane.height(0.0), 12)
+    >>> plane.reach, float(plane.height(0.0).round(12))
     ((-1.0, 1.0), 1.09544511501)
     >>> u, v = plane.states([[0.5, 0.2]])
     >>> plane.system.energy(u, v).round(15)
@@ -110,52 +104,49 @@ class SectionPlane:
     def _constants(self) -> tuple[float, float, float, float]:
         """m_aa, m_pp - m_ap^2/m_aa, k_aa, m_ap."""
         a, p = self.other, self.primary
-        mass, stiffness = self.system.mass, self.system.stiffness
-        own, coupled = float(mass[a, a]), float(mass[a, p])
-        return own, float(mass[p, p]) - coupled * coupled / own, float(stiffness[a, a]), coupled
+        own, coupled = float(self.system.mass[a, a]), float(self.system.mass[a, p])
+        return own, float(self.system.mass[p, p]) - coupled * coupled / own, float(self.system.stiffness[a, a]), coupled
+
+    @property
+    def scales(self) -> np.ndarray:
+        """Half of the range of x, and the largest y, (2,)."""
+        low, high = self.reach
+        return np.array([0.5 * (high - low), self.height(min(max(0.0, low), high))])
 
     @cached_property
     def walls(self) -> tuple[float, float]:
         """Bounds of x by the stops: infinite without a stop, lower > upper if no x is inside."""
         low, high = -math.inf, math.inf
-        name = self.system.coordinates[self.primary]
         for stop in self.system.stops:
             part = stop.gap[self.other]
-            if part == 0.0:
-                if not stop.lower < 0.0 < stop.upper:
-                    raise ValueError(
-                        f"no motion reaches the section {name} = 0: stop {stop.name} keeps {stop.lower:g} <= "
-                        f"{stop.gap[self.primary]:g} {name} <= {stop.upper:g}"
-                    )
-                continue
-            ends = sorted((stop.lower / part, stop.upper / part))
+            if part != 0.0:
+                ends = sorted((stop.lower / part, stop.upper / part))
+            else:
+                ends = [-math.inf, math.inf] if stop.lower < 0.0 < stop.upper else [math.inf, -math.inf]
             low, high = max(low, ends[0]), min(high, ends[1])
         return low, high
 
     @cached_property
     def reach(self) -> tuple[float, float]:
         """Least and largest x of the section."""
-        names = self.system.coordinates
+        name, other = (self.system.coordinates[k] for k in (self.primary, self.other))
         stiffness = self._constants[2]
         low, high = self.walls
         most = math.sqrt(2.0 * self.energy / stiffness) if stiffness > 0.0 else math.inf
         if not low < high:
-            raise ValueError(f"no motion reaches the section {names[self.primary]} = 0: the stops leave {names[self.other]} no room there")
+            raise ValueError(f"no motion reaches the section {name} = 0: the stops leave no room there")
         if not max(low, -most) < min(high, most):
             least = 0.5 * stiffness * min(abs(low), abs(high)) ** 2
-            raise ValueError(
-                f"no motion with energy {self.energy:g} reaches the section {names[self.primary]} = 0; expected an energy above {least:.6g}"
-            )
+            raise ValueError(f"no motion with energy {self.energy:g} reaches the section {name} = 0; expected an energy above {least:.6g}")
         low, high = max(low, -most), min(high, most)
         if math.isinf(low) or math.isinf(high):
-            held = f"neither a spring nor a stop holds {names[self.other]} there"
-            raise ValueError(f"the section {names[self.primary]} = 0 has no bounds: {held}")
+            raise ValueError(f"the section {name} = 0 has no bounds: neither a spring nor a stop holds {other} there")
         return low, high
 
-    def height(self, x: float) -> float:
-        """Largest y at x."""
+    def height(self, x: Any) -> Any:
+        """Largest y at x: a number or an array."""
         own, _, stiffness, _ = self._constants
-        return math.sqrt(max(2.0 * self.energy - stiffness * x * x, 0.0) / own)
+        return np.sqrt(np.maximum(2.0 * self.energy - stiffness * x * x, 0.0) / own)
 
     def holds(self, points: Any) -> np.ndarray:
         """Whether points (m, 2) lie inside the bounding curve: bool (m,)."""
@@ -171,13 +162,13 @@ class SectionPlane:
         On its arcs u_p' = 0. Elsewhere it runs along the stops."""
         low, high = self.reach
         x = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.linspace(0.0, math.pi, count))
-        y = np.array([self.height(value) for value in x])
+        y = self.height(x)
         return np.concatenate([np.stack([x, y], 1), np.stack([x[::-1], -y[::-1]], 1), [[x[0], y[0]]]])
 
     def starts(self, count: int) -> np.ndarray:
         """Points spread evenly inside the bounding curve, always the same: (count, 2)."""
         low, high = self.reach
-        top = max(self.height(x) for x in (low, high, min(max(0.0, low), high)))
+        top = max(self.height(low), self.height(high), self.scales[1])
         found = np.zeros((0, 2))
         first = 0
         while len(found) < count:

@@ -101,16 +101,10 @@ def fixed_points(plane: SectionPlane, guesses: np.ndarray | None = None) -> list
         images, derivatives, times = return_map(plane, points)
         matrices = derivatives - np.eye(2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            determinants = matrices[:, 0, 0] * matrices[:, 1, 1] - matrices[:, 0, 1] * matrices[:, 1, 0]
+            (a, b), (c, d) = matrices.transpose(1, 2, 0)
             missing = images - points
-            steps = np.stack(
-                [
-                    matrices[:, 0, 1] * missing[:, 1] - matrices[:, 1, 1] * missing[:, 0],
-                    matrices[:, 1, 0] * missing[:, 0] - matrices[:, 0, 0] * missing[:, 1],
-                ],
-                axis=1,
-            )
-            steps /= determinants[:, None]
+            x, y = missing.T
+            steps = np.stack([b * y - d * x, c * x - a * y], axis=1) / (a * d - b * c)[:, None]
         size = np.abs(steps).max(axis=1)
         done = np.isfinite(size) & (size < _CONVERGED) & (np.abs(missing).max(axis=1) < _CONVERGED * np.abs(derivatives).max(axis=(1, 2)))
         for point, derivative, time in zip(points[done], derivatives[done], times[done], strict=True):
@@ -168,8 +162,7 @@ def rotations(section: Section, centres: Sequence[FixedPoint] | None = None) -> 
     """
     if centres is None:
         centres = [point for point in fixed_points(section.plane) if point.elliptic]
-    low, high = section.plane.reach
-    scale = np.array([0.5 * (high - low), section.plane.height(min(max(0.0, low), high))])
+    scale = section.plane.scales
     numbers = np.full(len(section.counts), math.nan)
     about = np.full(len(section.counts), -1)
     for m, count in enumerate(section.counts.tolist()):

@@ -26,7 +26,7 @@ from transitions import kernels
 from transitions.section.plane import SectionPlane, checked_points
 
 if TYPE_CHECKING:
-    from bvp.kernels.contact_mode import ContactModes, MotionState
+    from bvp.kernels.contact_mode import ContactModes
     from bvp.system import ImpactSystem
 
 __all__ = ["Section", "SectionEnd", "follow_crossings", "section"]
@@ -125,12 +125,11 @@ class Section:
     def exponents(self) -> np.ndarray:
         """Largest Lyapunov exponent of each orbit, per unit of time, (m,): growth of the perturbation over time, without the first
         `SETTLING` of the crossings. NaN for an orbit that sticks to a stop or has fewer than two crossings."""
-        out = np.full(len(self.counts), math.nan)
-        for m, count in enumerate(self.counts.tolist()):
-            first, last = int(SETTLING * (count - 1)), count - 1
-            if last > first:
-                out[m] = (self.growths[m, last] - self.growths[m, first]) / (self.times[m, last] - self.times[m, first])
-        return out
+        last = self.counts - 1
+        ends = np.stack([(SETTLING * last).astype(int), last])
+        growth, time = (np.diff(values[np.arange(len(last)), ends], axis=0)[0] for values in (self.growths, self.times))
+        with np.errstate(invalid="ignore"):
+            return np.where(last > ends[0], growth / time, math.nan)
 
 
 def section(
@@ -212,12 +211,14 @@ def follow_crossings(
     u, v = plane.states(starts)
     count, simulator = len(u), Simulator(plane.system)
     if directions is None:
-        low, high = plane.reach
-        directions = np.tile([0.5 * (high - low), plane.height(min(max(0.0, low), high))], (count, 1))
+        directions = np.tile(plane.scales, (count, 1))
     changes = plane.tangents(starts, checked_points(directions, "directions"))
     shortest, slowest = _periods(plane)
     limits = kernels.SectionLimits(_PERIODS * shortest, _PATIENCE * slowest * crossings if longest is None else float(longest))
-    out = _no_crossings(count, crossings)
+    times, energies, growths = np.full((3, count, crossings), math.nan)
+    points, tangents = np.full((2, count, crossings, 2), math.nan)
+    counts, impacts, statuses = np.zeros((3, count), dtype=np.int64)
+    out = kernels.Crossings(times, points, energies, growths, tangents, counts, impacts, np.zeros(count), statuses)
     first, sticking = 0, 0
     pace = Pace()
     while first < count:
@@ -226,7 +227,8 @@ def follow_crossings(
             rows = kernels.Rows(*plane.rows(modes))
             begun = kernels.SectionStarts(np.concatenate([u, v], 1), changes @ modes.enter[0].T)
             orbit, work = _arrays(simulator, modes)
-            simulate = _address_of_move(modes, orbit.motion, work)
+            # compiled for the types that `Simulator.run` uses, too
+            simulate = address_of(motion_kernels.move, (modes, 0.0, kernels.MOST, orbit.motion, work.log, work.scratch))
         orbit.motion.counts[PASSES] = pace.passes
         with pace:
             first, sticking = kernels.follow_section(simulate, modes, rows, begun, limits, first, orbit, out, work)
@@ -235,32 +237,14 @@ def follow_crossings(
     return Section(plane, *out[:-1], ends=tuple(_ENDS[code] for code in out.statuses.tolist()))
 
 
-def _no_crossings(m: int, k: int) -> kernels.Crossings:
-    """Empty crossings of m orbits, up to k of each."""
-    times, energies, growths = np.full((3, m, k), math.nan)
-    points, tangents = np.full((2, m, k, 2), math.nan)
-    counts, impacts, statuses = np.zeros((3, m), dtype=np.int64)
-    return kernels.Crossings(times, points, energies, growths, tangents, counts, impacts, np.zeros(m), statuses)
-
-
 def _arrays(simulator: Simulator, modes: ContactModes) -> tuple[kernels.Following, kernels.Work]:
     """Arrays for the orbit that is followed, and to write into."""
     n, size = simulator.system.degrees_of_freedom, modes.matrix.shape[1]
     log, scratch = simulator.log(kernels.EVENTS_AT_ONCE), simulator.scratch(np.zeros(2 * n))
     z, begin, change, state, image, velocity, row = np.zeros((7, size))
-    orbit = kernels.Following(
-        motion=simulator.state(0, 0)._replace(z=z),
-        begin=begin,
-        change=change,
-        places=np.zeros(kernels.PLACES, dtype=np.int64),
-        clocks=np.zeros(kernels.CLOCKS),
-    )
+    places, clocks = np.zeros(kernels.PLACES, dtype=np.int64), np.zeros(kernels.CLOCKS)
+    orbit = kernels.Following(simulator.state(0, 0)._replace(z=z), begin, change, places, clocks)
     return orbit, kernels.Work(state, image, velocity, row, np.zeros(kernels.ROOM), log, scratch)
-
-
-def _address_of_move(modes: ContactModes, motion: MotionState, work: kernels.Work) -> int:
-    """Address of `bvp.kernels.motion.move`, compiled for the types that `Simulator.run` uses, too."""
-    return address_of(motion_kernels.move, (modes, 0.0, kernels.MOST, motion, work.log, work.scratch))
 
 
 def _periods(plane: SectionPlane) -> tuple[float, float]:
@@ -269,6 +253,5 @@ def _periods(plane: SectionPlane) -> tuple[float, float]:
     moving = frequencies[frequencies > 0.0]
     if not len(moving):
         low, high = plane.reach
-        across = (high - low) / plane.height(0.5 * (low + high))
-        return across, across
+        return ((high - low) / float(plane.height(0.5 * (low + high))),) * 2
     return 2.0 * math.pi / float(moving.max()), 2.0 * math.pi / float(moving.min())

@@ -114,19 +114,11 @@ def orbit_marks(plane: SectionPlane, orbit: Orbit, family: str) -> list[OrbitMar
     out: list[OrbitMark] = []
     stable = {True: 1, False: 0, None: -1}[orbit.stable]
     for image in IMAGES:
-        points = images.get(image)
-        if points is None or not len(points) or any(_same(points, other.points) for other in out):
-            continue
-        out.append(OrbitMark(family, orbit.label, stable, orbit.period, len(orbit.cycle.times), image, points))
+        points = images.get(image, np.zeros((0, 2)))
+        known = [other.points for other in out if len(other.points) == len(points)]
+        if len(points) and not any((np.abs(points[:, None] - other).max(axis=-1).min(axis=1) < _SAME).all() for other in known):
+            out.append(OrbitMark(family, orbit.label, stable, orbit.period, len(orbit.cycle.times), image, points))
     return out
-
-
-def _same(points: np.ndarray, others: np.ndarray) -> bool:
-    """Whether two sets of points are the same."""
-    if len(points) != len(others):
-        return False
-    apart = np.abs(points[:, None] - others[None]).max(axis=-1)
-    return bool((apart.min(axis=1) < _SAME).all())
 
 
 def mode_marks(plane: SectionPlane) -> list[OrbitMark]:
@@ -159,12 +151,11 @@ def catalogue_marks(plane: SectionPlane, catalogue: Catalogue) -> list[OrbitMark
     ValueError
         For a catalogue of another system.
     """
+    if catalogue.system.describe() != plane.system.describe():
+        raise ValueError(f"{catalogue.path} belongs to another system than the section")
     marks = mode_marks(plane)
     for row in catalogue.families(energy=plane.energy):
-        branch = catalogue.branch(row.id)
-        if branch.system.describe() != plane.system.describe():
-            raise ValueError(f"{catalogue.path} belongs to another system than the section")
-        marks += branch_marks(plane, branch)
+        marks += branch_marks(plane, catalogue.branch(row.id))
     return sorted(marks, key=lambda mark: len(mark.points))
 
 
@@ -179,14 +170,10 @@ class SectionView:
     def values(self, colour: str) -> np.ndarray | None:
         """The values that colour the orbits: their Lyapunov exponents or rotation numbers, (m,); or the energy at each crossing, (m, k).
         None for colour "none"."""
-        if colour == "energy":
-            return self.section.energies
-        if colour == "lyapunov":
-            return self.section.exponents
         if colour == "rotation":
             assert self.rotations is not None
             return self.rotations.numbers
-        return None
+        return {"energy": self.section.energies, "lyapunov": self.section.exponents}.get(colour)
 
 
 def views_table(views: Sequence[SectionView]) -> Table:
@@ -232,22 +219,22 @@ def view_record(view: SectionView) -> dict[str, Any]:
     """The data of one section for JSON: null for what does not exist."""
     section, rotations = view.section, view.rotations
     plane = section.plane
-    orbits = []
-    for m, count in enumerate(section.counts.tolist()):
-        about = -1 if rotations is None else int(rotations.about[m])
-        orbits.append(
-            {
-                "times": section.times[m, :count].tolist(),
-                "points": section.points[m, :count].tolist(),
-                "energies": section.energies[m, :count].tolist(),
-                "impacts": int(section.impacts[m]),
-                "end": section.ends[m].name.lower(),
-                "sticking_time": float(section.sticking_times[m]),
-                "lyapunov": _number(section.exponents[m]),
-                "rotation": None if rotations is None else _number(rotations.numbers[m]),
-                "about": None if about < 0 else about,
-            }
-        )
+    none = np.full(len(section.counts), math.nan)
+    numbers, about = (none, none) if rotations is None else (rotations.numbers, rotations.about)
+    orbits = [
+        {
+            "times": section.times[m, :count].tolist(),
+            "points": section.points[m, :count].tolist(),
+            "energies": section.energies[m, :count].tolist(),
+            "impacts": int(section.impacts[m]),
+            "end": section.ends[m].name.lower(),
+            "sticking_time": float(section.sticking_times[m]),
+            "lyapunov": _number(section.exponents[m]),
+            "rotation": _number(numbers[m]),
+            "about": int(about[m]) if about[m] >= 0 else None,
+        }
+        for m, count in enumerate(section.counts.tolist())
+    ]
     centres = () if rotations is None else rotations.centres
     return {
         "energy": plane.energy,

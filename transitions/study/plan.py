@@ -6,13 +6,16 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "StudyPlan"]
+if TYPE_CHECKING:
+    from bvp.forcing import Force
+
+__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "StudyPlan", "load_as_data"]
 
 FAMILY = "family"
 
@@ -79,13 +82,17 @@ class Axis:
         """Values (b,) at fractions in [0, 1) of the axis. Listed values have equal parts of it; names give their indices."""
         if self.values:
             index = np.minimum((fractions * len(self.values)).astype(np.int64), len(self.values) - 1)
-            return index.astype(float) if self.is_family else np.array(self.values, dtype=float)[index]
+            return self.numbers()[index]
         if self.scale == "log":
             low, high = math.log(self.low), math.log(self.high)
             found = np.exp(low + (high - low) * fractions)
         else:
             found = self.low + (self.high - self.low) * fractions
         return np.clip(found, self.low, self.high)  # rounding must not leave the range
+
+    def numbers(self) -> np.ndarray:
+        """The values of a grid as numbers; of names the indices."""
+        return np.arange(float(len(self.values))) if self.is_family else np.array(self.grid(), dtype=float)
 
     def plain(self) -> dict[str, object]:
         """The axis as plain data for JSON."""
@@ -157,10 +164,8 @@ class StudyPlan:
     @property
     def families(self) -> tuple[str, ...]:
         """The starting families; a single one if they are not varied."""
-        for axis in self.axes:
-            if axis.is_family:
-                return tuple(str(value) for value in axis.values)
-        return (str(self.fixed.get(FAMILY, IMPULSIVE)),)
+        varied = [axis.values for axis in self.axes if axis.is_family]
+        return tuple(map(str, varied[0])) if varied else (str(self.fixed.get(FAMILY, IMPULSIVE)),)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -190,14 +195,14 @@ class StudyPlan:
         """The varied parameters (b,) of the runs from `first` to before `last`. A family is given by its index."""
         if self.design == "grid":
             index = np.unravel_index(np.arange(first, last), self.shape)
-            grids = [np.arange(float(len(axis.values))) if axis.is_family else np.array(axis.grid()) for axis in self.axes]
-            return {axis.name: grid[k] for axis, grid, k in zip(self.axes, grids, index, strict=True)}
-        return {axis.name: axis.place(_sample(len(self.axes), self.runs, self.seed)[first:last, k]) for k, axis in enumerate(self.axes)}
+            return {axis.name: axis.numbers()[k] for axis, k in zip(self.axes, index, strict=True)}
+        sample = _sample(len(self.axes), self.runs, self.seed)[first:last].T
+        return {axis.name: axis.place(fractions) for axis, fractions in zip(self.axes, sample, strict=True)}
 
     def plain(self) -> dict[str, Any]:
         """The plan as plain data for JSON."""
         own = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {**own, "axes": [axis.plain() for axis in self.axes], "forces": [_plain(force) for force in self.forces]} | {
+        return {**own, "axes": [axis.plain() for axis in self.axes], "forces": [load_as_data(force) for force in self.forces]} | {
             "system": dict(self.system), "fixed": dict(self.fixed), "nes": list(self.nes), "lo": list(self.lo)
         }  # fmt: skip
 
@@ -222,8 +227,7 @@ def _sample(axes: int, runs: int, seed: int) -> np.ndarray:
     return qmc.LatinHypercube(axes, seed=seed).random(runs)
 
 
-def _plain(value: Any) -> Any:
+def load_as_data(force: Force) -> dict[str, Any]:
     """A load as plain data for JSON."""
-    if is_dataclass(value):
-        return {"kind": type(value).__name__} | {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    return value.tolist() if isinstance(value, np.ndarray) else value
+    own = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(force).items()}
+    return {"kind": type(force).__name__, **own}

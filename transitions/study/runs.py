@@ -61,9 +61,8 @@ def results_of(plan: StudyPlan) -> tuple[str, ...]:
     h; nes_share and lo_share, of the initial energy; time_50, .. (NaN: not reached); impacts; last_impact (NaN: none); a peak for each
     coordinate; sticking_time; duration; balance_error, of the initial energy; ended, the code of an `Ending`.
     """
-    names = ImpactSystem.from_description(plan.system).coordinates
     times = (f"time_{round(100 * fraction)}" for fraction in FRACTIONS)
-    peaks = (f"peak_{name}" for name in names)
+    peaks = (f"peak_{name}" for name in ImpactSystem.from_description(plan.system).coordinates)
     return ("h", "nes_share", "lo_share", *times, "impacts", "last_impact", *peaks, "sticking_time", "duration", "balance_error", "ended")
 
 
@@ -97,15 +96,14 @@ def run_block(plan: StudyPlan, given: Mapping[str, np.ndarray], starts: Starts |
     descriptions = [json.dumps({**plain, **dict(zip(model, map(float, row), strict=False))}) for row in distinct]
     systems = [_system_of(description, plan.nes, plan.lo) for description in descriptions]
     runs = _Runs(plan, systems, which.ravel(), rho, *_states(plan, given, systems, which.ravel(), starts), {})
+    ended = np.where(np.isfinite(runs.energies), _WAITING, Ending.NO_ORBIT.code)
     runs.out.update({name: np.full(count, np.nan) for name in results_of(plan)})
-    runs.out["h"][:] = runs.energies
-    runs.out["impacts"][:] = 0.0
-    runs.out["ended"][:] = np.where(np.isfinite(runs.energies), _WAITING, Ending.NO_ORBIT.code)
+    runs.out.update(h=runs.energies.copy(), impacts=np.zeros(count), ended=ended)
     if not plan.forces:
         _run_compiled(runs)
     _run_general(runs)
-    narrow: dict[str, np.ndarray] = {"impacts": runs.out["impacts"].astype(np.int32), "ended": runs.out["ended"].astype(np.int8)}
-    return {**{f"given.{name}": np.asarray(values) for name, values in given.items()}, **runs.out, **narrow}
+    runs.out.update(impacts=runs.out["impacts"].astype(np.int32), ended=runs.out["ended"].astype(np.int8))
+    return {**{f"given.{name}": np.asarray(values) for name, values in given.items()}, **runs.out}
 
 
 _WAITING = -1.0  # in place of the code of an ending, for a run that is not done
@@ -203,19 +201,12 @@ def _run_compiled(runs: _Runs) -> None:
     own = np.array([part in systems[0].sharing.nes_parts for part in parts])
     timed = Ending.LONGEST.code if plan.until == CLEAR else Ending.DURATION.code
     clear = (reason == CLEARED) & (plan.until == CLEAR)
+    duration = np.where(clear, np.nan_to_num(found.last_impact[good], nan=0.0), found.duration[good])
+    ended = np.where(clear, Ending.CLEAR.code, np.where(reason == FULL_COUNT, Ending.IMPACTS_FULL.code, timed))
     runs.write(
-        some,
-        spent[:, own].sum(axis=1),
-        spent[:, ~own].sum(axis=1),
-        *found.times[good].T,
-        found.impacts[good],
-        found.last_impact[good],
-        *found.peaks[good].T,
-        0.0,
-        np.where(clear, np.nan_to_num(found.last_impact[good], nan=0.0), found.duration[good]),
-        error[good],
-        np.where(clear, Ending.CLEAR.code, np.where(reason == FULL_COUNT, Ending.IMPACTS_FULL.code, timed)),
-    )
+        some, spent[:, own].sum(axis=1), spent[:, ~own].sum(axis=1), *found.times[good].T, found.impacts[good], found.last_impact[good],
+        *found.peaks[good].T, 0.0, duration, error[good], ended,
+    )  # fmt: skip
 
 
 def _run_general(runs: _Runs) -> None:
@@ -266,7 +257,12 @@ class _Result(NamedTuple):
 
 def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, run: _Result) -> None:
     """Write the results of one general run."""
-    ended = _ending(runs.plan, run)
+    if run.status is not MotionStatus.DURATION_REACHED:
+        ended = Ending[run.status.name]
+    elif runs.plan.until != CLEAR:
+        ended = Ending.DURATION
+    else:
+        ended = Ending.LONGEST if run.clear_from is None or math.isnan(run.clear_from) else Ending.CLEAR
     if ended is Ending.OUTSIDE:
         runs.out["ended"][b] = ended.code
         return
@@ -286,32 +282,11 @@ def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, 
     runs.write(b, *shares, *times, run.impacts, last_impact, *run.peaks, run.sticking_time, duration, error, ended.code)
 
 
-def _ending(plan: StudyPlan, run: _Result) -> Ending:
-    if run.status is not MotionStatus.DURATION_REACHED:
-        return Ending[run.status.name]
-    if plan.until != CLEAR:
-        return Ending.DURATION
-    clear = run.clear_from is not None and not math.isnan(run.clear_from)
-    return Ending.CLEAR if clear else Ending.LONGEST
-
-
 def spent_to_rest(system: ImpactSystem, dampers: Mapping[str, Any], state: np.ndarray) -> dict[str, float] | None:
-    """The energy that each damper dissipates in free motion from a state to infinite time, without impacts.
+    """The energy that each damper dissipates in free motion from a state (2n,) to infinite time, without impacts; None if a part of the
+    motion does not come to rest. `dampers` are parts (n, n) of the damping matrix.
 
     x' = A x; the integral of v'C v is x'P x with A'P + P A = -[0 0; 0 C] (Lyapunov).
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    dampers : mapping of str to (n, n) array_like
-        Parts of the damping matrix.
-    state : (2n,) ndarray
-        (u, v).
-
-    Returns
-    -------
-    dict of str to float, or None
-        None if a part of the motion does not come to rest.
 
     Examples
     --------

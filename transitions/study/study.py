@@ -9,6 +9,7 @@ import json
 import os
 import zipfile
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -47,13 +48,7 @@ def write_plan(folder: Path, plan: StudyPlan, kind: str, version: str) -> None:
 
 
 def read_plan(folder: Path) -> tuple[StudyPlan, str, str]:
-    """(plan, digest, format) of a study's folder.
-
-    Raises
-    ------
-    NoStudy
-        If the folder holds none.
-    """
+    """(plan, digest, format) of a study's folder; NoStudy if it holds none."""
     try:
         about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
         return StudyPlan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
@@ -66,24 +61,13 @@ def read_plan(folder: Path) -> tuple[StudyPlan, str, str]:
 
 
 def block_path(folder: Path, number: int, kind: str) -> Path:
-    """The file of a block.
-
-    Examples
-    --------
-    >>> block_path(Path("shock.study"), 7, "npz").as_posix()
-    'shock.study/block-000007.npz'
-    """
+    """The file of a block, such as shock.study/block-000007.npz."""
     return folder / f"block-{number:06d}.{kind}"
 
 
 def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, number: int) -> None:
     """Write columns (b,) of results as a block, completely or not at all. The suffix of the path selects the format; `digest` identifies
-    the study's plan.
-
-    Raises
-    ------
-    branches.files.WriteFailure
-    """
+    the study's plan. `branches.files.WriteFailure` if that fails."""
     about = json.dumps({"study": digest, "block": number, "crc": _crc(columns)})
     with replacing(path) as beside:
         if path.suffix == ".parquet":
@@ -99,14 +83,7 @@ def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, numb
 
 
 def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np.ndarray]:
-    """The columns of a block.
-
-    Parameters
-    ----------
-    path, digest, number
-        As for `write_block`.
-    count : int
-        Number of its runs.
+    """The columns of a block of `count` runs; the other arguments are those of `write_block`.
 
     Raises
     ------
@@ -302,9 +279,8 @@ class Study:
 
     def endings(self) -> dict[Ending, int]:
         """Number of runs with each ending."""
-        codes = {ending.code: ending for ending in Ending}
-        found, counts = np.unique(self._columns["ended"], return_counts=True)
-        return {codes[int(code)]: int(count) for code, count in zip(found, counts, strict=True)}
+        counts = Counter(self._columns["ended"].tolist())
+        return {ending: counts[ending.code] for ending in Ending if ending.code in counts}
 
     def best(self, name: str = "nes_share") -> Best:
         """The run with the largest result of a name, and the runs around it.
@@ -398,24 +374,22 @@ def numeric_axes(study: Study) -> tuple[Axis, ...]:
 def bins_of(study: Study, axis: Axis, most: int) -> Bins:
     """The bins of an axis: one for each value of a grid or a list; else `most` bins of equal width on the axis's scale."""
     values = study.given[axis.name]
-    logarithmic = axis.scale == "log"
+    to_scale, from_scale = (np.log, np.exp) if axis.scale == "log" else (np.array, np.array)
     if study.plan.design == "grid" or axis.values:
         centres = np.unique(np.array(axis.grid(), dtype=float))
         which = np.searchsorted(centres, values)
         if len(centres) == 1:
             half = _SINGLE * abs(centres[0]) or 1.0
             return Bins(np.array([centres[0] - half, centres[0] + half]), centres, which)
-        places = np.log(centres) if logarithmic else centres
+        places = to_scale(centres)
         between = 0.5 * (places[1:] + places[:-1])
         edges = np.concatenate([[2.0 * places[0] - between[0]], between, [2.0 * places[-1] - between[-1]]])
-        return Bins(np.exp(edges) if logarithmic else edges, centres, which)
-    low, high = (np.log([axis.low, axis.high]) if logarithmic else (axis.low, axis.high))
-    places = np.log(values) if logarithmic else values
+        return Bins(from_scale(edges), centres, which)
+    low, high = to_scale([axis.low, axis.high])
     edges = np.linspace(low, high, most + 1)
-    which = np.clip(np.searchsorted(edges, places, side="right") - 1, 0, most - 1)
-    middles = 0.5 * (edges[1:] + edges[:-1])
-    ends = np.concatenate([[axis.low], np.exp(edges[1:-1]) if logarithmic else edges[1:-1], [axis.high]])  # the very ends, unrounded
-    return Bins(ends, np.exp(middles) if logarithmic else middles, which)
+    which = np.clip(np.searchsorted(edges, to_scale(values), side="right") - 1, 0, most - 1)
+    ends = np.concatenate([[axis.low], from_scale(edges[1:-1]), [axis.high]])  # the very ends, unrounded
+    return Bins(ends, from_scale(0.5 * (edges[1:] + edges[:-1])), which)
 
 
 def along(study: Study, axis: Axis, values: np.ndarray, some: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -438,10 +412,7 @@ def over(study: Study, x: Axis, y: Axis, values: np.ndarray) -> Map:
     first, second = bins_of(study, x, most), bins_of(study, y, most)
     shape = (len(first.centres), len(second.centres))
     cell = np.ravel_multi_index((first.which[chosen], second.which[chosen]), shape)
-    order = np.argsort(cell, kind="stable")
     counts = np.bincount(cell, minlength=shape[0] * shape[1])
-    medians = np.full(len(counts), np.nan)
-    for k, part in enumerate(np.split(values[chosen][order], np.cumsum(counts)[:-1])):
-        if len(part):
-            medians[k] = np.median(part)
+    parts = np.split(values[chosen][np.argsort(cell, kind="stable")], np.cumsum(counts)[:-1])
+    medians = np.array([np.median(part) if len(part) else np.nan for part in parts])
     return Map(first, second, medians.reshape(shape), counts.reshape(shape))

@@ -17,10 +17,8 @@ import numpy as np
 from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
-    from branches.naming.labels import Name
-    from branches.orbit import Orbit
+    from saltus.motion.study_file import StudyFile
     from saltus.scene import Scene
-    from saltus.study.file import StudyFile
     from transitions.study.plan import StudyPlan
     from transitions.study.runs import Starts
 
@@ -37,12 +35,7 @@ _OF_ORBITS = ("mu", "sigma")
 
 
 def check_folder(folder: Path, plan: StudyPlan, kind: str) -> None:
-    """Refuse a folder that holds another study, or something else.
-
-    Raises
-    ------
-    BadInput
-    """
+    """Raise `BadInput` for a folder that holds another study, or something else."""
     from transitions.study.study import PLAN, NoStudy, read_plan
 
     if not folder.exists():
@@ -51,7 +44,8 @@ def check_folder(folder: Path, plan: StudyPlan, kind: str) -> None:
         raise BadInput(f"{folder} is a file; expected a folder for the study's blocks, or a place where one can be made")
     if not (folder / PLAN).exists():
         # The plan was lost. Each block holds the digest of its plan.
-        foreign = [entry.name for entry in sorted(folder.iterdir()) if not _is_own(entry.name)]
+        own = ("block-", "starts.", ".saltus-", "study.json")
+        foreign = sorted(entry.name for entry in folder.iterdir() if not entry.name.startswith(own))
         if foreign:
             raise BadInput(f"{folder} is not a study and contains {foreign[0]}; expected an empty folder or a study")
         return
@@ -60,22 +54,12 @@ def check_folder(folder: Path, plan: StudyPlan, kind: str) -> None:
     except NoStudy:
         return  # damaged: it is written again
     if digest != plan.digest:
-        raise BadInput(f"{folder} holds another study: {_difference(other, plan)}; expected another --out")
+        theirs, ours = other.plain(), plan.plain()
+        which = next((key for key in ours if key not in ("title", "forces") and theirs.get(key) != ours[key]), None)
+        what = "its loads are others" if which is None else f"its {which} is {theirs.get(which)!r}, and the file says {ours[which]!r}"
+        raise BadInput(f"{folder} holds another study: {what}; expected another --out")
     if other_kind != kind:
         raise BadInput(f"{folder} holds this study as {other_kind}; expected --format {other_kind}, or another --out")
-
-
-def _is_own(name: str) -> bool:
-    return name.startswith(("block-", "starts.", ".saltus-", "study.json"))
-
-
-def _difference(other: StudyPlan, plan: StudyPlan) -> str:
-    """The first difference of two plans."""
-    theirs, ours = other.plain(), plan.plain()
-    for key in ours:
-        if key not in ("title", "forces") and theirs.get(key) != ours[key]:
-            return f"its {key} is {theirs.get(key)!r}, and the file says {ours[key]!r}"
-    return "its loads are others"
 
 
 def kept_starts(study: StudyFile, folder: Path, damaged: Callable[[str], None]) -> tuple[Starts | None, bool]:
@@ -140,19 +124,15 @@ def family_seeds(plan: StudyPlan, scene: Scene) -> list[FamilySeed]:
     if names == (IMPULSIVE,):
         return []
     given = plan.values(0, plan.count)
-    count = plan.count
-    index = given["family"].astype(np.int64) if "family" in given else np.zeros(count, dtype=np.int64)
-    energies = given.get("energy", np.full(count, plan.fixed.get("energy", np.nan)))
+    index = given.get("family", np.zeros(plan.count))
+    energies = np.broadcast_to(given.get("energy", plan.fixed.get("energy", np.nan)), plan.count)
     if plan.units == "physical":
-        energies = energies / given.get("clearance", np.full(count, plan.fixed.get("clearance", 1.0))) ** 2
+        energies = energies / given.get("clearance", plan.fixed.get("clearance", 1.0)) ** 2
     varied = [name for name in _OF_ORBITS if name in given]
-    rows = np.stack([index.astype(float), *(given[name] for name in varied)], axis=1)
-    distinct, which = np.unique(rows, axis=0, return_inverse=True)
-    order = np.argsort(which.ravel(), kind="stable")
-    parts = np.split(order, np.cumsum(np.bincount(which.ravel()))[:-1])
+    distinct, which = np.unique(np.stack([index, *(given[name] for name in varied)], axis=1), axis=0, return_inverse=True)
     seeds = []
-    for row, runs in zip(distinct, parts, strict=True):
-        name = names[int(row[0])]
+    for k, row in enumerate(distinct):
+        name, runs = names[int(row[0])], np.flatnonzero(which.ravel() == k)
         if name == IMPULSIVE:
             continue
         described = {**plan.system, **dict(zip(varied, map(float, row[1:]), strict=True))}
@@ -163,19 +143,17 @@ def family_seeds(plan: StudyPlan, scene: Scene) -> list[FamilySeed]:
 
 
 def find_starts(seed: FamilySeed) -> FamilyStarts:
-    """Follow the family of a seed, and take its orbits at the energies.
-
-    Where it has several there, that with the quarter period nearest to the name's is taken.
-    """
+    """Follow the family of a seed, and take its orbits at the energies. Of several orbits, the one with the quarter period nearest to that
+    of the name is taken."""
     from branches.naming.labels import parse_name
     from bvp.system import ImpactSystem
-    from saltus.families import list_orbits, orbits_of, trace
+    from saltus.families import list_orbits, orbits_of, start_of, trace
     from saltus.scene import Scene
 
     system = ImpactSystem.from_description(json.loads(seed.system))
-    n = system.degrees_of_freedom
-    states, leaving = np.full((len(seed.energies), 2 * n), np.nan), [""] * len(seed.energies)
+    states, leaving = np.full((len(seed.energies), 2 * system.degrees_of_freedom), np.nan), [""] * len(seed.energies)
     name = parse_name(seed.name)
+    alpha = name.alpha
     lowest, highest = seed.bounds["energy"]
     low, high = min(lowest, 0.9 * min(seed.energies)), max(highest, 1.1 * max(seed.energies))
     scene = Scene(system=system, reference_points=seed.reference_points, **seed.bounds)
@@ -183,33 +161,17 @@ def find_starts(seed: FamilySeed) -> FamilyStarts:
         branch = trace(seed.name, scene=scene, energy=(low, high))
     except (ValueError, RuntimeError) as failure:
         return FamilyStarts(states, tuple(leaving), one_line(failure))
-    known: dict[float, tuple[np.ndarray, str]] = {}
-    for k, energy in enumerate(seed.energies):
-        if energy not in known:
-            found = orbits_of(branch, name, energy)
-            if len(found) > 1 and name.alpha is None:
-                error = f"{len(found)} orbits of {seed.name} have h = {energy:.10g}, expected one of {list_orbits(found, branch)}"
-                return FamilyStarts(states, tuple(leaving), error)
-            known[energy] = _state(_nearest(found, name), n)
-        states[k], leaving[k] = known[energy]
+    energies = np.array(seed.energies)
+    for energy in dict.fromkeys(seed.energies):
+        found = orbits_of(branch, name, energy)
+        if len(found) > 1 and alpha is None:
+            error = f"{len(found)} orbits of {seed.name} have h = {energy:.10g}, expected one of {list_orbits(found, branch)}"
+            return FamilyStarts(states, tuple(leaving), error)
+        if found:
+            u, v, contact = start_of(min(found, key=lambda orbit: abs(orbit.alpha - (alpha or orbit.alpha))))
+            for k in np.flatnonzero(energies == energy).tolist():
+                states[k], leaving[k] = np.concatenate([u, v]), contact or ""
     return FamilyStarts(states, tuple(leaving))
-
-
-def _nearest(found: list[Orbit], name: Name) -> Orbit | None:
-    wish = name.alpha
-    if wish is None:
-        return found[0] if found else None
-    return min(found, key=lambda orbit: abs(orbit.alpha - wish), default=None)
-
-
-def _state(orbit: Orbit | None, n: int) -> tuple[np.ndarray, str]:
-    """The start of an orbit, and the contact that it leaves; NaN where there is no orbit."""
-    from saltus.families import start_of
-
-    if orbit is None:
-        return np.full(2 * n, np.nan), ""
-    u, v, contact = start_of(orbit)
-    return np.concatenate([u, v]), contact or ""
 
 
 def find_all_starts(study: StudyFile, executor: Executor) -> Starts | None:
@@ -227,17 +189,12 @@ def find_all_starts(study: StudyFile, executor: Executor) -> Starts | None:
     states, leaving = np.full((plan.count, 2 * n), np.nan), np.full(plan.count, "", dtype="<U2")
     for seed, found in zip(seeds, [future.result() for future in futures], strict=True):
         if found.error:
-            raise BadInput(_family_error(plan, seed, found.error))
+            described: dict[str, Any] = json.loads(seed.system)
+            where = ", ".join(f"{name} = {described[name]:.6g}" for name in _OF_ORBITS if name in plan.names)
+            raise BadInput(f"family {seed.name!r}{f' at {where}' if where else ''}: {found.error}")
         runs = np.array(seed.runs)
         states[runs], leaving[runs] = found.states, found.leaving
     return Starts(states, leaving)
-
-
-def _family_error(plan: StudyPlan, seed: FamilySeed, error: str) -> str:
-    """The failure of a family; if the study varies the system, also the values of the system."""
-    described: dict[str, Any] = json.loads(seed.system)
-    where = ", ".join(f"{name} = {described[name]:.6g}" for name in _OF_ORBITS if name in plan.names)
-    return f"family {seed.name!r}{f' at {where}' if where else ''}: {error}"
 
 
 def keep_starts(starts: Starts, folder: Path, digest: str) -> None:
