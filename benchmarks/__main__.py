@@ -17,16 +17,21 @@ PROGRAM = "python -m benchmarks"
 DEFAULT = "speed-error"
 
 TASKS = {
-    DEFAULT: ("speed_error.command:add_arguments", "speed against error, beside scipy, the paper's method and AUTO-07p (the default task)"),
-    "continuation": ("continuation:add_arguments", "a point of a family beside shooting, its layers, full families, memory, processes"),
-    "building": ("catalogues:building_arguments", "building a catalogue: time, memory, size"),
-    "browsing": ("catalogues:browsing_arguments", "size of a catalogue, and times of the commands that read it"),
-    "sections": ("motions:section_arguments", "Poincare sections beside scipy's integrator"),
-    "studies": ("motions:study_arguments", "many damped runs beside scipy's integrator"),
-    "hard-cases": ("hard_cases:add_arguments", "errors of the hard cases, into docs/reference/hard_cases.md"),
-    "orbit": ("orbit:add_arguments", "one orbit by the paper's nonsmooth time transformation, beside the exact one"),
+    DEFAULT: "speed against error, beside scipy, the paper's method and AUTO-07p (the default task)",
+    "continuation": "a point of a family beside shooting, its layers, full families, memory, processes",
+    "building": "building a catalogue: time, memory, size",
+    "browsing": "size of a catalogue, and times of the commands that read it",
+    "sections": "Poincare sections beside scipy's integrator",
+    "studies": "many damped runs beside scipy's integrator",
+    "hard-cases": "errors of the hard cases, into docs/reference/hard_cases.md",
+    "orbit": "one orbit by the paper's nonsmooth time transformation, beside the exact one",
 }
-"""Summary of each task, and the function that fills its parser and sets `run`, which returns the exit code."""
+"""Summary of each task."""
+
+_MODULES = {
+    DEFAULT: "speed_error.command", "building": "catalogues", "browsing": "catalogues", "sections": "motions", "studies": "motions",
+}  # fmt: skip
+"""Modules of the tasks that have another name than their task."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -65,16 +70,16 @@ def _run(words: list[str]) -> int:
         raise BadInput(f"unknown task {name!r}, expected {' or '.join(TASKS)}{nearest(name, TASKS)}")
     parser = OneLineParser(prog=PROGRAM, description="Benchmarks of saltus, from a checkout.")
     tasks = parser.add_subparsers(metavar="TASK", title="tasks")
-    for task, (place, summary) in TASKS.items():
-        chosen = tasks.add_parser(task, help=summary, description=summary[0].upper() + summary[1:] + ".")
-        if task == name:
-            # Only the module of the wanted task is imported.
-            module, _, function = place.partition(":")
-            getattr(importlib.import_module(f"benchmarks.{module}"), function)(chosen)
-            parser_of_task = chosen
+    parsers = {task: tasks.add_parser(task, help=text, description=f"{text[0].upper()}{text[1:]}.") for task, text in TASKS.items()}
+    if name in TASKS:
+        # Only the module of the wanted task is imported. Its function fills the parser and sets `run`, which returns the exit code.
+        own = name.replace("-", "_")
+        module = importlib.import_module(f"benchmarks.{_MODULES.get(name, own)}")
+        fill = getattr(module, f"{own}_arguments", None) or module.add_arguments
+        fill(parsers[name])
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        parser_of_task.refuse(unknown[0], words)
+        parsers[name].refuse(unknown[0], words)
     return int(arguments.run(arguments))
 
 

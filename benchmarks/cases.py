@@ -63,21 +63,9 @@ def physical_period(system: ImpactSystem) -> float:
 
 
 def segment(of: ImpactSystem, inner: int, alpha: float = ALPHA) -> tuple[MultipointProblem, np.ndarray]:
-    """The problem with `inner` impacts between the origin and a stop, and its exact unknowns at a quarter period of S13O00+.
+    """The problem with `inner` impacts between the origin and a stop, and its exact unknowns (u,) at a quarter period of S13O00+.
 
-    Parameters
-    ----------
-    of : ImpactSystem
-        With one stop of gap -1..1.
-    inner : int
-        Number k of inner impacts.
-    alpha : float
-        Quarter period of the orbit; the segment is 2k + 1 times as long.
-
-    Returns
-    -------
-    (MultipointProblem, (u,) float)
-    """
+    The system has one stop of gap -1..1. With k inner impacts the segment is 2k + 1 quarters long."""
     n = of.degrees_of_freedom
     start = of.modes.from_state @ np.concatenate([np.zeros(n), backbone.origin_velocity(of, alpha)])
     u, v = backbone.motion(of, alpha, np.array([-alpha]))
@@ -92,18 +80,7 @@ def segment(of: ImpactSystem, inner: int, alpha: float = ALPHA) -> tuple[Multipo
 def closed_form_error(of: ImpactSystem, inner: int, energy: float, duration: float, velocities: np.ndarray) -> float:
     """Relative error of an orbit against the closed form at its own quarter period: the larger of those of h and of the start.
 
-    Parameters
-    ----------
-    of : ImpactSystem
-    inner : int
-        Number k of inner impacts.
-    energy : float
-        h.
-    duration : float
-        Time from the origin to the stop at the end of the segment; 2k + 1 quarters.
-    velocities : (n,) float
-        At the origin.
-    """
+    `duration` is the time from the origin to the stop at the end of the segment, 2k + 1 quarters; the velocities (n,) are at the origin."""
     alpha = duration / (2 * inner + 1)
     exact = backbone.origin_velocity(of, alpha)
     in_energy = abs(energy / backbone.energy(of, alpha) - 1.0)

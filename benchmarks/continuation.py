@@ -29,7 +29,7 @@ from branches.tracing import SETTINGS, follow_family
 from bvp.multipoint import MultipointProblem
 from saltus.errors import DONE, BadInput, nearest
 
-__all__ = ["SECTIONS", "Held", "Process", "add_arguments", "families", "held", "memory", "processes", "run", "time_process"]
+__all__ = ["SECTIONS", "Held", "add_arguments", "families", "held", "memory", "processes", "run", "time_process"]
 
 PROCESSES = (
     ("python -c pass", ("-c", "pass")),
@@ -128,16 +128,7 @@ class Held:
 
 
 def held(problem: MultipointProblem, y: np.ndarray, points: int) -> Held:
-    """Trace a branch upward and count the bytes that Python and numpy hold for it, by tracemalloc.
-
-    Parameters
-    ----------
-    problem : MultipointProblem
-    y : (u,) float
-        Unknowns at the start.
-    points : int
-        Points in total, including those at events.
-    """
+    """Trace a branch of so many points upward from unknowns y, and count the bytes that Python and numpy hold for it, by tracemalloc."""
 
     def traced() -> Branch:
         return follow_family(problem, y, points=points, direction="up", settings=SHORT_STEPS)
@@ -195,28 +186,10 @@ def memory(scope: Scope) -> Table:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Process:
-    """Seconds of a process: of its first run without compiled code on disk (None if not run), and of the later ones."""
+def time_process(arguments: tuple[str, ...], repeats: int, cold: bool) -> list[float]:
+    """Seconds of a process with an empty folder for compiled code, and of so many repeats with the code that it left there.
 
-    words: str
-    cold: float | None
-    warm: list[float]
-
-
-def time_process(words: str, arguments: tuple[str, ...], repeats: int, cold: bool) -> Process:
-    """Run a process with an empty folder for compiled code, and again with the code that it left there.
-
-    Parameters
-    ----------
-    words : str
-        What is run, for the reader.
-    arguments : tuple of str
-        Of the interpreter.
-    repeats : int
-        Number of later runs.
-    cold : bool
-        If False, the folder is the usual one, and the first run, which may fill it, does not count.
+    If not `cold`, the folder is the usual one, and the first run may fill it.
 
     Raises
     ------
@@ -224,28 +197,24 @@ def time_process(words: str, arguments: tuple[str, ...], repeats: int, cold: boo
         If the process fails.
     """
     with tempfile.TemporaryDirectory(prefix="saltus-benchmark-") as folder:
-        cache = folder if cold else None
-        first = run_python(*arguments, cache=cache).seconds
-        return Process(words, first if cold else None, [run_python(*arguments, cache=cache).seconds for _ in range(repeats)])
+        return [run_python(*arguments, cache=folder if cold else None).seconds for _ in range(1 + repeats)]
 
 
 def processes(scope: Scope) -> Table:
     """Times of whole processes, from the start of Python to its end, by the clock."""
-    measured = []
+    first, warm = {}, {}
     for words, arguments in PROCESSES:
         progress(words)
-        measured.append(time_process(words, arguments, scope.processes, scope.cold))
-    base = {process.words: spread(process.warm).median for process in measured[:2]}
+        first[words], *later = time_process(arguments, scope.processes, scope.cold)
+        warm[words] = spread(later)
     rows = []
-    for process in measured:
-        warm = spread(process.warm)
-        cold = "not run" if process.cold is None else number(process.cold)
-        ratios = [number(warm.median / seconds) for seconds in base.values()]
-        slower = "-" if process.cold is None else number(process.cold / warm.median)
-        rows.append((process.words, cold, f"{number(warm.median)} ({number(warm.least)})", slower, *ratios))
+    for words, (least, median) in warm.items():
+        cold, slower = (number(first[words]), number(first[words] / median)) if scope.cold else ("not run", "-")
+        ratios = [number(median / base.median) for base in list(warm.values())[:2]]
+        rows.append((words, cold, f"{number(median)} ({number(least)})", slower, *ratios))
     return Table(
         "Whole processes, seconds",
-        ("process", "cold", "warm", "cold to warm", *(f"warm to {words}" for words in base)),
+        ("process", "cold", "warm", "cold to warm", *(f"warm to {words}" for words, _ in PROCESSES[:2])),
         rows,
         (
             f"Cold: the first run with an empty NUMBA_CACHE_DIR, once. Warm: the runs after it, median (least) of {scope.processes}.",

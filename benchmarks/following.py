@@ -38,12 +38,7 @@ TOGETHER = 8
 
 
 class BareFamily(Family):
-    """A family whose points are orbits only: no multipliers, no admissibility, no half-waves. Its only test function is the fold.
-
-    Parameters
-    ----------
-    problem : MultipointProblem
-    """
+    """A family whose points are orbits only: no multipliers, no admissibility, no half-waves. Its only test function is the fold."""
 
     def __init__(self, problem: MultipointProblem) -> None:
         super().__init__(problem)
@@ -52,11 +47,9 @@ class BareFamily(Family):
         self._full = False
 
     def begin(self, y: np.ndarray) -> Step:
-        """See `continuation.Problem`."""
         return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, full=False))
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
-        """See `continuation.Problem`."""
         return self._step(self.problem.step(y, tangent, ds, full=False))
 
     def _step(self, solution: Solution | None) -> Step:
@@ -73,7 +66,6 @@ class BareFamily(Family):
         )  # fmt: skip
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails:
-        """See `continuation.Problem`."""
         return EventDetails("SN")
 
 
@@ -137,19 +129,10 @@ class Run:
 
 
 def timed_run(family: Problem, start: Step, points: int, settings: Settings = SETTINGS) -> Run:
-    """Follow a family to higher energy and measure the processor time of each point.
+    """Follow a family to higher energy, for so many accepted points after the start, and measure the processor time of each.
 
     Points come in blocks. The first point of a block gets the time of the whole block and of the step that ended it, so only means are
     meaningful. The points of a block stay in its arrays while the time is measured.
-
-    Parameters
-    ----------
-    family : continuation.Problem
-    start : Step
-        From `family.begin`.
-    points : int
-        Accepted points after the start; fewer if the family ends before.
-    settings : continuation.Settings
 
     Raises
     ------
@@ -223,54 +206,21 @@ def _nothing(*arguments):
 
 @dataclass(frozen=True)
 class Layers:
-    """Seconds a point, layer by layer.
+    """Seconds a point, layer by layer. The least total is measured directly. It is the sum of the layers, differences of least times."""
 
-    Parameters
-    ----------
-    inner : int
-        Number of inner impacts.
-    steps, iterations, compiled_calls : float
-        Per point.
-    compiled : float
-        Arithmetic in compiled code.
-    entering : float
-        Passing the same arguments to compiled code and back.
-    family : float
-        Python in `Family.advance` around the compiled call: arrays of the block, and a `Step` if the last one is not plain.
-    engine : float
-        Python in the engine, per block.
-    total : Spread
-        Measured directly. Its least value is the sum of the layers, which are differences of least times.
-    """
-
-    inner: int
-    steps: float
+    inner: int  # number of inner impacts
+    steps: float  # per point, as the next two
     iterations: float
     compiled_calls: float
-    compiled: float
-    entering: float
-    family: float
-    engine: float
+    compiled: float  # arithmetic in compiled code
+    entering: float  # passing the same arguments to compiled code and back
+    family: float  # Python in `Family.advance` around the compiled call
+    engine: float  # Python in the engine, per block
     total: Spread
-
-    @property
-    def python(self) -> float:
-        """Least seconds outside compiled arithmetic."""
-        return self.total.least - self.compiled
 
 
 def layers_of(problem: MultipointProblem, y: np.ndarray, points: int, repeats: int) -> Layers:
-    """Measure the time of a point layer by layer.
-
-    Parameters
-    ----------
-    problem : MultipointProblem
-    y : (u,) float
-        Unknowns at the start of the run.
-    points : int
-        Accepted points of the run.
-    repeats : int
-        How often each layer is measured.
+    """Measure the time of a point layer by layer, in a run of so many points from unknowns y. Each layer is measured `repeats` times.
 
     Raises
     ------

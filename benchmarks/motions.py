@@ -34,7 +34,7 @@ from transitions.study.plan import Axis, StudyPlan
 from transitions.study.study import Study, write_plan
 
 __all__ = [
-    "Integrated", "Studied", "integrate", "integrated_section", "plan", "section_arguments", "section_table", "study", "study_arguments",
+    "Integrated", "Studied", "integrate", "integrated_section", "plan", "section_table", "sections_arguments", "studies_arguments", "study",
     "study_table", "tail_time",
 ]  # fmt: skip
 
@@ -51,7 +51,7 @@ ENERGIES = (0.06, 0.3, 1.0, 5.0)
 """Energies of the sections."""
 
 
-def section_arguments(parser: argparse.ArgumentParser) -> None:
+def sections_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of `sections`."""
     parser.add_argument("--quick", action="store_true", help="fewer energies, orbits and points")
     parser.set_defaults(run=_run_sections)
@@ -154,7 +154,7 @@ def section_table(quick: bool) -> Table:
     )  # fmt: skip
 
 
-def study_arguments(parser: argparse.ArgumentParser) -> None:
+def studies_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of `studies`."""
     parser.add_argument("--runs", type=whole_above_zero, default=1_000_000, help="damped runs (default: 1000000)")
     parser.add_argument("--workers", type=whole_above_zero, nargs="+", default=[1, 2], help="numbers of worker processes (default: 1 2)")
@@ -173,32 +173,18 @@ def _run_studies(arguments: argparse.Namespace) -> int:
 
 @dataclass(frozen=True)
 class Studied:
-    """A study.
-
-    Parameters
-    ----------
-    workers : int
-    seconds, processor : float
-        By the clock; of all processors together.
-    runs, impacts : int
-    memory, size : float
-        Bytes a run, in memory and on disk.
-    error : float
-        Largest error of the energy balance.
-    energies, last : (runs,) float
-        Energy and time of the last impact of each run.
-    """
+    """A study."""
 
     workers: int
-    seconds: float
-    processor: float
+    seconds: float  # by the clock
+    processor: float  # seconds of all processors together
     runs: int
     impacts: int
-    memory: float
-    size: float
-    error: float
-    energies: np.ndarray
-    last: np.ndarray
+    memory: float  # bytes a run
+    size: float  # the same on disk
+    error: float  # largest of the energy balance
+    energies: np.ndarray  # (runs,)
+    last: np.ndarray  # (runs,) time of the last impact
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,8 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.peers.nonsmooth_time import (
-    LEAST_TOLERANCE,
-    TOLERANCE,
-    NonsmoothTimeOrbit,
-    NotMatched,
-    Stagnates,
-    check_impacts,
-    solve_nonsmooth_time,
-    why_not,
-)
+from benchmarks.peers import nonsmooth_time as paper
+from benchmarks.peers.nonsmooth_time import LEAST_TOLERANCE, TOLERANCE, NonsmoothTimeOrbit, NotMatched, Stagnates
 from benchmarks.report import Table, show
 from saltus.errors import DONE, BadInput
 from saltus.options import positive
@@ -75,19 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def nonsmooth_time_orbit(orbit: Orbit, tolerance: float) -> tuple[NonsmoothTimeOrbit, int]:
-    """Find an orbit by shooting in nonsmooth time, at its quarter period, from its velocities rounded to a few digits.
+    """Find an orbit by shooting in nonsmooth time, at the quarter period of an exact orbit, from its velocities rounded to a few digits.
 
-    Parameters
-    ----------
-    orbit : Orbit
-        The exact one.
-    tolerance : float
-        Of the matching at the half period.
-
-    Returns
-    -------
-    (NonsmoothTimeOrbit, int)
-        The orbit, and the significant digits of the start.
+    Returns the orbit and the number of digits. `tolerance` is that of the matching at the half period.
 
     Raises
     ------
@@ -96,7 +78,7 @@ def nonsmooth_time_orbit(orbit: Orbit, tolerance: float) -> tuple[NonsmoothTimeO
     NotMatched
         If shooting does not reach this orbit.
     """
-    reason = why_not(orbit.system)
+    reason = paper.why_not(orbit.system)
     if orbit.velocities is None and reason is None:
         reason = f"its ends are {orbit.ends[0]} {orbit.ends[1]}"
     if reason is not None:
@@ -111,8 +93,8 @@ def nonsmooth_time_orbit(orbit: Orbit, tolerance: float) -> tuple[NonsmoothTimeO
         try:
             # A loose tolerance shows cheaply where shooting goes.
             for allowed in sorted({max(tolerance, TOLERANCE), tolerance}, reverse=True):
-                found = solve_nonsmooth_time(orbit.system, orbit.alpha, velocities, tolerance=allowed)
-                check_impacts(found, expected)
+                found = paper.solve_nonsmooth_time(orbit.system, orbit.alpha, velocities, tolerance=allowed)
+                paper.check_impacts(found, expected)
                 velocities = found.velocities.tolist()
         except Stagnates as error:
             # A closer start would stagnate as well.

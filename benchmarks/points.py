@@ -19,36 +19,16 @@ __all__ = ["FULL", "QUICK", "Scope", "Shot", "layers", "microseconds", "points",
 
 @dataclass(frozen=True)
 class Scope:
-    """How much is measured.
+    """How much is measured."""
 
-    Parameters
-    ----------
-    points : int
-        Points of a run of saltus.
-    repeats : int
-        Runs of saltus.
-    shot : dict of int to int
-        Points by shooting for each number of inner impacts.
-    rtols : dict of int to tuple of float
-        Tolerances of the integrator for each number of inner impacts.
-    differenced : int
-        Most inner impacts for which shooting computes multipliers.
-    families : tuple of str
-        Names of families that are followed completely.
-    processes : int
-        Repeats of a warm process.
-    cold : bool
-        Whether processes also run without compiled code on disk.
-    """
-
-    points: int
-    repeats: int
-    shot: dict[int, int]
-    rtols: dict[int, tuple[float, ...]]
-    differenced: int
-    families: tuple[str, ...]
-    processes: int
-    cold: bool
+    points: int  # of a run of saltus
+    repeats: int  # runs of saltus
+    shot: dict[int, int]  # points by shooting for each number of inner impacts
+    rtols: dict[int, tuple[float, ...]]  # tolerances of the integrator for each number of inner impacts
+    differenced: int  # most inner impacts for which shooting computes multipliers
+    families: tuple[str, ...]  # that are followed completely
+    processes: int  # repeats of a warm process
+    cold: bool  # whether processes also run without compiled code on disk
 
 
 _RTOLS = (1e-6, 1e-9, 1e-12)
@@ -115,19 +95,7 @@ def microseconds(seconds: Spread) -> str:
 
 
 def shoot(inner: int, rtol: float, count: int, differenced: bool) -> Shot:
-    """Follow the same orbits by shooting, from two given ones.
-
-    Parameters
-    ----------
-    inner : int
-        Number of inner impacts.
-    rtol : float
-        Of the integrator.
-    count : int
-        Number of orbits.
-    differenced : bool
-        Whether the multipliers are computed as well.
-    """
+    """Follow `count` of the same orbits by shooting, from two given ones; `differenced`: compute their multipliers as well."""
     system = cases.system()
     method = PlainShooting(cases.MU, cases.SIGMA, inner, rtol)
     older, last = (
@@ -161,14 +129,8 @@ def points(scope: Scope) -> Table:
         bare = timed_runs(BareFamily(problem), y, scope.points, scope.repeats)
         error = max(cases.step_error(problem, step) for step in (*full[0].steps, *bare[0].steps))
         all_on, orbit_only = (spread([run.clean_point for run in runs]) for runs in (full, bare))
-        ours = (
-            str(inner),
-            microseconds(all_on),
-            microseconds(orbit_only),
-            number(all_on.least / orbit_only.least),
-            _location(full),
-            number(error, 2),
-        )
+        ratio = number(all_on.least / orbit_only.least)
+        ours = (str(inner), microseconds(all_on), microseconds(orbit_only), ratio, _location(full), number(error, 2))
         for rtol in scope.rtols[inner]:
             progress(f"{inner} inner impacts: shooting at rtol {rtol:g}")
             theirs = shoot(inner, rtol, scope.shot[inner], inner <= scope.differenced)
@@ -212,18 +174,11 @@ def layers(scope: Scope) -> Table:
     for inner in cases.INNER:
         progress(f"{inner} inner impacts: layers")
         parts = layers_of(*cases.segment(system, inner), scope.points, scope.repeats)
+        counts = (parts.steps, parts.iterations, parts.compiled_calls)
         times = (parts.compiled, parts.entering, parts.family, parts.engine)
-        rows.append(
-            (
-                str(inner),
-                number(parts.steps),
-                number(parts.iterations),
-                number(parts.compiled_calls),
-                *(number(1e6 * seconds) for seconds in times),
-                microseconds(parts.total),
-                f"{100.0 * parts.python / parts.total.least:.0f} %",
-            )
-        )
+        outside = f"{100.0 * (parts.total.least - parts.compiled) / parts.total.least:.0f} %"
+        cells = (*map(number, counts), *(number(1e6 * seconds) for seconds in times), microseconds(parts.total), outside)
+        rows.append((str(inner), *cells))
     return Table(
         "Where the microseconds of a point go, all on",
         (

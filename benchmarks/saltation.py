@@ -13,20 +13,10 @@ __all__ = ["monodromy", "reduced_monodromy", "saltation", "saltation_matrix", "s
 
 
 def saltation(jump: np.ndarray, coming: np.ndarray, going: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """What crossing a surface makes of a perturbation: S = R + (f+ - R f-) g / (g . f-).
+    """The saltation matrix (N, N) of a surface, S = R + (f+ - R f-) g / (g . f-): what crossing it does to a perturbation.
 
-    Parameters
-    ----------
-    jump : (N, N) float
-        R, the derivative of what the state becomes on the surface; the identity where only the flow changes.
-    coming, going : (N,) float
-        f- and f+, the flow before and behind it; g . f- is not 0.
-    gradient : (N,) float
-        g, the gradient of the surface.
-
-    Returns
-    -------
-    (N, N) float
+    `jump` is R, the derivative of what the state becomes on the surface; the identity if only the flow changes. `coming` and `going` are
+    f- and f+, the flow before and behind it, and `gradient` is g; g . f- is not 0.
 
     Examples
     --------
@@ -38,22 +28,10 @@ def saltation(jump: np.ndarray, coming: np.ndarray, going: np.ndarray, gradient:
 
 
 def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> np.ndarray:
-    """What an impact makes of a perturbation, in modal coordinates.
+    """The saltation matrix (2n, 2n) of an impact, in modal coordinates, for the modal state (2n,) before it.
 
     S = R + (f+ - R f-) g / (g . f-), with R = I - (1 + r) d g' the map of the states, f+- = B z+- the flow on either side and
-    g the gradient of the gap (Mueller, Chaos, Solitons & Fractals 5 (1995) 1671).
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    contact : int
-        Row of the contact arrays of `Modes`.
-    before : (2n,) float
-        Modal state before the impact.
-
-    Returns
-    -------
-    (2n, 2n) float
+    g the gradient of the gap (Mueller, Chaos, Solitons & Fractals 5 (1995) 1671). `contact` is a row of the contact arrays of `Modes`.
 
     Raises
     ------

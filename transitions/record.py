@@ -169,6 +169,8 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
 
     Raises
     ------
+    TypeError
+        For a motion or a sharing that is none.
     ValueError
         For a motion without duration.
 
@@ -184,8 +186,10 @@ def sampled(motion: Motion, sharing: Sharing, samples: int | None = None, span: 
     True
     """
     from bvp.motion import EventKind
+    from transitions.sharing import Sharing
 
     require_motion(motion)
+    require(sharing, Sharing, "the sharing", "saltus.sharing_of(system)")
     if not motion.duration > 0.0:
         raise ValueError("a motion without duration has no record; run it for a time above 0")
     span = motion.duration if span is None else span

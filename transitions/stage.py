@@ -169,6 +169,7 @@ def changes(stages: Sequence[Stage]) -> list[Change]:
     Parameters
     ----------
     stages : sequence of Stage
+        As `saltus.stages_of` returns them; a TypeError for anything else.
     """
     if not isinstance(stages, Sequence) or not all(isinstance(stage, Stage) for stage in stages):
         raise TypeError(f"the stages are {shown(stages)}, expected a list of those that saltus.stages_of gives")

@@ -160,11 +160,9 @@ class Auto07p(Method):
     setting = "NTST"
 
     def missing(self) -> str | None:
-        """See `benchmarks.speed_error.methods.Method`."""
         return missing()
 
     def does(self, task: Task) -> bool:
-        """See `benchmarks.speed_error.methods.Method`."""
         return isinstance(task, OrbitTask | LocateTask)
 
     def settings(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
@@ -172,7 +170,6 @@ class Auto07p(Method):
         return INTERVALS if len(tolerances) > len(INTERVALS) else INTERVALS[1:2]
 
     def prepare(self, task: Task, setting: float | None) -> Work:
-        """See `benchmarks.speed_error.methods.Method`."""
         assert setting is not None
         intervals = int(setting)
         if isinstance(task, LocateTask):

@@ -28,54 +28,26 @@ class AutoError(RuntimeError):
 
 @dataclass(frozen=True)
 class AutoSettings:
-    """How AUTO discretises and follows.
+    """How AUTO discretises and follows."""
 
-    Parameters
-    ----------
-    intervals, collocation : int
-        NTST, 1 or more, and NCOL, 2 to 7.
-    tolerance : float
-        EPSL and EPSU, of Newton's method, relative.
-    special_tolerance : float
-        EPSS, relative, of located points.
-    step : float
-        DS, the constant pseudo-arclength between points in AUTO's own norm. Its sign is that of the first change of the energy.
-    points : int
-        NMX.
-    folds : bool
-        Whether folds are located.
-    adapt : int
-        IAD: number of points after which the mesh is adapted; 0 for never.
-    """
-
-    intervals: int = 4
-    collocation: int = 7
-    tolerance: float = 1e-12
-    special_tolerance: float = 1e-12
-    step: float = 0.02
-    points: int = 100
-    folds: bool = False
-    adapt: int = 0
+    intervals: int = 4  # NTST, 1 or more
+    collocation: int = 7  # NCOL, 2 to 7
+    tolerance: float = 1e-12  # EPSL and EPSU, of Newton's method, relative
+    special_tolerance: float = 1e-12  # EPSS, relative, of located points
+    step: float = 0.02  # DS, pseudo-arclength between points in AUTO's own norm; its sign is that of the first change of the energy
+    points: int = 100  # NMX
+    folds: bool = False  # whether folds are located
+    adapt: int = 0  # IAD: number of points after which the mesh is adapted; 0 for never
 
 
 @dataclass(frozen=True, eq=False)
 class AutoPoint:
-    """An orbit that AUTO found.
+    """An orbit that AUTO found."""
 
-    Parameters
-    ----------
-    type : str
-        "" for an ordinary point, LP for a fold, BP, UZ, EP.
-    h : float
-    flight_times : (k + 1,) float
-    nodes : (k + 1, 4) float
-        (u, u') where each flight begins.
-    """
-
-    type: str
+    type: str  # "" for an ordinary point, LP for a fold, BP, UZ, EP
     h: float
-    flight_times: np.ndarray
-    nodes: np.ndarray
+    flight_times: np.ndarray  # (k + 1,)
+    nodes: np.ndarray  # (k + 1, 4) u and u' where each flight begins
 
     @property
     def velocities(self) -> np.ndarray:
@@ -94,24 +66,12 @@ class AutoPoint:
 
 @dataclass(frozen=True, eq=False)
 class AutoRun:
-    """Result of a run of AUTO.
+    """Result of a run of AUTO."""
 
-    Parameters
-    ----------
-    seconds : float
-        AUTO's "Total Time": reading, following and writing, without compiling and starting.
-    count : int
-        Number of points, including the first one.
-    points : list of AutoPoint
-        Empty if AUTO kept none.
-    processor : float
-        Processor seconds of the whole call, with compiling and starting; NaN if unknown.
-    """
-
-    seconds: float
-    count: int
-    points: list[AutoPoint]
-    processor: float = math.nan
+    seconds: float  # AUTO's "Total Time": reading, following and writing, without compiling and starting
+    count: int  # number of points, including the first one
+    points: list[AutoPoint]  # empty if AUTO kept none
+    processor: float = math.nan  # seconds of the whole call, with compiling and starting; NaN if unknown
 
     @property
     def folds(self) -> list[AutoPoint]:

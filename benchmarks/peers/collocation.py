@@ -32,31 +32,15 @@ class CollocationError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class CollocationOrbit:
-    """An orbit that collocation found.
+    """An orbit that collocation found."""
 
-    Parameters
-    ----------
-    unknowns : (u,) float
-        Those of the multipoint problem.
-    energy, quarter_period : float
-        h and alpha.
-    tolerance : float
-        The wanted tolerance.
-    residual : float
-        Largest relative residual of the mesh intervals, as solve_bvp estimates it.
-    mesh : (m,) float
-        Nodes in [0, 1], the same for all flights.
-    states : (4 (k + 1), m) float
-        Modal states of all flights there.
-    """
-
-    unknowns: np.ndarray
+    unknowns: np.ndarray  # (u,) those of the multipoint problem
     energy: float
     quarter_period: float
-    tolerance: float
-    residual: float
-    mesh: np.ndarray
-    states: np.ndarray
+    tolerance: float  # the wanted one
+    residual: float  # largest relative residual of the mesh intervals, as solve_bvp estimates it
+    mesh: np.ndarray  # (m,) nodes in [0, 1], the same for all flights
+    states: np.ndarray  # (4 (k + 1), m) modal states of all flights there
 
 
 class _Segments:
@@ -145,22 +129,11 @@ def solve_collocation(
     near: CollocationOrbit | None = None,
     most_nodes: int = 20_000,
 ) -> CollocationOrbit:
-    """Solve an orbit at a given energy or quarter period.
+    """Solve an orbit between two ends at a given energy or quarter period, exactly one of them, from a guess of the unknowns y.
 
-    Parameters
-    ----------
-    problem : MultipointProblem
-        Between two ends, not periodic.
-    y : (u,) float
-        A guess, as unknowns of the problem.
-    energy, quarter_period : float
-        Exactly one of them.
-    tolerance : float
-        Of solve_bvp: for the relative residuals of the equations and the absolute residuals of the boundary conditions.
-    near : CollocationOrbit, optional
-        A nearby orbit. Its states and mesh replace the guess.
-    most_nodes : int
-        Nodes at which solve_bvp stops. Its memory grows with them and with the square of the number of flights.
+    `tolerance` is that of solve_bvp, for the relative residuals of the equations and the absolute residuals of the boundary conditions. The
+    states and the mesh of an orbit `near` replace the guess. solve_bvp stops at `most_nodes` nodes. Its memory grows with them and with the
+    square of the number of flights.
 
     Raises
     ------
@@ -222,7 +195,6 @@ class Collocation(Method):
     setting = "tol"
 
     def prepare(self, task: Task, setting: float | None) -> Work:
-        """See `benchmarks.speed_error.methods.Method`."""
         assert isinstance(task, OrbitTask) and setting is not None
         guess = task.guess()
         # A matrix of solve_bvp has an entry for every pair of states at every node.

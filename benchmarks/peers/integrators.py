@@ -218,11 +218,9 @@ class Shooting(Method):
     setting = "rtol"
 
     def does(self, task: Task) -> bool:
-        """See `benchmarks.speed_error.methods.Method`."""
         return True
 
     def prepare(self, task: Task, setting: float | None) -> Work:
-        """See `benchmarks.speed_error.methods.Method`."""
         assert setting is not None
         if isinstance(task, OrbitTask):
             integrator = Integrator(task.system, self.integrator, setting)

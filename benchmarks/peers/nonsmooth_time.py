@@ -85,39 +85,18 @@ def why_not(system: ImpactSystem) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class NonsmoothTimeOrbit:
-    """A periodic orbit found by shooting in nonsmooth time.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    quarter_period : float
-        alpha, as given.
-    slope : (n,) float
-        y'(-1), the derivative with respect to tau; the velocities are slope/alpha.
-    half : tuple of TauImpact
-        Impacts inside the first half period.
-    mismatch : float
-        Largest |y_i(1)|, below `tolerance`.
-    drift : float
-        Largest relative change of the energy at the end of a flight.
-    tolerance, integrator_tolerance : float
-        Of the matching; relative and absolute, of the integrator.
-    integrator : str
-        Name of the method of `scipy.integrate.solve_ivp`.
-    corrections : int
-        Number of corrections.
-    """
+    """A periodic orbit found by shooting in nonsmooth time."""
 
     system: ImpactSystem
-    quarter_period: float
-    slope: np.ndarray
-    half: tuple[TauImpact, ...]
-    mismatch: float
-    drift: float
-    tolerance: float
-    integrator_tolerance: float
-    integrator: str
-    corrections: int
+    quarter_period: float  # alpha, as given
+    slope: np.ndarray  # (n,) y'(-1), the derivative with respect to tau; the velocities are slope/alpha
+    half: tuple[TauImpact, ...]  # inside the first half period
+    mismatch: float  # largest |y_i(1)|, below `tolerance`
+    drift: float  # largest relative change of the energy at the end of a flight
+    tolerance: float  # of the matching
+    integrator_tolerance: float  # relative and absolute
+    integrator: str  # name of the method of `scipy.integrate.solve_ivp`
+    corrections: int  # their number
 
     @property
     def h(self) -> float:
@@ -308,19 +287,7 @@ def _energy(system: ImpactSystem, state: np.ndarray, alpha: float) -> float:
 
 
 def check_impacts(found: NonsmoothTimeOrbit, expected: Sequence[tuple[float, str]]) -> None:
-    """Check that an orbit has the expected impacts.
-
-    Parameters
-    ----------
-    found : NonsmoothTimeOrbit
-    expected : sequence of (float, str)
-        Time and contact of each impact in the first half period.
-
-    Raises
-    ------
-    NotMatched
-        If it is another orbit.
-    """
+    """Check that an orbit has the expected impacts, given by time and contact, in the first half period; NotMatched if it is another."""
     alpha = found.quarter_period
     if [impact.contact for impact in found.half] != [contact for _, contact in expected]:
         raise NotMatched(f"this is another orbit, with {len(found.half)} impacts in half a period instead of {len(expected)}, or elsewhere")
@@ -337,7 +304,6 @@ class NonsmoothTime(Method):
     setting = "matched to"
 
     def prepare(self, task: Task, setting: float | None) -> Work:
-        """See `benchmarks.speed_error.methods.Method`."""
         assert isinstance(task, OrbitTask) and setting is not None
         velocities = task.start_velocities(task.guess())
         times = np.cumsum(task.problem.flight_times(task.unknowns()))[:-1]

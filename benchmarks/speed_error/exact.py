@@ -58,15 +58,12 @@ class Saltus(Method):
     setting = ""
 
     def does(self, task: Task) -> bool:
-        """See `benchmarks.speed_error.methods.Method`."""
         return isinstance(task, OrbitTask) or self.name == OWN
 
     def settings(self, tolerances: tuple[float, ...]) -> tuple[float | None, ...]:
-        """See `benchmarks.speed_error.methods.Method`."""
         return (None,)
 
     def prepare(self, task: Task, setting: float | None) -> Work:
-        """See `benchmarks.speed_error.methods.Method`."""
         if isinstance(task, OrbitTask):
             return Work(lambda: self._one(task), lambda: self._follow(task))
         if isinstance(task, RunTask):

@@ -26,55 +26,26 @@ longer run does."""
 
 @dataclass(frozen=True, eq=False)
 class OrbitAnswer:
-    """One orbit; None for what the method does not compute.
-
-    Attributes
-    ----------
-    alpha : float
-        Quarter period.
-    energy : float or None
-    velocities : (n,) float or None
-        At the start, where u = 0.
-    times : (k,) float or None
-        Of the inner impacts.
-    multipliers : (m,) complex or None
-        The nontrivial ones, by modulus descending, then by angle.
-    unknowns : (u,) float or None
-        Of the multipoint problem, if the method has them. The reference orbit is solved from here.
-    """
+    """One orbit; None for what the method does not compute."""
 
     alpha: float
     energy: float | None = None
-    velocities: np.ndarray | None = None
-    times: np.ndarray | None = None
-    multipliers: np.ndarray | None = None
-    unknowns: np.ndarray | None = None
+    velocities: np.ndarray | None = None  # (n,) at the start, where u = 0
+    times: np.ndarray | None = None  # (k,) of the inner impacts
+    multipliers: np.ndarray | None = None  # (m,) complex, the nontrivial ones, by modulus descending, then by angle
+    unknowns: np.ndarray | None = None  # (u,) of the multipoint problem; the reference orbit is solved from here
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What a method computed for a task.
+    """What a method computed for a task."""
 
-    Attributes
-    ----------
-    points : int
-        Number of points computed (orbits, located points, impacts). The time is divided by it.
-    seconds : float or None
-        Per point, if the method measures it itself. Otherwise the whole call is measured.
-    orbits : tuple of OrbitAnswer
-    located : mapping of str to (alpha, h)
-    ran : (float, (2 n,) float, float) or None
-        Time, state and energy after the last impact of a motion.
-    layers : mapping of str to float or None
-        Seconds a point by layer, if the method separates them.
-    """
-
-    points: int = 1
-    seconds: float | None = None
+    points: int = 1  # orbits, located points or impacts; the time is divided by it
+    seconds: float | None = None  # per point, if the method measures it itself; otherwise the whole call is measured
     orbits: tuple[OrbitAnswer, ...] = ()
-    located: dict[str, tuple[float, float]] = field(default_factory=dict)
-    ran: tuple[float, np.ndarray, float] | None = None
-    layers: dict[str, float] | None = None
+    located: dict[str, tuple[float, float]] = field(default_factory=dict)  # (alpha, h) by name
+    ran: tuple[float, np.ndarray, float] | None = None  # time, state (2 n,) and energy after the last impact of a motion
+    layers: dict[str, float] | None = None  # seconds a point by layer, if the method separates them
 
 
 class Errors(NamedTuple):
@@ -115,15 +86,8 @@ class Task(Protocol):
 
 @dataclass(frozen=True)
 class Work:
-    """The work of a method on a task.
-
-    Attributes
-    ----------
-    once : callable
-        Does the task once. Its time is divided by the number of points of its answer.
-    measured : callable or None
-        For a method that follows a family: computes many points and measures the time of one.
-    """
+    """The work of a method on a task: `once` does it once. For a method that follows a family, `measured` computes many points and
+    measures the time of one."""
 
     once: Callable[[], Answer]
     measured: Callable[[], Answer] | None = None

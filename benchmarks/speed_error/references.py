@@ -25,41 +25,19 @@ STEPS = 100_000
 
 @dataclass(frozen=True, eq=False)
 class ReferenceOrbit:
-    """An orbit in many digits.
-
-    Attributes
-    ----------
-    alpha, h : mpf
-    velocities : list of n mpf
-        At the start, where u = 0.
-    times : list of mpf
-        Of the impacts inside the solved segment.
-    multipliers : list of mpf or mpc
-        The nontrivial ones by modulus descending, then by angle; empty for n > 2.
-    residual : mpf
-        Of the multipoint equations.
-    """
+    """An orbit in many digits."""
 
     alpha: Any
     h: Any
-    velocities: list[Any]
-    times: list[Any]
-    multipliers: list[Any]
-    residual: Any
+    velocities: list[Any]  # (n,) at the start, where u = 0
+    times: list[Any]  # of the impacts inside the solved segment
+    multipliers: list[Any]  # the nontrivial ones by modulus descending, then by angle; empty for n > 2
+    residual: Any  # of the multipoint equations
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceRun:
-    """A motion just after its last impact, in many digits.
-
-    Attributes
-    ----------
-    time : mpf
-        Of the last impact.
-    state : list of 2 n mpf
-        (u, v).
-    energy : mpf
-    """
+    """A motion just after its last impact, in many digits: the time of that impact, the state (u, v), the energy."""
 
     time: Any
     state: list[Any]
@@ -67,16 +45,7 @@ class ReferenceRun:
 
 
 def reference_orbit(problem: MultipointProblem, y: np.ndarray, alpha: float) -> ReferenceOrbit:
-    """Solve in many digits for the orbit next to a double-precision solution.
-
-    Parameters
-    ----------
-    problem : MultipointProblem
-        With an origin start.
-    y : (u,) float
-        Unknowns near the orbit.
-    alpha : float
-        The quarter period, taken as an exact binary fraction.
+    """Solve in many digits for the orbit next to the double-precision unknowns y, at a quarter period, an exact binary fraction.
 
     Raises
     ------

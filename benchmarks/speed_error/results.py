@@ -200,16 +200,7 @@ _LEAST = 1e-17
 
 
 def draw_work_precision(path: Path, rows: Sequence[Row], tasks: Sequence[Task]) -> None:
-    """One panel a task: error against time a point, log-log, with open markers for the errors of the multipliers.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    rows : sequence of dict
-        Rows of growth are ignored.
-    tasks : sequence of Task
-        In the order of the panels; a task without rows has none.
-    """
+    """One panel a task with rows: error against time a point, log-log, with open markers for the errors of the multipliers."""
     drawn = [task for task in tasks if any(row.get("task") == task.name and row["seconds"] for row in rows)]
     names = list(dict.fromkeys(row["method"] for row in rows if "method" in row and row["seconds"]))
     columns = min(2, max(1, len(drawn)))
@@ -257,14 +248,7 @@ def _panel(panel: Axes, rows: Sequence[Row], task: Task, names: Sequence[str]) -
 
 
 def draw_growth(path: Path, rows: Sequence[Row]) -> None:
-    """Three panels: a point against impacts, a point against degrees of freedom, a discovery against its period bound.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    rows : sequence of dict
-        Only rows of growth are drawn.
-    """
+    """Three panels: a point against impacts, a point against degrees of freedom, a discovery against its period bound."""
     with figure_settings():
         from matplotlib.ticker import NullFormatter
 

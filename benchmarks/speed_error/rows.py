@@ -36,37 +36,18 @@ DISCOVERY_ENERGY, DISCOVERY_IMPACTS = 1.0, 10
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured.
-
-    Attributes
-    ----------
-    name : str
-    tasks, methods : tuple of str or None
-        Names; None for all.
-    tolerances : tuple of float
-        For the methods that have one, loose to tight.
-    repeat : float
-        Seconds for which a work is repeated; its least time counts.
-    limit : float
-        Seconds after which a work is stopped; its method then skips the tighter settings.
-    start : float
-        Additional seconds for the first work of a fresh process, which may compile kernels.
-    impacts, degrees : tuple of int
-        Inner impacts, and degrees of freedom, for the growth of the cost of a point.
-    periods : tuple of float
-        Longest quarter periods for the growth of the cost of a discovery.
-    """
+    """How much is measured."""
 
     name: str
-    tasks: tuple[str, ...] | None
+    tasks: tuple[str, ...] | None  # None for all
     methods: tuple[str, ...] | None
-    tolerances: tuple[float, ...]
-    repeat: float
-    limit: float
-    start: float
-    impacts: tuple[int, ...]
-    degrees: tuple[int, ...]
-    periods: tuple[float, ...]
+    tolerances: tuple[float, ...]  # for the methods that have one, loose to tight
+    repeat: float  # seconds for which a work is repeated; its least time counts
+    limit: float  # seconds after which a work is stopped; its method then skips the tighter settings
+    start: float  # additional seconds for the first work of a fresh process, which may compile kernels
+    impacts: tuple[int, ...]  # inner impacts, for the growth of the cost of a point
+    degrees: tuple[int, ...]  # of freedom, for the same
+    periods: tuple[float, ...]  # longest quarter periods, for the growth of the cost of a discovery
 
 
 FULL = Effort(

@@ -68,37 +68,17 @@ def multiplier_error(values: np.ndarray, exact: list[Any]) -> float:
 
 @dataclass(frozen=True)
 class OrbitTask:
-    """The orbit of a family at a quarter period.
+    """The orbit of a family at a quarter period."""
 
-    Parameters
-    ----------
-    name, title : str
-        For files; for a reader.
-    ends : (str, str)
-        The first is the origin.
-    sequence : str
-        Inner impacts.
-    velocities : tuple of float
-        Approximate, at the start.
-    times : tuple of float
-        Approximate flight times.
-    alpha : float
-        Quarter period.
-    reference : str
-        What the errors are measured against, as text.
-    closed : bool
-        Whether that is the closed form of one impact a half period.
-    """
-
-    name: str
-    title: str
-    ends: tuple[str, str]
-    sequence: str
-    velocities: tuple[float, ...]
-    times: tuple[float, ...]
-    alpha: float
-    reference: str
-    closed: bool = False
+    name: str  # for files
+    title: str  # for a reader
+    ends: tuple[str, str]  # the first is the origin
+    sequence: str  # inner impacts
+    velocities: tuple[float, ...]  # approximate, at the start
+    times: tuple[float, ...]  # approximate flight times
+    alpha: float  # quarter period
+    reference: str  # what the errors are measured against, as text
+    closed: bool = False  # whether that is the closed form of one impact a half period
 
     point = "orbit"
 
@@ -187,17 +167,7 @@ def _exact(task: OrbitTask, alpha: float) -> ReferenceOrbit:
 
 @dataclass(frozen=True)
 class RunTask:
-    """A damped motion through a number of impacts.
-
-    Parameters
-    ----------
-    name, title : str
-    damping, restitution : float
-    velocities : tuple of float
-        At the start, where u = 0.
-    impacts : int
-    reference : str
-    """
+    """A damped motion through a number of impacts, from velocities at u = 0."""
 
     name: str
     title: str
@@ -245,18 +215,11 @@ class Wanted:
 
 @dataclass(frozen=True)
 class LocateTask:
-    """Special points of the backbones.
-
-    Parameters
-    ----------
-    name, title : str
-    wanted : mapping as a tuple of (name, Wanted)
-    reference : str
-    """
+    """Special points of the backbones."""
 
     name: str
     title: str
-    wanted: tuple[tuple[str, Wanted], ...]
+    wanted: tuple[tuple[str, Wanted], ...]  # by name
     reference: str
 
     point = "located point"

@@ -36,24 +36,12 @@ class Failed(RuntimeError):
 
 @dataclass(frozen=True)
 class Timed:
-    """A measured answer.
-
-    Parameters
-    ----------
-    answer : Answer
-    seconds : float
-        Processor time a point.
-    first : float or None
-        Seconds by the clock from the start of the process to its first answer; None after the first.
-    memory : int or None
-        Most bytes that the process has held so far; None if the system does not report it.
-    repeats : int
-    """
+    """A measured answer."""
 
     answer: Answer
-    seconds: float
-    first: float | None
-    memory: int | None
+    seconds: float  # of the processor, a point
+    first: float | None  # seconds by the clock from the start of the process to its first answer; None after the first
+    memory: int | None  # most bytes that the process has held so far; None if the system does not report it
     repeats: int
 
 

@@ -27,17 +27,9 @@ if TYPE_CHECKING:
     from transitions.transition import Transition
 
 __all__ = [
-    "NOT_ASKED",
-    "ImpactTable",
-    "MotionReport",
-    "Watched",
-    "impact_table",
-    "modes_of_motion",
-    "require_sifting",
-    "run_locked",
-    "run_scene",
+    "NOT_ASKED", "ImpactTable", "MotionReport", "Watched", "impact_table", "modes_of_motion", "require_sifting", "run_locked", "run_scene",
     "with_stages",
-]
+]  # fmt: skip
 
 ImpactTable = dict[str, np.ndarray]
 

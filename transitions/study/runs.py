@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -224,8 +225,8 @@ def _run_general(runs: _Runs) -> None:
         if not contact:
             batch = simulator.run_many(runs.states[some], plan.duration, plan.impacts, FRACTIONS, with_peaks=True)
             for i, b in enumerate(some):
-                values = {name: getattr(batch, name)[i] for name in _Result._fields[:-1]}
-                _write_general(runs, b, simulator, sharing, _Result(**values, times=batch.marks[i, :, 0]))
+                row = SimpleNamespace(**{name: getattr(batch, name)[i] for name in _RESULTS})
+                _write_general(runs, b, simulator, sharing, row, batch.marks[i, :, 0])
             continue
         for b in some:
             try:
@@ -233,30 +234,17 @@ def _run_general(runs: _Runs) -> None:
             except BeyondStop:
                 runs.out["ended"][b] = Ending.OUTSIDE.code
                 continue
-            values = {name: getattr(motion, name) for name in _Result._fields[:-1]}
-            _write_general(runs, b, simulator, sharing, _Result(**values, times=[mark.time for mark in motion.marks]))
+            _write_general(runs, b, simulator, sharing, motion, [mark.time for mark in motion.marks])
 
 
-class _Result(NamedTuple):
-    """The result of one run of the general simulator, from `Motion` or a row of `Batch`, and the times of the fractions. A missing time is
-    None or NaN."""
-
-    status: MotionStatus
-    duration: float
-    impacts: int
-    last_impact: float | None
-    clear_from: float | None
-    sticking_time: float
-    initial_energy: float
-    energy: float
-    totals: np.ndarray
-    final: np.ndarray
-    peaks: np.ndarray
-    times: Any
+_RESULTS = (
+    "status", "duration", "impacts", "last_impact", "clear_from", "sticking_time", "initial_energy", "energy", "totals", "final", "peaks",
+)  # fmt: skip
+"""What is taken of a `Motion`, or of a row of a `Batch`."""
 
 
-def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, run: _Result) -> None:
-    """Write the results of one general run."""
+def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, run: Any, times: Any) -> None:
+    """Write the results of one general run, a `Motion` or a row of a `Batch`. A missing time of a fraction is None or NaN."""
     if run.status is not MotionStatus.DURATION_REACHED:
         ended = Ending[run.status.name]
     elif runs.plan.until != CLEAR:
@@ -278,8 +266,8 @@ def _write_general(runs: _Runs, b: int, simulator: Simulator, sharing: Sharing, 
     duration = (last_impact if run.impacts else 0.0) if ended is Ending.CLEAR else run.duration
     balance = abs(math.fsum([run.initial_energy, run.totals[-1], *(-value for value in spent.values()), -energy]))
     error = balance / incoming if incoming > 0.0 else balance
-    times = np.array(run.times, dtype=float)
-    runs.write(b, *shares, *times, run.impacts, last_impact, *run.peaks, run.sticking_time, duration, error, ended.code)
+    fractions = np.array(times, dtype=float)
+    runs.write(b, *shares, *fractions, run.impacts, last_impact, *run.peaks, run.sticking_time, duration, error, ended.code)
 
 
 def spent_to_rest(system: ImpactSystem, dampers: Mapping[str, Any], state: np.ndarray) -> dict[str, float] | None:
