@@ -37,25 +37,13 @@ _ROUNDING = 1e-12  # of the logarithm of the highest energy of a family
 
 
 class Meeting(NamedTuple):
-    """A harmonic of a family that a ridge is at, at the places (j,) of the ridge.
-
-    Attributes
-    ----------
-    family : FamilyHarmonics
-    harmonic : int
-    deviation : (j,) ndarray
-        In octaves, positive if the ridge is above; NaN if the ridge is not there.
-    share : (j,) ndarray
-        Share of the orbit's amplitude that the harmonic has.
-    point : (j,) ndarray
-        Place of the orbit on the family.
-    """
+    """A harmonic of a family that a ridge is at, at the places (j,) of the ridge."""
 
     family: FamilyHarmonics
     harmonic: int
-    deviation: np.ndarray
-    share: np.ndarray
-    point: np.ndarray
+    deviation: np.ndarray  # (j,) in octaves, positive if the ridge is above; NaN if the ridge is not there
+    share: np.ndarray  # (j,) share of the orbit's amplitude that the harmonic has
+    point: np.ndarray  # (j,) place of the orbit on the family
 
 
 class _Nearest(NamedTuple):
@@ -85,26 +73,15 @@ def harmonics(orbit: Orbit, gap: np.ndarray) -> np.ndarray:
 @brief
 @dataclass(frozen=True, eq=False)
 class FamilyHarmonics:
-    """A family, or a linear mode.
-
-    Parameters
-    ----------
-    id : str
-    h, alpha : (N,) float
-        Energy and quarter period of its points, in order.
-    labels : (N,) str
-    impacts : int
-        In a period; 0 of a linear mode.
-    load : callable, optional
-        Returns the branch. None for a linear mode, which has its first harmonic alone.
-    """
+    """A family, or a linear mode."""
 
     id: str
-    h: np.ndarray
-    alpha: np.ndarray
-    labels: np.ndarray
-    impacts: int
-    load: Callable[[], Branch] | None = field(default=None, repr=False)
+    h: np.ndarray  # (N,) energy of its points, in order
+    alpha: np.ndarray  # (N,) quarter period
+    labels: np.ndarray  # (N,)
+    impacts: int  # in a period; 0 of a linear mode
+    # The branch, or a function that returns it. None for a linear mode, which has its first harmonic alone.
+    load: Branch | Callable[[], Branch] | None = field(default=None, repr=False)
 
     @cached_property
     def _intervals(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -126,7 +103,7 @@ class FamilyHarmonics:
             from bvp.multipoint import NotConverged
 
             assert self.load is not None
-            branch = self.load()
+            branch = self.load() if callable(self.load) else self.load
             rows: dict[int, np.ndarray] = {}
             for i in np.unique(np.linspace(0, len(self.h) - 1, _READ).round().astype(int)).tolist():
                 with contextlib.suppress(NotConverged):
@@ -197,13 +174,7 @@ class FamilyHarmonics:
 @brief
 @dataclass(frozen=True, eq=False)
 class Families:
-    """Families of one system, and the gap coordinate whose harmonics are compared.
-
-    Parameters
-    ----------
-    members : sequence of FamilyHarmonics
-    gap : tuple of n floats
-    """
+    """Families of one system, and the gap coordinate whose harmonics are compared."""
 
     members: Sequence[FamilyHarmonics]
     gap: tuple[float, ...]
@@ -277,14 +248,11 @@ def _of_branches(branches: Iterable[Branch]) -> tuple[list[FamilyHarmonics], Imp
         system = branch.system
         points = branch.points
         impacts = round(impacts_per_period(branch.problem.sequence, branch.ends))
-        out.append(FamilyHarmonics(branch.id, points["h"], points["alpha"], points["label"].astype(str), impacts, partial(_itself, branch)))
+        labels = points["label"].astype(str)
+        out.append(FamilyHarmonics(branch.id, points["h"], points["alpha"], labels, impacts, branch))
     if system is None:
         raise ValueError("there is no family to follow; expected one branch or more")
     return out, system
-
-
-def _itself(branch: Branch) -> Branch:
-    return branch
 
 
 def _modes(system: ImpactSystem) -> list[FamilyHarmonics]:

@@ -105,15 +105,9 @@ def _partners(ratios: np.ndarray, harmonic: int, most: int) -> tuple[np.ndarray,
 def unlike(shares: np.ndarray, harmonic: int, ratios: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """Largest difference (j,) between the lines of a motion and the harmonics of an orbit, in shares of the amplitude.
 
-    Parameters
-    ----------
-    shares : (j, k) float
-        Shares of the orbit's amplitude that its harmonics 1 to k have.
-    harmonic : int
-        The harmonic that the first line is at.
-    ratios, parts : (s, j) float
-        Frequencies of the lines relative to the first line, and their shares of the motion's amplitude. A line or a harmonic without a
-        partner counts with its full share.
+    `shares` (j, k) are those of the orbit's amplitude that its harmonics 1 to k have. The first line is at `harmonic`. `ratios` and `parts`
+    (s, j) are frequencies of the lines relative to the first one, and their shares of the motion's amplitude. A line or a harmonic without
+    a partner counts with its full share.
     """
     left = shares.copy()
     rows = np.arange(len(left))
@@ -171,25 +165,12 @@ def lasting(meeting: Meeting, cycles: np.ndarray) -> bool:
 
 
 def family_intervals(matches: Sequence[Match], cycles: np.ndarray) -> list[FamilyInterval]:
-    """Cut a ridge into intervals of one family, or of none.
+    """Cut a ridge into intervals of one family, or of none, in order and without gaps. An interval of a family lasts three periods or more.
 
-    Parameters
-    ----------
-    matches : sequence of Match
-        At the same places (j,) of the ridge.
-    cycles : (j,) float
-        Number of periods of the ridge from its first place to each place.
-
-    Returns
-    -------
-    list of FamilyInterval
-        In order, without gaps. An interval of a family lasts three periods or more.
-
-    Notes
-    -----
-    In each period, following a family costs `Match.cost`, which is at most 2, and following none costs 2. Taking up a family and leaving it
-    costs 3/2 each. So a change to a family with other lines or impacts counts if it lasts three periods, although the ridge goes on. Of all
-    ways to cut the ridge the cheapest is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
+    The matches are at the same places (j,) of the ridge; `cycles` (j,) are its periods from the first place to each. In each period,
+    following a family costs `Match.cost`, which is at most 2, and following none costs 2. Taking up a family and leaving it costs 3/2 each.
+    So a change to a family with other lines or impacts counts if it lasts three periods, although the ridge goes on. Of all ways to cut the
+    ridge the cheapest is taken (Viterbi, IEEE Trans. Inf. Theory 13 (1967) 260).
     """
     count = len(cycles)
     costs = np.stack([np.full(count, 2.0), *(match.cost for match in matches)], axis=1)  # state 0 follows none

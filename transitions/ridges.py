@@ -24,7 +24,6 @@ LEAST_PERIODS = 3.0
 _FAINT = 0.25 * SHARE  # maxima with a smaller share are ignored
 _LEFT = 1e9  # maxima so far above the motion around them are traces of a louder time in slow wavelets
 _DRIFT = 0.25  # octaves that a ridge may move in one of its periods; a faster change is a jump to another ridge
-_TOGETHER = 1_000_000  # number of maxima whose shares are found at once
 _ROUNDING = 64.0 * np.finfo(float).eps  # of the signal's range; the transform covers the full signal and rounds with its largest part
 
 
@@ -100,33 +99,14 @@ def amplitude_of_motion(times: np.ndarray, signal: np.ndarray, at: np.ndarray, f
 
 
 def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ridge]:
-    """All ridges that are not faint, sorted by their first column.
+    """All ridges of a spectrum that are not faint, sorted by their first column. `times` and `signal` (m,) are those of the spectrum.
 
-    Parameters
-    ----------
-    spectrum : Spectrum
-        Its rows are read one after the other.
-    times, signal : (m,) float
-        The signal of the spectrum.
-
-    Returns
-    -------
-    list of Ridge
-        Maxima of successive columns belong to one ridge if each is the other's nearest in frequency. They may move by a quarter of an
-        octave in one of their periods, or by one row of the spectrum. A gap of less than a period does not end a ridge. Maxima below the
-        rounding of the transform, 1e-14 of the signal's range, are ignored.
+    Maxima of successive columns belong to one ridge if each is the other's nearest in frequency. They may move by a quarter of an octave in
+    one of their periods, or by one row of the spectrum. A gap of less than a period does not end a ridge. Maxima below the rounding of the
+    transform, 1e-14 of the signal's range, are ignored.
     """
     step = float(spectrum.times[1] - spectrum.times[0])
-    some: list[tuple[np.ndarray, ...]] = []
-    kept: list[tuple[np.ndarray, ...]] = []
-    for found in _maxima(spectrum):
-        some.append(found)
-        if sum(len(columns) for columns, *_ in some) >= _TOGETHER:
-            kept.append(_strong(spectrum, times, signal, some))
-            some = []
-    kept.append(_strong(spectrum, times, signal, some))
-    columns, level, heights, shares = (np.concatenate(values) for values in zip(*kept, strict=True))
-    del some, kept  # these are large for a long motion
+    columns, level, heights, shares = _strong(spectrum, times, signal)
     order = np.argsort(columns, kind="stable")  # the frequencies at each time rise, because the rows do
     columns, level, heights, shares = columns[order], level[order], heights[order], shares[order]
     reach = np.maximum(spectrum.octaves, _DRIFT * 2.0**level * step / (2.0 * math.pi))
@@ -144,6 +124,7 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
 
 def _maxima(spectrum: Spectrum) -> Iterator[tuple[np.ndarray, ...]]:
     """Columns (j,) at which a row is above both of its neighbours; the row's number there; the logarithms of the three amplitudes."""
+    yield (np.zeros(0, dtype=int),) * 2 + (np.zeros(0),) * 3  # for a spectrum of two rows
     below = here = np.zeros(0)
     for row, above in enumerate(spectrum.rows()):
         if row > 1:
@@ -155,13 +136,9 @@ def _maxima(spectrum: Spectrum) -> Iterator[tuple[np.ndarray, ...]]:
         below, here = here, above
 
 
-def _strong(
-    spectrum: Spectrum, times: np.ndarray, signal: np.ndarray, some: list[tuple[np.ndarray, ...]]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _strong(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Columns, frequencies in octaves, amplitudes, and shares of the motion's amplitude of the maxima that are not faint."""
-    if not some:
-        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0)
-    columns, rows, below, here, above = (np.concatenate(values) for values in zip(*some, strict=True))
+    columns, rows, below, here, above = (np.concatenate(values) for values in zip(*_maxima(spectrum), strict=True))
     # The logarithm of the response to a tone is nearly a parabola in the logarithm of the frequency.
     bend = below - 2.0 * here + above
     shift = np.where(bend < 0.0, 0.5 * (below - above) / np.where(bend < 0.0, bend, -1.0), 0.0)

@@ -35,9 +35,8 @@ class Sharing:
     Attributes
     ----------
     mass, stiffness : (n, n) ndarray or None
-        The NES's energy is (v mass v + u stiffness u)/2; None if it has no share of its own.
-    why_not : str
-        The reason for None, else "".
+        The NES's energy is (v mass v + u stiffness u)/2. None if it has no share of its own: no coordinate is marked as NES, or the mass
+        matrix couples one of these to others.
     dampers : dict of str to (n, n) ndarray
         The damping matrix in the parts that `bvp.simulate.simulate` records separately.
     nes_parts : frozenset of str
@@ -48,7 +47,6 @@ class Sharing:
 
     mass: np.ndarray | None
     stiffness: np.ndarray | None
-    why_not: str
     dampers: Mapping[str, np.ndarray]
     nes_parts: frozenset[str]
     sink: bool = True
@@ -102,35 +100,24 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     dampers = {"gaps": gaps, "rest": system.damping - gaps}
     parts = frozenset(["gaps", *(f"stop {stop.name}" for stop in stops)])
     if not nes:
-        return Sharing(None, None, "no coordinate is marked as NES", dampers, parts, sink=False)
+        return Sharing(None, None, dampers, parts, sink=False)
     mass, stiffness, unit = np.zeros_like(system.mass), np.zeros_like(system.mass), np.eye(len(system.mass))
     for i, k in enumerate(nes):
         if np.any(np.delete(system.mass[k], k)):
-            why_not = f"the mass matrix couples {system.coordinates[k]} to others; its kinetic energy has no share of its own"
-            return Sharing(None, None, why_not, dampers, parts)
+            return Sharing(None, None, dampers, parts)
         mass[k, k] = system.mass[k, k]
         for j in lo if len(lo) == 1 else range(len(mass)):
             if j not in nes[: i + 1]:  # a spring between two coordinates of the NES counts once
                 stiffness -= system.stiffness[k, j] * np.outer(unit[k] - unit[j], unit[k] - unit[j])
-    return Sharing(mass, stiffness + 0.0, "", dampers, parts)
+    return Sharing(mass, stiffness + 0.0, dampers, parts)
 
 
 def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ()) -> tuple[ImpactSystem, tuple[Force, ...]]:
     """The system and its loads with the NES locked: T'MT, T'CT, T'KT, T'f, and the stops that can still move.
 
     u = T q, and q are the other coordinates. Each NES coordinate moves with the one other coordinate in the gap of its stop, c . u = 0, or
-    stands still if there is none.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    nes : sequence of int
-    forces : sequence of bvp.forcing loads
-
-    Raises
-    ------
-    ValueError
-        If no NES is marked, a gap does not determine the motion of its coordinate, or no coordinate is left.
+    stands still if there is none. A ValueError if no NES is marked, a gap does not determine the motion of its coordinate, or no coordinate
+    is left.
 
     Examples
     --------

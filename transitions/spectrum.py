@@ -78,28 +78,13 @@ class Wavelet:
 @brief
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Amplitudes over time and frequency, which are computed when they are first needed.
+    """Amplitudes over time and frequency, which are computed when they are first needed."""
 
-    Parameters
-    ----------
-    times : (m,) float
-        Uniform, from the first of the record to near its last.
-    frequencies : (k,) float
-        Angular, rising, equally spaced in their logarithm.
-    span : (float, float)
-        First and last time of the record.
-    wavelet : Wavelet
-    signal : ndarray
-        The signal in units of `unit`, at all times of the record. `times` are every `stride`-th of them.
-    unit, step : float
-    stride : int
-    """
-
-    times: np.ndarray
-    frequencies: np.ndarray
-    span: tuple[float, float]
+    times: np.ndarray  # (m,) uniform, from the first of the record to near its last
+    frequencies: np.ndarray  # (k,) angular, rising, equally spaced in their logarithm
+    span: tuple[float, float]  # first and last time of the record
     wavelet: Wavelet
-    signal: np.ndarray
+    signal: np.ndarray  # in units of `unit`, at all times of the record; `times` are every `stride`-th of them
     unit: float
     step: float
     stride: int

@@ -191,13 +191,14 @@ def _mark(report: MotionReport, mark: EnergyMark, unit: float) -> dict[str, floa
 
 
 def _peaks(report: MotionReport, units: Units) -> dict[str, dict[str, dict[str, float]]] | None:
-    """Peak, its time and root mean square, of displacements, gaps and drifts; None where an interrupt came before."""
-    if report.watched is None:
+    """Peak, its time and root mean square, of displacements, gaps and drifts; None if an interrupt came before."""
+    if report.peaks is None:
         return None
-    found, length = report.watched.extents, units.length
-    rows = np.stack([found.peaks * length, found.times * units.time, found.rms * length], axis=1).tolist()
-    entries = iter([dict(zip(("peak", "time", "rms"), row, strict=True)) for row in rows])
-    return {group: {name: next(entries) for name in names} for group, names in report.watched.names.items()}
+    length, t = units.length, units.time
+    return {
+        group: {name: {"peak": peak * length, "time": time * t, "rms": rms * length} for name, (peak, time, rms) in rows.items()}
+        for group, rows in report.peaks.items()
+    }
 
 
 def _in_units(stage: dict[str, Any], units: Units) -> dict[str, Any]:

@@ -21,13 +21,12 @@ if TYPE_CHECKING:
     from saltus.options import Units
     from saltus.scene import Scene
     from transitions.empirical import IntrinsicModes
-    from transitions.record import Extents
     from transitions.sharing import Sharing
     from transitions.stage import Stage, StartFamily
     from transitions.transition import Transition
 
 __all__ = [
-    "NOT_ASKED", "ImpactTable", "MotionReport", "Watched", "impact_table", "modes_of_motion", "require_sifting", "run_locked", "run_scene",
+    "NOT_ASKED", "ImpactTable", "MotionReport", "impact_table", "modes_of_motion", "require_sifting", "run_locked", "run_scene",
     "with_stages",
 ]  # fmt: skip
 
@@ -48,51 +47,22 @@ FINEST = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
-    """The extents of displacements, gaps and drifts.
-
-    Attributes
-    ----------
-    names : dict of str to sequence of str
-        The names of the ``displacements``, ``gaps`` and ``drifts``, in the order of `extents`.
-    extents : transitions.record.Extents
-    """
-
-    names: dict[str, Sequence[str]]
-    extents: Extents
-
-
-@dataclass(frozen=True, eq=False)
 class MotionReport:
-    """A motion and the results computed from it.
-
-    Attributes
-    ----------
-    sharing : Sharing
-    watched : Watched or None
-        None where an interrupt came before it was computed.
-    reference : float
-        The energy that shares are fractions of: the initial one; where there was none, what came in.
-    shown : transitions.transition.Transition or None
-        Its record and stages, where they can be computed.
-    why_no_stages : str
-        Why they cannot, or not to the end.
-    began : transitions.stage.StartFamily or None
-        The family that it starts on, and how long it keeps the impact sequence of that family.
-    """
+    """A motion and the results computed from it."""
 
     motion: Motion
     sharing: Sharing
-    watched: Watched | None
-    reference: float
-    shown: Transition | None = None
-    why_no_stages: str = ""
-    began: StartFamily | None = None
+    # Peak, its time and root mean square of each of the displacements, gaps and drifts; None if an interrupt came before.
+    peaks: dict[str, dict[str, tuple[float, float, float]]] | None
+    reference: float  # the energy that shares are fractions of: the initial one; where there was none, what came in
+    shown: Transition | None = None  # its record and stages, where they can be computed
+    why_no_stages: str = ""  # why they cannot, or not to the end
+    began: StartFamily | None = None  # the family that it starts on, and how long it keeps the impact sequence of that family
 
     @property
     def interrupted(self) -> bool:
         """Whether an interrupt came before all was computed but the stages."""
-        return self.watched is None or self.motion.status.name == "INTERRUPTED"
+        return self.peaks is None or self.motion.status.name == "INTERRUPTED"
 
     @property
     def stages(self) -> Sequence[Stage] | None:
@@ -114,13 +84,8 @@ class MotionReport:
 def run_scene(
     scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
-    """Simulate a scene from a start. `on_progress` receives the time reached, as in `bvp.simulate.simulate`.
-
-    Raises
-    ------
-    ValueError
-        If the start lies beyond a stop.
-    """
+    """Simulate a scene from a start; a ValueError if that lies beyond a stop. `on_progress` receives the time reached, as in
+    `bvp.simulate.simulate`."""
     from transitions.sharing import sharing_of
 
     sharing, state = sharing_of(scene.system, scene.nes, scene.lo), (start.u, start.v)
@@ -156,13 +121,8 @@ def impact_table(motion: Motion, units: Units) -> ImpactTable:
 def run_locked(
     scene: Scene, start: Start, duration: float, max_impacts: int, on_progress: Callable[[float], object] | None = None
 ) -> MotionReport:
-    """The same with the NES locked, from the displacements and velocities of the other coordinates.
-
-    Raises
-    ------
-    ValueError
-        Where the NES cannot be locked, or the start lies beyond a stop that stays.
-    """
+    """The same with the NES locked, from the displacements and velocities of the other coordinates. A ValueError if the NES cannot be
+    locked, or the start lies beyond a stop that stays."""
     from transitions.sharing import lock, sharing_of
 
     system, forces = lock(scene.system, scene.nes, scene.forces)
@@ -197,16 +157,20 @@ def _simulate(
         if not hasattr(error, "motion"):
             raise
         motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
-    watched = None
+    peaks = None
     if motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
-        drifts = drift_rows(system, nes)
-        names = {"displacements": system.coordinates, "gaps": [f"gap {stop.name}" for stop in system.stops], "drifts": list(drifts)}
+        rows = {
+            "displacements": dict(zip(system.coordinates, np.eye(system.degrees_of_freedom), strict=True)),
+            "gaps": {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops},
+            "drifts": drift_rows(system, nes),
+        }
         with contextlib.suppress(KeyboardInterrupt):
-            rows = [*np.eye(system.degrees_of_freedom), *(stop.gap for stop in system.stops), *drifts.values()]
-            watched = Watched(names, extents(motion, rows))
+            found = extents(motion, [row for group in rows.values() for row in group.values()])
+            each = zip(found.peaks.tolist(), found.times.tolist(), found.rms.tolist(), strict=True)
+            peaks = {group: {name: next(each) for name in names} for group, names in rows.items()}
     # A motion from rest has no initial energy: its percentages refer to the energy that the loads supplied.
     supplied = math.fsum([*motion.dissipated.values(), motion.energy])
-    return MotionReport(motion, sharing, watched, motion.initial_energy if motion.initial_energy > 0.0 else supplied)
+    return MotionReport(motion, sharing, peaks, motion.initial_energy if motion.initial_energy > 0.0 else supplied)
 
 
 def with_stages(

@@ -25,29 +25,15 @@ __all__ = ["Start", "add_arguments", "start_of_motion"]
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The state at time 0.
+    """The state at time 0."""
 
-    Attributes
-    ----------
-    kind : {"orbit", "impulsive", "state", "impulse", "rest"}
-    u, v : (n,) ndarray
-    leaving : str or None
-        The contact that the state has just left, where it is on a stop.
-    on : Orbit or None
-        The orbit that it is on.
-    branch : Branch or None
-        Its family.
-    name : str
-        Name of the family: the name given by the user if it is a complete label; "": use its id.
-    """
-
-    kind: str
-    u: np.ndarray
-    v: np.ndarray
-    leaving: str | None = None
-    on: Orbit | None = None
-    branch: Branch | None = None
-    name: str = ""
+    kind: str  # orbit, impulsive, state, impulse or rest
+    u: np.ndarray  # (n,)
+    v: np.ndarray  # (n,)
+    leaving: str | None = None  # the contact that the state has just left, where it is on a stop
+    on: Orbit | None = None  # the orbit that it is on
+    branch: Branch | None = None  # its family
+    name: str = ""  # name of the family: the name given by the user if it is a complete label; "": use its id
 
     @property
     def text(self) -> str:
@@ -99,13 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
-    """The start given by the options.
-
-    Raises
-    ------
-    BadInput
-        For options that do not go together, and what they ask for where it cannot be.
-    """
+    """The start given by the options; BadInput for options that do not go together or that the scene cannot satisfy."""
     alone = True if arguments.impulsive and arguments.on is None else None
     options = {"--on": arguments.on, "--state": arguments.state, "--impulse": arguments.impulse, "--impulsive": alone}
     given = [option for option, value in options.items() if value is not None]
@@ -138,9 +118,7 @@ def _oscillator_velocity(scene: Scene) -> np.ndarray:
     """Unit velocity of every LO coordinate."""
     if not scene.lo:
         raise BadInput("the scene does not say which coordinate is the oscillator's; expected LO under [coordinates], or --state")
-    velocity = np.zeros(scene.system.degrees_of_freedom)
-    velocity[list(scene.lo)] = 1.0
-    return velocity
+    return np.eye(scene.system.degrees_of_freedom)[list(scene.lo)].sum(axis=0)
 
 
 def _impulsive(scene: Scene, energy: float) -> np.ndarray:

@@ -83,28 +83,14 @@ def kept_starts(study: StudyFile, folder: Path, damaged: Callable[[str], None]) 
 
 
 class FamilySeed(NamedTuple):
-    """A family to follow and the energies of the required orbits, as plain data.
+    """A family to follow and the energies of the required orbits, as plain data."""
 
-    Attributes
-    ----------
-    system : str
-        Description of the undamped elastic system, as JSON.
-    name : str
-    energies : tuple of float
-    runs : tuple of int
-        The run of each.
-    bounds : dict
-        Of the scene's search for names.
-    reference_points : dict
-        The scene's reference points, where they hold for the system.
-    """
-
-    system: str
+    system: str  # description of the undamped elastic system, as JSON
     name: str
     energies: tuple[float, ...]
-    runs: tuple[int, ...]
-    bounds: dict[str, Any]
-    reference_points: dict[str, dict[str, float]]
+    runs: tuple[int, ...]  # the run of each
+    bounds: dict[str, Any]  # of the scene's search for names
+    reference_points: dict[str, dict[str, float]]  # the scene's reference points, where they hold for the system
 
 
 class FamilyStarts(NamedTuple):

@@ -74,12 +74,8 @@ def return_map(plane: SectionPlane, points: np.ndarray) -> tuple[np.ndarray, np.
 def fixed_points(plane: SectionPlane, guesses: np.ndarray | None = None) -> list[FixedPoint]:
     """Fixed points of the map, by Newton's method from guesses (m, 2), by default from starts spread over the section.
 
-    Elliptic points come first, then they are sorted by x and y. Few guesses converge to a strongly unstable point, so it can be missed.
-
-    Raises
-    ------
-    ValueError
-        For a system that loses energy, because its section has no such map; for guesses that are no points.
+    Elliptic points come first, then they are sorted by x and y. Few guesses converge to a strongly unstable point, so it can be missed. A
+    ValueError for a system that loses energy, because its section has no such map, and for guesses that are no points.
 
     Examples
     --------
@@ -122,35 +118,19 @@ def fixed_points(plane: SectionPlane, guesses: np.ndarray | None = None) -> list
 class Rotations:
     """Rotation numbers of the orbits of a section.
 
-    Attributes
-    ----------
-    numbers : (m,) ndarray
-        In [0, 1); NaN if the orbit has none. The direction is from +y to +x, as free oscillations turn in a plane of displacement and
-        velocity. Complete rotations are left out.
-    about : (m,) ndarray of int
-        Index in `centres` of the point that the orbit goes around; -1 if it goes around none of them.
-    centres : tuple of FixedPoint
+    The direction is from +y to +x, as free oscillations turn in a plane of displacement and velocity. Complete rotations are left out.
     """
 
-    numbers: np.ndarray
-    about: np.ndarray
+    numbers: np.ndarray  # (m,) in [0, 1); NaN if the orbit has none
+    about: np.ndarray  # (m,) index in `centres` of the point that the orbit goes around; -1 if it goes around none of them
     centres: tuple[FixedPoint, ...]
 
 
 def rotations(section: Section, centres: Sequence[FixedPoint] | None = None) -> Rotations:
-    """Rotation numbers of the orbits of a section.
+    """Rotation numbers of the orbits of a section; a ValueError for a system that loses energy.
 
-    Parameters
-    ----------
-    section : Section
-    centres : sequence of FixedPoint, optional
-        By default all elliptic fixed points of the map. If an orbit goes around several, the number belongs to the one that it goes
-        around most evenly.
-
-    Raises
-    ------
-    ValueError
-        For a system that loses energy.
+    The centres are by default all elliptic fixed points of the map. If an orbit goes around several, the number belongs to the one that it
+    goes around most evenly.
 
     Examples
     --------
@@ -176,13 +156,7 @@ def rotations(section: Section, centres: Sequence[FixedPoint] | None = None) -> 
 
 
 def about_point(section: Section, place: tuple[float, float]) -> FixedPoint:
-    """The elliptic fixed point that Newton's method finds from a place in the plane.
-
-    Raises
-    ------
-    ValueError
-        If it finds none, or one that is not elliptic.
-    """
+    """The elliptic fixed point that Newton's method finds from a place in the plane; a ValueError if it finds no such point."""
     found = fixed_points(section.plane, np.array([place]))
     asked = f"({place[0]:g}, {place[1]:g})"
     if not found or not found[0].elliptic:

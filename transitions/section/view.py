@@ -38,30 +38,16 @@ _SAME = 1e-9  # distance of two crossings of one orbit that is computed twice
 
 @dataclass(frozen=True, eq=False)
 class OrbitMark:
-    """A periodic orbit on a section.
+    """A periodic orbit on a section: the orbit itself, or its image under the mirror u to -u, the reversal of time, or both, if that is
+    another orbit."""
 
-    Attributes
-    ----------
-    family, label : str
-        Id and label; a linear mode has its label for both.
-    stable : int
-        1 elliptic, 0 hyperbolic, -1 undecided.
-    period : float
-    impacts : int
-        In a period.
-    image : str
-        One of `IMAGES`: the orbit itself, or its image under the mirror u to -u, the reversal of time, or both, if that is another orbit.
-    points : (k, 2) ndarray
-        Its crossings, x and y of the plane.
-    """
-
-    family: str
+    family: str  # id; a linear mode has its label
     label: str
-    stable: int
+    stable: int  # 1 elliptic, 0 hyperbolic, -1 undecided
     period: float
-    impacts: int
-    image: str
-    points: np.ndarray
+    impacts: int  # in a period
+    image: str  # one of `IMAGES`
+    points: np.ndarray  # (k, 2) its crossings, x and y of the plane
 
     @property
     def kind(self) -> str:
@@ -70,13 +56,8 @@ class OrbitMark:
 
 
 def crossings_of(plane: SectionPlane, cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
-    """Where a closed orbit crosses u_p = 0 upwards, (k, 2), and downwards, (k, 2), in order of time, in the coordinates of the plane.
-
-    Raises
-    ------
-    RuntimeError
-        If the search for a crossing gives up.
-    """
+    """Where a closed orbit crosses u_p = 0 upwards, (k, 2), and downwards, (k, 2), in order of time, in the coordinates of the plane. A
+    RuntimeError if the search for a crossing gives up."""
     functional, rows = (of_mode[0] for of_mode in plane.rows(Simulator(plane.system).table.stacked)[:2])
     return _rises(plane, cycle, functional, rows), _rises(plane, cycle, -functional, rows)
 
@@ -144,13 +125,7 @@ def branch_marks(plane: SectionPlane, branch: Branch) -> list[OrbitMark]:
 
 def catalogue_marks(plane: SectionPlane, catalogue: Catalogue) -> list[OrbitMark]:
     """The marks of the linear modes that reach no stop, and of all orbits that a catalogue has at the energy of the plane. Marks with few
-    crossings come first.
-
-    Raises
-    ------
-    ValueError
-        For a catalogue of another system.
-    """
+    crossings come first. A ValueError for a catalogue of another system."""
     if catalogue.system.describe() != plane.system.describe():
         raise ValueError(f"{catalogue.path} belongs to another system than the section")
     marks = mode_marks(plane)

@@ -38,19 +38,6 @@ FRACTIONS = (0.5, 0.9, 0.99)
 class Axis:
     """One varied parameter.
 
-    Attributes
-    ----------
-    name : str
-        One of `PARAMETERS`.
-    values : tuple of float, or of str
-        The listed values; empty for a range.
-    low, high : float
-        The range; NaN for listed values.
-    scale : {"linear", "log"}
-        How the range is divided.
-    points : int
-        Number of grid values in the range, both ends included; 0 for a hypercube.
-
     Examples
     --------
     >>> Axis("energy", low=0.1, high=10.0, scale="log", points=3).grid()
@@ -59,12 +46,12 @@ class Axis:
     array([0.5, 0.5, 0.7])
     """
 
-    name: str
-    values: tuple[float, ...] | tuple[str, ...] = ()
-    low: float = math.nan
-    high: float = math.nan
-    scale: str = "linear"
-    points: int = 0
+    name: str  # one of `PARAMETERS`
+    values: tuple[float, ...] | tuple[str, ...] = ()  # the listed values; empty for a range
+    low: float = math.nan  # end of the range; NaN for listed values
+    high: float = math.nan  # its other end
+    scale: str = "linear"  # how the range is divided: linear or log
+    points: int = 0  # number of grid values in the range, both ends included; 0 for a hypercube
 
     @property
     def is_family(self) -> bool:
@@ -110,49 +97,21 @@ class Axis:
 
 @dataclass(frozen=True)
 class StudyPlan:
-    """A study before it is run.
+    """A study before it is run."""
 
-    Attributes
-    ----------
-    system : mapping
-        The scene's system as `ImpactSystem.describe` gives it, with the fixed parameters of its model.
-    nes, lo : tuple of int
-        Coordinates of the sink and of the oscillator.
-    axes : tuple of Axis
-        In the order of the file. In a grid the last one changes fastest.
-    fixed : mapping
-        The clearance, and the parameters of the start that are not varied.
-    design : {"grid", "hypercube"}
-    runs, seed : int
-        Of a hypercube.
-    units : {"natural", "physical"}
-        Units of energies and impulses. In physical units their lengths are those of the clearance: h = energy/clearance^2, and an impulse
-        V is V/clearance.
-    until : float or "clear"
-        The duration, or until no impact is possible any more.
-    longest : float
-        Time limit of a run that lasts until it is clear.
-    impacts : int
-        Limit of the number of impacts in a run.
-    block : int
-        Runs in one block of results.
-    title : str
-    forces : tuple of bvp.forcing loads
-    """
-
-    system: Mapping[str, Any]
-    nes: tuple[int, ...]
-    lo: tuple[int, ...]
-    axes: tuple[Axis, ...]
-    fixed: Mapping[str, Any]
-    design: str
-    runs: int = 0
+    system: Mapping[str, Any]  # the scene's system as `ImpactSystem.describe` gives it, with the fixed parameters of its model
+    nes: tuple[int, ...]  # coordinates of the sink
+    lo: tuple[int, ...]  # coordinates of the oscillator
+    axes: tuple[Axis, ...]  # in the order of the file; in a grid the last one changes fastest
+    fixed: Mapping[str, Any]  # the clearance, and the parameters of the start that are not varied
+    design: str  # grid or hypercube
+    runs: int = 0  # of a hypercube, as the seed
     seed: int = 0
-    units: str = "natural"
-    until: float | str = CLEAR
-    longest: float = 1e4
-    impacts: int = 10_000_000
-    block: int = 4096
+    units: str = "natural"  # or physical: lengths in those of the clearance, h = energy/clearance^2, and V is impulse/clearance
+    until: float | str = CLEAR  # the duration, or until no impact is possible any more
+    longest: float = 1e4  # time limit of a run that lasts until it is clear
+    impacts: int = 10_000_000  # limit of the number of impacts in a run
+    block: int = 4096  # runs in one block of results
     title: str = ""
     forces: tuple[Any, ...] = ()
 

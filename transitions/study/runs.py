@@ -73,20 +73,9 @@ def block_columns(plan: StudyPlan) -> tuple[str, ...]:
 
 
 def run_block(plan: StudyPlan, given: Mapping[str, np.ndarray], starts: Starts | None = None) -> dict[str, np.ndarray]:
-    """Run some of the runs of a plan.
+    """Run some of the runs of a plan: the columns of `block_columns`, (b,) each. They depend on the arguments alone.
 
-    Parameters
-    ----------
-    plan : StudyPlan
-    given : mapping of str to (b,) ndarray
-        The varied parameters of each run (`Plan.values`).
-    starts : Starts, optional
-        For runs that start on the orbit of a family.
-
-    Returns
-    -------
-    dict of str to (b,) ndarray
-        The columns of `block_columns`. They depend on the arguments alone.
+    `given` are the varied parameters of each run (`StudyPlan.values`), `starts` the starts on the orbit of a family.
     """
     count = len(next(iter(given.values())))
     model = [name for name in OF_MODEL if name in given]
@@ -129,21 +118,16 @@ def _system_of(description: str, nes: tuple[int, ...], lo: tuple[int, ...]) -> _
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """The runs of a block: `which` (b,) is the system of each run, apart from its restitution `rho` (b,), which is None if it does not
-    vary.
-
-    The starts have states (b, 2n), energies (b,), NaN for none, and the contacts that they have just left. `out` holds the results, in the
-    order of `results_of`.
-    """
+    """The runs of a block."""
 
     plan: StudyPlan
     systems: list[_System]
-    which: np.ndarray
-    rho: np.ndarray | None
-    states: np.ndarray
-    energies: np.ndarray
-    leaving: np.ndarray
-    out: dict[str, np.ndarray]
+    which: np.ndarray  # (b,) the system of each run, apart from its restitution
+    rho: np.ndarray | None  # (b,) the restitution; None if it does not vary
+    states: np.ndarray  # (b, 2n) starts
+    energies: np.ndarray  # (b,) NaN for none
+    leaving: np.ndarray  # (b,) the contact that the start has just left
+    out: dict[str, np.ndarray]  # the results, in the order of `results_of`
 
     def write(self, some: Any, *results: Any) -> None:
         """Write the results of one run or of several, in the order of `results_of`, without h."""

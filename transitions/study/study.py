@@ -85,12 +85,8 @@ def write_block(path: Path, columns: Mapping[str, np.ndarray], digest: str, numb
 def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np.ndarray]:
     """The columns of a block of `count` runs; the other arguments are those of `write_block`.
 
-    Raises
-    ------
-    DamagedBlock
-        If the file cannot be read, its CRC does not fit its numbers, or it is another block.
-    ForeignBlock
-        If it is an intact block of another study.
+    DamagedBlock if the file cannot be read, its CRC does not fit its numbers, or it is another block. ForeignBlock if it is an intact block
+    of another study.
     """
     try:
         about, columns = _read_parquet(path) if path.suffix == ".parquet" else _read_npz(path)
@@ -151,13 +147,8 @@ def _blocks(
 
 
 def finished_blocks(folder: Path, plan: StudyPlan, digest: str, kind: str, damaged: Callable[[str], None]) -> set[int]:
-    """The numbers of the intact blocks on disk; `damaged` is called with a message for each other block.
-
-    Raises
-    ------
-    ForeignBlock
-        For a block of another study.
-    """
+    """The numbers of the intact blocks on disk; `damaged` is called with a message for each other block. ForeignBlock for a block of
+    another study."""
     return {number for number, _ in _blocks(folder, plan, digest, kind, lambda error: damaged(str(error)))}
 
 
@@ -340,20 +331,13 @@ _SINGLE = 0.05
 class Bins:
     """The bins of an axis.
 
-    Attributes
-    ----------
-    edges : (k + 1,) ndarray
-        Edges of the bins, ascending. In a grid they lie half-way between the values, and as far beyond the first and the last value, so
-        that a map has cells of full size at its borders. A single value has a twentieth of itself on each side.
-    centres : (k,) ndarray
-        The values of a grid; else the middles of the bins.
-    which : (N,) int64 ndarray
-        The bin of each run.
+    In a grid the edges lie half-way between the values, and as far beyond the first and the last value. So a map has cells of full size at
+    its borders. A single value has a twentieth of itself on each side.
     """
 
-    edges: np.ndarray
-    centres: np.ndarray
-    which: np.ndarray
+    edges: np.ndarray  # (k + 1,) ascending
+    centres: np.ndarray  # (k,) the values of a grid; else the middles of the bins
+    which: np.ndarray  # (N,) the bin of each run
 
 
 @dataclass(frozen=True, eq=False)
