@@ -26,7 +26,7 @@ from benchmarks.report import Table, machine, number, show
 from bvp.fast_path import fast_path_numbers, run_fast_path
 from bvp.system import vibro_impact_nes
 from saltus.errors import DONE
-from saltus.motion.study_runs import carry_out
+from saltus.motion.study import carry_out
 from saltus.options import whole_above_zero
 from saltus.processes import open_executor
 from transitions.section.plane import SectionPlane

@@ -14,7 +14,7 @@ from saltus.tables import counted, table_lines
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from saltus.motion.study_file import StudyFile
+    from saltus.motion.study import StudyFile
     from transitions.study.study import Study
 
 __all__ = ["add_arguments", "run"]
@@ -33,8 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
-    from saltus.motion.study_file import read_study_file
-    from saltus.motion.study_runs import check_folder
+    from saltus.motion.study import check_folder, read_study_file
     from saltus.processes import open_executor
 
     study = read_study_file(arguments.file)
@@ -71,7 +70,7 @@ def _require_pyarrow() -> None:
 def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, workers: int) -> int:
     from branches.catalogue.database import WriterLock
     from saltus import __version__
-    from saltus.motion.study_runs import carry_out, find_all_starts, keep_starts, kept_starts
+    from saltus.motion.study import carry_out, find_all_starts, keep_starts, kept_starts
     from saltus.terminal import ProgressBar
     from transitions.study.study import Study, finished_blocks, write_plan
 

@@ -17,7 +17,7 @@ import scipy.io
 import saltus
 from branches.files import WriteFailure, read_input, replacing, write_text
 from saltus.errors import BadInput
-from saltus.motion.study_file import read_study_file
+from saltus.motion.study import read_study_file
 from saltus.outputs import check_writable, write_data
 from saltus.scene.reading import read_record
 from tests.saltus.running import run
