@@ -12,37 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, kernel, part
 from bvp.kernels.flight import set_1
-from bvp.kernels.multipoint import (
-    ABSORBER_END,
-    ABSORBER_START,
-    BRANCHING,
-    CLEARANCE,
-    CONDITIONING,
-    CONTRACTION,
-    CONVERGED,
-    ENERGY,
-    FIRST_QUARTER,
-    FLIGHT,
-    GAVE_UP,
-    HALF_A,
-    HALF_B,
-    HALF_C,
-    HALF_D,
-    IN_PHASE,
-    QUARTER_PERIOD,
-    RESIDUAL,
-    SECOND_QUARTER,
-    SLOPE,
-    SPEED,
-    SPEEDS,
-    STEEPNESS,
-    TRACE,
-    TURN,
-    WAVES_ABSORBER,
-    WAVES_PRIMARY,
-)
 from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
@@ -81,31 +53,31 @@ _CLEAR_SLOPE = 0.05
 
 def is_orbit(result: Any) -> bool:
     """Whether the step converged accurately and no search of its observation gave up."""
-    return result[CONVERGED] == 1.0 and result[RESIDUAL] < _ACCURATE and not result[GAVE_UP] == 1.0
+    return result[entry.CONVERGED] == 1.0 and result[entry.RESIDUAL] < _ACCURATE and not result[entry.GAVE_UP] == 1.0
 
 
 def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> None:
     """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high)
     and of the quarter period's, impulsive orbits, and a number that identifies the label."""
-    level = math.log(result[ENERGY])
-    pivot = result[BRANCHING]
-    slope = abs(result[SLOPE])
-    square = result[CONDITIONING] * result[CONDITIONING]
-    error = CONDITION_NOISE * result[STEEPNESS]
-    certain = slope * pivot * pivot > TANGENT_NOISE * result[STEEPNESS]
-    certain = certain and (error < _CLEAR_SLOPE * square or slope * square > error * result[ENERGY])
-    out[0] = result[SLOPE] if certain else math.nan
+    level = math.log(result[entry.ENERGY])
+    pivot = result[entry.BRANCHING]
+    slope = abs(result[entry.SLOPE])
+    square = result[entry.CONDITIONING] * result[entry.CONDITIONING]
+    error = CONDITION_NOISE * result[entry.STEEPNESS]
+    certain = slope * pivot * pivot > TANGENT_NOISE * result[entry.STEEPNESS]
+    certain = certain and (error < _CLEAR_SLOPE * square or slope * square > error * result[entry.ENERGY])
+    out[0] = result[entry.SLOPE] if certain else math.nan
     out[1] = pivot
-    out[2] = result[CLEARANCE] if result[CLEARANCE] < _CLEAR else _CLEAR
-    out[3] = result[SPEED]
-    out[4] = result[FLIGHT]
+    out[2] = result[entry.CLEARANCE] if result[entry.CLEARANCE] < _CLEAR else _CLEAR
+    out[3] = result[entry.SPEED]
+    out[4] = result[entry.FLIGHT]
     out[5] = level - low if low > -math.inf else 1.0
     out[6] = high - level if high < math.inf else 1.0
-    out[7] = longest - math.log(result[QUARTER_PERIOD]) if longest < math.inf else 1.0
-    out[8] = result[ABSORBER_START]
-    out[9] = result[ABSORBER_END]
-    waves = result[WAVES_ABSORBER] * 4096.0 + result[WAVES_PRIMARY]
-    out[10] = (waves * 4096.0 + result[FIRST_QUARTER]) * 8192.0 + result[SECOND_QUARTER] * 4.0 + result[IN_PHASE]
+    out[7] = longest - math.log(result[entry.QUARTER_PERIOD]) if longest < math.inf else 1.0
+    out[8] = result[entry.ABSORBER_START]
+    out[9] = result[entry.ABSORBER_END]
+    waves = result[entry.WAVES_ABSORBER] * 4096.0 + result[entry.WAVES_PRIMARY]
+    out[10] = (waves * 4096.0 + result[entry.FIRST_QUARTER]) * 8192.0 + result[entry.SECOND_QUARTER] * 4.0 + result[entry.IN_PHASE]
 
 
 def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
@@ -115,16 +87,13 @@ def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
 
     The linearised impacts are rank-one terms over the impact's speed, so an entry times the product of all speeds is smooth at a grazing,
     where the entry itself grows without bound. Traces contain each impact of a segment with a reversal twice."""
-    a = result[HALF_A]
-    b = result[HALF_B]
-    c = result[HALF_C]
-    d = result[HALF_D]
+    a = result[entry.HALF_A]
+    b = result[entry.HALF_B]
+    c = result[entry.HALF_C]
+    d = result[entry.HALF_D]
     product = b * c
-    largest = abs(a)
-    for entry in (b, c, d):
-        if abs(entry) > largest:
-            largest = abs(entry)
-    pivot = abs(result[BRANCHING])
+    largest = max(abs(a), abs(b), abs(c), abs(d))
+    pivot = abs(result[entry.BRANCHING])
     noise = largest * (NOISE + PIVOT_NOISE / pivot) if pivot > 0.0 else math.inf
     if abs(a) < noise:
         a = math.nan
@@ -132,9 +101,9 @@ def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
         b = math.nan
     if abs(d) < noise:
         d = math.nan
-    speeds = result[SPEEDS]
+    speeds = result[entry.SPEEDS]
     if quarters == 4:
-        tau = result[TRACE]
+        tau = result[entry.TRACE]
         weight = speeds
         out[11] = weight * (tau + 2.0)
         at = 12
@@ -226,7 +195,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
         new = block.y[count]
         ahead = block.tangent[count]
         call_at(addresses[0], (packed, factor, y, tangent, Request(ds, math.nan, most), metric, Landing(new, ahead, result)))
-        if result[CONVERGED] != 1.0:
+        if result[entry.CONVERGED] != 1.0:
             return count, 1, ds
         ends = block.ends[count]
         for i in range(ends.shape[0]):
@@ -245,9 +214,9 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
             _common_tests(result, limits[0], limits[1], limits[2], values)
             _two_dof_tests(result, packed.shape[2], targets, values)
         else:
-            values[0] = result[SLOPE]
-        turn = result[TURN]
-        contraction = result[CONTRACTION]
+            values[0] = result[entry.SLOPE]
+        turn = result[entry.TURN]
+        contraction = result[entry.CONTRACTION]
         chord = _distance(position, place)
         if _refusal(turn, contraction, chord, ds, control) != ACCEPTED:
             return count, 1, ds

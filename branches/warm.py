@@ -12,7 +12,7 @@ def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
     """Whether the kernels were compiled before, here or elsewhere on this machine, and are on disk; those of `discovery`, and of
     `impulsive` motions, too, if asked."""
     from branches.kernels import advance_block
-    from bvp.kernels.cache import stored
+    from bvp.kernels.compiled import stored
     from bvp.kernels.intervals import scan_interval
     from bvp.kernels.shooting import scan_starts
     from bvp.kernels.stability import orbit_stability
@@ -42,7 +42,7 @@ def warm() -> None:
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     y, ends, result = np.array([0.8, 0.6, 1.7]), np.ones((1, 4)), np.zeros(len(RESULT))
     orbit_stability(problem._packed, y, ends, problem._period, result)
-    two_dof_orbit_observe(problem._packed, problem._watched, y, ends, problem._work, result)
+    two_dof_orbit_observe(problem._packed, problem.observed, y, ends, problem._work, result)
     problem._kernel = lambda k: (None, 0)  # type: ignore[method-assign]
     family = Family(problem)
     tests = [0.0] * len(family.tests)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end
-from bvp.kernels.compiled import address_of, entry_point
+from bvp.kernels.compiled import compiled_for
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.stability import make_period, orbit_stability
@@ -27,7 +27,6 @@ from bvp.kernels.step import (
     end_states,
     orbit_observe,
     orbit_step,
-    pack_observed,
     two_dof_orbit_observe,
     two_dof_orbit_step,
 )
@@ -150,7 +149,7 @@ class MultipointProblem:
         self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
-        self._watched = pack_observed(observed_of(system))
+        self.observed = observed_of(system)
         self._two_dof = self.half == 2
 
     def refuse_drift(self) -> None:
@@ -312,7 +311,7 @@ class MultipointProblem:
             return None
         ends = factor.before.copy()
         if full:
-            self._kernel(1)[0](packed, self._watched, out, ends, self._work, result)
+            self._kernel(1)[0](packed, self.observed, out, ends, self._work, result)
             if self._two_dof:
                 self._kernel(2)[0](packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
@@ -327,17 +326,17 @@ class MultipointProblem:
             metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)
             arguments: tuple[Any, ...] = (
                 (self._packed, self._factor, y, tangent, Request(0.0, 0.0, 0), metric, Landing(y, tangent, result)),
-                (self._packed, self._watched, y, ends, self._work, result),
+                (self._packed, self.observed, y, ends, self._work, result),
                 (self._packed, y, ends, self._period, result),
             )[k]
             function = (*_KERNELS[self._two_dof], orbit_stability)[k]
-            _COMPILED[key] = entry_point(function, arguments), address_of(function, arguments)
+            _COMPILED[key] = compiled_for(function, arguments)
         return _COMPILED[key]
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:
         """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given."""
         addresses = np.array([self._kernel(k)[1] if full or k == 0 else 0 for k in range(3)])
-        return CompiledProblem(addresses, self._packed, self._factor, self._watched, self._work, self._period)
+        return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
 
 
 @lru_cache(maxsize=64)
@@ -351,10 +350,8 @@ def observed_of(system: ImpactSystem) -> Observed:
     velocity = np.zeros((0, size))
     if system.absorber is not None and system.primary is not None:
         velocity = modes.to_state[[n + system.absorber, n + system.primary]]
-    gaps, velocities = [gap], [velocity]  # and their derivatives by time, (.. B) z
+    rows = [np.vstack([gap, velocity])]
     for _ in range(3):
-        gaps.append(gaps[-1] @ modes.matrix)
-    for _ in range(2):
-        velocities.append(velocities[-1] @ modes.matrix)
-    lower, upper = (np.array([getattr(stop, side) for stop in system.stops], dtype=float) for side in ("lower", "upper"))
-    return Observed._make([np.ascontiguousarray(rows) for rows in (*gaps, lower, upper, *velocities)])
+        rows.append(rows[-1] @ modes.matrix)
+    bounds = np.array([[getattr(stop, side) for stop in system.stops] for side in ("lower", "upper")], dtype=float)
+    return Observed(np.ascontiguousarray(np.stack(rows, axis=1)), bounds)

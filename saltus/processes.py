@@ -41,7 +41,7 @@ def prepare(**kernels: bool) -> None:
     import subprocess
 
     from branches.warm import kept
-    from bvp.kernels.cache import keeps
+    from bvp.kernels.compiled import keeps
 
     if kept(**kernels):
         return
@@ -70,7 +70,7 @@ def prepare_motion() -> None:
 
 def report_compiling(kernel: Any) -> None:
     """Say on standard error that kernels will be compiled, if this one of them was not before."""
-    from bvp.kernels.cache import stored
+    from bvp.kernels.compiled import stored
 
     if not stored(kernel):
         _report()

@@ -16,11 +16,10 @@ from numba import int64
 
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import integer_at, kernel
-from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, times_matrix
+from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, restitute_state
 from bvp.kernels.energy_budget import Products, integrals
 from bvp.kernels.extrema import peak_flight, rises
-from bvp.kernels.flight import flow_state, inner
-from bvp.kernels.impact import restitute_state
+from bvp.kernels.flight import flow_state, inner, times_matrix
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
 from bvp.kernels.shooting import event
 
@@ -121,7 +120,7 @@ class Work(NamedTuple):
 def follow_section(simulate, modes, rows, starts, limits, first, orbit, out, work):
     """Follow each of `starts`, from number `first` on, to its P-th crossing. The starts lie on the section.
 
-    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.compiled.address_of`). modes: the contact modes. rows, starts, limits,
+    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.compiled.compiled_for`). modes: the contact modes. rows, starts, limits,
     orbit, out, work: `Rows`, `SectionStarts`, `SectionLimits`, `Following`, `Crossings`, `Work`.
 
     Returns (M, 0) when all orbits are done. Returns (orbit, contacts) if the orbit needs one more contact mode, with these stops sticking:

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.speed_error.methods import Answer, Method, OrbitAnswer, Task, Work
 from benchmarks.speed_error.tasks import OrbitTask
 from bvp.checks import checked_number
-from bvp.kernels.impact import restitute_state
+from bvp.kernels.contact_mode import restitute_state
 from bvp.simulate import checked_state
 
 if TYPE_CHECKING:

@@ -1,9 +1,9 @@
 """Compiled arithmetic of impacting systems: arrays and numbers in named tuples, without any policy. Comments cite docs/theory.md.
 
-    compiled, cache           how kernels are compiled and kept
-    flight, bounds            exact flight, and bounds of a linear functional along it
-    impact, extrema           next impact and restitution; sign changes and extrema of a linear functional
-    contact_mode, sticking    sticking contacts, impacts beside them, the end of chattering
+    compiled                  how kernels are compiled and kept
+    flight                    exact flight, and bounds of a linear functional along it
+    impact, extrema           next impact; sign changes and extrema of a linear functional
+    contact_mode, sticking    restitution; sticking contacts, impacts beside them, the end of chattering
     energy_budget, motion     where the energy goes; the motion from event to event
     fast_path, two_modes      the same for two oscillating modes and one stop
     multipoint, newton, step  the boundary-value problem of an orbit, its corrections, the step along a family

@@ -1,13 +1,20 @@
-"""The kernels' data: the contact modes of a system (see `bvp.contact_modes`), and the numbers of a motion through them."""
+"""Contact modes of a system (see `bvp.contact_modes`), the numbers of a motion through them, and restitution at an impact.
+
+Restitution R, equation (4), is linear, so it maps a perturbation as it maps a state. But a perturbed motion arrives at another time. After
+the flight time t the state is z-, and the perturbation dz of the start has become exp(B t) dz. The arrival moves by
+
+    dt = -(g . exp(B t) dz)/(g . B z-)
+
+and the perturbation on the stop, after the impact, is J dz + F dt with J = R exp(B t) and F = R B z-.
+"""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.bounds import amplitudes
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import Contacts, Flight
+from bvp.kernels.flight import Contacts, Flight, amplitudes, block_product, copy_1, inner, row_dot, set_1, set_2
 
 START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
 """Kinds of events in the log: the start; an impact; a touch; a contact that sticks from here on; one that is released; a load that is
@@ -114,19 +121,14 @@ def contacts_of(modes, f):
 @kernel
 def begin_anew(motion):
     """Set the numbers of a motion to those at time 0, on no contact, with none sticking. The passes left in this call are kept."""
-    counts, clock, angles, sums = motion.counts, motion.clock, motion.angles, motion.sums
+    passes = motion.counts[PASSES]
     for k in range(COUNTS):
-        if k != PASSES:
-            counts[k] = 0
-    for k in range(CLOCK):
-        clock[k] = 0.0
-    counts[LEAVING] = -1
-    for g in range(angles.shape[0]):
-        angles[g, 0] = 0.0
-        angles[g, 1] = 0.0
-    for i in range(sums.shape[0]):
-        sums[i, 0] = 0.0
-        sums[i, 1] = 0.0
+        motion.counts[k] = 0
+    motion.counts[LEAVING] = -1
+    motion.counts[PASSES] = passes
+    set_1(motion.clock, 0.0)
+    set_2(motion.angles, 0.0)
+    set_2(motion.sums, 0.0)
 
 
 @kernel
@@ -149,16 +151,6 @@ def cannot_hit(modes, f, z):
         if not level < modes.side[f, c] * modes.bound[f, c]:
             return False
     return True
-
-
-@kernel
-def times_matrix(matrix, x, out):
-    """out = matrix x."""
-    for r in range(matrix.shape[0]):
-        total = 0.0
-        for c in range(matrix.shape[1]):
-            total += matrix[r, c] * x[c]
-        out[r] = total
 
 
 @kernel
@@ -202,6 +194,13 @@ def add(sums, i, value):
     sums[i, 0] = total
 
 
+@kernel
+def sums_of(sums, out):
+    """out = the values of compensated sums."""
+    for i in range(sums.shape[0]):
+        out[i] = sums[i, 0] + sums[i, 1]
+
+
 @part
 def advance_clock(modes, clock, angles, flight):
     """Add a flight to the time, kept in two parts, and to the angles of the loads."""
@@ -227,10 +226,77 @@ def log_event(log, kind, contact, motion, before, z):
     log.values[row, 0] = clock[TIME]
     log.values[row, 1] = clock[SPEED]
     log.values[row, 2] = clock[LOSS]
-    for r in range(log.before.shape[1]):
-        log.before[row, r] = before[r]
-    for r in range(z.shape[0]):
-        log.states[row, r] = z[r]
-    for i in range(sums.shape[0]):
-        log.sums[row, i] = sums[i, 0] + sums[i, 1]
+    copy_1(before, log.before[row])
+    copy_1(z, log.states[row])
+    sums_of(sums, log.sums[row])
     counts[EVENTS] = row + 1
+
+
+SPLIT = 134217729.0
+"""2^27 + 1, for the upper half of the digits of a double (Veltkamp)."""
+
+
+@part
+def kick(change, near, rest):
+    """change (near + rest), rounded to either side alike. `near` is the nearest double to a number, and `rest` what it leaves.
+
+    Were rest left out, or added to a rounded product, every product would be off to the same side."""
+    scaled = near * SPLIT
+    head = scaled - (scaled - near)
+    return change * head + change * ((near - head) + rest)
+
+
+@part
+def bounce(rate_rows, push, push_rest, c, jump, z):
+    """`apply_impact`, in place, along a push that is known beyond double precision, so that the energy of many impacts does not drift."""
+    # Equation (4), with the impulse in twice the digits.
+    change = jump * row_dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        z[r] -= kick(change, push[c, r], push_rest[c, r])
+
+
+@part
+def apply_impact(rate_rows, push, c, jump, z, out):
+    """out = z - jump push (rate . z), the impact at contact c: jump = 1 + r, 0 leaves it out (out may be z)."""
+    # Equation (4): the impulse along M^-1 c.
+    change = jump * row_dot(rate_rows, c, z)
+    for r in range(z.shape[0]):
+        out[r] = z[r] - change * push[c, r]
+
+
+@kernel
+def restitute_state(contacts, c, z, out):
+    """`apply_impact` with the contact's own restitution."""
+    apply_impact(contacts.rate, contacts.push, c, 1.0 + contacts.restitution[c], z, out)
+
+
+@part
+def impact_columns(rate_rows, push, c, jump, matrix):
+    """`apply_impact` each column of a matrix (N, N), in place."""
+    # Equation (4) for each column.
+    size = matrix.shape[1]
+    for column in range(size):
+        change = jump * inner(rate_rows[c], matrix[:, column])
+        if change != 0.0:
+            for r in range(size):
+                matrix[r, column] -= change * push[c, r]
+
+
+@part
+def land(flight, rate_rows, push, c, jump, before, flow, along):
+    """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
+    # Equation (27): R B z- and R exp(B t).
+    block_product(flight.pairs, flight.matrix, before, along)
+    if jump != 0.0:
+        apply_impact(rate_rows, push, c, jump, along, along)
+        impact_columns(rate_rows, push, c, jump, flow)
+
+
+@part
+def arrive(rows, c, velocity, change):
+    """Move a perturbation `change` along the flow onto rows[c] . z = constant: change += velocity dt. Returns dt."""
+    # Equation (27): the change of the arrival's time.
+    shift = -row_dot(rows, c, change) / row_dot(rows, c, velocity)
+    for r in range(change.shape[0]):
+        change[r] += shift * velocity[r]
+    return shift

@@ -22,11 +22,10 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, times_matrix
+from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, sums_of
 from bvp.kernels.extrema import peak_flight
-from bvp.kernels.flight import block_product, flow_matrix, flow_state, row_dot
+from bvp.kernels.flight import block_product, copy_1, fastest_rate, flow_matrix, flow_state, inner, row_dot, set_1, times_matrix
 
 TERMS = 19
 """Taylor terms on a part of a flight with a rate times time of 1 at most: truncation below 1e-17."""
@@ -200,11 +199,9 @@ def series_integrals(flight, products, z, t, fastest, parts, work, out):
     term = work[5, :size]
     other = work[6, :size]
     terms = terms_of(fastest * h)
-    for r in range(size):
-        state[r] = z[r]
+    copy_1(z, state)
     for index in range(parts):
-        for r in range(size):
-            term[r] = state[r]
+        copy_1(state, term)
         for k in range(terms + 1):
             for c in range(first.shape[0]):
                 work[ROWS + 2 * c, k] = row_dot(first, c, term)
@@ -224,8 +221,7 @@ def series_integrals(flight, products, z, t, fastest, parts, work, out):
             out[c] += weight[c] * (total + work[a, 0] * work[a + 1, 0]) * h
         if index + 1 < parts:
             flow_state(flight, state, h, other)
-            for r in range(size):
-                state[r] = other[r]
+            copy_1(other, state)
 
 
 @allocating
@@ -270,15 +266,10 @@ def doubled_integrals(flight, products, z, t, fastest, out):
             flow_matrix(flight, span, flow)
             for r in range(size):
                 for q in range(size):
-                    entry = 0.0
-                    for k in range(size):
-                        entry += half[r, k] * flow[k, q]
-                    grown[r, q] = entry
+                    grown[r, q] = inner(half[r], flow[:, q])
             for r in range(size):
                 for q in range(size):
-                    a[0, q] = 0.0
-                    for k in range(size):
-                        a[0, q] += flow[k, r] * grown[k, q]
+                    a[0, q] = inner(flow[:, r], grown[:, q])
                 for q in range(size):
                     half[r, q] += a[0, q]
             span *= 2.0
@@ -295,8 +286,7 @@ def integrals(flight, products, z, t, work, out):
     first, second, weight = products
     pairs = flight.pairs
     count = first.shape[0]
-    for c in range(count):
-        out[c] = 0.0
+    set_1(out[:count], 0.0)
     if count == 0 or t == 0.0:
         return
     apart = True
@@ -315,8 +305,7 @@ def integrals(flight, products, z, t, work, out):
         out[c] = weight[c] * product_integral(2 * pairs.shape[0], work, 4, 4 if same else at, t)
     if apart:
         return
-    for c in range(count):
-        out[c] = 0.0
+    set_1(out[:count], 0.0)
     fastest = fastest_rate(flight)
     if fastest * t <= MOST_PARTS:
         series_integrals(flight, products, z, t, fastest, int(fastest * t) + 1, work, out)
@@ -340,12 +329,10 @@ def dissipated(sums, parts):
 @kernel
 def note_mark(motion, time):
     """Write the time and the sums at the next mark."""
-    marks, counts, sums = motion.marks, motion.counts, motion.sums
-    row = counts[entry.MARK]
-    marks[row, 1] = time
-    for i in range(sums.shape[0]):
-        marks[row, 2 + i] = sums[i, 0] + sums[i, 1]
-    counts[entry.MARK] = row + 1
+    row = motion.counts[entry.MARK]
+    motion.marks[row, 1] = time
+    sums_of(motion.sums, motion.marks[row, 2:])
+    motion.counts[entry.MARK] = row + 1
 
 
 @part
@@ -433,8 +420,7 @@ def fly(modes, f, flight, motion, scratch):
         damped(modes, f, z, flight, integral_work, out)
     for k in range(modes.part.shape[0]):
         add(motion.sums, modes.part[k], out[k])
-    for r in range(z.shape[0]):
-        z[r] = work[0, r]
+    copy_1(work[0], z)
     advance_clock(modes, clock, motion.angles, flight)
     if modes.sticking[f] != 0:
         clock[entry.STICKING_TIME] += flight

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import int64
 
-from bvp.kernels.bounds import amplitudes
 from bvp.kernels.compiled import inlined, kernel, part
-from bvp.kernels.flight import Contacts, Flight, circular, flow_state, inner, row_dot
+from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, inner, row_dot
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 STEP_LIMIT = 100000
@@ -26,15 +25,8 @@ STEP_LIMIT = 100000
 class Observed(NamedTuple):
     """Functionals that are observed along each flight. S stops, N entries a state."""
 
-    gap: np.ndarray  # (S, N) w
-    gap_rate: np.ndarray  # (S, N) w'
-    gap_second: np.ndarray  # (S, N) w''
-    gap_third: np.ndarray  # (S, N) w'''
-    lower: np.ndarray  # (S,)
-    upper: np.ndarray  # (S,)
-    velocity: np.ndarray  # (2, N) velocities of absorber and primary
-    velocity_rate: np.ndarray  # (2, N)
-    velocity_second: np.ndarray  # (2, N)
+    rows: np.ndarray  # (S [+ 2], 4, N) each gap w, then the velocities of absorber and primary if there are any; and three derivatives
+    bounds: np.ndarray  # (2, S) lower and upper bounds of the gaps
 
 
 class Track(NamedTuple):
@@ -182,21 +174,32 @@ def refine(track, low, f_low, high, f_high, tolerance):
     return root
 
 
+@part
+def mark_changes(track, floor, inside, edge, sign, upwards, tolerance, times):
+    """Times at which f changes sign after an earlier `sign` (0: none yet), to a `tolerance`, into `times` as far as there is room.
+
+    `upwards`: only those to a positive sign count. A change at the very beginning is at time 0. floor, inside, edge: of
+    `next_sign_change`. Returns (their number, or -1 when the search gave up; last sign)."""
+    count = 0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, before, f_before, here, f, t, steps = next_sign_change(track, floor, inside, edge, sign, here, f, t, steps)
+        if not found:
+            return count if t == math.inf else -1, sign
+        if sign != 0 and (f > 0.0 or not upwards):
+            if count < times.shape[0]:
+                times[count] = refine(track, before, f_before, here, f, tolerance) if here > 0.0 else 0.0
+            count += 1
+        sign = int64(1) if f > 0.0 else int64(-1)
+
+
 @inlined
 def sign_changes(flight, value, rate, second, z, duration, sign, work):
     """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
     changes < 0 when the search gave up. Values within rounding of zero have no sign."""
     track = track_of(flight, value, rate, second, z, duration, work)
     level = 1e-13 * (track.level + 1e-300)
-    changes = 0
-    here, f, t, steps = 0.0, 0.0, 0.0, 0
-    while True:
-        found, _, _, here, f, t, steps = next_sign_change(track, 1e-13 * duration, level, level, sign, here, f, t, steps)
-        if not found:
-            return changes if t == math.inf else -1, sign
-        if sign != 0:
-            changes += 1
-        sign = 1 if f > 0.0 else -1
+    return mark_changes(track, 1e-13 * duration, level, level, sign, False, 0.0, work[:0])
 
 
 @kernel
@@ -208,17 +211,8 @@ def crossing_times(flight, value, rate, second, z, duration, times, work):
     f = inner(value, z)
     if abs(f) <= level:
         f = inner(rate, z)
-    sign = 1 if f >= 0.0 else -1
-    count = 0
-    here, f, t, steps = 0.0, 0.0, 0.0, 0
-    while True:
-        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-12 * duration, 0.0, level, sign, here, f, t, steps)
-        if not found:
-            return count if t == math.inf else -1
-        if count < times.shape[0]:
-            times[count] = refine(track, before, f_before, here, f, 1e-13 * duration)
-        count += 1
-        sign = -sign
+    sign = int64(1) if f >= 0.0 else int64(-1)
+    return mark_changes(track, 1e-12 * duration, 0.0, level, sign, False, 1e-13 * duration, times)[0]
 
 
 @kernel
@@ -229,18 +223,8 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
     Returns (count, last sign); count is -1 where the search gave up or there is no room."""
     track = track_of(flight, value, rate, second, z, duration, work)
     level = 1e-13 * (track.level + 1e-300)
-    count = 0
-    here, f, t, steps = 0.0, 0.0, 0.0, 0
-    while True:
-        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, level, level, sign, here, f, t, steps)
-        if not found:
-            return count if t == math.inf else -1, sign
-        if f > 0.0 and sign < 0:
-            if count == times.shape[0]:
-                return -1, sign
-            times[count] = refine(track, before, f_before, here, f, 1e-16 * duration) if here > 0.0 else 0.0
-            count += 1
-        sign = int64(1) if f > 0.0 else int64(-1)
+    count, sign = mark_changes(track, 1e-13 * duration, level, level, sign, True, 1e-16 * duration, times)
+    return count if count <= times.shape[0] else -1, sign
 
 
 @part
@@ -248,9 +232,8 @@ def clearance(flight, observed, stop, z, duration, work):
     """Smallest distance of w from the bounds of one stop at its turning points inside a flight: (distance, side, time).
 
     The distance is infinite if w has no turning point, and NaN if the search gave up. work (2, N)."""
-    track = track_of(
-        flight, observed.gap_rate[stop], observed.gap_second[stop], observed.gap_third[stop], z, duration, work[0, : z.shape[0]]
-    )
+    gap = observed.rows[stop]
+    track = track_of(flight, gap[1], gap[2], gap[3], z, duration, work[0, : z.shape[0]])
     state = work[1, : z.shape[0]]
     best = math.inf
     best_side = 0.0
@@ -264,8 +247,8 @@ def clearance(flight, observed, stop, z, duration, work):
         if sign != 0:
             turn = refine(track, before, f_before, here, f, 1e-9 * duration)
             flow_state(flight, z, turn, state)
-            w = inner(observed.gap[stop], state)
-            distance = observed.upper[stop] - w if sign > 0 else w - observed.lower[stop]
+            w = inner(gap[0], state)
+            distance = observed.bounds[1, stop] - w if sign > 0 else w - observed.bounds[0, stop]
             if distance < best:
                 best = distance
                 best_side = 1.0 if sign > 0 else -1.0
@@ -291,10 +274,7 @@ ends by no more than a part 1e-13 of its amplitude."""
 def row_times_matrix(rows, c, matrix, out):
     """out[0] = rows[c] matrix."""
     for r in range(matrix.shape[1]):
-        total = 0.0
-        for k in range(matrix.shape[0]):
-            total += rows[c, k] * matrix[k, r]
-        out[0, r] = total
+        out[0, r] = inner(rows[c], matrix[:, r])
 
 
 @kernel
@@ -309,15 +289,14 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
     bound = edge[1]
     bound[0] = 0.0
     # The velocity takes the place of a gap, so that its next zero is found as an impact is, by equation (3).
-    watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)  # a velocity in the place of a gap
+    watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)
     for i in range(n):
         level, _, _ = amplitudes(flight, leave, i, z, duration)
         if level <= peaks[i]:
             continue
         peaks[i] = max(peaks[i], abs(row_dot(leave, i, z)))
-        for r in range(z.shape[0]):
-            now[r] = z[r]
-            scratch[0, 0, r] = leave[n + i, r]
+        copy_1(z, now)
+        copy_1(leave[n + i], scratch[0, 0])
         row_times_matrix(leave, n + i, flight.matrix, scratch[1])
         row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
         rate = row_dot(leave, n + i, z)
@@ -345,8 +324,7 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
                 step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
             flow_state(flight, now, step, later)
             peaks[i] = max(peaks[i], abs(row_dot(leave, i, later)))
-            for r in range(z.shape[0]):
-                now[r] = later[r]
+            copy_1(later, now)
             left -= step
             if status != TOUCH and status != EXHAUSTED:
                 side[0] = -side[0]

@@ -1,15 +1,17 @@
 """The fast path of `motion.move`: many motions of two oscillating modes and one stop, without a record of events.
 
-Unusual motions are declined.
-
-The gap coordinate is the sum of its two modes, w = p_1 + p_2, each the real part of a number p - i q that rotates and decays,
+The gap coordinate is the sum of its two modes, w = p_1 + p_2. Each is the real part of a number p - i q that rotates and decays,
 
     p(t) = e^{mt} (p cos wt + q sin wt),   q(t) = e^{mt} (q cos wt - p sin wt)
 
-so that a step of one fixed length h costs a few products. Over a step the cubic that has the values and slopes of w at both ends differs
-from w by no more than W h^4/384 with |w''''| <= W, and stays within its four Bezier coefficients: where these keep from the bounds by more,
-there is no impact. Else the step is halved, or holds one impact for certain: w' keeps its sign where it does at both ends by more than
-J h^2/8, |w'''| <= J. What needs a step below h/2^11 (grazing), chatters to its end or sticks is declined, and left to `motion.move`.
+so a step of one fixed length h costs a few products. The cubic with the values and slopes of w at both ends of a step lies within its four
+Bezier coefficients. It differs from w by at most W h^4/384, where |w''''| <= W.
+
+    If all coefficients are farther than this from the bounds, the step has no impact.
+    If w passes a bound and |w'| > J h^2/8 at both ends, where |w'''| <= J, then w' keeps its sign and the step has exactly one impact.
+    Otherwise the step is halved.
+
+A motion is declined, and left to `motion.move`, if it needs a step below h/2^11 (grazing), chatters to its end or sticks.
 """
 
 import math
@@ -19,8 +21,9 @@ import numpy as np
 
 from bvp.kernels import two_modes as entry
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.impact import kick
-from bvp.kernels.two_modes import fraction_time, raised, rotated, rotated_slightly, spend
+from bvp.kernels.contact_mode import kick
+from bvp.kernels.flight import copy_1, set_1
+from bvp.kernels.two_modes import changing, fraction_time, numbers, product, radii, raised, rotated_slightly, rotations, spend, turned
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = range(4)
 """Reasons: no impact is possible any more; the duration; the most impacts; not an ordinary motion."""
@@ -84,12 +87,11 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
     lower = system[entry.LOWER]
     upper = system[entry.UPPER]
     restitution = system[entry.RESTITUTION]
-    p1 = q1 = p2 = q2 = 0.0
-    for k in range(4):
-        p1 += system[entry.INTO + k] * start[k]
-        q1 += system[entry.INTO + 4 + k] * start[k]
-        p2 += system[entry.INTO + 8 + k] * start[k]
-        q2 += system[entry.INTO + 12 + k] * start[k]
+    given = numbers(start, 0)
+    p1 = product(numbers(system, entry.INTO), given)
+    q1 = product(numbers(system, entry.INTO + 4), given)
+    p2 = product(numbers(system, entry.INTO + 8), given)
+    q2 = product(numbers(system, entry.INTO + 12), given)
     square1 = m1 * m1 + w1 * w1
     square2 = m2 * m2 + w2 * w2
     rate1 = math.sqrt(square1)
@@ -97,13 +99,9 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
     fastest = max(rate1, rate2)
     reach = min(upper, -lower)
     # Peaks: rows over (p, q) of u_1 and u_2, and what an amplitude of a mode makes of them.
-    a11, b11, a12, b12 = system[entry.OUT], system[entry.OUT + 1], system[entry.OUT + 2], system[entry.OUT + 3]
-    a21, b21, a22, b22 = system[entry.OUT + 4], system[entry.OUT + 5], system[entry.OUT + 6], system[entry.OUT + 7]
-    rates, row1, row2 = (m1, w1, m2, w2), (a11, b11, a12, b12), (a21, b21, a22, b22)
-    size11 = math.sqrt(a11 * a11 + b11 * b11)
-    size12 = math.sqrt(a12 * a12 + b12 * b12)
-    size21 = math.sqrt(a21 * a21 + b21 * b21)
-    size22 = math.sqrt(a22 * a22 + b22 * b22)
+    rates, row1, row2 = (m1, w1, m2, w2), numbers(system, entry.OUT), numbers(system, entry.OUT + 4)
+    size11, size12 = radii(row1)
+    size21, size22 = radii(row2)
     peak1 = abs(start[0])
     peak2 = abs(start[1])
     time = 0.0
@@ -118,8 +116,8 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
     reason = DECLINED
     scale = 0.0
     while True:
-        radius1 = math.sqrt(p1 * p1 + q1 * q1)
-        radius2 = math.sqrt(p2 * p2 + q2 * q2)
+        state = p1, q1, p2, q2
+        radius1, radius2 = radii(state)
         if impacts == 0:
             scale = rate1 * radius1 + rate2 * radius2
             near = 1e-9 * (radius1 + radius2 + reach)
@@ -133,8 +131,8 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
         noise = ROUNDING * (radius1 + radius2)
         watch1 = size11 * radius1 + size12 * radius2 > peak1
         watch2 = size21 * radius1 + size22 * radius2 > peak2
-        value1 = abs(a11 * p1 + b11 * q1 + a12 * p2 + b12 * q2)
-        value2 = abs(a21 * p1 + b21 * q1 + a22 * p2 + b22 * q2)
+        value1 = abs(product(row1, state))
+        value2 = abs(product(row2, state))
         second1 = square1 * size11 * radius1 + square2 * size12 * radius2
         second2 = square1 * size21 * radius1 + square2 * size22 * radius2
         third1 = square1 * rate1 * size11 * radius1 + square2 * rate2 * size12 * radius2
@@ -153,7 +151,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
         w = p1 + p2
         if leaving != 0:
             w = upper if leaving > 0 else lower
-        v = m1 * p1 + w1 * q1 + m2 * p2 + w2 * q2
+        v = product(rates, state)
         fresh = leaving != 0
         while not (cleared and not watch1 and not watch2) and t < left:
             h = longest / float(1 << level)
@@ -164,7 +162,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
             n2 = r2 * system[at + 2] + i2 * system[at + 3]
             j2 = i2 * system[at + 2] - r2 * system[at + 3]
             wn = n1 + n2
-            vn = m1 * n1 + w1 * j1 + m2 * n2 + w2 * j2
+            vn = product(rates, (n1, j1, n2, j2))
             safe = cleared
             if not safe:
                 # Equation (11): the inner Bezier coefficients, and the error of the cubic.
@@ -221,12 +219,12 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
                         return DECLINED
                     continue
             if watch1:
-                value = abs(a11 * n1 + b11 * j1 + a12 * n2 + b12 * j2)
+                value = abs(product(row1, (n1, j1, n2, j2)))
                 if max(value, value1) + second1 * h * h * 0.125 > peak1:
                     peak1 = raised(rates, row1, third1, fourth1, (r1, i1, r2, i2), (n1, j1, n2, j2), min(h, left - t), h, peak1)
                 value1 = value
             if watch2:
-                value = abs(a21 * n1 + b21 * j1 + a22 * n2 + b22 * j2)
+                value = abs(product(row2, (n1, j1, n2, j2)))
                 if max(value, value2) + second2 * h * h * 0.125 > peak2:
                     peak2 = raised(rates, row2, third2, fourth2, (r1, i1, r2, i2), (n1, j1, n2, j2), min(h, left - t), h, peak2)
                 value2 = value
@@ -240,47 +238,29 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
             steps += 1
             if steps % 16 == 0:
                 if steps % FAR == 0:
-                    c1, s1 = rotated(m1, w1, t)
-                    c2, s2 = rotated(m2, w2, t)
-                    r1 = p1 * c1 + q1 * s1
-                    i1 = q1 * c1 - p1 * s1
-                    r2 = p2 * c2 + q2 * s2
-                    i2 = q2 * c2 - p2 * s2
+                    r1, i1, r2, i2 = turned(state, rotations(rates, t))
                     w = r1 + r2
-                now1 = math.sqrt(r1 * r1 + i1 * i1)
-                now2 = math.sqrt(r2 * r2 + i2 * i2)
+                now1, now2 = radii((r1, i1, r2, i2))
                 cleared = cleared or now1 + now2 + noise < reach
                 watch1 = watch1 and size11 * now1 + size12 * now2 > peak1
                 watch2 = watch2 and size21 * now1 + size22 * now2 > peak2
         # -- its end
         flight = left
-        c1 = s1 = c2 = s2 = 0.0
-        n1 = j1 = n2 = j2 = 0.0
+        way = later = 0.0, 0.0, 0.0, 0.0
         if side != 0:
             bound = upper if side > 0 else lower
             flight = guess
             for _ in range(20):
-                c1, s1 = rotated(m1, w1, flight)
-                c2, s2 = rotated(m2, w2, flight)
-                n1 = p1 * c1 + q1 * s1
-                j1 = q1 * c1 - p1 * s1
-                n2 = p2 * c2 + q2 * s2
-                j2 = q2 * c2 - p2 * s2
-                residual = bound - (n1 + n2)
-                x1 = m1 * n1 + w1 * j1
-                y1 = m1 * j1 - w1 * n1
-                x2 = m2 * n2 + w2 * j2
-                y2 = m2 * j2 - w2 * n2
-                v = x1 + x2
-                g1 = m1 * x1 + w1 * y1
-                g2 = m2 * x2 + w2 * y2
-                bend = g1 + g2
-                f1 = m1 * y1 - w1 * x1
-                f2 = m2 * y2 - w2 * x2
-                z1 = m1 * g1 + w1 * f1
-                z2 = m2 * g2 + w2 * f2
-                jerk = z1 + z2
-                snap = m1 * z1 + w1 * (m1 * f1 - w1 * g1) + m2 * z2 + w2 * (m2 * f2 - w2 * g2)
+                way = rotations(rates, flight)
+                later = turned(state, way)
+                rate = changing(rates, later)
+                bent = changing(rates, rate)
+                jerked = changing(rates, bent)
+                residual = bound - (later[0] + later[2])
+                v = rate[0] + rate[2]
+                bend = bent[0] + bent[2]
+                jerk = jerked[0] + jerked[2]
+                snap = product(rates, jerked)
                 # The zero of the Taylor polynomial of fourth order about the present guess.
                 change = residual / v
                 for _ in range(3):
@@ -293,46 +273,39 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
                 if size <= 0.02 and fourth * size * size * size * size * abs(change) <= 1e-15 * abs(v) * flight:
                     break
             # The last change is small: the rotations by it are their series.
-            c1, s1 = rotated_slightly(m1, w1, change, c1, s1)
-            c2, s2 = rotated_slightly(m2, w2, change, c2, s2)
-            n1 = p1 * c1 + q1 * s1
-            j1 = q1 * c1 - p1 * s1
-            n2 = p2 * c2 + q2 * s2
-            j2 = q2 * c2 - p2 * s2
+            c1, s1 = rotated_slightly(m1, w1, change, way[0], way[1])
+            c2, s2 = rotated_slightly(m2, w2, change, way[2], way[3])
+            way = c1, s1, c2, s2
+            later = turned(state, way)
             if flight >= left:
                 side = 0
                 flight = left
         infinite = side == 0 and cleared and unbounded
         if side == 0 and not infinite:
-            c1, s1 = rotated(m1, w1, flight)
-            c2, s2 = rotated(m2, w2, flight)
-            n1 = p1 * c1 + q1 * s1
-            j1 = q1 * c1 - p1 * s1
-            n2 = p2 * c2 + q2 * s2
-            j2 = q2 * c2 - p2 * s2
+            way = rotations(rates, flight)
+            later = turned(state, way)
         elif infinite:
             flight = math.inf
-            c1 = s1 = c2 = s2 = 0.0
-            n1 = j1 = n2 = j2 = 0.0
+            way = later = 0.0, 0.0, 0.0, 0.0
         length = flight - t
         if guess > 0.0 and length > 0.0:
             if watch1:
-                peak1 = raised(rates, row1, third1, fourth1, (r1, i1, r2, i2), (n1, j1, n2, j2), length, length, peak1)
+                peak1 = raised(rates, row1, third1, fourth1, (r1, i1, r2, i2), later, length, length, peak1)
             if watch2:
-                peak2 = raised(rates, row2, third2, fourth2, (r1, i1, r2, i2), (n1, j1, n2, j2), length, length, peak2)
+                peak2 = raised(rates, row2, third2, fourth2, (r1, i1, r2, i2), later, length, length, peak2)
         # Equation (29): what the dampers take over the flight.
-        spent = spend(system, terms, (p1, q1, p2, q2), flight, (c1, s1, c2, s2), taken)
+        spent = spend(system, terms, state, flight, way, taken)
         x0 = taken[0]
         x1 = taken[1]
         if mark < marks:
             before = (d0 + d1 + d2) + (e0 + e1 + e2)
             while mark < marks and before + spent >= fractions[mark] * initial:
                 wanted = fractions[mark] * initial - before
-                out[TIMES + mark] = time + fraction_time(system, terms, (p1, q1, p2, q2), flight, spent, wanted, taken)
+                out[TIMES + mark] = time + fraction_time(system, terms, state, flight, spent, wanted, taken)
                 mark += 1
         d0, e0 = summed(d0, e0, x0)
         d1, e1 = summed(d1, e1, x1)
-        p1, q1, p2, q2 = n1, j1, n2, j2
+        p1, q1, p2, q2 = later
         if side == 0:
             reason = CLEARED if cleared else TIMED
             if not infinite:
@@ -341,7 +314,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
             break
         time, time_low = summed(time, time_low, flight)
         # -- the impact
-        v = m1 * p1 + w1 * q1 + m2 * p2 + w2 * q2
+        v = product(rates, later)
         if not float(side) * v * restitution > SLOW * scale:
             return DECLINED
         # The restitution of both is that of the rounded sum.
@@ -362,9 +335,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
             while mark < marks and before >= fractions[mark] * initial:
                 out[TIMES + mark] = last
                 mark += 1
-        bend = float(side) * (
-            m1 * (m1 * p1 + w1 * q1) + w1 * (m1 * q1 - w1 * p1) + m2 * (m2 * p2 + w2 * q2) + w2 * (m2 * q2 - w2 * p2)
-        )
+        bend = float(side) * product(rates, changing(rates, (p1, q1, p2, q2)))
         if bend > 0.0 and restitution < 1.0 and 2.0 * restitution * abs(v) * fastest <= CHATTER_REACH * bend * (1.0 - restitution):
             bounces += 1
             if bounces > CHATTER_MOST:
@@ -381,8 +352,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
     out[SPENT + 1] = d1 + e1
     out[SPENT + 2] = d2 + e2
     for k in range(4):
-        at = entry.OUT + 4 * k
-        start[k] = system[at] * p1 + system[at + 1] * q1 + system[at + 2] * p2 + system[at + 3] * q2
+        start[k] = product(numbers(system, entry.OUT + 4 * k), (p1, q1, p2, q2))
     return reason
 
 
@@ -393,17 +363,13 @@ def fast_path_batch(systems, starts, initial, duration, most, fractions, state, 
     most (B,): largest numbers of impacts. out (B, COLUMNS + Q): results; if a motion is declined, only its reason, and NaN elsewhere.
     state (4,) and taken (PARTS,) are scratch. Each row of `starts` becomes the final state, unless the motion is declined."""
     for b in range(starts.shape[0]):
-        for k in range(4):
-            state[k] = starts[b, k]
-        for k in range(out.shape[1]):
-            out[b, k] = math.nan
+        copy_1(starts[b], state)
+        set_1(out[b], math.nan)
         s = systems.which[b]
         limits = RunLimits(duration, systems.unbounded[s], most[b])
         reason = fast_path_run(systems.numbers[s], systems.terms[s], state, initial[b], limits, fractions, taken, out[b])
         out[b, REASON] = reason
         if reason == DECLINED:
-            for k in range(fractions.shape[0]):
-                out[b, TIMES + k] = math.nan
+            set_1(out[b, TIMES:], math.nan)
             continue
-        for k in range(4):
-            starts[b, k] = state[k]
+        copy_1(state, starts[b])

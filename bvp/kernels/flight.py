@@ -16,7 +16,8 @@ Layout of the arrays, shared by all kernels
     delta  (P,)   float64  delta, in 1/time^2 (0 for a block that is no pair)
     matrix (N, N) float64  B, zero outside the blocks
 
-At the end there are short loops over arrays, element by element. Assignments to slices compile tens of times slower.
+Then there are short loops over arrays, element by element. Assignments to slices compile tens of times slower. At the end there are
+bounds of a linear functional f(t) = row . exp(B t) z and of its derivatives over a flight, and a step that cannot pass a root.
 """
 
 import math
@@ -35,15 +36,23 @@ APART_LIMIT = 1.0
 TAYLOR_TERMS = 18
 """Degree of the Taylor polynomial of a larger block at a norm of 1/2: truncation below 1e-22."""
 
+MARGIN = 1.0 + 1e-9
+"""Bounds are widened by this, far more than their own rounding."""
+
+SERIES_TERMS = 8
+"""Terms of the series that bounds the motion of a larger block: its steps are at most its own time of growth."""
+
+INVERSE_E = 0.36787944117144233
+"""Maximum of x exp(-x)."""
+
 
 class Flight(NamedTuple):
     """B of free flight in blocks, in the layout above.
 
     This is the seam between flights and what uses them: state and time -> end state (`flow_state`), its derivative by the state
-    (`flow_matrix`) and by time (`block_product` with B), and a bound of |w''| for each gap (`bvp.kernels.bounds.amplitudes`). Loads and
-    the gaps of sticking stops are states of their own (`bvp.contact_modes`), so a derivative by their size is one by the state. Another
-    kind of flight provides the same.
-    """
+    (`flow_matrix`) and by time (`block_product` with B), and a bound of |w''| for each gap (`amplitudes`). Loads and the gaps of sticking
+    stops are states of their own (`bvp.contact_modes`), so a derivative by their size is one by the state. Another kind of flight provides
+    the same."""
 
     pairs: np.ndarray  # (P, 2) int64
     mean: np.ndarray  # (P,)
@@ -146,10 +155,7 @@ def flow_block(mean, matrix, start, size, t):
     for _ in range(halvings):
         for r in range(size):
             for c in range(size):
-                entry = 0.0
-                for q in range(size):
-                    entry += total[r, q] * total[q, c]
-                product[r, c] = entry
+                product[r, c] = inner(total[r], total[:, c])
         total, product = product, total
     factor = math.exp(mean * t)
     for r in range(size):
@@ -163,8 +169,7 @@ def block_matrix(mean, matrix, start, size, t, out):
     """The block of `size` indices from `start` of out = exp(B t)."""
     block = flow_block(mean, matrix, start, size, t)
     for r in range(size):
-        for c in range(size):
-            out[start + r, start + c] = block[r, c]
+        copy_1(block[r], out[start + r, start : start + size])
 
 
 @allocating
@@ -172,10 +177,7 @@ def block_state(mean, matrix, start, size, t, z, out):
     """The `size` entries from `start` of out = exp(B t) z."""
     block = flow_block(mean, matrix, start, size, t)
     for r in range(size):
-        total = 0.0
-        for c in range(size):
-            total += block[r, c] * z[start + c]
-        out[start + r] = total
+        out[start + r] = row_dot(block, r, z[start : start + size])
 
 
 @part
@@ -208,10 +210,7 @@ def flow_state(flight, z, t, out):
 def flow_matrix(flight, t, out):
     """out = exp(B t), dense (N, N)."""
     pairs, mean, delta, matrix = flight
-    size = out.shape[1]
-    for r in range(size):
-        for c in range(size):
-            out[r, c] = 0.0
+    set_2(out, 0.0)
     # Equation (23) for each block.
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -243,24 +242,13 @@ def block_product(pairs, matrix, z, out):
             out[i] = matrix[i, i] * z[i]
         else:
             for r in range(i, i - j):
-                total = 0.0
-                for c in range(i, i - j):
-                    total += matrix[r, c] * z[c]
-                out[r] = total
+                out[r] = inner(matrix[r, i : i - j], z[i : i - j])
 
 
 @kernel
 def flight_at(begins, time):
     """Index of the flight at a given time: the last one that has begun. begins (F,): ascending times."""
-    low = 0
-    high = begins.shape[0]
-    while high - low > 1:
-        middle = (low + high) // 2
-        if begins[middle] <= time:
-            low = middle
-        else:
-            high = middle
-    return low
+    return max(np.searchsorted(begins, time, side="right") - 1, 0)
 
 
 @kernel
@@ -287,12 +275,10 @@ def set_2(array, value):
 
 
 @kernel
-def inner(a, b):
-    """a . b"""
-    total = 0.0
-    for r in range(a.shape[0]):
-        total += a[r] * b[r]
-    return total
+def copy_1(array, out):
+    """out (n,) = array."""
+    for i in range(out.shape[0]):
+        out[i] = array[i]
 
 
 @kernel
@@ -302,3 +288,208 @@ def row_dot(rows, c, z):
     for r in range(z.shape[0]):
         total += rows[c, r] * z[r]
     return total
+
+
+@kernel
+def times_matrix(matrix, x, out):
+    """out = matrix x."""
+    for r in range(matrix.shape[0]):
+        out[r] = row_dot(matrix, r, x[: matrix.shape[1]])
+
+
+@kernel
+def inner(a, b):
+    """a . b"""
+    total = 0.0
+    for r in range(a.shape[0]):
+        total += a[r] * b[r]
+    return total
+
+
+@part
+def growth_rate(flight):
+    """(steady, growth). steady: no block damps or grows. growth >= 0: a bound of the growth rate of every block."""
+    pairs, mean, delta, matrix = flight
+    steady = True
+    growth = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if mean[k] != 0.0 or delta[k] > 0.0 or j < -1:
+            steady = False
+            if j < -1:
+                growth = max(growth, block_growth(matrix, i, -j))
+            else:
+                growth = max(growth, mean[k] + (math.sqrt(delta[k]) if delta[k] > 0.0 else 0.0))
+    return steady, growth
+
+
+@kernel
+def block_growth(matrix, start, size):
+    """Largest eigenvalue of the symmetric part of a block, bounded by Gershgorin's circles: |exp(B t)| <= exp(this t)."""
+    worst = -math.inf
+    for r in range(start, start + size):
+        total = matrix[r, r]
+        for c in range(start, start + size):
+            if c != r:
+                total += 0.5 * abs(matrix[r, c] + matrix[c, r])
+        worst = max(worst, total)
+    return worst
+
+
+@kernel
+def fastest_rate(flight):
+    """A rate that bounds how fast the terms of the series of exp(B t) can grow."""
+    pairs, _, _, matrix = flight
+    fastest = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            half = 0.5 * (matrix[i, i] - matrix[j, j])
+            width = math.sqrt(half * half + abs(matrix[i, j] * matrix[j, i]))
+            fastest = max(fastest, 0.5 * abs(matrix[i, i] + matrix[j, j]) + width)
+        else:
+            for r in range(i, i - j):
+                total = 0.0
+                for q in range(i, i - j):
+                    total += abs(matrix[r, q])
+                fastest = max(fastest, total)
+    return fastest
+
+
+@allocating
+def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
+    """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder. `weight`: norm of the
+    row's part.
+
+    The series of a translation under constant forces ends after a few terms, so these bounds stay sharp for any distance."""
+    state = np.empty(size)
+    other = np.empty(size)
+    copy_1(z[start : start + size], state)
+    level = 0.0
+    second = 0.0
+    third = 0.0
+    rest = math.exp(growth * horizon) if growth > 0.0 else 1.0
+    term, term_second, term_third = 1.0, 0.0, 0.0
+    for k in range(SERIES_TERMS + 4):
+        value = 0.0
+        norm = 0.0
+        for r in range(size):
+            value += rows[c, start + r] * state[r]
+            norm += state[r] * state[r]
+        if k < SERIES_TERMS:
+            value = abs(value)
+        else:
+            value = weight * math.sqrt(norm) * rest
+        if k <= SERIES_TERMS:
+            level += value * term
+        if 2 <= k <= SERIES_TERMS + 2:
+            term_second = 1.0 if k == 2 else term_second * horizon / (k - 2)
+            second += value * term_second
+        if 3 <= k:
+            term_third = 1.0 if k == 3 else term_third * horizon / (k - 3)
+            third += value * term_third
+        term *= horizon / (k + 1)
+        for r in range(size):
+            other[r] = inner(matrix[start + r, start : start + size], state)
+        state, other = other, state
+    return level, second, third
+
+
+@kernel
+def amplitudes(flight, rows, c, z, horizon):
+    """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
+    pairs, mean, delta, matrix = flight
+    level = 0.0
+    second = 0.0
+    third = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        m = mean[k]
+        # A single rate: f = a exp(m t).
+        if j == -1:
+            size = abs(rows[c, i] * z[i]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
+            level += size
+            second += m * m * size
+            third += abs(m * m * m) * size
+        elif j >= 0:
+            # f = exp(m t) (C alpha + S beta); a derivative takes (alpha, beta) to (m alpha + beta, m beta + delta alpha)
+            alpha = rows[c, i] * z[i] + rows[c, j] * z[j]
+            beta = rows[c, i] * ((matrix[i, i] - m) * z[i] + matrix[i, j] * z[j])
+            beta += rows[c, j] * (matrix[j, i] * z[i] + (matrix[j, j] - m) * z[j])
+            # Equation (24) for an undamped mode.
+            if m == 0.0 and delta[k] < 0.0:
+                size = math.sqrt(alpha * alpha - beta * beta / delta[k])
+                level += size
+                second -= delta[k] * size
+                third += -delta[k] * math.sqrt(-delta[k]) * size
+                continue
+            # A damped pair: both terms of (23) by their largest values over the flight.
+            cosine, sine = pair_envelope(m, delta[k], horizon)
+            for order in range(4):
+                size = 0.0
+                if alpha != 0.0:
+                    size += abs(alpha) * cosine
+                if beta != 0.0:
+                    size += abs(beta) * sine
+                if delta[k] < 0.0:
+                    size = min(
+                        size, math.sqrt(alpha * alpha - beta * beta / delta[k]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
+                    )
+                if order == 0:
+                    level += size
+                elif order == 2:
+                    second += size
+                elif order == 3:
+                    third += size
+                alpha, beta = m * alpha + beta, m * beta + delta[k] * alpha
+        else:
+            # A larger block: |exp(B t)| <= exp(growth t), or its Taylor series with remainder, whichever is less.
+            growth = block_growth(matrix, i, -j)
+            size = math.exp(growth * horizon) if growth > 0.0 else 1.0
+            weight = 0.0
+            norm = 0.0
+            square = 0.0
+            for r in range(i, i - j):
+                weight += rows[c, r] * rows[c, r]
+                norm += z[r] * z[r]
+                for q in range(i, i - j):
+                    square += matrix[r, q] * matrix[r, q]
+            size *= math.sqrt(weight * norm)
+            near, near_second, near_third = size, square * size, square * math.sqrt(square) * size
+            if weight > 0.0 and horizon < math.inf:
+                series = block_amplitudes(matrix, i, -j, rows, c, z, math.sqrt(weight), growth, horizon)
+                near, near_second, near_third = min(near, series[0]), min(near_second, series[1]), min(near_third, series[2])
+            level += near
+            second += near_second
+            third += near_third
+    return level * MARGIN, second * MARGIN, third * MARGIN
+
+
+@kernel
+def pair_envelope(mean, delta, horizon):
+    """Bounds of exp(m t) |C| and exp(m t) |S| over 0 <= t <= horizon (which may be infinite for a stable pair)."""
+    width = math.sqrt(delta) if delta > 0.0 else 0.0
+    slowest = mean + width
+    c = math.exp(slowest * horizon) if slowest > 0.0 else 1.0
+    s = horizon * c
+    if slowest < 0.0:
+        s = min(s, INVERSE_E / -slowest)
+    if width > 0.0:
+        s = min(s, 0.5 * c / width)
+    if delta < 0.0:
+        s = min(s, c / math.sqrt(-delta))
+    return c, s
+
+
+@kernel
+def free_step(d, slope, second_bound):
+    """2 d/(-d' + sqrt(d'^2 + 2 W d)), in the form that does not cancel; infinite where d never returns to 0."""
+    # Equation (3): its positive zero.
+    if slope < 0.0:
+        return 2.0 * d / (-slope + math.sqrt(slope * slope + 2.0 * second_bound * d))
+    if second_bound <= 0.0:
+        return math.inf
+    return (slope + math.sqrt(slope * slope + 2.0 * second_bound * d)) / second_bound

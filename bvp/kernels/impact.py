@@ -1,6 +1,6 @@
-"""The next impact of an exact flight, by bounds instead of sampling; restitution; and the effect of an impact on a perturbation.
+"""The next impact of an exact flight, by bounds instead of sampling.
 
-A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `bounds.amplitudes`
+A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `flight.amplitudes`
 bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows, by equations
 (3) and (25),
 
@@ -13,14 +13,8 @@ bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d
 
 Steps therefore shrink onto a root quadratically until it is certified, and Newton on the exact flight does the rest.
 
-Only the contact just left is treated apart, and only until its distance is well above the tolerance: see `bvp.kernels.bounds`.
-
-Restitution R, equation (4), is linear, so it maps a perturbation as it maps a state. But a perturbed motion arrives at another time. After
-the flight time t the state is z-, and the perturbation dz of the start has become exp(B t) dz. The arrival moves by
-
-    dt = -(g . exp(B t) dz)/(g . B z-)
-
-and the perturbation on the stop, after the impact, is J dz + F dt with J = R exp(B t) and F = R B z-.
+Only the contact just left is treated apart, and only until its distance is well above the tolerance: d(t)/t then comes
+from the series of d at the start, see `near_return`.
 """
 
 import math
@@ -29,9 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import int64
 
-from bvp.kernels.bounds import NEAR_REACH, NEAR_TERMS, amplitudes, free_step, growth_rate, near_return, series
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.flight import block_product, flow_inside, flow_state, row_dot
+from bvp.kernels.flight import amplitudes, block_product, copy_1, fastest_rate, flow_inside, flow_state, free_step, growth_rate, row_dot
 
 CONTACT_TOLERANCE = 1e-13
 """THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w
@@ -60,19 +53,14 @@ RELEASED = 1000.0
 """Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other
 numbers."""
 
+NEAR_TERMS = 14
+NEAR_REACH = 0.25
+"""|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
+
 
 def work_array(size, contacts):
     """Scratch array of the kernels here for N = `size` states and m = `contacts`."""
     return np.zeros((WORK_ROWS, max(size, contacts, NEAR_TERMS + 1)))
-
-
-@kernel
-def contact_level(contacts, c, z):
-    """The contact tolerance of contact c in units of its distance."""
-    total = abs(contacts.bound[c])
-    for r in range(z.shape[0]):
-        total += abs(contacts.gap[c, r] * z[r])
-    return CONTACT_TOLERANCE * total
 
 
 @kernel
@@ -246,23 +234,12 @@ def start_contact(flight, contacts, leaving, z):
     for c in range(contacts.side.shape[0]):
         if c == leaving:
             continue
-        d = contacts.side[c] * (contacts.bound[c] - row_dot(contacts.gap, c, z))
-        tolerance = contact_level(contacts, c, z)
+        d, slope, _, tolerance = gauge(contacts, c, z)
         if not d >= -tolerance:
             return OUTSIDE, c
-        if leaving < 0 and d <= tolerance:
-            if -contacts.side[c] * row_dot(contacts.rate, c, z) >= -rounding_level(flight, contacts.rate, c, z):
-                leaving = c
+        if leaving < 0 and d <= tolerance and slope >= -rounding_level(flight, contacts.rate, c, z):
+            leaving = c
     return NONE, leaving
-
-
-@kernel
-def same_row(rows, a, b):
-    """True where two rows are equal: the two contacts of one stop share their bounds."""
-    for r in range(rows.shape[1]):
-        if rows[a, r] != rows[b, r]:
-            return False
-    return True
 
 
 @kernel
@@ -278,13 +255,62 @@ def parting(flight, contacts, c, z, window, other):
 
 
 @kernel
+def series(flight, contacts, c, z, coefficients, state, other):
+    """coefficients[k] = d^(k)(0)/k! for k >= 1 by repeated B. Returns a rate that bounds how fast the terms can grow."""
+    copy_1(z, state)
+    factor = 1.0
+    for k in range(1, NEAR_TERMS + 1):
+        block_product(flight.pairs, flight.matrix, state, other)
+        factor /= k
+        coefficients[k] = -contacts.side[c] * row_dot(contacts.gap, c, other) * factor
+        copy_1(other, state)
+    return fastest_rate(flight)
+
+
+@kernel
+def near_slope(coefficients, t):
+    """s(t) = d(t)/t and its derivative from the series of d."""
+    s = 0.0
+    derivative = 0.0
+    # Horner's scheme for d(t)/t = d'(0) + d''(0) t/2 + ... and its derivative.
+    for k in range(NEAR_TERMS, 0, -1):
+        derivative = derivative * t + s
+        s = s * t + coefficients[k]
+    return s, derivative
+
+
+@kernel
+def near_return(coefficients, jerk, t, window):
+    """One test of the contact just left: (True, time of the return), or (False, length of a step without a return)."""
+    s, fall = near_slope(coefficients, t)
+    s = max(s, 0.0)
+    # Equation (25) for d(t)/t, whose bend is at most V/3.
+    if fall >= 0.0 or 4.0 * jerk * s > 3.0 * fall * fall or -2.0 * s < fall * window:
+        return False, free_step(s, fall, jerk / 3.0)
+    root = t
+    last = math.inf
+    for _ in range(60):
+        step = -s / fall
+        root += step
+        if abs(step) <= 1e-16 * root or abs(step) >= last:
+            break
+        last = abs(step)
+        s, fall = near_slope(coefficients, root)
+    return True, root
+
+
+@kernel
 def next_impact(flight, contacts, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 
-    `leaving` is the contact that the flight starts on (-1: none is given), whose distance there is taken to be 0 exactly, and whose rate
-    counts to the last digit; of a contact that is not given the rate counts beyond rounding. -2 - c means contact c whose force has just
-    come to 0, so that it starts with distance, rate and acceleration 0. Any other contact within the tolerance at the
-    start counts as it moves: away, or a hit at t = 0. `work` comes from `work_array`.
+    leaving
+        c: the flight starts on contact c. Its distance there is 0 exactly, and its rate is exact.
+        -1: no contact is given. If z is on a contact, its rate counts only beyond rounding.
+        -2 - c: the force of contact c has just come to 0. It starts with distance, rate and acceleration 0.
+    work
+        See `work_array`.
+
+    Any other contact within the tolerance at the start counts as it moves: away, or a hit at t = 0.
 
     Returns (status, contact, time): (NONE, -1, horizon), (HIT or TOUCH, contact, time), (PRESSED, contact, 0),
     (OUTSIDE, contact, 0), (EXHAUSTED, -1, time reached).
@@ -311,10 +337,8 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
     t = 0.0
     found = -1
     kind = NONE
-    for r in range(size):
-        state[r] = z[r]
-    level = 0.0
-    last_second = 0.0
+    copy_1(z, state)
+    level, second, third = 0.0, 0.0, 0.0
     for count in range(STEP_LIMIT):
         # The bounds hold over a window: all of the flight where nothing damps or grows.
         renew = count == 0 or (not steady and (growth > 0.0 or count % RENEW == 0))
@@ -327,17 +351,15 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
             if c == found:
                 continue
             if renew:
-                if c > 0 and known == c - 1 and same_row(contacts.gap, c - 1, c):
-                    second = last_second
-                    jerk[c] = jerk[c - 1]
-                else:
+                shared = c > 0 and known == c - 1  # the two contacts of one stop share their bounds
+                for r in range(size if shared else 0):
+                    shared = shared and contacts.gap[c, r] == contacts.gap[c - 1, r]
+                if not shared:
                     # Equation (24).
-                    level, second, jerk[c] = amplitudes(flight, contacts.gap, c, state, min(window, 2.0 * (horizon - t)))
-                    last_second = second
+                    level, second, third = amplitudes(flight, contacts.gap, c, state, min(window, 2.0 * (horizon - t)))
                 known = c
-                curvature[c] = second
-                if level < contacts.side[c] * contacts.bound[c]:
-                    curvature[c] = -1.0  # w cannot reach the bound
+                jerk[c] = third
+                curvature[c] = -1.0 if level < contacts.side[c] * contacts.bound[c] else second  # -1: w cannot reach the bound
             if curvature[c] < 0.0:
                 continue
             d, slope, bend, tolerance = gauge(contacts, c, state)
@@ -424,79 +446,5 @@ def next_hit(flight, contacts, leaving, z, horizon, work, state):
         if status != TOUCH:
             return status, contact, elapsed
         flow_state(flight, z, time, state)
-        for r in range(z.shape[0]):
-            z[r] = state[r]
+        copy_1(state, z)
         leaving = int64(contact)
-
-
-SPLIT = 134217729.0
-"""2^27 + 1, for the upper half of the digits of a double (Veltkamp)."""
-
-
-@part
-def kick(change, near, rest):
-    """change (near + rest), rounded to either side alike. `near` is the nearest double to a number, and `rest` what it leaves.
-
-    Were rest left out, or added to a rounded product, every product would be off to the same side."""
-    scaled = near * SPLIT
-    head = scaled - (scaled - near)
-    return change * head + change * ((near - head) + rest)
-
-
-@part
-def bounce(rate_rows, push, push_rest, c, jump, z):
-    """`apply_impact`, in place, along a push that is known beyond double precision, so that the energy of many impacts does not drift."""
-    # Equation (4), with the impulse in twice the digits.
-    change = jump * row_dot(rate_rows, c, z)
-    for r in range(z.shape[0]):
-        z[r] -= kick(change, push[c, r], push_rest[c, r])
-
-
-@part
-def apply_impact(rate_rows, push, c, jump, z, out):
-    """out = z - jump push (rate . z), the impact at contact c: jump = 1 + r, 0 leaves it out (out may be z)."""
-    # Equation (4): the impulse along M^-1 c.
-    change = jump * row_dot(rate_rows, c, z)
-    for r in range(z.shape[0]):
-        out[r] = z[r] - change * push[c, r]
-
-
-@kernel
-def restitute_state(contacts, c, z, out):
-    """`apply_impact` with the contact's own restitution."""
-    apply_impact(contacts.rate, contacts.push, c, 1.0 + contacts.restitution[c], z, out)
-
-
-@part
-def impact_columns(rate_rows, push, c, jump, matrix):
-    """`apply_impact` each column of a matrix (N, N), in place."""
-    # Equation (4) for each column.
-    size = matrix.shape[1]
-    for column in range(size):
-        change = 0.0
-        for r in range(size):
-            change += rate_rows[c, r] * matrix[r, column]
-        change *= jump
-        if change != 0.0:
-            for r in range(size):
-                matrix[r, column] -= change * push[c, r]
-
-
-@part
-def land(flight, rate_rows, push, c, jump, before, flow, along):
-    """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
-    # Equation (27): R B z- and R exp(B t).
-    block_product(flight.pairs, flight.matrix, before, along)
-    if jump != 0.0:
-        apply_impact(rate_rows, push, c, jump, along, along)
-        impact_columns(rate_rows, push, c, jump, flow)
-
-
-@part
-def arrive(rows, c, velocity, change):
-    """Move a perturbation `change` along the flow onto rows[c] . z = constant: change += velocity dt. Returns dt."""
-    # Equation (27): the change of the arrival's time.
-    shift = -row_dot(rows, c, change) / row_dot(rows, c, velocity)
-    for r in range(change.shape[0]):
-        change[r] += shift * velocity[r]
-    return shift

@@ -22,7 +22,7 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel, part
-from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, TIME, follow_impacts, nearest_turning_points
+from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, find_clearance, follow_impacts
 from bvp.kernels.verdict import (
     CLOSED,
     DONE,
@@ -55,28 +55,17 @@ SLIVER = 4e-12
 
 
 @part
-def write_opening(openings, opening, theta, width, flight, reason):
-    """Write down an interval, where there is room."""
+def leave_open(openings, opening, theta, width, flight, reason, counts):
+    """Add an interval to those that stay open, where there is room. Returns their number.
+
+    The reason GRAZED means that it is as narrow as rounding about a grazing."""
+    counts[AT_GRAZING if reason == GRAZED else OPEN] += 1
     if opening < openings.shape[0]:
         openings[opening, 0] = theta
         openings[opening, 1] = width
         openings[opening, 2] = flight
         openings[opening, 3] = reason
     return opening + 1
-
-
-@part
-def leave_open(openings, opening, theta, width, flight, reason, counts):
-    """Add an interval to those that stay open; returns their number."""
-    counts[OPEN] += 1
-    return write_opening(openings, opening, theta, width, flight, reason)
-
-
-@part
-def leave_grazed(openings, opening, theta, width, flight, counts):
-    """Add an interval that is as narrow as rounding about a grazing; returns the number of those that stay open, with it."""
-    counts[AT_GRAZING] += 1
-    return write_opening(openings, opening, theta, width, flight, GRAZED)
 
 
 class StartMap(NamedTuple):
@@ -116,10 +105,8 @@ def push(stack, top, coordinate, ends, k, depth, verdict):
 @kernel
 def push_between(stack, top, coordinate, ends, k, depth, verdict):
     """`push` an interval with the parameters of its ends."""
-    low, high, kind = coordinate
-    x_a = unplace(low, high, kind, ends.a)
-    x_b = unplace(low, high, kind, ends.b)
-    return push(stack, top, coordinate, Ends(x_a, x_b, ends.i_a, ends.i_b), k, depth, verdict)
+    ends = Ends(unplace(coordinate, ends.a), unplace(coordinate, ends.b), ends.i_a, ends.i_b)
+    return push(stack, top, coordinate, ends, k, depth, verdict)
 
 
 @kernel
@@ -153,8 +140,7 @@ def grazing_between(search, k, ends, first, grain):
         if width <= 4.0 * grain:
             break
         early, late = (one, two) if records[one, k, DURATION] < records[two, k, DURATION] else (two, one)
-        if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
-            nearest_turning_points(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
+        find_clearance(flow, records[late, k], longest, work)
         bend = abs(records[early, k, ACCELERATION])
         below = records[early, k, SPEED] ** 2 / (2.0 * bend) if bend > 0.0 else math.inf
         above = abs(records[late, k, CLEARANCE])
@@ -189,8 +175,7 @@ def grazing_between(search, k, ends, first, grain):
             two = slot
             theta_2 = probe
     late = two if records[one, k, DURATION] < records[two, k, DURATION] else one
-    if records[late, k, CLEARANCE] != records[late, k, CLEARANCE]:
-        nearest_turning_points(flow, records[late, k], 1.05 * longest - records[late, k, TIME], work)
+    find_clearance(flow, records[late, k], longest, work)
     slope = abs(records[late, k, CLEARANCE + 1])
     offset = 16.0 * grain
     if slope > 0.0:
@@ -255,9 +240,8 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
     depth_limit = levels.shape[0] // 3 - 1
     while top > 0 and flights < passes:
         top -= 1
-        map_low = stack[top, 0]
-        map_high = stack[top, 1]
-        kind = int64(stack[top, 2])
+        coordinate = StartMap(stack[top, 0], stack[top, 1], int64(stack[top, 2]))
+        kind = coordinate.kind
         x_a = stack[top, 3]
         x_b = stack[top, 4]
         i_a = int64(stack[top, 5])
@@ -265,9 +249,9 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
         k = int64(stack[top, 7])
         depth = int64(stack[top, 8])
         x_m = 0.5 * (x_a + x_b)
-        theta_a, jac_a = place(map_low, map_high, kind, x_a)
-        theta_b, jac_b = place(map_low, map_high, kind, x_b)
-        theta_m, _ = place(map_low, map_high, kind, x_m)
+        theta_a, jac_a = place(coordinate, x_a)
+        theta_b, jac_b = place(coordinate, x_b)
+        theta_m, _ = place(coordinate, x_m)
         grain = 4.5e-16 * max(abs(theta_a), abs(theta_b), 1.0)
         within = state[WITHIN] == 1
         state[WITHIN] = 0
@@ -276,14 +260,14 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
             if k < levels[i_a] and k < levels[i_b]:
                 jumped = jumped or records[i_a, k, CONTACT] != records[i_b, k, CONTACT]
             if jumped and theta_b - theta_a <= 8.0 * grain:
-                opening = leave_grazed(openings, opening, theta_a, theta_b - theta_a, k, counts)
+                opening = leave_open(openings, opening, theta_a, theta_b - theta_a, k, GRAZED, counts)
             else:
                 opening = leave_open(openings, opening, theta_a, theta_b - theta_a, k, stack[top, 9], counts)
                 if used >= budget:
                     counts[BUDGET] += 1
             continue
-        x_m = unplace(map_low, map_high, kind, theta_m)
-        _, jac_m = place(map_low, map_high, kind, x_m)
+        x_m = unplace(coordinate, theta_m)
+        _, jac_m = place(coordinate, x_m)
         i_m = FIRST_SPARE + 3 * depth
         if not within:
             levels[i_m] = follow_impacts(flow, theta_m, longest, most, records[i_m], work)
@@ -360,23 +344,22 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
             if edge_2 - edge_1 > 64.0 * grain:
                 opening = leave_open(openings, opening, edge_1, edge_2 - edge_1, k, JUMP, counts)
             elif coarse and k > 0:
-                opening = leave_grazed(openings, opening, theta_1, theta_2 - theta_1, k, counts)
+                opening = leave_open(openings, opening, theta_1, theta_2 - theta_1, k, GRAZED, counts)
             early_one = records[one, k, DURATION] < records[two, k, DURATION]
             if two != i_b and theta_b > theta_2:
                 # The square root starts at grazing itself, and at an end where an earlier one did.
                 new_low = theta_2 if early_one else edge_1
-                new_high = map_high if root_b else theta_b
+                new_high = coordinate.high if root_b else theta_b
                 code = (0 if early_one else 1) + (2 if root_b else 0)
                 part = StartMap(new_low, new_high, int64(code))
                 top = push_between(stack, top, part, Ends(theta_2, theta_b, two, i_b), k, depth + 1, verdict)
             if one != i_a and theta_1 > theta_a:
-                new_low = map_low if root_a else theta_a
+                new_low = coordinate.low if root_a else theta_a
                 new_high = edge_2 if early_one else theta_1
                 code = (2 if early_one else 0) + (1 if root_a else 0)
                 part = StartMap(new_low, new_high, int64(code))
                 top = push_between(stack, top, part, Ends(theta_a, theta_1, i_a, one), k, depth + 1, verdict)
             continue
-        coordinate = StartMap(map_low, map_high, kind)
         top = push(stack, top, coordinate, Ends(x_m, x_b, i_m, i_b), k, depth + 1, verdict)
         top = push(stack, top, coordinate, Ends(x_a, x_m, i_a, i_m), k, depth + 1, verdict)
     state[TOP] = top
@@ -387,8 +370,9 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
 
 
 @kernel
-def place(low, high, kind, x):
-    """Parameter of the start at x in [0, 1], and its derivative. kind: 0 linear, 1 quadratic at the low end, 2 at the high end, 3 both."""
+def place(coordinate, x):
+    """Parameter of the start at x in [0, 1], and its derivative."""
+    low, high, kind = coordinate
     span = high - low
     if kind == 0:
         return low + span * x, span
@@ -401,8 +385,9 @@ def place(low, high, kind, x):
 
 
 @kernel
-def unplace(low, high, kind, theta):
+def unplace(coordinate, theta):
     """The parameter x in [0, 1] of a start theta; the inverse of `place`."""
+    low, high, kind = coordinate
     part = (theta - low) / (high - low)
     if kind == 0:
         return part

@@ -11,23 +11,23 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.contact_mode import (
     begin_anew,
+    bounce,
     cannot_hit,
     contacts_of,
     find_mode,
     flight_of,
     log_event,
     reset_loads,
-    times_matrix,
+    sums_of,
     write_loads,
 )
 from bvp.kernels.energy_budget import damped, fly, log_chatter, lose, stop_contact
 from bvp.kernels.extrema import peak_flight
-from bvp.kernels.flight import flight_at, flow_state, row_dot
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, bounce, next_impact, rounding_level
+from bvp.kernels.flight import copy_1, fastest_rate, flight_at, flow_state, row_dot, set_1, times_matrix
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact, rounding_level
 from bvp.kernels.sticking import at_their_bounds, chatter, clash, comes_to_rest, impact_while_sticking, settle, sunk, touches_sticking
 
 REACHED, FULL, NEW_MODE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED, PAUSED = range(10)
@@ -140,6 +140,14 @@ def impatient(modes, f, exhausted, flight, counts, clock):
 
 
 @kernel
+def request_mode(counts, sticking, kind):
+    """Make the contact mode in which exactly these contacts stick begin next, after an event of this kind."""
+    counts[entry.PENDING] = sticking
+    counts[entry.KIND] = kind
+    counts[entry.BOUNCES] = 0
+
+
+@kernel
 def move(modes, duration, most, motion, log, scratch):
     """Carry a motion on until its duration, its most impacts, or a reason to return. Returns the reason.
 
@@ -235,22 +243,17 @@ def move(modes, duration, most, motion, log, scratch):
         counts[entry.CONTACT] = c
         # The contact force has come to 0: the contact opens.
         if releases:
-            counts[entry.PENDING] = sticking & ~(int64(1) << c)
-            counts[entry.KIND] = entry.RELEASE
+            request_mode(counts, sticking & ~(int64(1) << c), entry.RELEASE)
             counts[entry.LEAVING] = -2 - c
-            counts[entry.BOUNCES] = 0
             continue
         # The contact presses at zero speed: it sticks.
         if status == PRESSED:
             stop_contact(modes, c, motion, work)
-            counts[entry.PENDING] = sticking | (int64(1) << c)
-            counts[entry.KIND] = entry.STICK
-            counts[entry.BOUNCES] = 0
+            request_mode(counts, sticking | (int64(1) << c), entry.STICK)
             continue
         after = f
         if f != 0:
-            for r in range(z.shape[0]):
-                scratch.kept[r] = z[r]
+            copy_1(z, scratch.kept)
             write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
             times_matrix(modes.from_modes[0], x, z)
             counts[entry.MODE] = 0
@@ -278,16 +281,13 @@ def move(modes, duration, most, motion, log, scratch):
             clock[entry.SPEED] = 0.0
             clock[entry.LOSS] = 0.0
             lift(modes, moving & ~left, x, work[0, : z.shape[0]])
-            counts[entry.PENDING] = left
-            counts[entry.KIND] = entry.STICK
-            counts[entry.BOUNCES] = 0
+            request_mode(counts, left, entry.STICK)
             continue
         alone = left == sticking
         left &= sticking
         if f != 0 and alone:
             # All that stick, and no others, take part: the same impact within their mode takes nothing through other coordinates.
-            for r in range(z.shape[0]):
-                z[r] = scratch.kept[r]
+            copy_1(scratch.kept, z)
             bounce(modes.rate[f], modes.push[f], modes.push_rest[f], c, 1.0 + modes.restitution[c], z)
             times_matrix(modes.to_modes[f], z, x)
             if modes.frequency.shape[0] and counts[entry.IMPACTS] % REFRESH == 0:
@@ -299,10 +299,8 @@ def move(modes, duration, most, motion, log, scratch):
             lift(modes, (sticking & ~left) | (int64(1) << c), x, work[0, : z.shape[0]])
             after = find_mode(modes, left)
             if after < 0:
-                counts[entry.PENDING] = left
-                counts[entry.KIND] = entry.IMPACT
+                request_mode(counts, left, entry.IMPACT)
                 counts[entry.LEAVING] = c
-                counts[entry.BOUNCES] = 0
                 continue
             times_matrix(modes.from_modes[after], x, z)
             rebound -= row_dot(modes.rate[after], c, z)
@@ -324,11 +322,9 @@ def move(modes, duration, most, motion, log, scratch):
                 times_matrix(modes.from_modes[0], x, work[0])
                 times_matrix(modes.leave[0], work[0], before)
             stop_contact(modes, c, motion, work)
-            counts[entry.PENDING] = left | (int64(1) << c)
-            counts[entry.KIND] = entry.STICK
+            request_mode(counts, left | (int64(1) << c), entry.STICK)
             counts[entry.CONTACT] = c
             counts[entry.LEAVING] = -1
-            counts[entry.BOUNCES] = 0
 
 
 class BatchArrays(NamedTuple):
@@ -356,15 +352,13 @@ def many(modes, batch, duration, most, first, motion, log, scratch):
     for b in range(first, starts.shape[0]):
         if counts[entry.RUNNING] == 0:
             begin_anew(motion)
-            for k in range(width):
-                x[k] = starts[b, k]
+            copy_1(starts[b], x[:width])
             clock[entry.INITIAL] = summary[b, 7]
             for q in range(fractions.shape[0]):
                 marks[q, 0] = fractions[q]
             if not clock[entry.INITIAL] > 0.0:
                 counts[entry.MARK] = fractions.shape[0]
-            for k in range(peaks.shape[0]):
-                peaks[k] = 0.0
+            set_1(peaks, 0.0)
         counts[entry.RUNNING] = 0
         status = move(modes, duration, most, motion, log, scratch)
         if status == PAUSED:
@@ -380,19 +374,17 @@ def many(modes, batch, duration, most, first, motion, log, scratch):
         row[5] = clock[entry.CLEAR_TIME] if counts[entry.CLEAR] > 0 else math.nan
         row[6] = clock[entry.STICKING_TIME]
         times_matrix(modes.leave[counts[entry.MODE]], z, x)
-        for k in range(width):
-            starts[b, k] = x[k]
+        copy_1(x, starts[b])
         times_matrix(modes.to_modes[counts[entry.MODE]], z, modal[b])
-        for k in range(parts):
-            row[9 + k] = sums[k, 0] + sums[k, 1]
+        sums_of(sums, row[9:])
         at = 9 + parts
         reached = counts[entry.MARK] if clock[entry.INITIAL] > 0.0 else 0
         for q in range(fractions.shape[0]):
-            for k in range(1 + parts):
-                row[at + k] = marks[q, 1 + k] if q < reached else math.nan
+            set_1(row[at : at + 1 + parts], math.nan)
+            if q < reached:
+                copy_1(marks[q, 1:], row[at : at + 1 + parts])
             at += 1 + parts
-        for k in range(peaks.shape[0]):
-            row[at + k] = peaks[k]
+        copy_1(peaks, row[at : at + peaks.shape[0]])
     return REACHED, starts.shape[0]
 
 
@@ -421,8 +413,7 @@ def spent(modes, begins, numbers, states, sums, times, work, integral, out):
         k = flight_at(begins, times[i])
         f = numbers[k, 2]
         damped(modes, f, states[k], times[i] - begins[k], work, integral)
-        for p in range(out.shape[1]):
-            out[i, p] = sums[k, p]
+        copy_1(sums[k], out[i])
         for r in range(modes.part.shape[0]):
             out[i, modes.part[r]] += integral[r]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import inlined, kernel, part, sized
-from bvp.kernels.flight import Flight, block_product, flow_matrix, flow_state, set_2
-from bvp.kernels.impact import apply_impact, land
+from bvp.kernels.contact_mode import apply_impact, land
+from bvp.kernels.flight import Flight, block_product, copy_1, flow_matrix, flow_state, inner, row_dot, set_2
 
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
@@ -50,6 +50,15 @@ def start_state(start_map, start_offset, y, out):
         for j in range(start_map.shape[1]):
             total += start_map[r, j] * y[j]
         out[r] = total
+
+
+@inlined
+def energy_sum(weights, z):
+    """2 H = sum(weights z^2)."""
+    total = 0.0
+    for r in range(z.shape[0]):
+        total += weights[r] * z[r] * z[r]
+    return total
 
 
 @inlined
@@ -101,23 +110,9 @@ def unpack(packed):
 
 
 @part
-def sized_rows(segment):
-    """The same segment, known to be of states of four entries."""
-    return Segment(
-        Flight(sized(segment.flight.pairs, 2), segment.flight.mean, segment.flight.delta, sized(segment.flight.matrix, 4)),
-        sized(segment.gap, 4),
-        sized(segment.gap_rate, 4),
-        sized(segment.push, 4),
-        segment.jump,
-        segment.bound,
-        segment.side,
-        segment.start_map,
-        sized(segment.start_offset, 4),
-        sized(segment.end_map, 4),
-        segment.end_offset,
-        sized(segment.weights, 4),
-        segment.shape,
-    )
+def two_dof_segment(packed):
+    """The `Segment` that `pack` packed, known to be of states of four entries."""
+    return unpack(PackedSegment(sized(packed.pairs, 2), sized(packed.rows, 4), packed.scalars, packed.start_map, packed.shape))
 
 
 def pack(segment):
@@ -208,38 +203,35 @@ def unfold_impacts(segment, y, ends, impacts, work):
                 impacts.after[i, r] = source[r]
                 impacts.before[i, r] = ends[k if i == 0 else i - 1, r]
         return k + 1, 0.0
-    # The reversal at the far end maps the segment to the part of the period that follows it.
-    reflect_q = -1.0 if segment.shape[4] == ORIGIN else 1.0
+    # Each reversal maps the segment to the part of the period that follows it: forwards, backwards, and so again with the other sign.
+    reflect = -1.0 if segment.shape[4] == ORIGIN else 1.0
     sign = 1.0
     ahead = 0.0
-    for _ in range(2 if segment.shape[2] == 1 else 1):
-        for i in range(k + 1):
+    for leg in range(4 if segment.shape[2] == 1 else 2):
+        forwards = leg % 2 == 0
+        for step in range(k + 1):
+            i = step if forwards else k - step
             at = s + i * (size + 1)
             ahead += y[at]
-            if i < k:
+            if step == k:
+                break
+            if forwards:
                 count, first = _append_impact(impacts, count, ahead, first, ends[i], y[at + 1 : at + 1 + size], i, sign, sign)
-                ahead = 0.0
-        if segment.shape[4] == STOP:
-            for r in range(half):
-                mirror[r] = ends[k, r]
-                mirror[half + r] = -ends[k, half + r]
-            count, first = _append_impact(impacts, count, ahead, first, ends[k], mirror, k, sign, sign)
+            else:
+                back = sign * reflect
+                count, first = _append_impact(impacts, count, ahead, first, y[at - size : at], ends[i - 1], i - 1, back, -back)
             ahead = 0.0
-        for i in range(k, -1, -1):
-            at = s + i * (size + 1)
-            ahead += y[at]
-            if i > 0:
-                count, first = _append_impact(
-                    impacts, count, ahead, first, y[at - size : at], ends[i - 1], i - 1, sign * reflect_q, -sign * reflect_q
-                )
-                ahead = 0.0
-        if segment.shape[2] == 1:
+        if not forwards and segment.shape[2] == 1:
             sign = -sign
-        if segment.shape[3] == STOP:
+        if segment.shape[4 if forwards else 3] == STOP:
+            source = ends[k] if forwards else start
             for r in range(half):
-                mirror[r] = start[r]
-                mirror[half + r] = -start[half + r]
-            count, first = _append_impact(impacts, count, ahead, first, mirror, start, k + 1, sign, sign)
+                mirror[r] = source[r]
+                mirror[half + r] = -source[half + r]
+            if forwards:
+                count, first = _append_impact(impacts, count, ahead, first, ends[k], mirror, k, sign, sign)
+            else:
+                count, first = _append_impact(impacts, count, ahead, first, mirror, start, k + 1, sign, sign)
             ahead = 0.0
     if count > 0:
         impacts.duration[count - 1] = ahead + first
@@ -331,11 +323,9 @@ def evaluate(segment, y, before, flights, z, residual):
 
 @part
 def jacobian_blocks(segment, i, factor, landing, push_rate):
-    """landing = J (dense) and push_rate = F of flight i (see `bvp.kernels.impact`)."""
-    size = segment.flight.matrix.shape[1]
-    for r in range(size):
-        for c in range(size):
-            landing[r, c] = factor.flights[i, r, c]
+    """landing = J (dense) and push_rate = F of flight i (see `bvp.kernels.contact_mode`)."""
+    for r in range(landing.shape[0]):
+        copy_1(factor.flights[i, r], landing[r])
     jump = segment.jump[i] if i < segment.shape[0] or segment.shape[1] == 1 else 0.0
     land(segment.flight, segment.gap_rate, segment.push, i, jump, factor.before[i], landing, push_rate)
 
@@ -367,10 +357,7 @@ def fill(segment, y, factor):
                 column = window[i * rows + r]
                 if i == 0:
                     for j in range(s):
-                        total = 0.0
-                        for c in range(size):
-                            total += landing[r, c] * segment.start_map[c, j]
-                        column[j] = total * scale[j]
+                        column[j] = inner(landing[r], segment.start_map[:, j]) * scale[j]
                 else:
                     for c in range(size):
                         column[at - base + c] = landing[r, c] * scale[at + c]
@@ -385,11 +372,8 @@ def fill(segment, y, factor):
                 row = factor.work[1, :size]
                 for b in range(size):
                     for c in range(states):
-                        row[c] = 0.0
-                        for d in range(size):
-                            row[c] += landing[b, d] * segment.start_map[d, c]
-                    for c in range(states):
-                        landing[b, c] = row[c]
+                        row[c] = inner(landing[b], segment.start_map[:, c])
+                    copy_1(row, landing[b, :states])
             # The closing rows of equation (30).
             for e in range(closing.shape[0]):
                 column = closing[e]
@@ -398,22 +382,14 @@ def fill(segment, y, factor):
                         column[c] += segment.gap[i, c] * scale[c]
                     continue
                 for c in range(states):
-                    total = 0.0
-                    if periodic:
-                        total = landing[e, c]
-                    else:
-                        for b in range(size):
-                            total += segment.end_map[e, b] * landing[b, c]
+                    total = landing[e, c] if periodic else inner(segment.end_map[e], landing[:, c])
                     column[at + c] += total * scale[at + c]
                 if periodic:
                     column[at + states] += along[e] * scale[at + states]
                     column[e] += (y[after] * segment.weights[e] - 1.0) * scale[e]
                     column[after] += segment.weights[e] * y[e] * scale[after]
                 else:
-                    total = 0.0
-                    for b in range(size):
-                        total += segment.end_map[e, b] * along[b]
-                    column[at + states] += total * scale[at + states]
+                    column[at + states] += row_dot(segment.end_map, e, along[:size]) * scale[at + states]
         at = after
 
 
@@ -421,8 +397,7 @@ def fill(segment, y, factor):
 def nodes_by_flight(segment, start, times, before, nodes):
     """States after each inner impact into `nodes` (k, N), from the start state (N,) over flight times of which the first k count; `before`
     (N,) is scratch."""
-    for r in range(start.shape[0]):
-        before[r] = start[r]
+    copy_1(start, before)
     for i in range(nodes.shape[0]):
         flow_state(segment.flight, before if i == 0 else nodes[i - 1], times[i], nodes[i])
         apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], nodes[i], nodes[i])

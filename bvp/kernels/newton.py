@@ -25,11 +25,12 @@ import math
 from numba import int64, uint64
 
 from bvp.kernels.compiled import inlined, kernel, part
-from bvp.kernels.multipoint import evaluate, fill, start_state
+from bvp.kernels.flight import copy_1, inner
+from bvp.kernels.multipoint import energy_sum, evaluate, fill, start_state
 
 
 @part
-def _reflector(column, first, last):
+def reflector(column, first, last):
     """Turn column[first:last] into a reflector; return the diagonal entry of R and 2/(v.v)."""
     # Householder's reflection, with the sign that does not cancel.
     total = 0.0
@@ -47,7 +48,7 @@ def _reflector(column, first, last):
 
 
 @kernel
-def _reflect(column, first, last, factor, other, shift):
+def reflect(column, first, last, factor, other, shift):
     """other <- (1 - factor v v^T) other, v = column[first:last], `other` shifted by `shift` rows."""
     v = uint64(first)
     x = uint64(first + shift)
@@ -87,12 +88,7 @@ def _reflect_rows(column, first, last, factor, others, begin, end, shift):
             others[c, x + r] -= along_c * head
         a += uint64(3)
     while a < uint64(end):
-        along_a = 0.0
-        for r in range(size):
-            along_a += column[v + r] * others[a, x + r]
-        along_a *= factor
-        for r in range(size):
-            others[a, x + r] -= along_a * column[v + r]
+        reflect(column, first, last, factor, others[a], shift)
         a += uint64(1)
 
 
@@ -110,7 +106,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
         for e in range(rows):
             j = i * rows + e
             column = window[j]
-            d, f = _reflector(column, j - base, end - base)
+            d, f = reflector(column, j - base, end - base)
             diagonal[j] = d
             factor[j] = f
             if f == 0.0:
@@ -124,7 +120,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
     first = flights * rows
     for e in range(closers):
         column = closing[e]
-        d, f = _reflector(column, first + e, unknowns)
+        d, f = reflector(column, first + e, unknowns)
         diagonal[first + e] = d
         factor[first + e] = f
         if f == 0.0:
@@ -163,14 +159,14 @@ def apply_reflectors(flights, rows, start, window, closing, factor, x):
     first = flights * rows
     for e in range(closing.shape[0] - 1, -1, -1):
         if factor[first + e] != 0.0:
-            _reflect(closing[e], first + e, unknowns, factor[first + e], x, int64(0))
+            reflect(closing[e], first + e, unknowns, factor[first + e], x, int64(0))
     for i in range(flights - 1, -1, -1):
         base = max(0, (i - 1) * rows)
         end = start + (i + 1) * rows
         for e in range(rows - 1, -1, -1):
             j = i * rows + e
             if factor[j] != 0.0:
-                _reflect(window[j], j - base, end - base, factor[j], x, base)
+                reflect(window[j], j - base, end - base, factor[j], x, base)
 
 
 RESIDUAL_ROUNDING = 2e-15
@@ -190,16 +186,13 @@ def set_scale(segment, y, factor):
     z = factor.work[0]
     start_state(segment.start_map, segment.start_offset, y, z[:size])
     displacement = 0.0
-    velocity = 0.0
     longest = 0.0
-    for r in range(size):  # 2h: near the grazing of a mode the velocities at all nodes are small
-        velocity += segment.weights[r] * z[r] * z[r]
-    velocity = math.sqrt(velocity)
+    # 2h: near the grazing of a mode the velocities at all nodes are small.
+    velocity = math.sqrt(energy_sum(segment.weights, z[:size]))
     at = s
     for i in range(k + 1):
         if i > 0:
-            for r in range(size):
-                z[r] = y[at + r]
+            copy_1(y[at : at + size], z[:size])
             at += size
         for r in range(half):
             displacement = max(displacement, abs(z[r]))
@@ -235,12 +228,13 @@ def set_scale(segment, y, factor):
 
 @inlined
 def factorise(segment, y, factor, displacement, velocity):
-    """Factorise the Jacobian at y. Returns the sign of the determinant of R Q-wise (parity of reflections) for the test of
-    branch points, and the smallest diagonal entry of R relative to its column.
+    """Factorise the Jacobian at y. displacement, velocity: their scales, from `set_scale`.
 
-    displacement, velocity: their scales, from `set_scale`. The column of a closing condition counts at least as what it is a condition
-    of: where a mode goes by itself it is that mode's cosine alone, and a pivot relative to that would jump from -1 to 1 where the cosine
-    is zero."""
+    Returns two numbers for the test of branch points: the sign of the determinant (diagonal of R times the parity of the reflections), and
+    the smallest diagonal entry of R relative to the length of its column.
+
+    The length of a closing column is at least the scale of its end condition. Of a mode that moves alone, the column is only that mode's
+    cosine. A pivot relative to the cosine would jump from -1 to 1 where the cosine is zero."""
     fill(segment, y, factor)
     size = segment.flight.matrix.shape[1]
     rows = size + 1
@@ -250,15 +244,9 @@ def factorise(segment, y, factor, displacement, velocity):
     norms = factor.work[1]
     for i in range(k):
         for e in range(rows):
-            total = 0.0
-            for r in range(factor.window.shape[1]):
-                total += factor.window[i * rows + e, r] ** 2
-            norms[i * rows + e] = total
+            norms[i * rows + e] = inner(factor.window[i * rows + e], factor.window[i * rows + e])
     for e in range(factor.closing.shape[0]):
-        total = 0.0
-        for r in range(factor.closing.shape[1]):
-            total += factor.closing[e, r] ** 2
-        norms[k * rows + e] = total
+        norms[k * rows + e] = inner(factor.closing[e], factor.closing[e])
         if segment.shape[1] == 0:
             total = 0.0
             for r in range(size):
@@ -283,8 +271,7 @@ def solve(segment, factor, right, out):
     unknowns = factor.scale.shape[0]
     # Equation (32): the least-norm correction.
     forward(k, rows, factor.window, factor.closing, factor.diagonal, right)
-    for j in range(unknowns - 1):
-        out[j] = right[j]
+    copy_1(right, out[: unknowns - 1])
     out[unknowns - 1] = 0.0
     apply_reflectors(k, rows, segment.start_map.shape[1] + 1, factor.window, factor.closing, factor.factor, out)
     for j in range(unknowns):
@@ -350,14 +337,18 @@ def scaled_residual(segment, residual, displacement, velocity):
 
 @part
 def correct(segment, y, row, target, factor, residual, maximum, rounding):
-    """Newton's corrections of y, in place, and the factorisation at the solution. y is kept on row . y = target; a row of zeros asks for
-    least-norm corrections.
+    """Correct y in place by Newton's method, and factorise the Jacobian at the solution.
 
-    The factorisation is kept while a correction with it shrinks the update tenfold. Ends when the update stagnates at rounding level (what
-    comes of a residual that was rounding is rounding, however large the equations' condition makes it), or when the residual is there
-    and the next update, by the ratio of the last two, would be far below it; with no iterations allowed, y is only looked at. Returns
-    (converged, iterations, worst ratio of successive updates, scaled residual, sign and smallest pivot of `factorise` at the solution);
-    the `null_vector` there is in factor.work[4]."""
+    y stays on row . y = target. With a row of zeros the corrections are of least norm. A factorisation is used again as long as each
+    update is a tenth of the one before. The iteration ends when
+
+        the update no longer shrinks, and it or the residual is at rounding level (the update from a residual that is rounding is rounding,
+            however badly the equations are conditioned);
+        the residual is at rounding level, and by the last ratio the next update would be far below it;
+        the updates grow, or `maximum` is reached. With maximum = 0, y is only evaluated.
+
+    Returns (converged, iterations, worst ratio of successive updates, scaled residual, sign and smallest pivot of `factorise` at the
+    solution). factor.work[4] then contains the `null_vector` there."""
     unknowns = y.shape[0]
     z = factor.work[2]
     update = factor.work[3]

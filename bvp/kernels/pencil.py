@@ -24,10 +24,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import int64
 
 from bvp.kernels.compiled import inlined, part
-from bvp.kernels.flight import block_product, flow_matrix, set_2
-from bvp.kernels.impact import land
+from bvp.kernels.contact_mode import land
+from bvp.kernels.flight import block_product, copy_1, flow_matrix, inner, set_1, set_2, times_matrix
+from bvp.kernels.newton import reflect, reflector
 
 
 @inlined
@@ -37,38 +39,17 @@ def complement(vectors, count, out, factor):
     size = vectors.shape[1]
     # Householder's reflections of the vectors; their complement is the image of the other axes.
     for c in range(count):
-        column = vectors[c]
-        total = 0.0
-        for r in range(c + 1, size):
-            total += column[r] * column[r]
-        head = column[c]
-        if total == 0.0:
-            factor[c] = 0.0
-            continue
-        norm = math.sqrt(head * head + total)
-        head = head + norm if head > 0.0 else head - norm
-        column[c] = head
-        factor[c] = 2.0 / (head * head + total)
-        for other in range(c + 1, count):
-            inner = 0.0
-            for r in range(c, size):
-                inner += column[r] * vectors[other, r]
-            inner *= factor[c]
-            for r in range(c, size):
-                vectors[other, r] -= inner * column[r]
+        _, factor[c] = reflector(vectors[c], c, size)
+        if factor[c] != 0.0:
+            for other in range(c + 1, count):
+                reflect(vectors[c], c, size, factor[c], vectors[other], int64(0))
     for b in range(size - count):
         x = out[b]
-        for r in range(size):
-            x[r] = 0.0
+        set_1(x, 0.0)
         x[count + b] = 1.0
         for c in range(count - 1, -1, -1):
             if factor[c] != 0.0:
-                inner = 0.0
-                for r in range(c, size):
-                    inner += vectors[c, r] * x[r]
-                inner *= factor[c]
-                for r in range(c, size):
-                    x[r] -= inner * vectors[c, r]
+                reflect(vectors[c], c, size, factor[c], x, int64(0))
 
 
 @part
@@ -171,8 +152,7 @@ def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
         # Q_i of equation (31): the rows that annihilate F_i, and the energy's gradient.
         count = 0
         if not cut:
-            for r in range(size):
-                vectors[0, r] = along[i, r]
+            copy_1(along[i], vectors[0])
             count = 1
         if conservative:
             for r in range(size):
@@ -183,20 +163,11 @@ def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
         # E_i and A_i of equation (31).
         for a in range(height):
             for b in range(next_dimension):
-                total = 0.0
-                for r in range(size):
-                    total += rows[a, r] * following[b, r]
-                left[i, a, b] = total
+                left[i, a, b] = inner(rows[a], following[b])
             for c in range(size):
-                total = 0.0
-                for r in range(size):
-                    total += rows[a, r] * maps[i, r, c]
-                image[c] = total
+                image[c] = inner(rows[a], maps[i, :, c])
             for b in range(dimension):
-                total = 0.0
-                for r in range(size):
-                    total += image[r] * basis[b, r]
-                right[i, a, b] = total
+                right[i, a, b] = inner(image, basis[b])
         dimension = next_dimension
         basis, following = following, basis
 
@@ -234,11 +205,7 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
         j = i + 1 if i + 1 < nodes else 0
         contact = max(row[j], 0)
         cut = row[j] < 0
-        for a in range(size):
-            total = 0.0
-            for r in range(size):
-                total += maps[i, a, r] * flow[r]
-            work[a] = total
+        times_matrix(maps[i], flow, work)
         if not cut:
             block_product(flight.pairs, flight.matrix, after[j], field)
             hit = 0.0
@@ -248,8 +215,7 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
                 speed += gap[contact, r] * scale[r] * along[i, r]
             for r in range(size):
                 work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
-        for r in range(size):
-            flow[r] = work[r]
+        copy_1(work, flow)
     kept_flow = departure(first, flow)
     for r in range(size):
         first[r] = weights[r] * after[0, r] * scale[r]
@@ -270,12 +236,8 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
             for r in range(size):
                 flow[r] += along_flow / speed * gap[contact, r] * scale[r]
         for c in range(size):
-            total = 0.0
-            for r in range(size):
-                total += flow[r] * maps[i, r, c]
-            work[c] = total
-        for r in range(size):
-            flow[r] = work[r]
+            work[c] = inner(flow, maps[i, :, c])
+        copy_1(work, flow)
     return kept_flow, departure(first, flow)
 
 
@@ -310,20 +272,15 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
         exponent[c] = 0.0
     here = w if square else frame.shape[0]
     for r in range(here):
-        for c in range(w):
-            current[r, c] = frame[r, c]
+        copy_1(frame[r], current[r, :w])
     for count in range(repeats * nodes):
         i = count % nodes
         m = w if square else height[i]
         d = w if square else width[i]
         for a in range(m):
             for c in range(w):
-                total = 0.0
-                for r in range(here):
-                    total += right[i, a, r] * current[r, c]
-                top[a, c] = total
-            for b in range(d):
-                e[a, b] = left[i, a, b]
+                top[a, c] = inner(right[i, a, :here], current[:here, c])
+            copy_1(left[i, a], e[a, :d])
         for c in range(w):
             # Rotations of the rows make A_i times the frame triangular.
             for r in range(m - 1, c, -1):
@@ -360,8 +317,7 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
                     y[a, r] = cs * p + sn * q
                     y[a, c] = cs * q - sn * p
         for a in range(d):
-            for c in range(w):
-                current[a, c] = y[a, c]
+            copy_1(y[a], current[a, :w])
         here = d
         for c in range(w):
             for b in range(c, w):
@@ -389,6 +345,5 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
                 for b in range(c, w):
                     product[c, b] *= 2.0**-shift
     for r in range(here):
-        for c in range(w):
-            frame[r, c] = current[r, c]
+        copy_1(current[r], frame[r])
     return singular

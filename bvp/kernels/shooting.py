@@ -17,9 +17,10 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.contact_mode import arrive, restitute_state
 from bvp.kernels.extrema import Track, crossing_times, refine, safe_step
-from bvp.kernels.flight import Contacts, Flight, block_product, circular, flow_state, inner, row_dot
-from bvp.kernels.impact import HIT, NONE, arrive, next_hit, restitute_state
+from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
+from bvp.kernels.impact import HIT, NONE, next_hit
 from bvp.kernels.multipoint import STOP
 
 STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNING_POINTS, THIRD, COLUMNS = (
@@ -128,10 +129,9 @@ def follow_impacts(flow, theta, longest, most, record, work):
     time_rate = 0.0
     leaving = flow.shape[1]
     for k in range(most + 1):
-        for r in range(4):
-            record[k, r] = z[r]
-            record[k, 4 + r] = dz[r]
-            begin[r] = z[r]
+        copy_1(z, record[k, :4])
+        copy_1(dz, record[k, 4:8])
+        copy_1(z, begin)
         record[k, TIME] = time
         record[k, TIME + 1] = time_rate
         record[k, CLEARANCE] = math.nan
@@ -165,9 +165,11 @@ def follow_impacts(flow, theta, longest, most, record, work):
 
 
 @kernel
-def nearest_turning_points(flow, row, horizon, work):
-    """Find the turning points of w nearest to the stops inside one flight (up to `horizon`), and fill the clearance columns of its
-    record."""
+def find_clearance(flow, row, longest, work):
+    """Fill the clearance columns of a flight's record, if not yet done: the turning points of w nearest to the stops inside it."""
+    if row[CLEARANCE] == row[CLEARANCE]:
+        return
+    horizon = 1.05 * longest - row[TIME]
     z = row[:4]
     dz = row[4:8]
     y = work[7, :4]
@@ -213,9 +215,7 @@ def nearest_turning_points(flow, row, horizon, work):
         if sign * now < 0:
             turn = refine(track, t, f, after, f_after, 1e-10 * duration)
             advance(flow.squares, turn, z, dz, y, dy)
-            w = 0.0
-            for r in range(4):
-                w += rows[0, r] * y[r]
+            w = inner(rows[0, :4], y)
             distance = flow.limits[1] - w if sign > 0 else w - flow.limits[0]
             count += 1
             if distance < best:
@@ -239,10 +239,7 @@ def nearest_turning_points(flow, row, horizon, work):
     row[THIRD] = best_time
     if count > 0:
         advance(flow.squares, best_time, z, dz, y, dy)
-        change = 0.0
-        for r in range(4):
-            change += rows[0, r] * dy[r]
-        row[CLEARANCE + 1] = -best_side * change
+        row[CLEARANCE + 1] = -best_side * inner(rows[0, :4], dy)
 
 
 class EndSet(NamedTuple):
@@ -285,14 +282,12 @@ def scan_starts(flight, contacts, end, starts, limits, found, work):
     scratch = np.empty(size)
     zeros = np.empty(times.shape[2])
     for m in range(starts.shape[0]):
-        for r in range(size):
-            z[r] = starts[m, r]
+        copy_1(starts[m], z)
         leaving = int64(-1)
         elapsed = 0.0
         status[m] = 0
         for k in range(most_impacts + 1):
-            for r in range(size):
-                before[r] = z[r]
+            copy_1(z, before)
             outcome, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, scratch)
             if outcome != HIT and outcome != NONE:
                 status[m] = 1
@@ -319,8 +314,7 @@ def scan_starts(flight, contacts, end, starts, limits, found, work):
             restitute_state(contacts, contact, scratch, z)
             if nodes.shape[0] > 0 and k < most_impacts:
                 instants[m, k] = elapsed
-                for r in range(size):
-                    nodes[m, k, r] = z[r]
+                copy_1(z, nodes[m, k])
             leaving = contact
         ends[m] = elapsed
 
@@ -368,16 +362,14 @@ def sensitivities(flight, contacts, functional, starts, changes, longest, events
     state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
     zeros, turning = np.empty(CROSSING_ROOM), np.empty(CROSSING_ROOM)
     for m in range(starts.shape[0]):
-        for r in range(size):
-            z[r] = starts[m, r]
-            change[r] = changes[m, r]
+        copy_1(starts[m], z)
+        copy_1(changes[m], change)
         leaving = int64(-1)
         elapsed = 0.0
         lag = 0.0
         count = 0
         while True:
-            for r in range(size):
-                begin[r] = z[r]
+            copy_1(z, begin)
             found, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, state)
             if found != HIT and found != NONE:
                 count = FAILED
@@ -406,9 +398,8 @@ def sensitivities(flight, contacts, functional, starts, changes, longest, events
                 kinds[m, count] = kind
                 times[m, count] = elapsed + time
                 shifts[m, count] = lag + shift
-                for r in range(size):
-                    states[m, count, r] = state[r]
-                    state_changes[m, count, r] = state_change[r]
+                copy_1(state, states[m, count])
+                copy_1(state_change, state_changes[m, count])
                 count += 1
             if found == NONE:
                 break
@@ -418,9 +409,8 @@ def sensitivities(flight, contacts, functional, starts, changes, longest, events
             kinds[m, count] = contact
             times[m, count] = elapsed
             shifts[m, count] = lag
-            for r in range(size):
-                states[m, count, r] = state[r]
-                state_changes[m, count, r] = state_change[r]
+            copy_1(state, states[m, count])
+            copy_1(state_change, state_changes[m, count])
             count += 1
             restitute_state(contacts, contact, state, z)
             # Restitution is linear, so it maps the derivative as it maps the state. The next flight begins at the impact.

@@ -15,9 +15,9 @@ from numba import int64
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, part, sized
-from bvp.kernels.flight import block_product, flow_matrix, set_1, set_2
-from bvp.kernels.impact import apply_impact, arrive
-from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, sized_rows, start_state, unfold_impacts, unpack
+from bvp.kernels.contact_mode import apply_impact, arrive
+from bvp.kernels.flight import block_product, copy_1, flow_matrix, row_dot, set_1, set_2
+from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, energy_sum, start_state, two_dof_segment, unfold_impacts
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, complement, landings, pencil, sweep, trivial_directions
 
 
@@ -85,32 +85,20 @@ def half_map(segment, y, ends, work, square, small, phi):
     final_kind = segment.shape[4]
     section_basis(segment, k, final_kind, ends[k], vectors, last)
     magnified = 1.0
-    reach = 0.0
-    for r in range(size):
-        reach += segment.weights[r] * z[r] * z[r]
-    reach = math.sqrt(reach)
+    reach = math.sqrt(energy_sum(segment.weights, z))
     if kind == STOP:
         magnified = max(magnified, magnification(segment, k + 1, z, reach))
     if final_kind == STOP:
         magnified = max(magnified, magnification(segment, k, ends[k], reach))
     for column in range(columns):
         v = work[5 + column]
-        for r in range(size):
-            v[r] = 0.0
+        set_1(v, 0.0)
         kept = column < half - 1
         b = column if kept else column - (half - 1)
+        at = half if kept == (kind == ORIGIN) else 0
         for r in range(half):
-            if kind == ORIGIN:
-                if kept:
-                    v[half + r] = first[b, r]
-                else:
-                    v[r] = -first[b, r]
-            elif kept:
-                v[r] = first[b, r]
-            else:
-                v[half + r] = first[b, r]
+            v[at + r] = -first[b, r] if kind == ORIGIN and not kept else first[b, r]
         if kind == STOP and kept:
-            start_state(segment.start_map, segment.start_offset, y, z)
             normal = 0.0
             work_done = 0.0
             for r in range(half):
@@ -136,17 +124,13 @@ def half_map(segment, y, ends, work, square, small, phi):
             if hit:
                 apply_impact(segment.gap_rate, segment.push, i, jump, x, x)
                 arrive(segment.gap, i, field, x)
-            for r in range(size):
-                v[r] = x[r]
+            copy_1(x, v)
     for column in range(columns):
         x = work[5 + column]
         # Equation (13): the entries in the coordinates of the far end.
         for b in range(half - 1):
-            displacement = 0.0
-            velocity = 0.0
-            for r in range(half):
-                displacement += last[b, r] * x[r]
-                velocity += last[b, r] * x[half + r]
+            displacement = row_dot(last, b, x[:half])
+            velocity = row_dot(last, b, x[half:])
             if final_kind == ORIGIN:
                 phi[b, column] = velocity
                 phi[half - 1 + b, column] = -displacement
@@ -195,10 +179,10 @@ def sized_period(period):
     )  # fmt: skip
 
 
-@part
-def stability_2(segment, y, ends, scratch, result):
-    """Half map, and multipliers of the reduced saddle-point matrix, for two degrees of freedom."""
-    narrow = sized_rows(segment)
+@kernel
+def orbit_stability(packed, y, ends, period, result):
+    """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
+    segment, ends, scratch = two_dof_segment(packed), sized(ends, 4), sized_period(period)
     size = scratch.impacts.before.shape[1]
     impacts = count_impacts(segment.shape)
     # the second half period of an orbit solved as a quarter has the very factors of the first one: all changes its sign
@@ -206,7 +190,7 @@ def stability_2(segment, y, ends, scratch, result):
     nodes = impacts // repeats
     if segment.shape[2] != 4:
         phi = scratch.plane[0]
-        result[entry.MAGNIFIED] = half_map(narrow, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
+        result[entry.MAGNIFIED] = half_map(segment, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
         result[entry.HALF_A] = phi[0, 0]
         result[entry.HALF_B] = phi[0, 1]
         result[entry.HALF_C] = phi[1, 0]
@@ -231,18 +215,18 @@ def stability_2(segment, y, ends, scratch, result):
     displacement = 0.0
     energy = 0.0
     for r in range(size):
-        energy += narrow.weights[r] * cycle_after[0, r] ** 2
+        energy += segment.weights[r] * cycle_after[0, r] ** 2
     for i in range(nodes):
         for r in range(size // 2):
             displacement = max(displacement, abs(cycle_after[i, r]))
     for r in range(size // 2):
         scale[r] = displacement if displacement > 0.0 else 1.0
         scale[size // 2 + r] = math.sqrt(energy)
-    contacts = ContactRows(narrow.gap, narrow.gap_rate, narrow.push, narrow.jump)
-    cycle = Nodes(cycle_before, cycle_after, cycle_time, cycle_row, scale, narrow.weights)
+    contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
+    cycle = Nodes(cycle_before, cycle_after, cycle_time, cycle_row, scale, segment.weights)
     linear = Linearised(maps, along)
     factors = Factors(left, right, cycle_row, cycle_row, True)
-    landings(narrow.flight, contacts, cycle, linear)
+    landings(segment.flight, contacts, cycle, linear)
     pencil(contacts, cycle, True, linear, factors, scratch.square, scratch.plane[0, 0])
     dimension = 2
     frame = scratch.plane[0]
@@ -256,8 +240,7 @@ def stability_2(segment, y, ends, scratch, result):
     # Equation (31): sweeps until the frame settles, or the factors are of like size.
     for _ in range(4):
         for r in range(dimension):
-            for c in range(dimension):
-                older[r, c] = frame[r, c]
+            copy_1(frame[r], older[r])
         singular = sweep(factors, repeats, scratch.square, frame, product, exponent)
         coupling = abs(older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0])
         grade = abs(product[0, 1]) + abs(product[0, 0])
@@ -292,12 +275,6 @@ def stability_2(segment, y, ends, scratch, result):
         result[entry.LARGER_IMAGINARY] = -math.sqrt(-square)
         result[entry.SMALLER_REAL] = 0.5 * trace
         result[entry.SMALLER_IMAGINARY] = math.sqrt(-square)
-    flow, level = trivial_directions(narrow.flight, contacts, cycle, repeats, linear, scratch.rows[1:])
+    flow, level = trivial_directions(segment.flight, contacts, cycle, repeats, linear, scratch.rows[1:])
     result[entry.TRIVIAL] = max(flow, level)
     result[entry.SINGULAR] = singular
-
-
-@kernel
-def orbit_stability(packed, y, ends, period, result):
-    """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
-    stability_2(unpack(packed), y, sized(ends, 4), sized_period(period), result)

@@ -12,7 +12,7 @@ from numba import int64
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
-from bvp.kernels.flight import flow_state, set_1
+from bvp.kernels.flight import flow_state, inner, row_dot, set_1
 from bvp.kernels.multipoint import (
     ORIGIN,
     PERIODIC,
@@ -20,10 +20,11 @@ from bvp.kernels.multipoint import (
     STOP,
     Factor,
     PackedSegment,
+    energy_sum,
     sized_factor,
-    sized_rows,
     start_state,
     total_time,
+    two_dof_segment,
     unpack,
 )
 from bvp.kernels.newton import conditioning, correct
@@ -50,8 +51,6 @@ def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangen
         flip = -flip
         sign = -sign
         turn = -turn
-        for r in range(metric.direction.shape[0]):
-            metric.direction[r] = -metric.direction[r]
     for j in range(unknowns):
         tangent[j] = null[j] * flip
     result[entry.ENERGY] = energy
@@ -82,8 +81,8 @@ class Landing(NamedTuple):
 def _orbit_step(segment, factor, y, tangent, request, metric, landing):
     """Take a step from y along its `tangent` (2 u,): tangent and curvature.
 
-    metric (4, N + 2): receives position and direction at the new point, then at y. The entries of the landing's result up to `branching`
-    are filled."""
+    metric (4, N + 2): scratch, whose first row receives the position of the new point. The entries of the landing's result up to
+    `branching` are filled."""
     ds, target, most = request
     out, out_tangent, result = landing
     unknowns = y.shape[0]
@@ -131,7 +130,7 @@ def orbit_step(packed, factor, y, tangent, request, metric, landing):
 @kernel
 def two_dof_orbit_step(packed, factor, y, tangent, request, metric, landing):
     """See `_orbit_step`; N = 4."""
-    _orbit_step(sized_rows(unpack(packed)), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
+    _orbit_step(two_dof_segment(packed), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
 
 
 @kernel
@@ -160,9 +159,7 @@ def locate(segment, y, out):
     """(start state / sqrt(2 h), log h, log alpha) and (h, alpha)."""
     size = segment.flight.matrix.shape[1]
     start_state(segment.start_map, segment.start_offset, y, out[:size])
-    energy = 0.0
-    for r in range(size):
-        energy += 0.5 * segment.weights[r] * out[r] * out[r]
+    energy = 0.5 * energy_sum(segment.weights, out[:size])
     alpha = total_time(segment.flight.matrix, segment.start_map, segment.shape, y) / segment.shape[2]
     speed = math.sqrt(2.0 * energy)
     for r in range(size):
@@ -181,19 +178,14 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
     speed = math.sqrt(2.0 * energy)
     change = 0.0
     for r in range(size):
-        total = 0.0
-        for j in range(s):
-            total += segment.start_map[r, j] * tangent[j]
+        total = row_dot(segment.start_map, r, tangent[:s])
         out[r] = total / speed
         change += segment.weights[r] * position[r] * speed * total
     for r in range(size):
         out[r] -= position[r] * change / (2.0 * energy)
     out[size] = change / energy
     out[size + 1] = total_time(segment.flight.matrix, segment.start_map, segment.shape, tangent) / segment.shape[2] / alpha
-    length = 0.0
-    for r in range(size + 2):
-        length += out[r] * out[r]
-    return change, math.sqrt(length)
+    return change, math.sqrt(inner(out, out))
 
 
 @part
@@ -203,9 +195,7 @@ def constraint_row(segment, y, energy, alpha, position, direction, row):
     size = segment.flight.matrix.shape[1]
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
-    along = 0.0
-    for r in range(size):
-        along += direction[r] * position[r]
+    along = inner(direction[:size], position[:size])
     set_1(row, 0.0)
     radial = direction[size] / energy - along / (2.0 * energy)
     for j in range(s):
@@ -234,33 +224,41 @@ def bends(segment, observed, stop, i, end):
         return False
     apart = 0.0
     size = 0.0
-    for r in range(observed.gap.shape[1]):
-        apart += abs(observed.gap[stop, r] - segment.gap[node, r])
-        size += abs(observed.gap[stop, r])
+    for r in range(segment.gap.shape[1]):
+        apart += abs(observed.rows[stop, 0, r] - segment.gap[node, r])
+        size += abs(observed.rows[stop, 0, r])
     return apart > 1e-9 * size
 
 
 @part
-def sign_changes_of(segment, observed, coordinate, z, duration, sign, scratch, result):
-    """`sign_changes` of one observed velocity along a flight; a search that gives up is noted in `result`."""
-    found, last = sign_changes(
-        segment.flight, observed.velocity[coordinate],
-        observed.velocity_rate[coordinate], observed.velocity_second[coordinate], z, duration, sign, scratch,
-    )  # fmt: skip
-    if found < 0:
-        result[entry.GAVE_UP] = 1.0
-    return found, last
+def half_waves(segment, rows, y, work, result):
+    """Sign changes along the orbit at y of the velocity with the given rows. A search that gives up is noted in `result`."""
+    size = segment.flight.matrix.shape[1]
+    start = work[0, :size]
+    start_state(segment.start_map, segment.start_offset, y, start)
+    changes = 0
+    sign = int64(0)
+    at = segment.start_map.shape[1]
+    for i in range(segment.shape[0] + 1):
+        z = start if i == 0 else y[at - size : at]
+        found, sign = sign_changes(segment.flight, rows[0], rows[1], rows[2], z, y[at], sign, work[1, :size])
+        if found < 0:
+            result[entry.GAVE_UP] = 1.0
+        changes += found
+        at += size + 1
+    return changes
 
 
 @part
 def observe(segment, observed, y, ends, work, result):
-    """Admissibility, impact speeds, flight times and half-waves of the orbit at y (`ends`: states at the end of each flight)."""
+    """Fill `result` from `clearance` to `gave_up` for the orbit at y: admissibility, impact speeds, flight times, half-waves.
+
+    ends (k + 1, N): the state at the end of each flight. work: scratch."""
     size = segment.flight.matrix.shape[1]
     k = segment.shape[0]
-    s = segment.start_map.shape[1]
     start = work[0, :size]
-    scratch = work[1, :size]
     start_state(segment.start_map, segment.start_offset, y, start)
+    stops = observed.bounds.shape[1]
     best = math.inf
     set_1(result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1], 0.0)
     result[entry.GAVE_UP] = 0.0
@@ -268,27 +266,17 @@ def observe(segment, observed, y, ends, work, result):
     slowest_node = -1
     shortest = math.inf
     shortest_index = 0
-    changes_absorber = 0
-    changes_primary = 0
-    sign_absorber = int64(0)
-    sign_primary = int64(0)
     total = total_time(segment.flight.matrix, segment.start_map, segment.shape, y)
     middle = 0.5 * total if segment.shape[2] == 2 else total
     elapsed = 0.0
     early = 0
-    at = s
-    reach = 0.0
-    for r in range(size):
-        reach += segment.weights[r] * start[r] * start[r]
-    reach = math.sqrt(reach)
+    at = segment.start_map.shape[1]
+    reach = math.sqrt(energy_sum(segment.weights, start))
     speeds = 1.0
     if segment.shape[3] == STOP:
-        slowest = 0.0
-        for r in range(size):
-            slowest -= segment.side[k + 1] * segment.gap_rate[k + 1, r] * start[r]
+        slowest = -segment.side[k + 1] * row_dot(segment.gap_rate, k + 1, start)
         slowest_node = k + 1
         speeds = slowest / reach
-    half_waves = segment.shape[2] != 4 and observed.velocity.shape[0] == 2
     for i in range(k + 1):
         z = start if i == 0 else y[at - size : at]
         duration = y[at]
@@ -299,49 +287,33 @@ def observe(segment, observed, y, ends, work, result):
         if i < k and elapsed < middle:
             early += 1
         if i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC:
-            speed = 0.0
-            for r in range(size):
-                speed += segment.side[i] * segment.gap_rate[i, r] * ends[i, r]
+            speed = segment.side[i] * row_dot(segment.gap_rate, i, ends[i])
             speeds *= speed / reach
             if speed < slowest:
                 slowest = speed
                 slowest_node = i
-        if duration > 0.0:
-            for stop in range(observed.gap.shape[0]):
-                # Equation (26) between the turning points of the gap.
-                distance, side, time = clearance(segment.flight, observed, stop, z, duration, work[1:3])
-                if math.isnan(distance):
-                    result[entry.GAVE_UP] = 1.0
-                for end in range(2):
-                    resting = (end == 0 and i == 0 and segment.shape[3] == REST) or (
-                        end == 1 and i == k and segment.shape[4] == REST
-                    )
-                    if resting or (observed.gap.shape[0] > 1 and bends(segment, observed, stop, i, end)):
-                        w = 0.0
-                        for r in range(size):
-                            w += observed.gap[stop, r] * (z[r] if end == 0 else ends[i, r])
-                        reach = min(observed.upper[stop] - w, w - observed.lower[stop])
-                        if reach < distance:
-                            distance = reach
-                            side = 1.0 if observed.upper[stop] - w < w - observed.lower[stop] else -1.0
-                            time = 0.0 if end == 0 else duration
-                if distance < best:
-                    best = distance
-                    result[entry.CLEARANCE_FLIGHT] = i
-                    result[entry.CLEARANCE_STOP] = stop
-                    result[entry.CLEARANCE_SIDE] = side
-                    result[entry.CLEARANCE_TIME] = time
-            if half_waves:
-                for coordinate in range(2):
-                    sign = sign_absorber if coordinate == 0 else sign_primary
-                    # Half-waves: sign changes of a velocity.
-                    found, sign = sign_changes_of(segment, observed, coordinate, z, duration, sign, scratch, result)
-                    if coordinate == 0:
-                        changes_absorber += found
-                        sign_absorber = sign
-                    else:
-                        changes_primary += found
-                        sign_primary = sign
+        for stop in range(stops if duration > 0.0 else 0):
+            # Equation (26) between the turning points of the gap.
+            distance, side, time = clearance(segment.flight, observed, stop, z, duration, work[1:3])
+            if math.isnan(distance):
+                result[entry.GAVE_UP] = 1.0
+            for end in range(2):
+                resting = (end == 0 and i == 0 and segment.shape[3] == REST) or (end == 1 and i == k and segment.shape[4] == REST)
+                if resting or (stops > 1 and bends(segment, observed, stop, i, end)):
+                    w = row_dot(observed.rows[stop], 0, z) if end == 0 else row_dot(observed.rows[stop], 0, ends[i])
+                    above = w - observed.bounds[0, stop]
+                    below = observed.bounds[1, stop] - w
+                    reach = min(below, above)
+                    if reach < distance:
+                        distance = reach
+                        side = 1.0 if below < above else -1.0
+                        time = 0.0 if end == 0 else duration
+            if distance < best:
+                best = distance
+                result[entry.CLEARANCE_FLIGHT] = i
+                result[entry.CLEARANCE_STOP] = stop
+                result[entry.CLEARANCE_SIDE] = side
+                result[entry.CLEARANCE_TIME] = time
         at += size + 1
     result[entry.CLEARANCE] = best
     result[entry.SPEED] = slowest
@@ -349,78 +321,38 @@ def observe(segment, observed, y, ends, work, result):
     result[entry.SPEEDS] = speeds
     result[entry.FLIGHT] = shortest
     result[entry.FLIGHT_INDEX] = shortest_index
-    if segment.shape[2] == 1:
-        changes_absorber = 2 * changes_absorber + 1
-        changes_primary = 2 * changes_primary + 1
-        early = k
-    result[entry.WAVES_ABSORBER] = changes_absorber if half_waves else -1
-    result[entry.WAVES_PRIMARY] = changes_primary if half_waves else -1
-    result[entry.FIRST_QUARTER] = early
+    result[entry.FIRST_QUARTER] = k if segment.shape[2] == 1 else early
     result[entry.SECOND_QUARTER] = k if segment.shape[2] == 1 else k - early
     result[entry.ABSORBER_START] = math.nan
     result[entry.ABSORBER_END] = math.nan
     result[entry.IN_PHASE] = -1.0
-    if half_waves:
-        first_absorber = 0.0
-        first_primary = 0.0
-        last_absorber = 0.0
-        last_primary = 0.0
-        for r in range(size):
-            first_absorber += observed.velocity[0, r] * start[r]
-            first_primary += observed.velocity[1, r] * start[r]
-            last_absorber += observed.velocity[0, r] * ends[k, r]
-            last_primary += observed.velocity[1, r] * ends[k, r]
-        if segment.shape[3] == ORIGIN:
-            result[entry.ABSORBER_START] = first_absorber
-            result[entry.IN_PHASE] = 1.0 if first_absorber * first_primary > 0.0 else 0.0
-        if segment.shape[4] == ORIGIN:
-            result[entry.ABSORBER_END] = last_absorber
-            if not last_absorber * last_primary > 0.0:
-                result[entry.IN_PHASE] = 0.0
-
-
-class PackedObserved(NamedTuple):
-    """An `Observed` in two arrays."""
-
-    rows: np.ndarray  # (4 S + 6, N) those of the gaps, then those of the velocities where there are any
-    bounds: np.ndarray  # (2, S) lower and upper
-
-
-def pack_observed(observed):
-    """The `PackedObserved` of an `Observed`."""
-    return PackedObserved(np.vstack(observed[:4] + observed[6:]), np.array([observed.lower, observed.upper]))
-
-
-@part
-def unpack_observed(observed, bounds):
-    """The `Observed` that `pack_observed` packed."""
-    stops = bounds.shape[1]
-    watched = (observed.shape[0] - 4 * stops) // 3
-    at = 4 * stops
-    return Observed(
-        observed[:stops],
-        observed[stops : 2 * stops],
-        observed[2 * stops : 3 * stops],
-        observed[3 * stops : at],
-        bounds[0],
-        bounds[1],
-        observed[at : at + watched],
-        observed[at + watched : at + 2 * watched],
-        observed[at + 2 * watched :],
-    )
+    set_1(result[entry.WAVES_ABSORBER : entry.WAVES_PRIMARY + 1], -1.0)
+    if segment.shape[2] == 4 or observed.rows.shape[0] == stops:
+        return
+    for coordinate in range(2):
+        # The quarter of an orbit has half of its half-waves but one.
+        waves = half_waves(segment, observed.rows[stops + coordinate], y, work, result)
+        result[entry.WAVES_ABSORBER + coordinate] = 2 * waves + 1 if segment.shape[2] == 1 else waves
+    absorber, primary = observed.rows[stops], observed.rows[stops + 1]
+    if segment.shape[3] == ORIGIN:
+        result[entry.ABSORBER_START] = row_dot(absorber, 0, start)
+        result[entry.IN_PHASE] = 1.0 if row_dot(absorber, 0, start) * row_dot(primary, 0, start) > 0.0 else 0.0
+    if segment.shape[4] == ORIGIN:
+        result[entry.ABSORBER_END] = row_dot(absorber, 0, ends[k])
+        if not row_dot(absorber, 0, ends[k]) * row_dot(primary, 0, ends[k]) > 0.0:
+            result[entry.IN_PHASE] = 0.0
 
 
 @kernel
 def orbit_observe(packed, observed, y, ends, work, result):
-    """Admissibility and half-waves of the orbit at y: the entries of RESULT from `clearance` to `gave_up`. observed: packed, too."""
-    observe(unpack(packed), unpack_observed(observed.rows, observed.bounds), y, ends, work, result)
+    """See `observe`."""
+    observe(unpack(packed), observed, y, ends, work, result)
 
 
 @kernel
 def two_dof_orbit_observe(packed, observed, y, ends, work, result):
-    """See `orbit_observe`; N = 4."""
-    watched = unpack_observed(sized(observed.rows, 4), observed.bounds)
-    observe(sized_rows(unpack(packed)), watched, y, sized(ends, 4), work, result)
+    """See `observe`; N = 4."""
+    observe(two_dof_segment(packed), Observed(sized(observed.rows, 4), observed.bounds), y, sized(ends, 4), work, result)
 
 
 class CompiledProblem(NamedTuple):
@@ -429,6 +361,6 @@ class CompiledProblem(NamedTuple):
     addresses: np.ndarray  # (3,) int64 of `orbit_step`, `orbit_observe` and `orbit_stability`; 0: not wanted
     packed: PackedSegment
     factor: Factor
-    observed: PackedObserved
+    observed: Observed
     work: np.ndarray  # scratch
     period: Period

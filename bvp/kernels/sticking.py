@@ -27,10 +27,9 @@ import math
 from numba import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.compiled import kernel, part
-from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of
-from bvp.kernels.flight import row_dot
+from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of, sums_of
+from bvp.kernels.flight import copy_1, fastest_rate, row_dot, set_1
 from bvp.kernels.impact import NEAR, gauge, rounding_level
 
 LEVELS = 10
@@ -118,10 +117,8 @@ def chatter(modes, f, c, left, motion, table, values):
         counts[entry.BOUNCES] += 1
         if fresh:
             values[0] = (clock[entry.TIME] - clock[entry.REFERENCE]) + (clock[entry.TIME_LOW] - clock[entry.REFERENCE_LOW])
-            for r in range(width):
-                values[1 + r] = x[r]
-            for i in range(parts):
-                values[1 + width + i] = sums[i, 0] + sums[i, 1]
+            copy_1(x, values[1 : 1 + width])
+            sums_of(sums, values[1 + width :])
             extrapolate(table, counts[entry.ROWS], restitution**stride, values)
             counts[entry.ROWS] += 1
             order = min(counts[entry.ROWS], LEVELS) - 1
@@ -148,8 +145,7 @@ def chatter(modes, f, c, left, motion, table, values):
                 good = good and energy_error <= SWITCH_LEVEL * abs(clock[entry.INITIAL])
                 if (good or small) and 0.0 <= ahead < left and out_of_reach(modes, f, c, z, 2.0 * span, slope, -bend):
                     clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], time_error)
-                    for r in range(width):
-                        x[r] = table[order, 1 + r]
+                    copy_1(table[order, 1:], x[:width])
                     for i in range(parts):
                         add(sums, i, table[order, 1 + width + i] - values[1 + width + i])
                     advance_clock(modes, clock, angles, ahead)
@@ -173,8 +169,10 @@ def touches_sticking(modes, sticking, c):
 
 @kernel
 def impulses_of(modes, active, rows, c, factor, z, table):
-    """The impulses at the contacts of the bits of `active` that take away rows . z, and at c `factor` times that, into the last column of
-    table (m, m + 1); 0 at all others, and at those whose gap depends on the others and stops with them. False where it would not."""
+    """Solve equation (8) for the impulses at the contacts of the bits of `active`, into the last column of table (m, m + 1).
+
+    The impulses take away rows . z at each contact, and `factor` times that at contact c. They are 0 at all other contacts. The gap of a
+    contact can depend on those of the others. If it stops with them, its impulse is 0; if not, the result is False."""
     contacts = table.shape[0]
     largest = 0.0
     # The matrix and right side of equation (8).
@@ -194,8 +192,7 @@ def impulses_of(modes, active, rows, c, factor, z, table):
         if not table[k, k] > INTERACTION_LEVEL:
             if k == c or not abs(table[k, contacts]) <= INTERACTION_LEVEL * largest:
                 return False
-            for j in range(contacts + 1):
-                table[k, j] = 0.0
+            set_1(table[k], 0.0)
             for i in range(contacts):
                 table[i, k] = 0.0
             table[k, k] = 1.0
@@ -269,9 +266,11 @@ def impact_while_sticking(modes, sticking, c, z, table):
 
 @kernel
 def comes_to_rest(modes, still, moving, c, z, table):
-    """(contacts that stick from here on, contacts that only must not approach any more, time that bounces would still last) where contact c
-    bounces no higher than the contact tolerance and is pressed, while others of the bits of `moving`, which are within the tolerance of
-    their bound, bounce no higher either; `still` as of `at_their_bounds`. (0, 0, 0) where that is not so."""
+    """Whether contact c and others come to rest together.
+
+    They do if they bounce no higher than the contact tolerance, and c is pressed. still, moving: the other contacts at their bounds, as
+    `at_their_bounds` returns them. Returns (bits of the contacts that stick from here on, bits of those that only must not approach any
+    more, time that bounces would still last), or (0, 0, 0) if c does not come to rest."""
     hit = int64(1) << c
     if not low(modes, c, z, 1.0) or modes.restitution[c] == 1.0:
         return int64(0), int64(0), 0.0
@@ -305,8 +304,10 @@ def comes_to_rest(modes, still, moving, c, z, table):
 
 @kernel
 def settle(modes, stay, part, z, table):
-    """Stop the speeds across the contacts of the bits of `stay`, and those towards the stop of the bits of `part`, at the state z of mode
-    0. Returns (True, the energy lost); (False, 0) where rounding does not decide which are stopped."""
+    """Stop contacts, at the state z (N,) of mode 0.
+
+    Those of the bits of `stay` lose all speed across the contact, those of `part` only a speed towards the stop. Returns (True, the energy
+    lost), or (False, 0) if rounding does not decide which of `part` are stopped."""
     if pivot(modes, stay | part, part, modes.rate[0], -1, 1.0, z, table) < 0:
         return False, 0.0
     loss = 0.0

@@ -28,10 +28,53 @@ SERIES = 0.1
 
 
 @part
+def numbers(array, at):
+    """Four numbers of an array from `at` on."""
+    return array[at], array[at + 1], array[at + 2], array[at + 3]
+
+
+@part
+def product(row, state):
+    """a_1 p_1 + b_1 q_1 + a_2 p_2 + b_2 q_2 for row = (a_1, b_1, a_2, b_2) and state = (p_1, q_1, p_2, q_2)."""
+    return row[0] * state[0] + row[1] * state[1] + row[2] * state[2] + row[3] * state[3]
+
+
+@part
+def radii(state):
+    """Amplitudes of both modes."""
+    p1, q1, p2, q2 = state
+    return math.sqrt(p1 * p1 + q1 * q1), math.sqrt(p2 * p2 + q2 * q2)
+
+
+@part
 def rotated(m, w, t):
     """e^{mt} (cos wt, sin wt)."""
     e = math.exp(m * t)
     return e * math.cos(w * t), e * math.sin(w * t)
+
+
+@part
+def rotations(rates, t):
+    """e^{mt} (cos wt, sin wt) of both modes. rates: (m_1, w_1, m_2, w_2)."""
+    c1, s1 = rotated(rates[0], rates[1], t)
+    c2, s2 = rotated(rates[2], rates[3], t)
+    return c1, s1, c2, s2
+
+
+@part
+def turned(state, rotations):
+    """The state after the flight whose `rotations` are given."""
+    p1, q1, p2, q2 = state
+    c1, s1, c2, s2 = rotations
+    return p1 * c1 + q1 * s1, q1 * c1 - p1 * s1, p2 * c2 + q2 * s2, q2 * c2 - p2 * s2
+
+
+@part
+def changing(rates, state):
+    """The derivative of a state by time."""
+    m1, w1, m2, w2 = rates
+    p1, q1, p2, q2 = state
+    return m1 * p1 + w1 * q1, m1 * q1 - w1 * p1, m2 * p2 + w2 * q2, m2 * q2 - w2 * p2
 
 
 @part
@@ -45,12 +88,9 @@ def rotated_slightly(m, w, t, c, s):
     real = 1.0
     imaginary = 0.0
     for factor in (1.0 / 5.0, 1.0 / 4.0, 1.0 / 3.0, 1.0 / 2.0):
-        product = 1.0 + (real * x - imaginary * y) * factor
-        imaginary = (real * y + imaginary * x) * factor
-        real = product
-    product = real * x - imaginary * y
-    imaginary = real * y + imaginary * x
-    return c + (c * product - s * imaginary), s + (c * imaginary + s * product)
+        real, imaginary = 1.0 + (real * x - imaginary * y) * factor, (real * y + imaginary * x) * factor
+    real, imaginary = real * x - imaginary * y, real * y + imaginary * x
+    return c + (c * real - s * imaginary), s + (c * imaginary + s * real)
 
 
 @part
@@ -86,9 +126,7 @@ def mean_turn(real, imaginary, end_real, end_imaginary, t):
         total = 1.0
         other = 0.0
         for k in range(9):
-            product = (total * x - other * y) * RECIPROCAL[k]
-            other = (total * y + other * x) * RECIPROCAL[k]
-            total = product + 1.0
+            total, other = (total * x - other * y) * RECIPROCAL[k] + 1.0, (total * y + other * x) * RECIPROCAL[k]
         first = total * t
         second = other * t
     return first, second
@@ -135,20 +173,13 @@ def spend(system, terms, state, t, rotations, taken):
 @kernel
 def taken_after(system, terms, state, t, parts):
     """(energy dissipated by the dampers until t, their power at t)."""
-    p1, q1, p2, q2 = state
-    m1 = system[MEAN]
-    m2 = system[MEAN + 1]
-    c1, s1 = rotated(m1, system[FREQUENCY], t)
-    c2, s2 = rotated(m2, system[FREQUENCY + 1], t)
-    taken = spend(system, terms, state, t, (c1, s1, c2, s2), parts)
-    r1 = p1 * c1 + q1 * s1
-    i1 = q1 * c1 - p1 * s1
-    r2 = p2 * c2 + q2 * s2
-    i2 = q2 * c2 - p2 * s2
+    way = rotations((system[MEAN], system[FREQUENCY], system[MEAN + 1], system[FREQUENCY + 1]), t)
+    taken = spend(system, terms, state, t, way, parts)
+    later = turned(state, way)
     power = 0.0
     for k in range(terms):
         at = TERMS + AT * k
-        rate = system[at + 2] * r1 + system[at + 3] * i1 + system[at + 4] * r2 + system[at + 5] * i2
+        rate = product(numbers(system, at + 2), later)
         power += system[at + 1] * rate * rate
     return taken, power
 
@@ -184,40 +215,23 @@ def fraction_time(system, terms, state, length, total, wanted, parts):
 
 @part
 def derivatives(rates, row, state):
-    """f, f' and f'' of f = a1 p1 + b1 q1 + a2 p2 + b2 q2."""
-    m1, w1, m2, w2 = rates
-    a1, b1, a2, b2 = row
-    p1, q1, p2, q2 = state
-    x1 = m1 * p1 + w1 * q1
-    y1 = m1 * q1 - w1 * p1
-    x2 = m2 * p2 + w2 * q2
-    y2 = m2 * q2 - w2 * p2
-    f = a1 * p1 + b1 * q1 + a2 * p2 + b2 * q2
-    slope = a1 * x1 + b1 * y1 + a2 * x2 + b2 * y2
-    bend = a1 * (m1 * x1 + w1 * y1) + b1 * (m1 * y1 - w1 * x1) + a2 * (m2 * x2 + w2 * y2) + b2 * (m2 * y2 - w2 * x2)
-    return f, slope, bend
-
-
-@part
-def flown(rates, state, t):
-    """The state after a flight of t."""
-    m1, w1, m2, w2 = rates
-    p1, q1, p2, q2 = state
-    c1, s1 = rotated(m1, w1, t)
-    c2, s2 = rotated(m2, w2, t)
-    return p1 * c1 + q1 * s1, q1 * c1 - p1 * s1, p2 * c2 + q2 * s2, q2 * c2 - p2 * s2
+    """f, f' and f'' of f = `product` of row and state."""
+    rate = changing(rates, state)
+    return product(row, state), product(row, rate), product(row, changing(rates, rate))
 
 
 @kernel
 def climb(rates, row, third, fourth, state, length, peak):
-    """The larger of `peak` and of |f| over an interval from the given state, f = a1 p1 + b1 q1 + a2 p2 + b2 q2, |f'''| <= third,
-    |f''''| <= fourth: by parts on which f' keeps its sign, or f'' does and f' has one zero, or f stays below."""
+    """The larger of `peak` and of max |f| over a time `length` from the given state, where f = `product` of row and state.
+
+    third, fourth: bounds of the third and fourth derivative of f. The time is split into parts. On each part f stays below the peak, or f'
+    keeps its sign, or f'' keeps its sign and f' has one zero, which Newton's method finds."""
     t = 0.0
     size = length
     f0, g0, h0 = derivatives(rates, row, state)
     for _ in range(10000):
         size = min(size, length - t)
-        later = flown(rates, state, size)
+        later = turned(state, rotations(rates, size))
         f1, g1, h1 = derivatives(rates, row, later)
         ends = max(abs(f0), abs(f1))
         # Equation (11): the Bezier coefficients of the cubic through both ends, widened by its error.
@@ -231,7 +245,7 @@ def climb(rates, row, third, fourth, state, length, peak):
                 low = 0.0
                 high = size
                 for _ in range(50):
-                    f, g, h = derivatives(rates, row, flown(rates, state, s))
+                    f, g, h = derivatives(rates, row, turned(state, rotations(rates, s)))
                     ends = max(ends, abs(f))
                     if g * g0 > 0.0:
                         low = s
@@ -262,14 +276,10 @@ def climb(rates, row, third, fourth, state, length, peak):
 @kernel
 def raised(rates, row, third, fourth, state, later, length, h, peak):
     """The larger of `peak` and max |f| over the first `length` of a step of h between two known states."""
-    m1, w1, m2, w2 = rates
-    a1, b1, a2, b2 = row
-    p1, q1, p2, q2 = state
-    n1, j1, n2, j2 = later
-    f0 = a1 * p1 + b1 * q1 + a2 * p2 + b2 * q2
-    g0 = a1 * (m1 * p1 + w1 * q1) + b1 * (m1 * q1 - w1 * p1) + a2 * (m2 * p2 + w2 * q2) + b2 * (m2 * q2 - w2 * p2)
-    f1 = a1 * n1 + b1 * j1 + a2 * n2 + b2 * j2
-    g1 = a1 * (m1 * n1 + w1 * j1) + b1 * (m1 * j1 - w1 * n1) + a2 * (m2 * n2 + w2 * j2) + b2 * (m2 * j2 - w2 * n2)
+    f0 = product(row, state)
+    g0 = product(row, changing(rates, state))
+    f1 = product(row, later)
+    g1 = product(row, changing(rates, later))
     hull = max(max(abs(f0), abs(f0 + h * g0 * (1.0 / 3.0))), max(abs(f1 - h * g1 * (1.0 / 3.0)), abs(f1)))
     hull += fourth * h * h * h * h * (1.0 / 384.0)
     if hull <= peak:

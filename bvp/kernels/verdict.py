@@ -9,28 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import int64
 
+from bvp.kernels import shooting as column
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
-from bvp.kernels.shooting import (
-    ACCELERATION,
-    CLEARANCE,
-    CONTACT,
-    DERIVATIVE,
-    DURATION,
-    FREE,
-    RESIDUAL,
-    SECOND,
-    SPEED,
-    STUCK,
-    THIRD,
-    TIME,
-    Flow,
-    advance,
-    amplitude,
-    follow_impacts,
-    nearest_turning_points,
-)
+from bvp.kernels.shooting import Flow, advance, amplitude, find_clearance, follow_impacts
 
 MARGIN = 1.2
 """Factor on the bounds that are drawn from samples."""
@@ -117,7 +100,7 @@ def approaches(flow, kind, tube, window, found, work):
     fastest = math.sqrt(fastest)
     turning = math.sqrt(turning)
     t = 0.0
-    if row[TIME] == 0.0:
+    if row[column.TIME] == 0.0:
         # The start itself is no crossing: from zero the motion goes on in one direction for at least this long.
         first_rate = 0.0
         bend = 0.0
@@ -187,32 +170,35 @@ def gather(flow, kind, tube, visit, y, dy, found, count):
 
 
 @part
+def rates(flow, kind, y):
+    """Velocities (kind ORIGIN) or accelerations (REST) of both modes at the state y."""
+    if kind == ORIGIN:
+        return y[2], y[3]
+    return -flow.squares[0] * y[0], -flow.squares[1] * y[1]
+
+
+@part
 def crossing(flow, kind, tube, visit, y, dy):
     """Whether one crossing by zero can hold an orbit: 0 no, 1 one at most, -1 undecided; and the time of the least distance."""
     row, along, r, width = tube
     entered, left, nearest = visit
     at = 0 if kind == ORIGIN else 2
     t = nearest
-    v0 = 0.0
-    v1 = 0.0
     for _ in range(4):
         advance(flow.squares, t, row[:4], along, y, dy)
-        v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
-        v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
+        v0, v1 = rates(flow, kind, y)
         square = v0 * v0 + v1 * v1
         if square == 0.0:
             return -1, t
         t = min(max(t - (y[at] * v0 + y[at + 1] * v1) / square, entered), left)
     advance(flow.squares, t, row[:4], along, y, dy)
-    v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
-    v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
+    v0, v1 = rates(flow, kind, y)
     speed = math.hypot(v0, v1)
     a0 = -flow.squares[0] * y[at]
     a1 = -flow.squares[1] * y[at + 1]
     u0 = dy[at]
     u1 = dy[at + 1]
-    w0 = dy[2] if kind == ORIGIN else -flow.squares[0] * dy[0]
-    w1 = dy[3] if kind == ORIGIN else -flow.squares[1] * dy[1]
+    w0, w1 = rates(flow, kind, dy)
     half = max(left - t, t - entered)
     # Equation (34): residual and derivative across the velocity, at the least distance.
     residual = (v0 * y[at + 1] - v1 * y[at]) / speed
@@ -246,19 +232,18 @@ def refine_zero(search, kind, k, theta, time, bracket, record, pattern, out):
         if levels <= k:
             return False, count
         for i in range(k):
-            if record[i, CONTACT] != pattern[i, CONTACT]:
+            if record[i, column.CONTACT] != pattern[i, column.CONTACT]:
                 return False, count
         if kind == STOP:
-            if record[k, CONTACT] != pattern[k, CONTACT]:
+            if record[k, column.CONTACT] != pattern[k, column.CONTACT]:
                 return False, count
             # Newton's method in theta: the velocity along the stop vanishes.
-            step = -record[k, RESIDUAL] / record[k, RESIDUAL + 1]
-            time = record[k, DURATION]
-            out[2] = abs(record[k, RESIDUAL])
+            step = -record[k, column.RESIDUAL] / record[k, column.RESIDUAL + 1]
+            time = record[k, column.DURATION]
+            out[2] = abs(record[k, column.RESIDUAL])
         else:
             advance(flow.squares, time, record[k, :4], record[k, 4:8], y, dy)
-            v0 = y[2] if kind == ORIGIN else -flow.squares[0] * y[0]
-            v1 = y[3] if kind == ORIGIN else -flow.squares[1] * y[1]
+            v0, v1 = rates(flow, kind, y)
             # Newton's method in (theta, time): the two displacements, or velocities, vanish.
             determinant = dy[at] * v1 - dy[at + 1] * v0
             if determinant == 0.0:
@@ -319,6 +304,12 @@ def positive_between(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise
     return min(abs(rate_a), abs(rate_b), abs(rate_m)) > 0.2 * most or (min(value_a, value_b) < noise and value_m < 10.0 * noise)
 
 
+@part
+def deviation(first, middle, second):
+    """Bound of the change of a quantity over an interval, from its values at both ends and in the middle."""
+    return 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)
+
+
 @kernel
 def stays_positive(column, samples, noise):
     """`positive_between` for one column of three records, with the next column as its derivative. `noise`: without that of the grain."""
@@ -334,7 +325,7 @@ def touch_distance(flow, row):
     """Distance to a stop, anywhere in a flight, below which a touch cannot be distinguished from a hit."""
     size = 1.0
     for k in range(2):
-        size += abs(flow.contacts.gap[0, k]) * amplitude(flow.squares[k], row[k], row[k + 2], row[THIRD], int64(0))
+        size += abs(flow.contacts.gap[0, k]) * amplitude(flow.squares[k], row[k], row[k + 2], row[column.THIRD], int64(0))
     return TOUCHING * size
 
 
@@ -350,12 +341,9 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
     for kind in range(3):
         count[kind] = 0
     earliest = math.inf
-    if k < levels_a:
-        earliest = min(earliest, a[k, TIME])
-    if k < levels_b:
-        earliest = min(earliest, b[k, TIME])
-    if k < levels_m:
-        earliest = min(earliest, m[k, TIME])
+    for sample in (sample_a, sample_b, sample_m):
+        if k < sample.rows:
+            earliest = min(earliest, sample.record[k, column.TIME])
     horizon = -1.0
     onward = False
     for kind in range(3):
@@ -371,22 +359,22 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
     ra = a[k]
     rb = b[k]
     rm = m[k]
-    if ra[CONTACT] == STUCK or rb[CONTACT] == STUCK or rm[CONTACT] == STUCK:
+    if ra[column.CONTACT] == column.STUCK or rb[column.CONTACT] == column.STUCK or rm[column.CONTACT] == column.STUCK:
         return PRESSED
     far = 0
     for row in (ra, rb, rm):
-        if row[CONTACT] == FREE or row[DURATION] > horizon:
+        if row[column.CONTACT] == column.FREE or row[column.DURATION] > horizon:
             far += 1
     last = far == 3
+    steepest = max(abs(ra[column.DURATION + 1] * jac_a), abs(rb[column.DURATION + 1] * jac_b), abs(rm[column.DURATION + 1] * jac_m))
     if not last:
-        if ra[CONTACT] != rb[CONTACT]:
+        if ra[column.CONTACT] != rb[column.CONTACT]:
             # Where one of them only leaves the time searched, halves will show it.
-            return LATE if (ra[CONTACT] == FREE or rb[CONTACT] == FREE) and r * jac_m > 1e-5 else JUMP
-        if ra[CONTACT] != rm[CONTACT] or ra[CONTACT] == FREE:
+            return LATE if (ra[column.CONTACT] == column.FREE or rb[column.CONTACT] == column.FREE) and r * jac_m > 1e-5 else JUMP
+        if ra[column.CONTACT] != rm[column.CONTACT] or ra[column.CONTACT] == column.FREE:
             return DIFFERENT
         # The same stop, but one flight goes on past the impact that ends the other.
-        steepest = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
-        if r * jac_m < 1e-4 and abs(rb[DURATION] - ra[DURATION]) > 20.0 * r * steepest + 1e-9:
+        if r * jac_m < 1e-4 and abs(rb[column.DURATION] - ra[column.DURATION]) > 20.0 * r * steepest + 1e-9:
             return JUMP
     if onward and not last and k == most:
         return ENDLESS
@@ -396,35 +384,33 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
     size = 0.0
     spread = 0.0
     wide = 0.0
-    tube_q = 0.0
     tube_p = 0.0
-    window = min(rm[DURATION], horizon)
+    window = min(rm[column.DURATION], horizon)
     for c in range(4):
-        along[c] = rm[DERIVATIVE + c] * jac_m
-        first = ra[DERIVATIVE + c] * jac_a
-        second = rb[DERIVATIVE + c] * jac_b
-        vary[c] = 0.5 * abs(second - first) + abs(0.5 * (first + second) - along[c])
+        along[c] = rm[column.DERIVATIVE + c] * jac_m
+        vary[c] = deviation(ra[column.DERIVATIVE + c] * jac_a, along[c], rb[column.DERIVATIVE + c] * jac_b)
     force = 0.0
+    gap = flow.contacts.gap
     for c in range(2):
         inner = amplitude(flow.squares[c], along[c], along[c + 2], window, int64(0))
         outer = amplitude(flow.squares[c], vary[c], vary[c + 2], window, int64(0))
         size += inner * inner
         spread += outer * outer
-        wide += abs(flow.contacts.gap[0, c]) * (inner + outer)
-        tube_q += outer * outer
-        force += abs(flow.contacts.gap[0, c] * flow.squares[c]) * (inner + outer)
+        wide += abs(gap[0, c]) * (inner + outer)
+        force += abs(gap[0, c] * flow.squares[c]) * (inner + outer)
         outer = amplitude(flow.squares[c], vary[c], vary[c + 2], window, int64(1))
         tube_p += outer * outer
     # On the section of an impact the gap does not vary: from there its variation grows with time.
     near = 0.5 * force * window * window
     for c in range(0, 4, 2):
-        first = (flow.contacts.gap[0, 0] * ra[DERIVATIVE + c] + flow.contacts.gap[0, 1] * ra[DERIVATIVE + c + 1]) * jac_a
-        second = (flow.contacts.gap[0, 0] * rb[DERIVATIVE + c] + flow.contacts.gap[0, 1] * rb[DERIVATIVE + c + 1]) * jac_b
-        middle = (flow.contacts.gap[0, 0] * rm[DERIVATIVE + c] + flow.contacts.gap[0, 1] * rm[DERIVATIVE + c + 1]) * jac_m
+        at = column.DERIVATIVE + c
+        first = (gap[0, 0] * ra[at] + gap[0, 1] * ra[at + 1]) * jac_a
+        second = (gap[0, 0] * rb[at] + gap[0, 1] * rb[at + 1]) * jac_b
+        middle = (gap[0, 0] * rm[at] + gap[0, 1] * rm[at + 1]) * jac_m
         largest = abs(middle) + 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)
         near += largest if c == 0 else largest * window
     wide = MARGIN * r * min(wide, near)
-    tube_q = MARGIN * math.sqrt(tube_q)
+    tube_q = MARGIN * math.sqrt(spread)
     tube_p = MARGIN * math.sqrt(tube_p)
     if k == 0 and r * jac_m > 0.1:
         return COARSE
@@ -432,26 +418,23 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
         return UNEVEN
     # -- no turning point reaches a stop
     samples = Samples(ra, rm, rb, jac_a, jac_m, jac_b, r, grain)
-    if rm[CLEARANCE] != rm[CLEARANCE]:
-        nearest_turning_points(flow, rm, 1.05 * longest - rm[TIME], work)
-    if rm[CLEARANCE] <= wide:
-        if rm[SECOND] <= wide:
+    find_clearance(flow, rm, longest, work)
+    if rm[column.CLEARANCE] <= wide:
+        if rm[column.SECOND] <= wide:
             return TOUCHES
-        if ra[CLEARANCE] != ra[CLEARANCE]:
-            nearest_turning_points(flow, ra, 1.05 * longest - ra[TIME], work)
-        if rb[CLEARANCE] != rb[CLEARANCE]:
-            nearest_turning_points(flow, rb, 1.05 * longest - rb[TIME], work)
-        if not stays_positive(CLEARANCE, samples, touch_distance(flow, rm)):
+        find_clearance(flow, ra, longest, work)
+        find_clearance(flow, rb, longest, work)
+        if not stays_positive(column.CLEARANCE, samples, touch_distance(flow, rm)):
             return TOUCHES
     # -- the impact is a transversal one, and its arrival is known over the interval
     if not last:
-        if not stays_positive(SPEED, samples, 0.0):
+        if not stays_positive(column.SPEED, samples, 0.0):
             return SLOW
-        if rm[ACCELERATION] > 0.0 and rm[SPEED] * rm[SPEED] <= 2.0 * rm[ACCELERATION] * wide:
+        if rm[column.ACCELERATION] > 0.0 and rm[column.SPEED] * rm[column.SPEED] <= 2.0 * rm[column.ACCELERATION] * wide:
             return SKIMS
-        mean = (ra[DURATION + 1] * jac_a + 4.0 * rm[DURATION + 1] * jac_m + rb[DURATION + 1] * jac_b) * r / 3.0
-        steepest = max(abs(ra[DURATION + 1] * jac_a), abs(rb[DURATION + 1] * jac_b), abs(rm[DURATION + 1] * jac_m))
-        if abs(rb[DURATION] - ra[DURATION] - mean) > 0.1 * r * steepest + SLACK * (1.0 + longest) + 8.0 * grain / jac_m * steepest:
+        mean = (ra[column.DURATION + 1] * jac_a + 4.0 * rm[column.DURATION + 1] * jac_m + rb[column.DURATION + 1] * jac_b) * r / 3.0
+        off = abs(rb[column.DURATION] - ra[column.DURATION] - mean)
+        if off > 0.1 * r * steepest + SLACK * (1.0 + longest) + 8.0 * grain / jac_m * steepest:
             return UNEVEN
         if onward and (k + 1 < levels_a and k + 1 < levels_b and k + 1 < levels_m):
             off = 0.0
@@ -460,12 +443,12 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
             noise = 0.0
             for c in range(4):
                 weight = 1.0 if c >= 2 else math.sqrt(abs(flow.squares[c]))
-                first = a[k + 1, DERIVATIVE + c] * jac_a
-                second = b[k + 1, DERIVATIVE + c] * jac_b
-                middle = m[k + 1, DERIVATIVE + c] * jac_m
+                first = a[k + 1, column.DERIVATIVE + c] * jac_a
+                second = b[k + 1, column.DERIVATIVE + c] * jac_b
+                middle = m[k + 1, column.DERIVATIVE + c] * jac_m
                 value = weight * (b[k + 1, c] - a[k + 1, c] - r / 3.0 * (first + 4.0 * middle + second))
                 off += value * value
-                value = weight * (0.5 * abs(second - first) + abs(0.5 * (first + second) - middle))
+                value = weight * deviation(first, middle, second)
                 spread += value * value
                 size += weight * weight * middle * middle
                 noise += weight * weight * m[k + 1, c] * m[k + 1, c]
@@ -474,7 +457,7 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
             if math.sqrt(off) > 0.1 * r * math.sqrt(size) + SLACK * math.sqrt(noise) + 8.0 * grain / jac_m * math.sqrt(size):
                 return UNEVEN
     # -- orbits
-    reach = min(window + MARGIN * r * abs(rm[DURATION + 1] * jac_m), horizon) if not last else horizon
+    reach = min(window + MARGIN * r * abs(rm[column.DURATION + 1] * jac_m), horizon) if not last else horizon
     with_impacts = k > 0 or flow.shape[1] >= 0  # motions without any impact are modes, known in closed form
     if with_impacts and k <= impacts[ORIGIN] and times[ORIGIN] > earliest:
         tube = Tube(rm, along, r, tube_q)
@@ -486,14 +469,12 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
         count[REST] = approaches(flow, int64(REST), tube, min(reach, times[REST] - earliest), found[REST], work)
         if count[REST] < 0:
             return NEAR_REST
-    if not last and k <= impacts[STOP] and times[STOP] > earliest + window - MARGIN * r * abs(rm[DURATION + 1] * jac_m):
-        first = ra[RESIDUAL + 1] * jac_a
-        second = rb[RESIDUAL + 1] * jac_b
-        rate = rm[RESIDUAL + 1] * jac_m
-        change = MARGIN * (0.5 * abs(second - first) + abs(0.5 * (first + second) - rate))
-        if abs(rm[RESIDUAL]) <= MARGIN * r * (abs(rate) + change):
+    if not last and k <= impacts[STOP] and times[STOP] > earliest + window - MARGIN * r * abs(rm[column.DURATION + 1] * jac_m):
+        rate = rm[column.RESIDUAL + 1] * jac_m
+        change = MARGIN * deviation(ra[column.RESIDUAL + 1] * jac_a, rate, rb[column.RESIDUAL + 1] * jac_b)
+        if abs(rm[column.RESIDUAL]) <= MARGIN * r * (abs(rate) + change):
             if abs(rate) <= change:
                 return NEAR_STOP
-            found[STOP, 0] = rm[DURATION]
+            found[STOP, 0] = rm[column.DURATION]
             count[STOP] = 1
     return CLOSED

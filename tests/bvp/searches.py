@@ -7,8 +7,8 @@ import numpy as np
 
 from bvp.closures import contact_of
 from bvp.kernels import impact as kernels
+from bvp.kernels.contact_mode import restitute_state
 from bvp.kernels.flight import flow_state
-from bvp.kernels.impact import restitute_state
 from bvp.simulate import checked_state
 
 

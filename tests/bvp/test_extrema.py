@@ -92,9 +92,9 @@ def test_clearance_against_dense_samples(n, damped, duration, seed):
     modes = system.modes
     observed = observed_of(system)
     z = modes.from_state @ (0.5 * rng.normal(size=2 * n))
-    _, rates = dense(modes, observed.gap_rate[0], z, duration)
+    _, rates = dense(modes, observed.rows[0, 1], z, duration)
     assume(resolved(rates))
-    times, gaps = dense(modes, observed.gap[0], z, duration)
+    times, gaps = dense(modes, observed.rows[0, 0], z, duration)
     up = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] < 0.0))
     down = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] > 0.0))
     expected = min([1.0 - max(gaps[i], gaps[i + 1]) for i in up] + [min(gaps[i], gaps[i + 1]) + 1.0 for i in down], default=np.inf)

@@ -5,30 +5,19 @@ import pytest
 
 import saltus
 from branches.search.starts import curves
-from bvp.kernels.intervals import place, unplace
-from bvp.kernels.shooting import (
-    ACCELERATION,
-    CLEARANCE,
-    COLUMNS,
-    CONTACT,
-    DERIVATIVE,
-    DURATION,
-    RESIDUAL,
-    SECOND,
-    SPEED,
-    TIME,
-    TURNING_POINTS,
-    amplitude,
-    follow_impacts,
-    nearest_turning_points,
-)
+from bvp.kernels import shooting as column
+from bvp.kernels.intervals import StartMap, place, unplace
+from bvp.kernels.shooting import amplitude, find_clearance, follow_impacts
 from bvp.kernels.verdict import positive_between
+
+LONGEST = 9.0 / 1.05
+"""Turning points are looked for in 1.05 times as long."""
 
 SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(1.0, 0.0)]
 
 
 def record_of(curve, parameter, longest=9.0, most=6):
-    record = np.full((most + 2, COLUMNS), np.nan)
+    record = np.full((most + 2, column.COLUMNS), np.nan)
     rows = follow_impacts(curve.flow, parameter, longest, most, record, np.zeros((16, 16)))
     return record, rows
 
@@ -49,12 +38,12 @@ def test_impacts_are_those_of_the_run(system, end):
         state = modes.to_state @ record[0, :4]
         leaving = "+" if end == "stop" else None
         met = saltus.simulate(system, state[:2], state[2:], 9.0, leaving=leaving).stop_events
-        hits = [k for k in range(rows) if record[k, CONTACT] >= 0 and record[k, TIME] + record[k, DURATION] < 9.0]
+        hits = [k for k in range(rows) if record[k, column.CONTACT] >= 0 and record[k, column.TIME] + record[k, column.DURATION] < 9.0]
         assert len(hits) == min(len(met.times), 7)
         total += len(hits)
-        assert np.allclose([record[k, TIME] + record[k, DURATION] for k in hits], met.times[: len(hits)], rtol=1e-12)
-        assert np.allclose([record[k, SPEED] for k in hits], met.speeds[: len(hits)], rtol=1e-9)
-        assert tuple(modes.contact_letters[int(record[k, CONTACT])] for k in hits) == met.contacts[: len(hits)]
+        assert np.allclose([record[k, column.TIME] + record[k, column.DURATION] for k in hits], met.times[: len(hits)], rtol=1e-12)
+        assert np.allclose([record[k, column.SPEED] for k in hits], met.speeds[: len(hits)], rtol=1e-9)
+        assert tuple(modes.contact_letters[int(record[k, column.CONTACT])] for k in hits) == met.contacts[: len(hits)]
     assert total > 3
 
 
@@ -85,15 +74,15 @@ def test_energy_of_the_starts(system, end):
 def test_derivatives(system, end):
     """Oracle: central differences; their error falls fourfold when the step is halved."""
     (curve,) = curves(system, end, 6.0)
-    columns = [*range(4), TIME, DURATION, SPEED, RESIDUAL]
-    rates = [*range(DERIVATIVE, DERIVATIVE + 4), TIME + 1, DURATION + 1, SPEED + 1, RESIDUAL + 1]
+    columns = [*range(4), column.TIME, column.DURATION, column.SPEED, column.RESIDUAL]
+    rates = [*range(column.DERIVATIVE, column.DERIVATIVE + 4), column.TIME + 1, column.DURATION + 1, column.SPEED + 1, column.RESIDUAL + 1]
     parameter = curve.low + 0.37 * (curve.high - curve.low)
     middle, rows = record_of(curve, parameter)
-    flights = rows - 1 if middle[rows - 1, CONTACT] < 0 else rows
+    flights = rows - 1 if middle[rows - 1, column.CONTACT] < 0 else rows
     errors = []
     for step in (2e-5, 1e-5):
         above, below = (record_of(curve, parameter + sign * step)[0] for sign in (1.0, -1.0))
-        assert np.array_equal(above[:flights, CONTACT], middle[:flights, CONTACT])
+        assert np.array_equal(above[:flights, column.CONTACT], middle[:flights, column.CONTACT])
         difference = (above[:flights, columns] - below[:flights, columns]) / (2.0 * step)
         exact = middle[:flights, rates]
         errors.append(np.max(np.abs(difference - exact) / (1.0 + np.abs(exact))))
@@ -110,10 +99,10 @@ def test_turning_points():
         record, rows = record_of(curve, curve.low + part * np.pi)
         for k in range(rows):
             row = record[k]
-            duration = min(row[DURATION], 9.0 - row[TIME])
+            duration = min(row[column.DURATION], 9.0 - row[column.TIME])
             if duration < 1e-3:
                 continue
-            nearest_turning_points(curve.flow, row, 9.0 - row[TIME], np.zeros((16, 16)))
+            find_clearance(curve.flow, row, LONGEST, np.zeros((16, 16)))
             times = np.linspace(0.0, duration, 20001)
             w = np.zeros_like(times)
             for j in range(2):
@@ -121,9 +110,9 @@ def test_turning_points():
                 w += modes.contact_gap[0, j] * (row[j] * np.cos(o * times) + row[2 + j] * np.sin(o * times) / o)
             turns = np.flatnonzero((w[1:-1] - w[:-2]) * (w[2:] - w[1:-1]) < 0.0) + 1
             distances = sorted(1.0 - w[i] if w[i] > w[i - 1] else 1.0 + w[i] for i in turns)
-            assert row[TURNING_POINTS] == len(turns)
+            assert row[column.TURNING_POINTS] == len(turns)
             expected = [*distances, np.inf, np.inf][:2]
-            assert np.allclose([row[CLEARANCE], row[SECOND]], expected, rtol=0.0, atol=1e-6)
+            assert np.allclose([row[column.CLEARANCE], row[column.SECOND]], expected, rtol=0.0, atol=1e-6)
 
 
 def test_clearance_changes_as_its_derivative_says():
@@ -135,16 +124,16 @@ def test_clearance_changes_as_its_derivative_says():
         for step in (-1e-6, 0.0, 1e-6):
             record, count = record_of(curve, parameter + step)
             for k in range(count):
-                nearest_turning_points(curve.flow, record[k], 9.0 - record[k, TIME], np.zeros((16, 16)))
+                find_clearance(curve.flow, record[k], LONGEST, np.zeros((16, 16)))
             rows.append(record[:count])
         for k in range(min(map(len, rows))):
             if (
-                np.isfinite(rows[1][k, CLEARANCE])
-                and rows[1][k, CONTACT] >= 0
-                and np.isfinite(rows[0][k, CLEARANCE] + rows[2][k, CLEARANCE])
+                np.isfinite(rows[1][k, column.CLEARANCE])
+                and rows[1][k, column.CONTACT] >= 0
+                and np.isfinite(rows[0][k, column.CLEARANCE] + rows[2][k, column.CLEARANCE])
             ):
-                slope = (rows[2][k, CLEARANCE] - rows[0][k, CLEARANCE]) / 2e-6
-                assert slope == pytest.approx(rows[1][k, CLEARANCE + 1], rel=1e-4, abs=1e-4)
+                slope = (rows[2][k, column.CLEARANCE] - rows[0][k, column.CLEARANCE]) / 2e-6
+                assert slope == pytest.approx(rows[1][k, column.CLEARANCE + 1], rel=1e-4, abs=1e-4)
                 checked += 1
     assert checked > 10
 
@@ -157,19 +146,20 @@ def test_acceleration_towards_the_stop():
     modes = system.modes
     for k in range(rows - 1):
         after = record[k + 1, :4]
-        contact = int(record[k, CONTACT])
+        contact = int(record[k, column.CONTACT])
         force = -(modes.squares * after[:2]) @ modes.contact_gap[contact, :2]
-        assert record[k, ACCELERATION] == pytest.approx(modes.contact_side[contact] * force, rel=1e-9, abs=1e-12)
+        assert record[k, column.ACCELERATION] == pytest.approx(modes.contact_side[contact] * force, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2, 3])
 def test_places_and_their_inverse(kind):
     """Oracle: the definition: inverse functions, derivative by central differences, both ends kept."""
+    curve = StartMap(0.4, 1.1, kind)
     for x in (0.003, 0.2, 0.5, 0.81, 0.997):
-        theta, rate = place(0.4, 1.1, kind, x)
-        assert unplace(0.4, 1.1, kind, theta) == pytest.approx(x, rel=1e-10)
-        assert rate == pytest.approx((place(0.4, 1.1, kind, x + 1e-6)[0] - place(0.4, 1.1, kind, x - 1e-6)[0]) / 2e-6, rel=1e-5)
-    assert [place(0.4, 1.1, kind, x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
+        theta, rate = place(curve, x)
+        assert unplace(curve, theta) == pytest.approx(x, rel=1e-10)
+        assert rate == pytest.approx((place(curve, x + 1e-6)[0] - place(curve, x - 1e-6)[0]) / 2e-6, rel=1e-5)
+    assert [place(curve, x)[0] for x in (0.0, 1.0)] == pytest.approx([0.4, 1.1], abs=1e-16)
 
 
 def test_positive_is_said_only_of_what_is():
@@ -207,7 +197,7 @@ def test_more_turning_points_than_are_looked_through_leave_nothing_known():
     """Oracle: a mode of frequency 3e5 has a million turning points in ten time units, one of 3 has ten."""
     for mu, known in ((0.1, True), (1e-12, False)):
         (curve,) = curves(saltus.vibro_impact_nes(mu=mu), "origin", 1e-9)
-        row = np.zeros(COLUMNS)
-        row[:4], row[DURATION] = (0.0, 0.0, 1e-5, 1e-5), np.inf
-        nearest_turning_points(curve.flow, row, 10.0, np.zeros((16, 16)))
-        assert bool(row[CLEARANCE] > 0.0) is known and bool(row[CLEARANCE] == -np.inf) is not known
+        row = np.zeros(column.COLUMNS)
+        row[:4], row[column.DURATION], row[column.CLEARANCE] = (0.0, 0.0, 1e-5, 1e-5), np.inf, np.nan
+        find_clearance(curve.flow, row, 10.0 / 1.05, np.zeros((16, 16)))
+        assert bool(row[column.CLEARANCE] > 0.0) is known and bool(row[column.CLEARANCE] == -np.inf) is not known

@@ -10,8 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from bvp.kernels.bounds import amplitudes
-from bvp.kernels.flight import flow_state
+from bvp.kernels.flight import amplitudes, flow_state
 from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
@@ -141,24 +140,19 @@ def test_no_return_to_the_stop_just_left_is_missed(seed, speed, damping):
     assert abs(found.time - expected[1]) * max(found.speed, 1e-6) <= 1e-9 * (1.0 + speed)
 
 
+GROWING = [oscillator(upper=1.0, k=-1.0), oscillator(upper=1.0, k=-1.0, c=0.5), oscillator(upper=1.0, k=0.2, c=-0.3)]
+GROWING_STARTS = [([u], [v]) for u, v in ((0.0, 0.01), (-0.5, 1.0), (-0.5, 0.3), (0.9, -1.2), (0.5, -0.49))]
+LARGER_STARTS = [([0.0, 0.0], v) for v in ([3.0, 0.0], [0.0, 2.5], [1.2, -1.3], [0.1, 0.1])]
+
+
 @pytest.mark.parametrize(
-    "system", [oscillator(upper=1.0, k=-1.0), oscillator(upper=1.0, k=-1.0, c=0.5), oscillator(upper=1.0, k=0.2, c=-0.3)]
+    ("system", "starts", "horizon"), [*((system, GROWING_STARTS, 15.0) for system in GROWING), (exceptional_point(), LARGER_STARTS, 20.0)]
 )
-def test_growing_motion(system):
-    """Hyperbolic pairs and negative damping against the twin, and started so that a hyperbolic motion turns before the stop."""
-    for u, v in ((0.0, 0.01), (-0.5, 1.0), (-0.5, 0.3), (0.9, -1.2), (0.5, -0.49)):
-        expected = twins.next_impact(system, np.array([u]), np.array([v]), 15.0, 0.01)
-        found = next_impact(system, [u], [v], 15.0)
-        assert (found.status is ImpactStatus.HIT) == (expected is not None)
-        if expected is not None:
-            assert found.time == pytest.approx(expected[1], rel=1e-9)
-
-
-def test_the_larger_block_finds_what_the_twin_finds():
-    system = exceptional_point()
-    for v in ([3.0, 0.0], [0.0, 2.5], [1.2, -1.3], [0.1, 0.1]):
-        expected = twins.next_impact(system, np.zeros(2), np.array(v), 20.0, 0.01)
-        found = next_impact(system, [0.0, 0.0], v, 20.0)
+def test_growing_motion_and_a_larger_block(system, starts, horizon):
+    """Against the twin: hyperbolic pairs, negative damping, a hyperbolic motion that turns before the stop, pairs that coalesce."""
+    for u, v in starts:
+        expected = twins.next_impact(system, np.array(u), np.array(v), horizon, 0.01)
+        found = next_impact(system, u, v, horizon)
         assert (found.status is ImpactStatus.HIT) == (expected is not None)
         if expected is not None:
             assert found.time == pytest.approx(expected[1], rel=1e-9)
@@ -259,54 +253,41 @@ def test_leaving_is_not_returning(speed):
     assert found.time == pytest.approx(2 * math.pi - 2 * math.atan(2 * speed), rel=1e-9 if speed > 1e-8 else 1e-7)
 
 
-def test_a_start_at_rest_on_a_stop():
-    """Pulled away: it leaves and touches again after 2 pi. Pushed: it stays. Neither (rigid body): nothing happens."""
-    away = next_impact(oscillator(upper=0.5), [0.5], [0.0], 10.0)
-    assert away.status is ImpactStatus.TOUCH and away.time == pytest.approx(2 * math.pi, abs=1e-9)
-    assert next_impact(oscillator(upper=-0.5), [-0.5], [0.0], 10.0).status is ImpactStatus.PRESSED
-    assert next_impact(oscillator(upper=-0.5), [-0.5], [0.0], 10.0, leaving="+").status is ImpactStatus.PRESSED
-    assert next_impact(oscillator(upper=0.5, k=0.0), [0.5], [0.0], 10.0).status is ImpactStatus.NONE
+AT = math.asin(0.5)
+INSIDE_TOLERANCE = 0.5 * (1 + 0.5 * CONTACT_TOLERANCE)
 
 
-def test_a_start_on_a_stop_and_moving_into_it_is_a_hit_at_once():
-    for leaving in (None, "+"):
-        found = next_impact(oscillator(upper=0.5), [0.5], [1.0], 10.0, leaving)
-        assert (
-            found.status is ImpactStatus.HIT
-            and found.time == pytest.approx(0.0, abs=1e-15)
-            and found.speed == pytest.approx(1.0)
-        )
-
-
-def test_a_start_beyond_a_stop_is_said():
-    found = next_impact(oscillator(-1.0, 0.5), [0.6], [0.0], 10.0)
-    assert found.status is ImpactStatus.OUTSIDE and found.contact == "+"
-    assert next_impact(oscillator(-1.0, 0.5), [-1.0 - 1e-9], [0.0], 10.0).contact == "-"
-    assert next_impact(oscillator(-1.0, 0.5), [0.5 * (1 + 0.5 * CONTACT_TOLERANCE)], [-1.0], 10.0).status is ImpactStatus.HIT
-
-
-def test_the_speed_is_positive_on_approach_to_either_side():
-    """side * w' just before the impact."""
-    for v, letter in ((2.0, "+"), (-2.0, "-")):
-        found = next_impact(oscillator(-1.0, 1.0), [0.0], [v], 10.0)
-        assert found.contact == letter and found.speed == pytest.approx(math.sqrt(3.0), rel=1e-14)
-
-
-def test_rigid_motion_is_exact():
-    """u = v t."""
-    found = next_impact(oscillator(-1.0, 1.0, k=0.0), [0.25], [3.0], 10.0)
-    assert found.time == 0.25 and found.speed == 3.0
-
-
-def test_an_impact_after_the_horizon_is_none():
-    at = math.asin(0.5)
-    assert next_impact(oscillator(upper=0.5), [0.0], [1.0], at * (1 - 1e-12)).status is ImpactStatus.NONE
-    assert next_impact(oscillator(upper=0.5), [0.0], [1.0], at * (1 + 1e-12)).status is ImpactStatus.HIT
-
-
-def test_an_unreachable_stop_costs_no_search():
-    """|w| stays below the bound for good: nothing in a million periods."""
-    assert next_impact(oscillator(-1.0, 1.0), [0.0], [0.999], 1e7).status is ImpactStatus.NONE
+@pytest.mark.parametrize(
+    ("system", "start", "horizon", "leaving", "status", "contact", "time", "speed"),
+    [
+        # At rest on a stop: pulled away, it touches again after 2 pi; pushed, it stays; a rigid body does neither.
+        (oscillator(upper=0.5), (0.5, 0.0), 10.0, None, "TOUCH", "+", 2 * math.pi, 0.0),
+        (oscillator(upper=-0.5), (-0.5, 0.0), 10.0, None, "PRESSED", "+", 0.0, 0.0),
+        (oscillator(upper=-0.5), (-0.5, 0.0), 10.0, "+", "PRESSED", "+", 0.0, 0.0),
+        (oscillator(upper=0.5, k=0.0), (0.5, 0.0), 10.0, None, "NONE", "", 10.0, 0.0),
+        # On a stop, or beyond it by less than the tolerance, and moving.
+        (oscillator(upper=0.5), (0.5, 1.0), 10.0, None, "HIT", "+", 0.0, 1.0),
+        (oscillator(upper=0.5), (0.5, 1.0), 10.0, "+", "HIT", "+", 0.0, 1.0),
+        (oscillator(-1.0, 0.5), (INSIDE_TOLERANCE, -1.0), 10.0, None, "HIT", "-", None, None),
+        # Beyond a stop.
+        (oscillator(-1.0, 0.5), (0.6, 0.0), 10.0, None, "OUTSIDE", "+", 0.0, 0.0),
+        (oscillator(-1.0, 0.5), (-1.0 - 1e-9, 0.0), 10.0, None, "OUTSIDE", "-", 0.0, 0.0),
+        # The speed side * w' is positive on approach to either side; u = v t.
+        (oscillator(-1.0, 1.0), (0.0, 2.0), 10.0, None, "HIT", "+", AT, math.sqrt(3.0)),
+        (oscillator(-1.0, 1.0), (0.0, -2.0), 10.0, None, "HIT", "-", AT, math.sqrt(3.0)),
+        (oscillator(-1.0, 1.0, k=0.0), (0.25, 3.0), 10.0, None, "HIT", "+", 0.25, 3.0),
+        # Just after the horizon, just before it, and a stop that cannot be reached in a million periods.
+        (oscillator(upper=0.5), (0.0, 1.0), AT * (1 - 1e-12), None, "NONE", "", AT, None),
+        (oscillator(upper=0.5), (0.0, 1.0), AT * (1 + 1e-12), None, "HIT", "+", AT, math.sqrt(0.75)),
+        (oscillator(-1.0, 1.0), (0.0, 0.999), 1e7, None, "NONE", "", 1e7, None),
+    ],
+)
+def test_starts_of_one_oscillator(system, start, horizon, leaving, status, contact, time, speed):
+    """Oracle: closed forms."""
+    found = next_impact(system, [start[0]], [start[1]], horizon, leaving)
+    assert found.status is ImpactStatus[status] and found.contact == contact
+    assert time is None or found.time == pytest.approx(time, rel=1e-9 if status == "TOUCH" else 1e-11, abs=1e-15)
+    assert speed is None or found.speed == pytest.approx(speed, rel=1e-14, abs=1e-14)
 
 
 def test_the_kernel_state_at_a_hit_is_on_the_stop():

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.bounds import fastest_rate
 from bvp.kernels.energy_budget import Products, doubled_integrals, integral_work, integrals, series_integrals
+from bvp.kernels.flight import fastest_rate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_modes import exceptional_point
 from tests.bvp.twins import first_order
@@ -46,28 +46,28 @@ def one(c, k):
     return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), -1.0, 1.0),))
 
 
-@pytest.mark.parametrize("offset", [-0.9, -0.5, -1e-2, -1e-4, -1e-8, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1e-8, 1e-4, 1e-2, 0.5])
-@pytest.mark.parametrize("t", [1e-4, 0.3, 0.99, 3.0, 40.0])
-def test_dissipation_through_critical_damping(offset, t):
-    """zeta = 1 + offset, the integral of v^2 to rounding of itself, on both sides and at it."""
-    system = one(2.0 * (1.0 + offset), 1.0)
-    v, z = np.array([0.0, 1.0]), np.array([0.3, -1.1])
-    assert compiled(system, v, v, z, t) == pytest.approx(exact(first_order(system), v, v, z, t), rel=100 * EPSILON)
+OFFSETS = (-0.9, -0.5, -1e-2, -1e-4, -1e-8, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1e-8, 1e-4, 1e-2, 0.5)
+V, STATE = np.array([0.0, 1.0]), np.array([0.3, -1.1])
+TWO_DOF_STATE = np.array([0.4, -0.2, 1.0, 1.5])
+DAMPER, RATE = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, -0.5])
 
 
-@pytest.mark.parametrize("k", [0.0, 1e-12, -0.5])
-@pytest.mark.parametrize("c", [0.0, 1e-9, 0.3, 50.0])
-@pytest.mark.parametrize("t", [0.2, 7.0])
-def test_rigid_bodies_and_negative_stiffness(k, c, t):
-    v, z = np.array([0.0, 1.0]), np.array([0.3, -1.1])
-    assert compiled(one(c, k), v, v, z, t) == pytest.approx(exact(first_order(one(c, k)), v, v, z, t), rel=200 * EPSILON)
-
-
-@pytest.mark.parametrize("t", [1e-6, 0.01, 0.9, 2.5, 30.0, 400.0])
-def test_the_damper_of_the_reference_system(t):
-    system = vibro_impact_nes(lam=0.01)
-    row, z = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.4, -0.2, 1.0, 1.5])
-    assert compiled(system, row, row, z, t) == pytest.approx(exact(first_order(system), row, row, z, t), rel=200 * EPSILON)
+@pytest.mark.parametrize(
+    ("systems", "row", "z", "times", "accuracy"),
+    [
+        ([one(2.0 * (1.0 + offset), 1.0) for offset in OFFSETS], V, STATE, (1e-4, 0.3, 0.99, 3.0, 40.0), 100 * EPSILON),
+        ([one(c, k) for c in (0.0, 1e-9, 0.3, 50.0) for k in (0.0, 1e-12, -0.5)], V, STATE, (0.2, 7.0), 200 * EPSILON),
+        ([vibro_impact_nes(lam=0.01)], DAMPER, TWO_DOF_STATE, (1e-6, 0.01, 0.9, 2.5, 30.0, 400.0), 200 * EPSILON),
+        ([exceptional_point()], RATE, TWO_DOF_STATE, (0.1, 3.0, 60.0), 1e-12),
+    ],
+    ids=["critical damping", "rigid bodies and negative stiffness", "the reference system", "a larger block"],
+)
+def test_dissipation(systems, row, z, times, accuracy):
+    """The integral of the square of a rate, to rounding of itself, on both sides of critical damping and at it."""
+    for system in systems:
+        for t in times:
+            expected = exact(first_order(system), row, row, z, t)
+            assert compiled(system, row, row, z, t) == pytest.approx(expected, rel=accuracy), (system, t)
 
 
 def test_light_damping_over_a_flight_without_end():
@@ -75,13 +75,6 @@ def test_light_damping_over_a_flight_without_end():
     for c in (1e-12, 1e-3, 1.9999999, 2.0, 2.0000001, 1e4):
         v = np.array([0.0, 1.0])
         assert c * compiled(one(c, 1.0), v, v, v, 1e18 if c < 1.0 else 1e6) == pytest.approx(0.5, rel=1e-13)
-
-
-def test_a_larger_block():
-    system = exceptional_point()
-    row, z = np.array([0.0, 0.0, 1.0, -0.5]), np.array([0.4, -0.2, 1.0, 1.5])
-    for t in (0.1, 3.0, 60.0):
-        assert compiled(system, row, row, z, t) == pytest.approx(exact(first_order(system), row, row, z, t), rel=1e-12)
 
 
 @settings(max_examples=40, deadline=None)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bvp.kernels import cache
+from bvp.kernels import compiled
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = [file for package in ("bvp", "branches", "transitions") for file in (ROOT / package).rglob("*.py")]
@@ -40,17 +40,17 @@ def test_all_that_a_kernel_is_compiled_from_is_hashed(file):
         if path not in found:
             found.add(path)
             waiting.extend(_imported(path))
-    assert set(cache.sources(file)) == found
+    assert set(compiled.sources(file)) == found
 
 
 def test_functions_are_compiled_in_kernel_files_alone():
-    """Oracle: the imports by Python's own parser. Any other file may only take the address of a kernel, or its entry point."""
+    """Oracle: the imports by Python's own parser. Any other file may only take the address of a kernel, or ask whether it is stored."""
     seen = 0
     for package in OUR_PACKAGES:
         for file in set((ROOT / package).rglob("*.py")) - set(KERNELS):
             for node in ast.walk(ast.parse(file.read_text())):
                 if isinstance(node, ast.ImportFrom) and node.module == "bvp.kernels.compiled":
-                    assert {alias.name for alias in node.names} <= {"address_of", "entry_point"}, file
+                    assert {alias.name for alias in node.names} <= {"compiled_for", "keeps", "stored"}, file
                     seen += 1
     assert seen
 
@@ -135,14 +135,15 @@ def test_a_folder_that_others_can_write_to_is_not_read(project, tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="owners of folders are those of POSIX")
 def test_a_folder_of_another_user_is_not_read(monkeypatch, tmp_path):
     """Oracle: the owner that the system gives."""
-    tmp_path.chmod(0o700)
-    assert cache._examined(tmp_path) == (True, "")
+    monkeypatch.setattr(compiled.config, "CACHE_DIR", str(tmp_path))
+    folder = compiled.cache_root.__wrapped__()
+    assert folder is not None and folder.parent == tmp_path
     if os.geteuid() == 0:
-        os.chown(tmp_path, 1, -1)
+        os.chown(folder, 1, -1)
     else:
-        monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
-    usable, reason = cache._examined(tmp_path)
-    assert not usable and "others can write" in reason
+        monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
+    with pytest.warns(RuntimeWarning, match="others can write"):
+        assert compiled.cache_root.__wrapped__() is None
 
 
 def test_without_a_folder_everything_is_compiled(project, tmp_path):
@@ -178,10 +179,10 @@ def test_folders_that_were_not_used_are_removed(project, tmp_path):
     for name, age in days.items():
         (root / name).mkdir(exist_ok=True)
         (root / name / "file").touch()
-        os.utime(root / name, (time.time() - age * cache.DAY,) * 2)
+        os.utime(root / name, (time.time() - age * compiled.DAY,) * 2)
     run()
     used = next(root.glob("bvp.kernels.outer-*"))
-    assert time.time() - used.stat().st_mtime < cache.DAY and (root / "old").is_dir()
+    assert time.time() - used.stat().st_mtime < compiled.DAY and (root / "old").is_dir()
     inner.write_text(inner.read_text() + "\n")
     run()
     assert not (root / "old").exists() and (root / "recent").is_dir() and used.is_dir()

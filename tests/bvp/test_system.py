@@ -204,8 +204,7 @@ def test_no_number_of_the_modes_overflows_in_the_range(mu, sigma):
 
     with np.errstate(all="raise", under="ignore"):
         system = vibro_impact_nes(mu=mu, sigma=sigma)
-        rows = observed_of(system)
-        assert all(np.isfinite(np.square(row)).all() for row in rows[:4])
+        assert np.isfinite(np.square(observed_of(system).rows)).all()
 
 
 def test_a_changed_matrix_is_not_described_as_the_model_it_came_from():

@@ -54,7 +54,7 @@ def test_both_commands_work_after_each_other_and_leave_nothing(tmp_path, order):
     for words in order * 2:
         call(python, "-m", "pip", "install", "--quiet", "--no-deps", *here, *words.split(), cwd=copy)
         found.add(call(saltus, "orbit", "S13O00+", "--alpha", "1.7"))
-        place = call(python, "-c", "import bvp.kernels.cache as module; print(module.__file__)")
+        place = call(python, "-c", "import bvp.kernels.compiled as module; print(module.__file__)")
         assert Path(place.strip()).is_relative_to(copy if "--editable" in words else packages)
     assert len(found) == 1 and "S13O00+" in found.pop()
     call(python, "-m", "pip", "uninstall", "--yes", "--quiet", "saltus")

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 import benchmarks.saltation as module
 from benchmarks.saltation import monodromy, saltation, saltation_matrix
 from bvp.closures import cycle_of
-from bvp.kernels import impact as restitution
+from bvp.kernels import contact_mode as restitution
 from bvp.kernels import pencil as pencils
 from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import saddle_point_multipliers, scaled_nodes

@@ -50,7 +50,7 @@ def test_what_a_command_needs_is_looked_for(monkeypatch, missing):
     """Oracle: one kernel is taken for not compiled; who needs it says so, and no other does."""
     from branches.warm import kept
 
-    monkeypatch.setattr("bvp.kernels.cache.stored", lambda kernel: kernel.py_func.__name__ != missing)
+    monkeypatch.setattr("bvp.kernels.compiled.stored", lambda kernel: kernel.py_func.__name__ != missing)
     assert kept() is (missing != "advance_block")
     assert kept(impulsive=True) is (missing not in ("advance_block", "sensitivities", "move"))
     assert kept(discovery=True) is (missing not in ("advance_block", "scan_interval"))
@@ -84,7 +84,7 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
 @pytest.mark.parametrize("missing", [False, True])
 def test_a_damped_run_says_that_it_compiles(monkeypatch, capsys, missing):
     """Oracle: one line, on a terminal or not, where the kernel is taken for not compiled, else nothing."""
-    monkeypatch.setattr("bvp.kernels.cache.stored", lambda kernel: not missing or kernel.py_func.__name__ != "move")
+    monkeypatch.setattr("bvp.kernels.compiled.stored", lambda kernel: not missing or kernel.py_func.__name__ != "move")
     monkeypatch.setattr(processes, "_report", TELL)
     processes.prepare_motion()
     out, err = capsys.readouterr()
