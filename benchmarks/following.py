@@ -25,8 +25,7 @@ from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from continuation.control import Settings
 from continuation.engine import Allowance, first_step, follow_in_blocks
 from continuation.location import Location
-from continuation.points import PlainPoints
-from continuation.problem import Advance, End, EndReason, Event, EventDetails, Point, Problem, Step, TestFunction
+from continuation.problem import Advance, End, EndReason, Event, EventDetails, PlainPoints, Point, Problem, Step, TestFunction
 
 __all__ = ["BareFamily", "Layers", "RecordedFamily", "Run", "compiled_calls", "layers_of", "least_time", "timed_run", "timed_runs"]
 

@@ -20,7 +20,7 @@ from branches.kernels import (
     PIVOT_NOISE,
     Beginning,
     Block,
-    Goal,
+    GoalPlane,
     WatchedTests,
     advance_block,
     common_tests,
@@ -33,7 +33,7 @@ from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import half_map_of
 from continuation.control import Control, Settings, kinds_of
-from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
+from continuation.problem import Advance, EventDetails, Goal, Point, Recent, Step, TestFunction
 from continuation.switching import refine_branch_point
 
 if TYPE_CHECKING:
@@ -259,10 +259,7 @@ class Family:
             tests[COMMON:] = self._general(solution)
         return _step_of(solution, result, tests[: len(self.tests)])
 
-    def _advance(
-        self, step: Step, tests: list[float], older: list[float], oldest: list[float], before: float, first: float, ds: float, goal: Any,
-        direction: Any, room: int, control: Control,
-    ) -> Advance:  # fmt: skip
+    def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
         problem = self.problem
         rows = room + 1
         size, unknowns = problem.size, problem.unknowns
@@ -277,9 +274,10 @@ class Family:
         )
         singular = np.array([test.singular for test in self.tests])
         watched = WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets))
-        values = np.array(tests), np.array(older), np.array(oldest)
-        beginning = Beginning(step.y, step.tangent, np.array(step.position), *values, before, first)
-        towards = Goal(np.asarray(goal), np.full(size + 2, math.nan) if direction is None else direction)
+        step, before = recent.step, (np.array(recent.tests), np.array(recent.older), np.array(recent.oldest))
+        beginning = Beginning(step.y, step.tangent, np.array(step.position), *before, recent.length, recent.length_before)
+        direction = np.full(size + 2, math.nan) if goal.direction is None else goal.direction
+        towards = GoalPlane(np.asarray(goal.step.position), direction)
         compiled, metric = problem.compiled(), np.empty((5, size + 2))
         count, tried, ds = advance_block(compiled, _ITERATIONS, control, watched, beginning, towards, ds, metric, block)
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all

@@ -31,8 +31,7 @@ from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
 from continuation.control import Settings
-from continuation.points import PlainPoints, Points
-from continuation.problem import EndReason, Point
+from continuation.problem import EndReason, PlainPoints, Point, Points
 from continuation.run import Run, follow_both_ways
 
 if TYPE_CHECKING:
@@ -253,7 +252,8 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     y = tested[1]
     if not any(is_solved_as_it_is(problem, y) for y in tested):
         problem, y = canonical_orbit(problem, y)
-    uncut = (_known(one) for one in (branch, wider) if one is not None and problem is one.problem and one.points["h"].max() <= window[1])
+    orbit = float(branch.points["h"][branch.start]), float(branch.points["alpha"][branch.start])
+    uncut = (_known(one, orbit, window) for one in (branch, wider) if one is not None and problem is one.problem)
     curve = next((one for one in uncut if one is not None), None)
     if curve is None:
         curve = _followed(problem, y, window)
@@ -263,17 +263,27 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), read_only(curve.h), read_only(curve.alpha))
 
 
-def _known(branch: Branch) -> _Curve | None:
-    """The family from a branch that was not cut; None where it was."""
+def _known(branch: Branch, orbit: tuple[float, float], window: tuple[float, float]) -> _Curve | None:
+    """The family around an orbit (h, alpha) of a branch that was not cut inside the window. None where it was, and where only the bound of
+    the window marks it."""
+    h, alpha, closed = branch.points["h"], branch.points["alpha"], branch.ended[1].reason == "CLOSED"
+    start = int(np.argmin(np.hypot(np.log(h / orbit[0]), np.log(alpha / orbit[1]))))
+    outside = np.flatnonzero((h < window[0]) | (h > window[1]))
+    if start in outside or (closed and outside.size):
+        return None
+    first, last = max(outside[outside < start], default=-1) + 1, min(outside[outside > start], default=len(h)) - 1
+    events = [event for event in branch.events if first <= event.point <= last]
     grazing = []
-    closed = branch.ended[1].reason == "CLOSED"
-    for at, ended in ((0, branch.ended[0]), (len(branch.points["h"]) - 1, branch.ended[1])):
-        if ended.reason == "EVENT" and any(event.type == "GR" and event.point == at for event in branch.events):
+    for at, border, ended in ((first, 0, branch.ended[0]), (last, len(h) - 1, branch.ended[1])):
+        if ended.reason == "EVENT" and any(event.type == "GR" and event.point == at == border for event in events):
             grazing.append(branch.orbit(at).solution.y)
-        elif not closed:
+        elif at == border and not closed:
             return None
-    folds = [branch.orbit(event.point).solution.y for event in branch.events if event.type == "SN"]
-    return _Curve(branch.points["h"], branch.points["alpha"], grazing, folds, [], closed, branch.start)
+    folds = [branch.orbit(event.point).solution.y for event in events if event.type == "SN"]
+    if outside.size and not grazing and not folds:
+        return None
+    part = slice(first, last + 1)
+    return _Curve(h[part], alpha[part], grazing, folds, [], closed, start - first)
 
 
 def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, float]) -> _Curve:

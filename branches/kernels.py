@@ -19,7 +19,7 @@ from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = [
-    "Beginning", "Block", "COMMON", "Goal", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests", "is_orbit",
+    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests", "is_orbit",
     "two_dof_tests",
 ]  # fmt: skip
 
@@ -167,8 +167,8 @@ class Beginning(NamedTuple):
     first: float  # and of the one before it
 
 
-class Goal(NamedTuple):
-    """Where the family closes on itself: see `continuation.problem.Advance`."""
+class GoalPlane(NamedTuple):
+    """The plane at a `continuation.problem.Goal` at right angles to its direction."""
 
     position: np.ndarray  # (N + 2,)
     direction: np.ndarray  # (N + 2,); nan: that of the first step

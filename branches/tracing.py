@@ -21,8 +21,7 @@ from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
 from bvp.texts import shown, takes_options_of
 from continuation.control import Settings
-from continuation.points import PlainPoints, Points
-from continuation.problem import EndReason, Event, Point, Step
+from continuation.problem import EndReason, Event, PlainPoints, Point, Points, Step
 from continuation.run import Run, follow_both_ways
 
 __all__ = ["SETTINGS", "cut_branch", "extend", "follow_family", "record_of_event", "report"]

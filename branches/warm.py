@@ -37,7 +37,7 @@ def warm() -> None:
     from bvp.multipoint import MultipointProblem
     from bvp.system import vibro_impact_nes
     from continuation.control import Settings, control_of
-    from continuation.problem import Step
+    from continuation.problem import Goal, Recent, Step
 
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     y, ends, result = np.array([0.8, 0.6, 1.7]), np.ones((1, 4)), np.zeros(len(RESULT))
@@ -48,7 +48,7 @@ def warm() -> None:
     tests = [0.0] * len(family.tests)
     y, tangent, position = (np.zeros(size) for size in (problem.unknowns, 2 * problem.unknowns, problem.size + 2))
     step = Step(True, y, tangent, position, 1.0, 0.0, 0, 0.0, 1.0, 1.0, tests)
-    family._advance(step, tests, tests, tests, 1.0, 1.0, 0.01, position, position, 0, control_of(Settings()))
+    family._advance(Recent(step, tests, tests, tests, 1.0, 1.0), 0.01, Goal(step, position), 0, control_of(Settings()))
 
 
 if __name__ == "__main__":

@@ -15,27 +15,12 @@ if TYPE_CHECKING:
     from continuation.problem import TestFunction
 
 __all__ = [
-    "ACCEPTED",
-    "BLOCK",
-    "Control",
-    "JUMPED",
-    "NEAR_GOAL",
-    "NEAR_BRANCH_POINT",
-    "SLOW",
-    "TURNED",
-    "arclength_of",
-    "control_of",
-    "distance",
-    "height",
-    "kinds_of",
-    "may_hide",
-    "next_step",
-    "refusal",
-    "watch",
-]
+    "ACCEPTED", "BLOCK", "Control", "JUMPED", "NEAR_BRANCH_POINT", "NEAR_GOAL", "NOT_CONVERGED", "SLOW", "Settings", "SettingsError",
+    "TURNED", "arclength_of", "control_of", "distance", "height", "kinds_of", "may_hide", "next_step", "refusal", "watch",
+]  # fmt: skip
 
-ACCEPTED, TURNED, SLOW, JUMPED = 0, 1, 2, 3
-"""Verdicts of `refusal` on a step."""
+ACCEPTED, NOT_CONVERGED, SLOW, TURNED, JUMPED = range(5)
+"""Verdicts on a step, in the order of `continuation.problem.Tally`."""
 
 NEAR_BRANCH_POINT = 0.1
 """A test function for branch points falls below this part of its size before, if a branch point is near."""

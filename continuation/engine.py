@@ -14,25 +14,27 @@ from typing import Any
 import numpy as np
 
 from continuation.control import (
+    ACCEPTED,
     BLOCK,
     JUMPED,
     NEAR_BRANCH_POINT,
     NEAR_GOAL,
+    NOT_CONVERGED,
     SLOW,
     TURNED,
     Settings,
     arclength_of,
     control_of,
     distance,
+    height,
     may_hide,
     next_step,
     refusal,
     watch,
 )  # fmt: skip
 from continuation.events import EventFinder, FoundEvent, arclength_between, make_event
-from continuation.location import StepRefused
-from continuation.points import PlainPoints, landing
-from continuation.problem import End, EndReason, Event, Point, Problem, Step, Tally
+from continuation.location import Locator, StepRefused, bracketed_root
+from continuation.problem import Advance, End, EndReason, Event, Goal, PlainPoints, Point, Problem, Recent, Step, Tally
 
 REPEATED = 1e-9
 """Relative difference of the parameter at one branch point that is passed again."""
@@ -44,6 +46,14 @@ AFTER = 64.0
 """Length of the first step behind a branch point that no step led past, in shortest steps."""
 
 _LEVEL = 1e-8  # a smaller |slope| at the start is no direction
+_PARALLEL = 0.999  # cosine between the tangents at one point of one curve, at least
+
+_CAUSES = {
+    NOT_CONVERGED: "the corrector does not converge",
+    SLOW: "the corrector contracts by {contraction:.3g} only",
+    TURNED: "the tangent rotates too far",
+    JUMPED: "the corrector goes {chord:.3g} away in a step of {ds:.3g}",
+}
 
 StopWhen = Callable[[Point], "bool | str"]
 
@@ -170,108 +180,76 @@ def follow_in_blocks(
     stop_when: StopWhen | None,
     stop_at: Collection[str],
     allowance: Allowance,
-    goal: tuple[Step, np.ndarray] | None = None,
+    goal: Goal | None = None,
 ) -> Iterator[Point | PlainPoints | Event | End]:
     """The run that `follow` describes, from a corrected and oriented start. Without `stop_when`, the points of a block of steps are
     yielded together.
 
     It yields an `End` with reason POINTS when the allowance is used up. If the caller raises the allowance, the next item continues
-    the run. Every other `End` is the last item. The family is closed when the run returns to the `goal` (a point, and the direction
-    in which the run would pass it). The default goal is the start.
+    the run. Every other `End` is the last item. The family is closed when the run returns to the `goal`, by default the start.
     """
-    take = problem.step
     advance = getattr(problem, "advance", None)
     finder = EventFinder(problem, settings)
-    kinds, singular = finder.kinds, finder.singular
-    tolerance = settings.coincidence_tolerance
-    exact = settings.location_tolerance
+    tolerance, exact, shortest = settings.coincidence_tolerance, settings.location_tolerance, settings.minimum_step
     control = control_of(settings)
-    shortest = settings.minimum_step
-    accepted = not_converged = slow = turned = jumped = 0
-
+    counts = [0] * len(Tally._fields)  # by verdict
+    goal = Goal(first) if goal is None else goal
     point = Point(0, 0.0, first)
-    index = 0
-    arclength = 0.0
+    recent = Recent(first, list(map(float, first.tests)), finder.undefined, finder.undefined)
+    index, arclength, ds = 0, 0.0, settings.initial_step
     allowance.points -= 1
     yield point
-    step = first
-    position: Any = first.position
-    values = list(map(float, first.tests))
-    older = oldest = finder.undefined
-    length_old = length_older = 0.0
-    ds = settings.initial_step
     met: list[float] = []  # the parameter at the branch points so far
     fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
 
     while True:
         while allowance.points <= 0:
-            yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
+            yield End(EndReason.POINTS, "", Tally(*counts))
             if not allowance.resume:
                 return
         if trial is None and advance is not None:
-            room = min(allowance.points, BLOCK)
-            aim, way = (first, None) if goal is None else goal
-            taken = advance(step, values, older, oldest, length_old, length_older, ds, aim.position, way, room, control)
+            taken: Advance = advance(recent, ds, goal, min(allowance.points, BLOCK), control)
             ds, trial = taken.ds, taken.trial
-            steps = taken.steps
-            count = len(steps)
+            count = len(taken.steps)
             if count:
                 fallback = 0.0
-                if goal is None:
-                    goal = first, np.asarray(steps[0].position) - np.asarray(first.position)
+                if goal.direction is None:
+                    goal = Goal(first, np.asarray(taken.steps[0].position) - np.asarray(first.position))
                 arclengths = np.cumsum([arclength, *taken.lengths])[1:]
-                plain = PlainPoints(index + 1, arclengths, taken.strides, steps)
-                if stop_when is None:
-                    accepted += count
-                    index += count
-                    allowance.points -= count
-                    yield plain
-                else:
-                    for point in plain:
-                        accepted += 1
-                        index += 1
-                        allowance.points -= 1
-                        yield point
-                        if words := stop_when(point):
-                            detail = words if isinstance(words, str) else ""
-                            yield End(EndReason.STOP_WHEN, detail, Tally(accepted, not_converged, slow, turned, jumped))
-                            return
-                point = plain[-1]
-                step = point.step
+                plain = PlainPoints(index + 1, arclengths, taken.strides, taken.steps)
+                for piece in (plain,) if stop_when is None else plain:
+                    made = len(piece) if isinstance(piece, PlainPoints) else 1
+                    counts[ACCEPTED] += made
+                    index += made
+                    allowance.points -= made
+                    yield piece
+                    if isinstance(piece, Point) and stop_when is not None and (words := stop_when(piece)):
+                        yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", Tally(*counts))
+                        return
                 for k in range(max(0, count - 3), count):
-                    oldest, older, values = older, values, steps[k].tests
-                    length_older, length_old = length_old, float(taken.lengths[k])
+                    step = taken.steps[k]
+                    recent = Recent(step, step.tests, recent.tests, recent.older, float(taken.lengths[k]), recent.length)
+                point = plain[-1]
                 arclength = point.arclength
-                position = step.position
                 continue
         cause = ""
         found: list[FoundEvent] = []
         closed = False
         tests: Any
-        new = take(step.y, step.tangent, ds) if trial is None else trial
+        position: Any = recent.step.position
+        new = problem.step(recent.step.y, recent.step.tangent, ds) if trial is None else trial
         trial = None
-        length = 0.0
-        chord = math.inf
-        verdict = None
+        chord, length, verdict = math.inf, 0.0, NOT_CONVERGED
         if new.converged:
             chord = distance(position, new.position)
             verdict = refusal(new.turn, new.contraction, chord, ds, control)
-        if verdict is None:
-            not_converged += 1
-            cause = "the corrector does not converge"
-        elif verdict == TURNED:
-            turned += 1
-            cause = "the tangent rotates too far"
-        elif verdict == SLOW:
-            slow += 1
-            cause = f"the corrector contracts by {new.contraction:.3g} only"
-        elif verdict == JUMPED:
-            jumped += 1
-            cause = f"the corrector goes {chord:.3g} away in a step of {ds:.3g}"
+        if verdict != ACCEPTED:
+            counts[verdict] += 1
+            cause = _CAUSES[verdict].format(contraction=new.contraction, chord=chord, ds=ds)
         else:
-            if goal is not None and distance(new.position, goal[0].position) <= NEAR_GOAL * chord:
-                landed = landing(problem, settings, *goal, point, new, ds)
+            if goal.direction is not None and distance(new.position, goal.step.position) <= NEAR_GOAL * chord:
+                landed = landing(problem, settings, goal, point, new, ds)
                 if landed is not None:
                     ds, new = landed
                     chord = distance(position, new.position)
@@ -281,95 +259,122 @@ def follow_in_blocks(
             if type(tests) is not list:  # comparing array items is far slower
                 tests = list(map(float, tests))
             leaping = 0.0 < fallback < math.inf
-            if leaping or watch(kinds, singular, may_hide, oldest, older, values, tests, length_older, length_old, length):
-                history = [(-length_old - length_older, oldest), (-length_old, older)]
+            lengths = recent.length_before, recent.length, length
+            if leaping or watch(finder.kinds, finder.singular, may_hide, recent.oldest, recent.older, recent.tests, tests, *lengths):
+                history = [(-recent.length - recent.length_before, recent.oldest), (-recent.length, recent.older)]
                 try:
                     found = finder.find(history, point, Point(index + 1, arclength + length, new, ds), ds)
                 except StepRefused as refused:
-                    jumped += 1
+                    counts[JUMPED] += 1
                     cause = f"{refused} (inside a step of {ds:.3g})"
                 else:
                     if leaping and not any(problem.tests[event.index].singular for event in found):
-                        jumped += 1
+                        counts[JUMPED] += 1
                         cause = "a leap meets no branch point"
                     elif not closed:
                         # an accepted point on an event, or beside a branch point, would have test functions of undecided sign
                         on_event = any(ds - event.location.s <= tolerance and not event.details.terminal for event in found)
-                        near = any(s and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, s in zip(values, tests, singular, strict=True))
+                        sizes = zip(recent.tests, tests, finder.singular, strict=True)
+                        near = any(s and abs(b) < NEAR_BRANCH_POINT * abs(a) for a, b, s in sizes)
                         if (on_event and ds > 4 * tolerance) or (near and ds > 4 * shortest):
                             ds *= 0.75
                             continue
         reach = ds
         if cause:
             # The corrector fails if a step lands too near to a branch point: try the point as far behind it as this one is before.
-            leap = 2.0 * finder.distance_to_branch_point(older, values, length_old)
+            leap = 2.0 * finder.distance_to_branch_point(recent.older, recent.tests, recent.length)
             if fallback == 0.0 and shortest < leap < LEAP * ds:
                 fallback, ds = 0.5 * ds, leap
                 continue
             ds, fallback = (fallback, math.inf) if 0.0 < fallback < math.inf else (0.5 * ds, fallback)
-            passed = finder.passed(point) if ds < shortest else None
-            if passed is not None:
-                found, new = [passed[0]], passed[1]
-                crossing = passed[0].location
-                ds, tests, closed = AFTER * shortest, list(map(float, new.tests)), False
-                reach = length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
-            elif ds < shortest:
+            if ds >= shortest:
+                continue
+            passed = finder.passed(point)
+            if passed is None:
                 words = f"{cause} at arclength {arclength:.6g}"
                 failure = getattr(problem, "failure", None)
                 if failure is not None:
-                    words += f"; {failure(step.y, step.tangent, 2 * ds)}"
-                yield End(EndReason.MINIMUM_STEP, words, Tally(accepted, not_converged, slow, turned, jumped))
+                    words += f"; {failure(recent.step.y, recent.step.tangent, 2 * ds)}"
+                yield End(EndReason.MINIMUM_STEP, words, Tally(*counts))
                 return
-            else:
-                continue
+            found, new = [passed[0]], passed[1]
+            crossing = passed[0].location
+            ds, tests, closed = AFTER * shortest, list(map(float, new.tests)), False
+            reach = length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
 
-        accepted += 1
+        counts[ACCEPTED] += 1
         fallback = 0.0
         places: list[tuple[float, Step, FoundEvent | None]] = []  # what the step leads to, in order
         for located in found:
             if located.between is not None:
                 places.append((*located.between, None))
             places.append((located.location.s, located.location.step, located))
-        places.append((reach, new, None))
-        for stride, at, event in places:
+        for stride, at, event in [*places, (reach, new, None)]:
             s = length if at is new else arclength_between(position, at)
             guard = event is not None and problem.tests[event.index].kind == "guard"
             if event is not None and not guard and (arclength + s <= exact or (closed and length - s <= exact)):
                 continue  # at the start
             while allowance.points <= 0:
-                yield End(EndReason.POINTS, "", Tally(accepted, not_converged, slow, turned, jumped))
+                yield End(EndReason.POINTS, "", Tally(*counts))
                 if not allowance.resume:
                     return
             index += 1
             allowance.points -= 1
-            tally = Tally(accepted, not_converged, slow, turned, jumped)
             special = None if event is None else make_event(event, position, arclength, index)
             point = Point(index, arclength + s if special is None else special.arclength, at, stride, special)
             yield point
             if special is not None:
                 yield special
-                if special.terminal:
-                    yield End(EndReason.EVENT, f"{special.code} at arclength {special.arclength:.9g}", tally)
-                    return
+                reason = None
                 if problem.tests[special.test].singular:
                     met.append(special.point.parameter)
-                    if sum(abs(value - met[-1]) <= REPEATED * abs(met[-1]) for value in met) > 2:
-                        yield End(EndReason.REPEATED, f"{special.code} at arclength {special.arclength:.9g}", tally)
-                        return
-                if special.code in stop_at:
-                    yield End(EndReason.STOP_AT, f"{special.code} at arclength {special.arclength:.9g}", tally)
+                    reason = EndReason.REPEATED if sum(abs(value - met[-1]) <= REPEATED * abs(met[-1]) for value in met) > 2 else None
+                if special.terminal:
+                    reason = EndReason.EVENT
+                elif reason is None and special.code in stop_at:
+                    reason = EndReason.STOP_AT
+                if reason is not None:
+                    yield End(reason, f"{special.code} at arclength {special.arclength:.9g}", Tally(*counts))
                     return
             if stop_when is not None and (words := stop_when(point)):
-                yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", tally)
+                yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", Tally(*counts))
                 return
         arclength += length
         if closed:
-            yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(accepted, not_converged, slow, turned, jumped))
+            yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(*counts))
             return
-        if goal is None:
-            goal = first, np.asarray(new.position) - np.asarray(first.position)
-        step = new
-        position = new.position
-        oldest, older, values = older, values, tests
-        length_older, length_old = length_old, length
+        if goal.direction is None:
+            goal = Goal(first, np.asarray(new.position) - np.asarray(first.position))
+        recent = Recent(new, tests, recent.tests, recent.older, length, recent.length)
         ds = next_step(ds, new.turn, new.contraction, control)
+
+
+def landing(problem: Problem, settings: Settings, goal: Goal, before: Point, after: Step, ds: float) -> tuple[float, Step] | None:
+    """The step from `before` that lands on the goal, with its length; None if the step to `after`, of length ds, does not pass the goal.
+
+    The run passes the goal where its position goes through the plane there at right angles to the goal's direction. The step is shortened
+    to land on that plane. The family is closed if it lands on the goal itself, in position and in the unknowns, with its tangent pointing
+    the same way.
+    """
+    target = goal.step
+    low, high = (float(height(step.position, target.position, goal.direction)) for step in (before.step, after))
+    if not low < 0.0 <= high:
+        return None
+    locator = Locator(problem, before, ds, after, settings)
+    try:
+        found = bracketed_root(
+            lambda s: float(height(locator.step(s).position, target.position, goal.direction)),
+            0.0, low, ds, high, settings.location_tolerance,
+        )  # fmt: skip
+        step = locator.step(found.root)
+    except StepRefused:
+        return None
+    near = settings.coincidence_tolerance
+    if found.interrupted or math.dist(step.position, target.position) > near:
+        return None
+    if float(np.max(np.abs(step.y - target.y))) > near * (1.0 + float(np.max(np.abs(target.y)))):
+        return None
+    lengths = float(np.linalg.norm(step.tangent)) * float(np.linalg.norm(target.tangent))
+    if not float(step.tangent @ target.tangent) > _PARALLEL * lengths:
+        return None  # another branch through the same point
+    return found.root, step

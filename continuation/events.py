@@ -18,6 +18,7 @@ from continuation.resolution import History, Resolution
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
 _BETWEEN = (0.5, 0.25, 0.75, 0.1, 0.9)  # where a point between two events is tried, as parts of the distance
+_FLOOR = 10.0  # an interval inside a step that is shorter than this many location tolerances is not divided further
 _BESIDE = 3  # so many points on either side of a zero show the noise of its test function
 _SURE = 8.0  # so many times the noise that is seen there a value is at least where it is not noise
 
@@ -66,12 +67,7 @@ class EventFinder:
     def find(self, history: History, before: Point, after: Point, ds: float) -> list[FoundEvent]:
         """The events of a step from `before` to `after` of length ds, in order, as the problem classifies them.
 
-        Parameters
-        ----------
-        history : sequence of (float, sequence of float)
-            Test functions at earlier points, see `continuation.resolution.History`.
-        before, after : Point
-        ds : float
+        `history`: test functions at earlier points, see `continuation.resolution.History`.
 
         Raises
         ------
@@ -79,23 +75,24 @@ class EventFinder:
             The family is not followed inside the step: the step is not to be accepted.
         """
         locator = Locator(self._problem, before, ds, after.step, self._settings)
-        resolution = Resolution(self._tests, locator, history, self._settings)
+        resolution = Resolution(self._tests, locator, history, _FLOOR * self._settings.location_tolerance)
         # The smooth ones first. Where several coincide (at a grazing an impact's speed has a plain zero, a clearance jumps and the
         # multipliers have a pole), the steps taken for one bracket the others.
+        order: dict[str, list[int]] = {"guard": [], "crossing": [], "change": []}
         efforts = []
         for index, (a, b) in enumerate(zip(before.step.tests, after.step.tests, strict=True)):
             small, large = sorted((abs(float(a)), abs(float(b))))
             kind = self._tests[index].kind
             efforts.append((kind == "change", kind != "guard", -small / large if large > 0.0 else 0.0, index))
-        order = [effort[-1] for effort in sorted(efforts)]
-        located, limit = self._guards([i for i in order if self._tests[i].kind == "guard"], locator, resolution, ds)
-        crossings = [i for i in order if self._tests[i].kind == "crossing"]
-        singular = [i for i in crossings if self._tests[i].singular]
+        for *_, index in sorted(efforts):
+            order[self._tests[index].kind].append(index)
+        located, limit = self._guards(order["guard"], locator, resolution, ds)
+        singular = [i for i in order["crossing"] if self._tests[i].singular]
         located += self._zeros(singular, locator, resolution, limit, before, ds)
         for index in singular:
             resolution.exclude_start(index, self._tests[index])
-        located += self._zeros([i for i in crossings if i not in singular], locator, resolution, limit, before, ds)
-        for index in (i for i in order if self._tests[i].kind == "change"):
+        located += self._zeros([i for i in order["crossing"] if i not in singular], locator, resolution, limit, before, ds)
+        for index in order["change"]:
             located += [(index, change) for change in locator.changes(index, limit)]
 
         # By arclength: near a branch point the corrector can take a shorter step to a point that is further along.
@@ -158,7 +155,7 @@ class EventFinder:
     def _zeros(
         self, tests: list[int], locator: Locator, resolution: Resolution, limit: float, before: Point, ds: float
     ) -> list[tuple[int, Location]]:
-        """The zeros of some test functions.
+        """The zeros of some test functions where they change sign, without those where they only touch zero.
 
         The points taken to locate one can show two of another. Signs are compared until none is new."""
         located: list[tuple[int, Location]] = []
@@ -185,35 +182,29 @@ class EventFinder:
                     if test.singular:
                         resolution.exclude(index, test, *done[index][-1])
                         break
-        zeros = {index: [found for i, found in located if i == index] for index in tests}
-        return [pair for index in tests for pair in self._crossed(index, zeros[index], locator, resolution)]
-
-    def _crossed(
-        self, index: int, zeros: list[Location], locator: Locator, resolution: Resolution
-    ) -> list[tuple[int, Location]]:
-        """The zeros where a test function changes sign, without those where it only touches zero.
-
-        Neighbouring zeros between which the function is rounding are one, and a touch if the sign around them is the same. Of a function
-        that is zero at branch points, beside which rounding is large, each zero is looked at: if the branch point lies between the
-        nearest certain signs, it is part of it."""
-        apart: list[Location] = []
-        for found in sorted(zeros, key=lambda found: found.s):
-            if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
-                both, noise = self._around(index, apart[-1], found, locator)
-                low, high = both.between
-                if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken if low < s < high):
-                    apart[-1] = both
-                    continue
-            apart.append(found)
+        # Neighbouring zeros between which a test function is rounding are one, and a touch if the sign around them is the same.
+        # A function that is zero at branch points has large rounding beside them. Its zero is part of the branch point if that lies between
+        # the nearest certain signs.
         crossed: list[tuple[int, Location]] = []
-        for found in apart:
-            if self._at_branch_points[index] and not self.singular[index]:
-                found, _ = self._around(index, found, found, locator)
-                if resolution.absorbed(index, *found.between):
-                    continue
-            low, high = found.between
-            if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
-                crossed.append((index, found))
+        for index in tests:
+            apart: list[Location] = []
+            zeros = (found for i, found in located if i == index)
+            for found in sorted(zeros, key=lambda found: found.s):
+                if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
+                    both, noise = self._around(index, apart[-1], found, locator)
+                    low, high = both.between
+                    if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken if low < s < high):
+                        apart[-1] = both
+                        continue
+                apart.append(found)
+            for found in apart:
+                if self._at_branch_points[index] and not self.singular[index]:
+                    found, _ = self._around(index, found, found, locator)
+                    if resolution.absorbed(index, *found.between):
+                        continue
+                low, high = found.between
+                if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
+                    crossed.append((index, found))
         return crossed
 
     def _around(self, index: int, first: Location, last: Location, locator: Locator) -> tuple[Location, float]:
@@ -281,12 +272,8 @@ class EventFinder:
     def at_start(self, before: Point, start: Point, after: Point, known: Collection[Event]) -> list[FoundEvent]:
         """The events on the very start of a run, which neither of its halves reports.
 
-        Parameters
-        ----------
-        before, after : Point
-            The accepted points on either side of `start`, all three oriented alike; at an event if there are no others.
-        known : collection of Event
-            The events reported between these.
+        `before`, `after`: the accepted points on either side of the start, all three oriented alike; at an event if there are no others.
+        `known`: the events reported between these.
         """
         step = start.step
         located: list[tuple[int, Location]] = []

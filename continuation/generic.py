@@ -100,11 +100,14 @@ class GenericProblem:
     def begin(self, y: Array) -> Step:
         """The point of the curve nearest y in the metric, to first order (Gauss-Newton), with its tangent."""
         y = np.array(y, dtype=float)
-        tangent = self._null_vector(y)
-        if tangent is None:
+        matrix = self.jacobian(y)
+        if not np.all(np.isfinite(matrix)):
             return _failed(y)
+        scale = np.ones(y.size) if self.weights is None else 1.0 / np.sqrt(self.weights)
+        null = np.linalg.svd(matrix * scale)[2][-1]
+        null *= math.copysign(1.0, null[int(np.argmax(np.abs(null)))])
         # Newton on the plane normal to the null vector at y; the vector there orients the tangent.
-        return self.step(y, tangent, 0.0)._replace(turn=1.0)
+        return self.step(y, scale * null, 0.0)._replace(turn=1.0)
 
     def step(self, y: Array, tangent: Array, ds: float) -> Step:
         """The point at the pseudo-arclength ds along the tangent; see `continuation.Problem`."""
@@ -144,11 +147,8 @@ class GenericProblem:
             residual = float(np.linalg.norm(self.residual(new)))
             if not residual <= rounding:
                 return _failed(y)
-        return self._finish(new, tangent, row, matrix, contraction, iteration)
-
-    def _finish(self, y: Array, tangent: Array, row: Array, matrix: Array, contraction: float, iterations: int) -> Step:
-        matrix[:-1] = self.jacobian(y)
-        right = np.zeros(y.size)
+        matrix[:-1] = self.jacobian(new)
+        right = np.zeros(size)
         right[-1] = 1.0
         try:
             new_tangent = np.linalg.solve(matrix, right)
@@ -164,32 +164,21 @@ class GenericProblem:
         sign, _ = np.linalg.slogdet(matrix)
         smallest = np.linalg.svd(matrix, compute_uv=False)[-1]
         tests = [float(new_tangent[self._parameter]), float(sign * smallest)]
-        tests += [float(test(y, new_tangent)) for test in self._user_tests]
-        position = y if weights is None else np.sqrt(weights) * y
+        tests += [float(test(new, new_tangent)) for test in self._user_tests]
+        position = new if weights is None else np.sqrt(weights) * new
         return Step(
             converged=True,
-            y=y,
+            y=new,
             tangent=new_tangent,
             position=tuple(position.tolist()),
             turn=float(row @ new_tangent),
             contraction=contraction,
-            iterations=iterations,
-            residual=float(np.linalg.norm(self.residual(y))),
-            parameter=float(y[self._parameter]),
+            iterations=iteration,
+            residual=float(np.linalg.norm(self.residual(new))),
+            parameter=float(new[self._parameter]),
             slope=tests[0],
             tests=tests,
         )
-
-    def _null_vector(self, y: Array) -> Array | None:
-        """Unit null vector of the Jacobian in the metric, its largest component positive."""
-        matrix = self.jacobian(y)
-        if not np.all(np.isfinite(matrix)):
-            return None
-        scale = np.ones(y.size) if self.weights is None else 1.0 / np.sqrt(self.weights)
-        vector = np.linalg.svd(matrix * scale)[2][-1]
-        if vector[int(np.argmax(np.abs(vector)))] < 0:
-            vector = -vector
-        return scale * vector
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """A fold or a branch point where its test has a zero, not a jump or a pole; events of a user's test are kept unchanged."""

@@ -13,39 +13,21 @@ from itertools import chain, pairwise
 from operator import itemgetter
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from continuation.control import Settings
 from continuation.problem import Point, Problem, Status, Step
 
 FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 
-# Part of its larger value at the ends that a test function may have at a zero, which is found to the location tolerance. A function that
-# has a larger part left there, and one larger than its bracket has, jumps.
 JUMP_RATIO = 0.01
+"""A zero is found to the location tolerance, so a function with a larger part of its values at the bracket's ends left there jumps."""
 
-# So many times steeper than on average a test function may be in the last bracket.
-_STEEP = 4.0
-
-# Where in the bracket a function is tried that could be evaluated neither at the best place nor near it.
-_OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)
-
-# A function may be undefined at its root: at a branch point the tangent rotates by a right angle. It is then evaluated near the root, at
-# these multiples of the smallest useful distance, on the far side first.
-_BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)
-
-# Largest relative difference between the direction of the unknowns and the direction between its neighbours, in addition to the
-# difference of the neighbours.
-_ASIDE = 0.2
-
-# A guard is positive at its zero by this part of its value at the valid end of the bracket.
-_VALID = 1e-3
-
-# After this many failed evaluations at the best place, a bracket that is narrow enough is accepted without a value at its root.
-_REFUSALS = 3
-
-# Changes of one key in a step; a longer list asks for a shorter step.
-_CHANGES = 16
+_STEEP = 4.0  # so many times steeper than on average a test function may be in the last bracket
+_OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)  # tried in a bracket whose best place, and what is near it, is refused
+_BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)  # distances from a root that is refused, in smallest useful ones: far side first
+_ASIDE = 0.2  # relative difference of the direction of the unknowns from that between its neighbours, beyond their own difference
+_VALID = 1e-3  # a guard is positive at its zero by this part of its value at the valid end of the bracket
+_REFUSALS = 3  # after so many at the best place, a bracket that is narrow enough is accepted without a value at its root
+_CHANGES = 16  # of one key in a step; a longer list needs a shorter step
 
 
 class StepRefused(RuntimeError):
@@ -81,19 +63,10 @@ def bracketed_root(
     ----------
     function : callable
         Takes a float, gives a float. It may raise `StepRefused`; then other places in the bracket are tried.
-    low, high : float
-        Ends of the bracket, low < high.
-    value_low, value_high : float
-        The function there, of different sign (one may be 0).
-    tolerance : float
-        Width of the final bracket.
-    coarse : float
-        Width of a bracket that does where the function cannot be evaluated at the best places inside.
-
-    Returns
-    -------
-    RootBracket
-        With `interrupted` not empty where the function could not be evaluated inside the bracket.
+    low, high, value_low, value_high : float
+        Ends of the bracket, low < high, and the function there, of different sign (one may be 0).
+    tolerance, coarse : float
+        Width of the final bracket, and of one that does where the function cannot be evaluated at the best places inside.
 
     Raises
     ------
@@ -115,41 +88,30 @@ def bracketed_root(
         return RootBracket(low, 0.0, low, low)
     if value_high == 0:
         return RootBracket(high, 0.0, high, high)
-    if not value_low * value_high < 0 and not (value_low < 0 < value_high or value_high < 0 < value_low):
+    if not (value_low < 0 < value_high or value_high < 0 < value_low):
         raise ValueError(f"expected values of different sign at the ends of the bracket, got {value_low!r} and {value_high!r}")
-    newest, value_newest, other, value_other = high, value_high, low, value_low
-    third, value_third = math.nan, math.nan
+    a, fa, b, fb, c, fc = high, value_high, low, value_low, math.nan, math.nan  # newest, other end, the one before
     fraction = 0.5
     refusals = 0
     while True:
         # The ends of the bracket may be nearer to the root than this part of it.
-        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(other), abs(newest)))) / abs(other - newest)
-        if third == third:  # after the first trial
+        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(b), abs(a)))) / abs(b - a)
+        if c == c:  # after the first trial
             if least > 0.5:
                 interrupted = ""
                 break
-            place = (newest - other) / (third - other)
-            size = (value_newest - value_other) / (value_third - value_other)
+            place, size = (a - b) / (c - b), (fa - fb) / (fc - fb)
+            fraction = 0.5
             if size * size < place and (1 - size) ** 2 < 1 - place:
-                fraction = value_newest / (value_other - value_newest) * value_third / (value_other - value_third)
-                fraction += (
-                    (third - newest)
-                    / (other - newest)
-                    * value_newest
-                    / (value_third - value_newest)
-                    * value_other
-                    / (value_third - value_other)
-                )
-            else:
-                fraction = 0.5
+                fraction = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
             fraction = min(max(fraction, least), 1 - least)
         interrupted = ""
         places: Iterable[float] = (fraction,)
-        if refusals < _REFUSALS or abs(other - newest) > coarse:
+        if refusals < _REFUSALS or abs(b - a) > coarse:
             nearby = (fraction + sign * factor * least for sign in (1.0, -1.0) for factor in _BESIDE)
             places = chain(places, (part for part in nearby if least <= part <= 1.0 - least), _OTHER_PLACES)
         for part in places:
-            trial = newest + part * (other - newest)
+            trial = a + part * (b - a)
             try:
                 value = function(trial)
                 break
@@ -158,16 +120,14 @@ def bracketed_root(
                 interrupted = str(refused)
         else:
             break
-        if (value > 0) == (value_newest > 0):
-            third, value_third = newest, value_newest
+        if (value > 0) == (fa > 0):
+            c, fc = a, fa
         else:
-            third, value_third = other, value_other
-            other, value_other = newest, value_newest
-        newest, value_newest = trial, value
+            c, fc, b, fb = b, fb, a, fa
+        a, fa = trial, value
         if value == 0:
             return RootBracket(trial, 0.0, trial, trial)
-    best = (newest, value_newest) if abs(value_newest) < abs(value_other) else (other, value_other)
-    return RootBracket(*best, min(newest, other), max(newest, other), interrupted)
+    return RootBracket(*((a, fa) if abs(fa) < abs(fb) else (b, fb)), min(a, b), max(a, b), interrupted)
 
 
 class Location(NamedTuple):
@@ -181,20 +141,15 @@ class Location(NamedTuple):
         inside the bracket fail.
     status : str
         ``"located"`` for zero, change and outside, else ``"bracketed"``.
-    s : float
-        Length of the step to the event.
-    step : Step
-        The corrected point there.
-    residual : float
-        |test function| there; 0 for a change, and where the problem cannot tell it from rounding (nan).
-    low, high : Step
-        The steps at the ends of the bracket.
+    s, step, residual : float, Step, float
+        Length of the step to the event, the corrected point there, and |test function| there. It is 0 for a change, and where the problem
+        gives nan for rounding.
+    low, high, between : Step, Step, (float, float)
+        The steps at the ends of the bracket, and their lengths.
     reason : str
         Why it was interrupted, else empty.
     margin : float
-        What the ends of the bracket lie further apart on either side: of a point that was found by other means than steps.
-    between : (float, float)
-        Lengths of the steps at the ends of the bracket.
+        How much wider the bracket is on either side, for a point that was not found by steps.
     """
 
     kind: FoundKind
@@ -215,7 +170,6 @@ class Locator:
     Parameters
     ----------
     problem : Problem
-        The problem.
     before : Point
         The accepted point.
     ds : float
@@ -223,7 +177,6 @@ class Locator:
     after : Step
         and this step.
     settings : Settings
-        `location_tolerance`, `coincidence_tolerance` and `maximum_turn` are used.
 
     Attributes
     ----------
@@ -235,14 +188,12 @@ class Locator:
 
     def __init__(self, problem: Problem, before: Point, ds: float, after: Step, settings: Settings) -> None:
         self._problem = problem
-        self._before = before.step
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
-        unknowns = before.step.y.size
-        self._known: dict[float, Step] = {0.0: before.step, ds: after}
-        # The derivatives of the unknowns by the length of the step.
-        self._slopes: dict[float, np.ndarray] = {0.0: before.step.tangent[:unknowns], ds: after.tangent[:unknowns] / after.turn}
-        self.taken: list[tuple[float, Step]] = [(0.0, before.step), (ds, after)]
+        self._before = before.step
+        start = before.step._replace(turn=1.0)  # the rotation up to it does not count here
+        self._known: dict[float, Step] = {0.0: start, ds: after}
+        self.taken: list[tuple[float, Step]] = [(0.0, start), (ds, after)]
         self.ends: list[tuple[float, float]] = []
 
     def step(self, s: float) -> Step:
@@ -269,7 +220,7 @@ class Locator:
             (low, first), (high, last) = self.taken[at - 1], self.taken[at]
             width = high - low
             part = (s - low) / width
-            slope, other_slope = self._slopes[low], self._slopes[high]
+            slope, other_slope = (step.tangent[: before.y.size] / step.turn for step in (first, last))
             guess = first.y + part * part * (3.0 - 2.0 * part) * (last.y - first.y)
             guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
         if guess is None or near is None:
@@ -280,20 +231,19 @@ class Locator:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
             raise StepRefused(f"the tangent of a shorter step rotates too far (cosine {step.turn:.3g})")
-        own_slope = step.tangent[: step.y.size] / step.turn
         if inside:
             change = other_slope - slope
             expected = slope + part * change
-            aside = own_slope - expected
+            aside = step.tangent[: before.y.size] / step.turn - expected
             if math.sqrt(aside @ aside) > math.sqrt(change @ change) + _ASIDE * math.sqrt(expected @ expected):
                 raise StepRefused("a shorter step goes over to another family")
-        self._known[s], self._slopes[s] = step, own_slope
+        self._known[s] = step
         insort(self.taken, (s, step), key=itemgetter(0))
         return step
 
     def between_families(self, low: float, high: float) -> bool:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
-        slope, other = self._slopes[low], self._slopes[high]
+        slope, other = (step.tangent[: step.y.size] / step.turn for step in (self._known[low], self._known[high]))
         change = other - slope
         return math.sqrt(change @ change) > _ASIDE * (math.sqrt(slope @ slope) + math.sqrt(other @ other))
 
@@ -353,10 +303,10 @@ class Locator:
         return any(first - near <= location.s <= last + near for first, last in self.ends)
 
     def _polished(self, index: int, found: RootBracket, valid: float = 0.0) -> RootBracket:
-        """The root where the straight line through the ends of its bracket has its own: over so short a piece a test function bends by less
-        than its rounding, so that the bracket shows how far the root may be, and not how far it is. A problem may give nan for a value that
-        is rounding; between two values of different sign, so near to each other, that is a zero. `valid`: where the function is to be
-        positive, by this part of the value at that end."""
+        """The root of the straight line through the ends of its bracket: over so short a piece a test function bends by less than rounding.
+
+        A problem may give nan for a value that is rounding; between two values of different sign, so near to each other, that is a zero.
+        `valid`: the function is to be positive there by this part of the value at that end."""
         a, b = self.value(index, found.low), self.value(index, found.high)
         if a == b:
             return found

@@ -7,14 +7,16 @@ from an object with the duties of `Problem`. Everything is measured in the probl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
+from itertools import chain
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, overload, runtime_checkable
+
+import numpy as np
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from continuation.location import Location
 
 Kind = Literal["crossing", "change", "guard"]
@@ -30,8 +32,8 @@ class TestFunction(NamedTuple):
         Type of the event, e.g. ``"SN"``.
     kind : str
         ``"crossing"``: an event where the value changes sign.
-        ``"guard"``: the value is positive where the family is valid; an event where it falls to zero. Rising is no event. A
-        start outside (value <= 0) that stays outside of a terminal guard is an event at the start.
+        ``"guard"``: the value is positive where the family is valid; an event where it falls to zero. A start that is and stays outside of
+        a terminal guard is an event at the start.
         ``"change"``: an event where the value, an integer used as a key, changes; located by bisection.
         A value nan means: not defined here; it never makes an event.
     terminal : bool
@@ -41,11 +43,10 @@ class TestFunction(NamedTuple):
     oriented : bool
         The value changes sign when the tangent is reversed (a slope, a determinant bordered by the tangent).
     absorbs : tuple of str
-        Codes of events that are this same event when they coincide with it, and are then not reported: a branch point on a
-        curve that folds back there is a branch point, not a branch point and a fold.
+        Codes of events that are not reported when they coincide with this one: a branch point on a curve that folds back there is no fold.
     singular : float
-        Of a test for branch points: the equations are so nearly singular where its value is smaller that the signs of other test functions
-        are rounding there. 0 for all others.
+        Of a test for branch points: below this value the equations are so nearly singular that signs of other test functions are rounding.
+        0 for all others.
     """
 
     code: str
@@ -67,20 +68,16 @@ class Step(NamedTuple):
     ----------
     converged : bool
         False: nothing else in it is looked at.
-    y : ndarray, shape (n + 1,)
-        The corrected unknowns.
-    tangent : ndarray, shape (n + 1,)
-        Unit tangent in the metric, pointing along the tangent that was given.
+    y, tangent : ndarray, shape (n + 1,)
+        The corrected unknowns, and the unit tangent in the metric, pointing along the tangent that was given.
     position : tuple of float, or ndarray
         Metric coordinates; a tuple is faster.
     turn : float
         Cosine between the given and the new tangent in the metric; 1 for `Problem.begin`.
     contraction : float
         Largest ratio of successive corrector updates above rounding level; 0 where there was one update only.
-    iterations : int
-        Corrector iterations.
-    residual : float
-        Size of the residual at y.
+    iterations, residual : int, float
+        Corrector iterations, and the size of the residual at y.
     parameter, slope : float
         The reported parameter, and its derivative along the arclength.
     tests : sequence of float
@@ -102,38 +99,55 @@ class Step(NamedTuple):
     tests: Sequence[float] | np.ndarray
     extra: Any = None
 
-    def __eq__(self, other: object) -> bool:
-        return self is other
 
-    def __ne__(self, other: object) -> bool:
-        return self is not other
+class Recent(NamedTuple):
+    """A point of a run with what step control remembers: the points one step and two steps before it.
 
-    def __hash__(self) -> int:
-        return id(self)
+    Attributes
+    ----------
+    step : Step
+    tests : list of float
+        Values of the test functions at it,
+    older, oldest : list of float
+        and at the two points before; nan where there are none.
+    length, length_before : float
+        Arclengths of the last step and of the one before.
+    """
+
+    step: Step
+    tests: Any
+    older: Any
+    oldest: Any
+    length: float = 0.0
+    length_before: float = 0.0
+
+
+class Goal(NamedTuple):
+    """A point that a run may come back to, which closes the family.
+
+    direction: in which the run would pass it, roughly along the curve. None until the first step away from it gives this direction.
+    """
+
+    step: Step
+    direction: np.ndarray | None = None
 
 
 class Advance(NamedTuple):
     """Result of a problem's `advance`: several steps without events in one call, equal to the steps of the engine.
 
-    ``advance(step, tests, older, oldest, before, first, ds, goal, direction, room, control)`` starts at `step` with its `tests`, those of
-    the two points before it (`older`, `oldest`; nan where there are none) and the arclengths from `older` and from `oldest` to the next
-    (`before`, `first`), with a first step of length `ds`. It corrects, judges and measures each step with `refusal`, `arclength_of`,
-    `watch` and `next_step` of `continuation.control`, given `control`. It stops after `room` steps, or with the first step that is not
-    plain: not converged, refused, one that has to be searched for events, or one that passes the position `goal` in the `direction` (its
-    `height` was below zero and is not any more) to within `NEAR_GOAL` chords of it. A direction of None, at the first step of a run that
-    may come back to its start, is that from there to the next point. The points must be those that the engine finds step by step.
+    ``advance(recent, ds, goal, room, control)`` starts at `recent` (a `Recent`) with a first step of length `ds`. It corrects, judges and
+    measures each step with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given `control`. It stops after
+    `room` steps, or with the first step that is not plain. Such a step is not converged, or refused, or has to be searched for events, or
+    passes the `goal` (a `Goal`) to within `NEAR_GOAL` chords: its `height` was below zero and is not any more.
 
     Attributes
     ----------
     steps : sequence of Step
-        The accepted steps in order; their tests are lists. They may be created on access from arrays, since the engine needs only the
-        last two.
+        The accepted steps in order; their tests are lists. They may be created on access, since the engine needs only the last three.
     strides, lengths : (N,) float
         Requested length and arclength of each step.
-    ds : float
-        Length of the step after them.
-    trial : Step or None
-        The step of length `ds`, if it was tried and is not plain. The engine then examines it.
+    ds, trial : float, Step or None
+        Length of the step after them, and that step if it was tried and is not plain. The engine then examines it.
     """
 
     steps: Sequence[Step]
@@ -157,23 +171,17 @@ class Event:
 
     Attributes
     ----------
-    code : str
-        Type, as the problem's `classify` gave it.
-    test : int
-        Index of the test function that marked it.
+    code, test : str, int
+        Type, as the problem's `classify` gave it, and index of the test function that marked it.
     status : str
         ``"located"``: a zero or a change of key, inside `bracket`. ``"bracketed"``: it happens inside `bracket`, but is no zero
         (a pole or a jump) or could not be brought nearer.
-    arclength : float
-        Where it is.
-    bracket : tuple of float
-        Arclengths between which it certainly is.
+    arclength, bracket : float, tuple of float
+        Where it is, and the arclengths between which it certainly is.
     residual : float
         |test function| at `point`; 0 for a change of key, and where it is nan for being rounding.
-    point : Step
-        The corrected point at the event.
-    index : int
-        Index of the event's point among the points of the run.
+    point, index : Step, int
+        The corrected point at the event, and its index among the points of the run.
     terminal : bool
         Whether the family ends here.
     details : dict
@@ -199,12 +207,9 @@ class Point:
 
     Attributes
     ----------
-    index : int
-        Place in the run.
-    arclength : float
-        Arclength from the first point.
+    index, arclength : int, float
+        Place in the run, and arclength from the first point.
     step : Step
-        The corrected point: its unknowns, tangent, parameter and test functions.
     step_size : float
         The pseudo-arclength step that led here (0 at the start).
     event : Event or None
@@ -219,6 +224,88 @@ class Point:
 
     def __repr__(self) -> str:
         return f"Point {self.index} at arclength {self.arclength:.10g}, parameter {self.step.parameter:.10g}"
+
+
+@dataclass(slots=True, eq=False, repr=False)
+class PlainPoints(Sequence[Point]):
+    """A sequence of consecutive points without events. Each `Point` is created on access.
+
+    Parameters
+    ----------
+    begin : int
+        Index of the first point in the run.
+    arclengths, strides : (N,) float
+        Arclength of each, and the length of the step that led there.
+    steps : sequence of N Step
+    seen : callable, optional
+        Converts a step to the orientation of the run; by default steps are unchanged.
+    """
+
+    begin: int
+    arclengths: np.ndarray
+    strides: np.ndarray
+    steps: Sequence[Step]
+    seen: Callable[[Step], Step] | None = None
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __getitem__(self, place: int) -> Point:  # type: ignore[override]
+        place = range(len(self.steps))[place]
+        step = self.steps[place]
+        arclength, stride = float(self.arclengths[place]), float(self.strides[place])
+        return Point(self.begin + place, arclength, step if self.seen is None else self.seen(step), stride)
+
+
+Piece = list[Point] | PlainPoints
+
+
+@dataclass(eq=False, repr=False)
+class Points(Sequence[Point]):
+    """The points of a run, in pieces: lists of points, and blocks of steps. `begins`: index of the first point of each piece."""
+
+    pieces: list[Piece] = field(default_factory=list)
+    begins: list[int] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return self.begins[-1] + len(self.pieces[-1]) if self.pieces else 0
+
+    def __iter__(self) -> Iterator[Point]:
+        return chain.from_iterable(self.pieces)
+
+    @overload
+    def __getitem__(self, place: int) -> Point: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[Point]: ...
+
+    def __getitem__(self, place: int | slice) -> Point | list[Point]:
+        if isinstance(place, slice):
+            return list(self)[place]
+        place = range(len(self))[place]
+        k = bisect_right(self.begins, place) - 1
+        return self.pieces[k][place - self.begins[k]]
+
+    def add(self, piece: Piece) -> None:
+        """Add some points; single ones are put to those before them."""
+        if isinstance(piece, list) and self.pieces and isinstance(self.pieces[-1], list):
+            self.pieces[-1] += piece
+        elif len(piece):
+            self.begins.append(len(self))
+            self.pieces.append(list(piece) if isinstance(piece, list) else piece)
+
+    def mark(self, point: Point) -> None:
+        """Put a point in the place of the single point with its index."""
+        k = bisect_right(self.begins, point.index) - 1
+        piece = self.pieces[k]
+        assert isinstance(piece, list)
+        piece[point.index - self.begins[k]] = point
+
+    def arclengths(self) -> np.ndarray:
+        """Arclength of each, (N,)."""
+        return np.concatenate(
+            [np.empty(0), *(p.arclengths if isinstance(p, PlainPoints) else [point.arclength for point in p] for p in self.pieces)]
+        )
 
 
 @runtime_checkable
@@ -239,14 +326,16 @@ class Problem(Protocol):
        or ``"interrupted"``.
     6. `residual(y)` (n,) and `jacobian(y)` (n, n + 1) are used for switching only.
 
-    Optional, found by name: ``advance(step, tests, older, before, ds, goal, direction, room, control) -> Advance``, which takes many
-    plain steps at once, for speed alone (see `Advance`); ``failure(y, tangent, ds) -> str``, words for where steps fail;
-    ``step_near(y, tangent, ds, guess) -> Step``, the step of duty 3 with its corrector started at the unknowns `guess`;
-    ``refined(index, at) -> Step | None``, the event of test `index` to full accuracy, where steps bring it no nearer than the step
-    `at` (whose tangent and turn it has), None where that is as near as it gets;
-    ``beyond(at) -> (Step, Step)``, the branch point just ahead of the step `at` and the point of the family that is as far behind it, None
-    where there is none, for runs that no step leads past it;
-    ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
+    Optional, found by name:
+
+    - ``advance(recent, ds, goal, room, control) -> Advance``: many plain steps at once, for speed alone (see `Advance`).
+    - ``failure(y, tangent, ds) -> str``: words for where steps fail.
+    - ``step_near(y, tangent, ds, guess) -> Step``: the step of duty 3 with its corrector started at the unknowns `guess`.
+    - ``refined(index, at) -> Step | None``: the event of test `index` to full accuracy, where steps bring it no nearer than the step `at`
+      (whose tangent and turn it has); None if that is as near as it gets.
+    - ``beyond(at) -> (Step, Step) | None``: the branch point just ahead of the step `at`, and the point of the family as far behind it.
+      It is for runs that no step leads past the branch point.
+    - ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
     """
 
     @property
@@ -296,11 +385,6 @@ class Tally(NamedTuple):
     slow: int = 0
     turned: int = 0
     jumped: int = 0
-
-    @property
-    def refused(self) -> int:
-        """All refused steps."""
-        return self.not_converged + self.slow + self.turned + self.jumped
 
 
 class End(NamedTuple):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
+from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
-from continuation.control import NEAR_BRANCH_POINT, Settings, may_hide
+from continuation.control import NEAR_BRANCH_POINT, may_hide
 from continuation.location import Locator, StepRefused
 from continuation.problem import Step, TestFunction
 
@@ -17,23 +19,11 @@ __all__ = ["History", "Resolution", "Zone"]
 History = Sequence[tuple[float, Sequence[float]]]
 """Points before the step: minus the arclength back to each (a negative number, in order), and the test functions there."""
 
-_MOST = 256
-"""Most corrected points inside a step. A step that needs more is refused and halved."""
-
-_FLOOR = 10.0
-"""Intervals shorter than this many location tolerances are not divided further."""
-
-_CORES = 2.0
-"""If a test function is undefined in an interval, samples approach this interval to within this many times its width on either side."""
-
-_APART = 0.05
-"""Least distance of a neighbouring sample, as a part of the interval: a second difference over less is rounding."""
-
-_NEAR_END = 0.05
-"""Least distance of a new sample from the ends of its interval, as a part of the interval."""
-
-_ELSEWHERE = (0.0, 0.1, -0.1, 0.25, -0.25)
-"""Where a sample is tried in turn, from its best place, as parts of the interval, if the corrector fails."""
+_MOST = 256  # corrected points inside a step; a step that needs more is refused and halved
+_CORES = 2.0  # samples approach a place where a test function is undefined to within this many times its width
+_APART = 0.05  # least distance of a neighbouring sample, as a part of the interval: a second difference over less is rounding
+_NEAR_END = 0.05  # least distance of a new sample from the ends of its interval, as a part of the interval
+_ELSEWHERE = (0.0, 0.1, -0.1, 0.25, -0.25)  # where a sample is tried in turn, from its best place, if the corrector fails
 
 
 class Zone(NamedTuple):
@@ -53,57 +43,42 @@ class Zone(NamedTuple):
         return test is self.test or test.code in self.test.absorbs
 
 
+@dataclass(eq=False)
 class Resolution:
     """The test functions of one step.
 
     A test function is known at a few places. Over an interval between two of them it is replaced by a parabola, whose bend is taken from
     the neighbouring samples on either side; the difference of the two bends is the error of the interpolant. If the parabola, moved
     towards zero by this error, reaches zero inside the interval, the interval is divided (see `continuation.control.may_hide`).
-
-    Parameters
-    ----------
-    tests : sequence of TestFunction
-    locator : Locator
-        The steps inside; new samples are taken through it.
-    history : sequence of (float, sequence of float)
-        See `History`.
-    settings : Settings
-        `location_tolerance` is used.
+    New samples are taken through the `locator`, which has the steps inside. Intervals shorter than `floor` are not divided further.
     """
 
-    def __init__(self, tests: Sequence[TestFunction], locator: Locator, history: History, settings: Settings) -> None:
-        self._tests = tests
-        self._locator = locator
-        self._history = history
-        self._floor = _FLOOR * settings.location_tolerance
-        self._resolved: list[set[tuple[float, ...]]] = [set() for _ in tests]
-        self._places: list[float] = []
-        self._columns: list[tuple[float, ...]] = []
-        self.zones: list[Zone] = []
+    tests: Sequence[TestFunction]
+    locator: Locator
+    history: History
+    floor: float
+    zones: list[Zone] = field(default_factory=list)
+    _resolved: dict[int, set[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(set))
+    _places: list[float] = field(default_factory=list)
+    _columns: list[tuple[float, ...]] = field(default_factory=list)
 
     def changes(self, index: int, limit: float, *, guard: bool = False) -> list[tuple[float, float]]:
         """Neighbouring samples between which a test function changes sign, after dividing all intervals where it could do so twice.
 
-        Parameters
-        ----------
-        index : int
-            Which test function.
-        limit : float
-            The search covers steps of length 0 to this.
-        guard : bool
-            Whether only intervals with two positive ends are divided, and only changes from positive to not positive are given.
+        `limit`: the search covers steps of length 0 to this. `guard`: only intervals with two positive ends are divided, and only changes
+        from positive to not positive are given.
 
         Raises
         ------
         StepRefused
             A sample cannot be taken, or too many are needed.
         """
-        zones = [zone for zone in self.zones if zone.hides(self._tests[index])]
-        taken = self._locator.taken
+        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
+        taken = self.locator.taken
         while True:
-            if len(self._places) != len(self._history) + len(taken):  # a step was taken since
-                self._places = [s for s, _ in self._history] + [s for s, _ in taken]
-                self._columns = list(zip(*(values for _, values in self._history), *(step.tests for _, step in taken), strict=True))
+            if len(self._places) != len(self.history) + len(taken):  # a step was taken since
+                self._places = [s for s, _ in self.history] + [s for s, _ in taken]
+                self._columns = list(zip(*(values for _, values in self.history), *(step.tests for _, step in taken), strict=True))
             places: list[float] = []  # where the test function is to be trusted, and its values there
             values: list[float] = []
             gaps: list[float] = []  # and where it is not
@@ -121,7 +96,7 @@ class Resolution:
             low, high, part = division
             for shift in _ELSEWHERE:
                 try:
-                    self._locator.step(low + min(max(part + shift, _NEAR_END), 1.0 - _NEAR_END) * (high - low))
+                    self.locator.step(low + min(max(part + shift, _NEAR_END), 1.0 - _NEAR_END) * (high - low))
                     break
                 except StepRefused as refused:
                     cause = refused
@@ -138,14 +113,14 @@ class Resolution:
 
         undecided: a step where the value is not known. Then only a branch point counts at which it is rounding: there the test function of
         the branch point is below `factor` times its level `TestFunction.singular`."""
-        test = self._tests[index]
+        test = self.tests[index]
         for zone in self.zones:
             if not zone.hides(test):
                 continue
             if undecided is None:
                 belongs = low <= zone.low and zone.high <= high
             else:
-                belongs = abs(undecided.tests[self._tests.index(zone.test)]) < factor * zone.test.singular
+                belongs = abs(undecided.tests[self.tests.index(zone.test)]) < factor * zone.test.singular
             if belongs:
                 if test is not zone.test and test.code not in zone.found:
                     zone.found.append(test.code)
@@ -160,39 +135,40 @@ class Resolution:
         StepRefused
             The steps on its two sides are of two families.
         """
-        samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken]
-        level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
-        before = [pair for pair in reversed(samples) if pair[0] <= low]
-        after = [pair for pair in samples if pair[0] >= high]
-        first, last = self._zone_end(index, before, level, high), self._zone_end(index, after, level, low)
-        if level == test.singular and first is not None and last is not None and self._locator.between_families(first, last):
+        samples, level = self._near(index, test)
+        first = self._zone_end(index, [pair for pair in reversed(samples) if pair[0] <= low], level, high, -math.inf)
+        last = self._zone_end(index, [pair for pair in samples if pair[0] >= high], level, low, math.inf)
+        if level == test.singular and math.isfinite(last - first) and self.locator.between_families(first, last):
             raise StepRefused("a step goes over to another family")
-        self.zones.append(Zone(-math.inf if first is None else first, math.inf if last is None else last, test, []))
+        self.zones.append(Zone(first, last, test, []))
 
     def exclude_start(self, index: int, test: TestFunction) -> None:
         """Make a zone at the start of the step if a branch point is so near to it."""
-        samples = [(place, abs(float(step.tests[index]))) for place, step in self._locator.taken]
-        level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
+        samples, level = self._near(index, test)
         if samples[0][1] < level and not any(zone.low < 0.0 < zone.high for zone in self.zones):
-            end = self._zone_end(index, samples, level, 0.0)
-            self.zones.append(Zone(-math.inf, math.inf if end is None else end, test, []))
+            self.zones.append(Zone(-math.inf, self._zone_end(index, samples, level, 0.0, math.inf), test, []))
 
-    def _zone_end(self, index: int, samples: list[tuple[float, float]], level: float, inside: float) -> float | None:
-        """The step at which a test function for branch points reaches a level, from samples in order away from the branch point."""
-        last = inside
+    def _near(self, index: int, test: TestFunction) -> tuple[list[tuple[float, float]], float]:
+        """The samples of a test function for branch points without their signs, and the level below which a branch point is near."""
+        samples = [(place, abs(float(step.tests[index]))) for place, step in self.locator.taken]
+        return samples, min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
+
+    def _zone_end(self, index: int, samples: list[tuple[float, float]], level: float, last: float, beyond: float) -> float:
+        """The step at which a test function for branch points reaches a level, from samples in order away from the branch point, which is
+        near the step `last`; else `beyond`."""
         for place, value in samples:
             if value < level:
                 last = place
                 continue
             nearer = last + (place - last) * level / value
-            if value > 2.0 * level and abs(place - nearer) > self._floor:
+            if value > 2.0 * level and abs(place - nearer) > self.floor:
                 try:
-                    if abs(float(self._locator.step(nearer).tests[index])) >= 0.5 * level:
+                    if abs(float(self.locator.step(nearer).tests[index])) >= 0.5 * level:
                         return nearer
                 except StepRefused:
                     pass
             return place
-        return None
+        return beyond
 
     def _unresolved(
         self, places: list[float], values: list[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
@@ -201,7 +177,7 @@ class Resolution:
 
         The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. resolved: the
         intervals that need no division, each with the places next to it; the function adds those that it finds."""
-        longest, division = self._floor, None
+        longest, division = self.floor, None
         for j in range(bisect_left(places, 0.0), len(places) - 1):
             low, high, a, b = places[j], places[j + 1], values[j], values[j + 1]
             length = high - low
@@ -210,7 +186,7 @@ class Resolution:
             inside = [gap for gap in gaps if low < gap < high] if gaps else gaps
             if inside:
                 low, high = max((low, inside[0]), (inside[-1], high), key=lambda side: side[1] - side[0])
-                if high - low > max(longest, _CORES * max(inside[-1] - inside[0], self._floor)):
+                if high - low > max(longest, _CORES * max(inside[-1] - inside[0], self.floor)):
                     longest, division = high - low, (low, high, 0.5)
                 continue
             if (a > 0.0) is not (b > 0.0):

@@ -11,8 +11,7 @@ import numpy as np
 from continuation.control import Settings
 from continuation.engine import Allowance, StopWhen, first_step, follow_in_blocks
 from continuation.events import EventFinder, make_event
-from continuation.points import Piece, PlainPoints, Points
-from continuation.problem import End, EndReason, Event, Point, Problem, Step, Tally
+from continuation.problem import End, EndReason, Event, Goal, PlainPoints, Point, Points, Problem, Step, Tally
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,21 +89,19 @@ def follow_both_ways(
     if isinstance(first, str):
         none = End(EndReason.NO_START, first)
         return Run(Points(), (), (none, none), 0)
-    if stop_when is not None:
+    if stop_when is not None and (words := stop_when(Point(0, 0.0, first))):
         point = Point(0, 0.0, first)
-        verdict = stop_when(point)
-        if verdict:
-            if on_points is not None:
-                on_points([point])
-            held = End(EndReason.STOP_WHEN, (f"{verdict}, " if isinstance(verdict, str) else "") + "at the start already")
-            return Run(Points([[point]]), (), (held, held), 0)
+        if on_points is not None:
+            on_points([point])
+        held = End(EndReason.STOP_WHEN, (f"{words}, " if isinstance(words, str) else "") + "at the start already")
+        return Run(Points([[point]], [0]), (), (held, held), 0)
     total = settings.maximum_points
     allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
     items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance)
     forward = _Half(items, allowance, settings, True, on_points, on_event)
     forward.go()
     if not both or forward.closed:
-        return _one_way(problem, settings, forward)
+        return _joined(problem, settings, None, forward)
     allowance.points = total - len(forward.points) + 1  # the start is one point, though each half has it
     opposite = problem.step(first.y, -first.tangent, 0.0)
     if not opposite.converged:
@@ -116,16 +113,14 @@ def follow_both_ways(
     for k in range(len(forward.points) - 2, -1, -1):
         way = np.asarray(forward.points[k].step.position, dtype=float) - last
         if float(np.linalg.norm(way)) > settings.coincidence_tolerance:
-            goal = _turned_round(problem, forward.points[-1].step), way
+            goal = Goal(_turned_round(problem, forward.points[-1].step), way)
             break
     items = follow_in_blocks(problem, opposite, settings, stop_when, stop_at, allowance, goal)
     backward = _Half(items, allowance, settings, False, on_points, on_event)
     backward.go()
     if forward.end.reason is EndReason.POINTS and not backward.closed and allowance.points > 0:
         forward.go()
-        if forward.closed:
-            return _one_way(problem, settings, forward)
-    return _both_ways(problem, settings, backward, forward)
+    return _joined(problem, settings, None if forward.closed else backward, forward)
 
 
 @dataclass(eq=False)
@@ -146,35 +141,30 @@ class _Half:
     def go(self) -> None:
         """Collect points and events until the run ends; a run that ended because its points were used up can be continued."""
         for item in self.items:
-            if isinstance(item, Point):
-                if item.index == 1 and item.event is not None and item.arclength <= self.settings.location_tolerance:
-                    self._start_is(item.event)
-                    continue
-                self.points.add([item])
-                if self.on_points is not None and (item.index or self.reports_start):
-                    self.on_points([item])
-            elif isinstance(item, PlainPoints):
-                self.points.add(item)
-                if self.on_points is not None:
-                    self.on_points(item)
-            elif isinstance(item, Event):
-                # `_start_is` has already stored an event at the start: report that one, with its index 0.
+            if isinstance(item, End):
+                self.end, self.closed = item, item.reason is EndReason.CLOSED
+                return
+            if isinstance(item, Event):
+                # An event at the start is stored already: report that one, with its index 0.
                 item = self.events[0] if self.events and self.events[0].index == 0 else item
                 if item.index:
                     self.events.append(item)
                 if self.on_event is not None:
                     self.on_event(item)
-            else:
-                self.end, self.closed = item, item.reason is EndReason.CLOSED
-                return
-
-    def _start_is(self, event: Event) -> None:
-        """The family ends at the start itself, to the accuracy of locations: one point, which has the event."""
-        low, high = event.bracket
-        first = replace(event, arclength=0.0, bracket=(min(low, 0.0), max(high, 0.0)), index=0)
-        self.points = Points([[Point(0, 0.0, first.point, 0.0, first)]])
-        self.events = [first]
-        self.allowance.points += 1
+                continue
+            event = item.event if isinstance(item, Point) and item.index == 1 else None
+            if isinstance(item, Point) and event is not None and item.arclength <= self.settings.location_tolerance:
+                # The family ends at the start itself, to the accuracy of locations: one point, which has the event.
+                low, high = event.bracket
+                first = replace(event, arclength=0.0, bracket=(min(low, 0.0), max(high, 0.0)), index=0)
+                self.points = Points([[Point(0, 0.0, first.point, 0.0, first)]], [0])
+                self.events = [first]
+                self.allowance.points += 1
+                continue
+            piece = item if isinstance(item, PlainPoints) else [item]
+            self.points.add(piece)
+            if self.on_points is not None and (piece[0].index or self.reports_start):
+                self.on_points(piece)
 
 
 def _placed(problem: Problem, half: _Half, sign: int, index: int, arclength: float) -> tuple[Points, list[Event]]:
@@ -182,14 +172,14 @@ def _placed(problem: Problem, half: _Half, sign: int, index: int, arclength: flo
 
     In a half that is seen backwards the last point comes first, and tangents are turned round.
     """
-    pieces: list[Piece] = []
+    placed = Points()
     events: list[Event] = []
     for piece in half.points.pieces[::sign]:
         if isinstance(piece, PlainPoints):
             first = index + piece.begin if sign > 0 else index - (piece.begin + len(piece) - 1)
             seen = None if sign > 0 else partial(_turned_round, problem)
             arclengths = arclength + sign * piece.arclengths[::sign]
-            pieces.append(PlainPoints(first, arclengths, piece.strides[::sign], piece.steps[::sign], seen))
+            placed.add(PlainPoints(first, arclengths, piece.strides[::sign], piece.steps[::sign], seen))
             continue
         points = []
         for p in piece[::sign]:
@@ -201,8 +191,8 @@ def _placed(problem: Problem, half: _Half, sign: int, index: int, arclength: flo
                 event = replace(event, arclength=arclength + sign * event.arclength, bracket=(low, high), index=place, point=at)
                 events.append(event)
             points.append(Point(place, arclength + sign * p.arclength, step, p.step_size, event))
-        pieces.append(points)
-    return Points(pieces), events
+        placed.add(points)
+    return placed, events
 
 
 def _turned_round(problem: Problem, step: Step) -> Step:
@@ -211,34 +201,32 @@ def _turned_round(problem: Problem, step: Step) -> Step:
     return step._replace(tangent=-step.tangent, slope=-step.slope, tests=tests)
 
 
-def _one_way(problem: Problem, settings: Settings, half: _Half) -> Run:
-    """A run in one direction, which may be closed."""
-    points, events = half.points, half.events
-    if not half.closed:
-        return Run(points, tuple(events), (End(EndReason.NOT_ASKED), half.end), 0)
-    events = _with_events_at(0, problem, settings, points, events)
-    return Run(points, tuple(events), (half.end, half.end), 0, closed=True)
-
-
-def _both_ways(problem: Problem, settings: Settings, backward: _Half, forward: _Half) -> Run:
-    """Both halves as one run, oriented by the forward one; closed where the backward half has met the forward one."""
-    end = backward.points[-1]
-    points, events = _placed(problem, backward, -1, end.index, end.arclength)
-    start = len(points) - 1
-    later, later_events = _placed(problem, forward, 1, start, points[-1].arclength)
-    if later[0].event is not None:
-        points[-1] = later[0]
-    for piece in later[1:].pieces:
-        points.add(piece)
-    events += later_events
-    if 0 < start < len(points) - 1:
-        events = _with_events_at(start, problem, settings, points, events)
-    if not backward.closed:
-        return Run(points, tuple(events), (backward.end, forward.end), start)
-    events = _with_events_at(0, problem, settings, points, events)
-    tally = Tally(*(a + b for a, b in zip(backward.end.tally, forward.end.tally, strict=True)))
-    closing = End(EndReason.CLOSED, f"length {points[-1].arclength:.9g}", tally)
-    return Run(points, tuple(events), (closing, closing), start, closed=True)
+def _joined(problem: Problem, settings: Settings, backward: _Half | None, forward: _Half) -> Run:
+    """The halves as one run, oriented by the forward one. Without a backward half the run may be closed in itself; with one, it is closed
+    where this has met the forward half."""
+    points, events, start, ends = forward.points, forward.events, 0, (End(EndReason.NOT_ASKED), forward.end)
+    closed = forward.closed if backward is None else backward.closed
+    if backward is not None:
+        end = backward.points[-1]
+        points, events = _placed(problem, backward, -1, end.index, end.arclength)
+        start, ends = len(points) - 1, (backward.end, forward.end)
+        later, later_events = _placed(problem, forward, 1, start, end.arclength)
+        if later[0].event is not None:
+            points.mark(later[0])
+        head, *rest = later.pieces
+        for piece in [list(head)[1:], *rest]:  # the start is there already
+            points.add(piece)
+        events += later_events
+        if 0 < start < len(points) - 1:
+            events = _with_events_at(start, problem, settings, points, events)
+    if closed:
+        events = _with_events_at(0, problem, settings, points, events)
+        tally, detail = forward.end.tally, forward.end.detail
+        if backward is not None:
+            tally = Tally(*(a + b for a, b in zip(backward.end.tally, tally, strict=True)))
+            detail = f"length {points[-1].arclength:.9g}"
+        ends = (End(EndReason.CLOSED, detail, tally),) * 2
+    return Run(points, tuple(events), ends, start, closed)
 
 
 def _with_events_at(place: int, problem: Problem, settings: Settings, points: Points, events: list[Event]) -> list[Event]:
@@ -248,10 +236,8 @@ def _with_events_at(place: int, problem: Problem, settings: Settings, points: Po
     """
     last = len(points) - 1
     sides = []
-    for places in (
-        range(last - 1, 0, -1) if place == 0 else range(place - 1, -1, -1),
-        range(1, last) if place == 0 else range(place + 1, last + 1),
-    ):
+    around = (range(last - 1, 0, -1), range(1, last)) if place == 0 else (range(place - 1, -1, -1), range(place + 1, last + 1))
+    for places in around:
         if not places:
             return events
         regular = (point for point in map(points.__getitem__, places) if point.event is None)
@@ -266,5 +252,5 @@ def _with_events_at(place: int, problem: Problem, settings: Settings, points: Po
         event = make_event(found, at.step.position, at.arclength, at.index)
         events = [*events, event]
         if points[place].event is None:
-            points[place] = replace(at, event=event)
+            points.mark(replace(at, event=event))
     return sorted(events, key=lambda event: (event.arclength, event.index))

@@ -124,13 +124,12 @@ def other_branch_starts(
     Parameters
     ----------
     problem : Problem
-        The problem that the event was found in.
     event : Event
         The branch point.
     settings : Settings, optional
         `initial_step` is the distance if none is given; `maximum_turn` bounds the turn of the first step.
     distance : float, optional
-        Distance of the new points from the branch point, in arclength. It is halved up to ten times where the corrector fails.
+        Of the new points from the branch point, in arclength. It is halved up to ten times where the corrector fails.
 
     Returns
     -------
@@ -154,28 +153,23 @@ def other_branch_starts(
     metric = np.ones(known.size) if weights is None else np.asarray(weights, dtype=float)
     steps = []
     for direction in (forward, backward):
-        ds = distance
-        for _ in range(11):
-            step = problem.step(event.point.y, direction, ds)
-            if step.converged and step.turn >= math.cos(settings.maximum_turn):
-                along_known = abs(float(step.tangent @ (metric * known)))
-                if step.turn > along_known:
-                    steps.append(step)
-                    break
-            ds *= 0.5
+        for halvings in range(11):
+            step = problem.step(event.point.y, direction, distance * 0.5**halvings)
+            enough = math.cos(settings.maximum_turn)
+            if step.converged and step.turn >= enough and step.turn > abs(float(step.tangent @ (metric * known))):
+                steps.append(step)
+                break
     if not steps:
         raise SwitchError(f"no point of the other branch could be corrected within {distance:.3g} of the branch point")
     return tuple(steps)
 
 
 class Equations(Protocol):
-    """F(y) and F'(y) of n equations in n + 1 unknowns."""
+    """n equations in n + 1 unknowns: F(y), (n,), and F'(y), (n, n + 1)."""
 
-    def residual(self, y: np.ndarray) -> np.ndarray:
-        """F(y), (n,)."""
+    def residual(self, y: np.ndarray) -> np.ndarray: ...
 
-    def jacobian(self, y: np.ndarray) -> np.ndarray:
-        """F'(y), (n, n + 1)."""
+    def jacobian(self, y: np.ndarray) -> np.ndarray: ...
 
 
 def refine_branch_point(
@@ -191,20 +185,8 @@ def refine_branch_point(
     has a simple branch point as a regular solution, with m = 0. Newton's method on it takes psi . F'' from differences of the Jacobian,
     and keeps it while the steps shrink.
 
-    Parameters
-    ----------
-    equations : Equations
-    y : ndarray (n + 1,)
-        Near the branch point.
-    scale : ndarray (n + 1,), optional
-        Sizes of the unknowns; else 1.
-    farthest : float
-        How far it may be, in units of the sizes.
-
-    Returns
-    -------
-    ndarray or None
-        None where the iteration does not settle, or on no solution of F = 0, or leaves.
+    `scale`: sizes of the unknowns (n + 1,), by default 1. The result is None if the iteration does not converge, converges to no solution
+    of F = 0, or goes more than `farthest` away, in units of the sizes.
 
     References
     ----------
@@ -229,7 +211,11 @@ def refine_branch_point(
         matrix[:n, n + 1 : -1] = excess * np.eye(n)
         matrix[:n, -1] = psi
         if not 0.0 < length <= _SHRUNK * last:
-            matrix[n : 2 * n + 1, : n + 1] = _bend(equations, place, psi, scale, jacobian)
+            for j, size in enumerate(scale):  # psi . F'', column by column
+                apart = np.zeros(n + 1)
+                apart[j] = _NEWTON_DIFFERENCE * size
+                column = scale * (psi @ np.asarray(equations.jacobian(place + apart))) - psi @ jacobian
+                matrix[n : 2 * n + 1, j] = column / _NEWTON_DIFFERENCE
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
         residual = np.concatenate(
@@ -250,17 +236,6 @@ def refine_branch_point(
     return None
 
 
-def _bend(equations: Equations, place: np.ndarray, psi: np.ndarray, scale: np.ndarray, here: np.ndarray) -> np.ndarray:
-    """psi . F''(place), (n + 1, n + 1), for unknowns in units of their sizes; `here`: F'(place) for these."""
-    columns = []
-    own = psi @ here
-    for j in range(place.size):
-        apart = np.zeros(place.size)
-        apart[j] = _NEWTON_DIFFERENCE * scale[j]
-        columns.append((scale * (psi @ np.asarray(equations.jacobian(place + apart))) - own) / _NEWTON_DIFFERENCE)
-    return np.stack(columns, axis=1)
-
-
 def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Direction in which the branch of period-tripled solutions crosses the known branch at a 1:3 resonance.
 
@@ -271,18 +246,14 @@ def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, s
 
     Parameters
     ----------
-    equations : continuation.switching.Equations
-    y : ndarray (n + 1,)
-        The branch point.
-    known : ndarray (n + 1,)
-        Tangent of the known branch.
-    scale : ndarray (n + 1,)
-        Sizes of the unknowns.
+    equations : Equations
+    y, known, scale : ndarray (n + 1,)
+        The branch point, the tangent of the known branch, and sizes of the unknowns.
 
     Returns
     -------
     ndarray (n + 1,)
-        One of the three, in the unknowns; the branch goes on both ways.
+        One of the three; the branch goes on both ways.
 
     Raises
     ------
@@ -314,18 +285,9 @@ def tripling_direction(equations: Equations, y: np.ndarray, known: np.ndarray, s
     linear = 2.0 * by_known[:, 1:]
     q11, q12, q22 = by_first[:, 1], by_first[:, 2], by_second[:, 2]
 
-    def cross(a: np.ndarray, b: np.ndarray) -> float:
-        return float(a[0] * b[1] - a[1] * b[0])
-
-    a1, a2 = linear.T
-    cubic = np.array(
-        [
-            cross(a1, q11),
-            cross(a2, q11) + 2.0 * cross(a1, q12),
-            2.0 * cross(a2, q12) + cross(a1, q22),
-            cross(a2, q22),
-        ]
-    )
+    # Determinants of each of the two columns of A with each coefficient of Q.
+    (c11, c12, c22), (d11, d12, d22) = [[float(a[0] * q[1] - a[1] * q[0]) for q in (q11, q12, q22)] for a in linear.T]
+    cubic = np.array([c11, d11 + 2.0 * c12, 2.0 * d12 + c22, d22])
     if not np.max(np.abs(cubic)) > _ZERO * np.max(np.abs(linear)) ** 2:
         raise SwitchError("the directions of tripled solutions are not decided at second order there")
     # z = (r, 1); a root at infinity, where the cubic's leading entry vanishes, is one of three.

@@ -22,7 +22,7 @@ import numpy as np
 
 from branches.impulsive.motions import ImpulsiveMotions, Traces
 from branches.orbit import Orbit, label_at
-from branches.search.orbits import OrbitSearch, Unpolished, is_complete, judged
+from branches.search.discovery import OrbitSearch, Unpolished, is_complete, judged
 from branches.search.starts import ScannedSegment
 from bvp.checks import checked_energy_range
 from bvp.kernels.shooting import TURNING, ZERO

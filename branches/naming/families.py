@@ -6,7 +6,6 @@ A reference point never starts a family. It chooses among what was found, and it
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -25,13 +24,11 @@ from branches.naming.matching import (
     remark_on_name,
     why_a_cover,
 )
-from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, search_bounds
-from branches.search.discovery import discover_orbits
-from branches.search.orbits import Found, accept, from_other_end
+from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, from_other_end, search_bounds
+from branches.search.discovery import Found, discover_orbits, judged
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
 from bvp.closures import EndsError, parse_end
-from bvp.texts import shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -63,16 +60,7 @@ def resolve(
 ) -> tuple[Found, Branch]:
     """An orbit of the family that a name selects, and the family as the search followed it.
 
-    Parameters
-    ----------
-    text : str
-    system : ImpactSystem
-    reference_points : mapping of bare names to {"h", "alpha"}
-    limits : Limits
-    energy : (float, float)
-        The range in which the family will be followed; the search is kept to it.
-    followed : Followed, optional
-        Families that are known; those that the search follows are added.
+    The search is kept to `energy`, the range in which the family will be followed. Families that it follows are added to those `followed`.
 
     Raises
     ------
@@ -165,14 +153,6 @@ def trace_named(
     >>> [(event.type, round(event.h, 10)) for event in branch.events if event.type == "SN"]
     [('SN', 0.06911645)]
     """
-    known = (*DEFAULTS, *CALLBACKS)
-    for option in options:
-        if option not in known:
-            near = difflib.get_close_matches(option, known, n=1) or known
-            raise TypeError(f"unknown option {option!r}; expected {', '.join(near)}")
-    for what, value in (("reference_points", reference_points), ("bounds", bounds)):
-        if value is not None and not isinstance(value, Mapping):
-            raise TypeError(f"{what} = {shown(value)}: expected a mapping")
     limits = search_bounds(bounds)
     energy = checked_energy_range(energy if energy is not None else limits.energy)
     followed: Followed = {}
@@ -190,12 +170,13 @@ def trace_named(
             f"from h = {found.h:.10g}, alpha = {found.alpha:.10g}{remark and '; ' + remark}"
         )
     rising = bool(branch.points["h"][0] <= branch.points["h"][-1])
-    plain = all(options.get(option, default) == default for option, default in DEFAULTS.items())
-    if plain and rising and np.array_equal(followed[branch].solution.y, found.solution.y):
+    callbacks = {option: options.pop(option, None) for option in CALLBACKS}
+    options = {option: value for option, value in options.items() if option not in DEFAULTS or value != DEFAULTS[option]}
+    if not options and rising and np.array_equal(followed[branch].solution.y, found.solution.y):
         asked = branch if branch.energy == energy else cut_branch(branch, energy)
         if asked is not None:
-            return report(asked, **{option: options[option] for option in CALLBACKS if option in options})
-    cut = follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **options)
+            return report(asked, **callbacks)
+    cut = follow_family(found.problem, found.solution.y, energy=energy, rising=rising, **callbacks, **options)
     return cut.known_within(branch) if branch.energy[0] <= energy[0] and energy[1] <= branch.energy[1] else cut
 
 
@@ -240,7 +221,8 @@ def _inside(
         least, most = max(low, float(branch.points["h"].min())), min(high, float(branch.points["h"].max()))
         for part in (0.5, 0.1, 0.9) if least < most else ():
             candidates = branch.orbits_at(energy=least ** (1.0 - part) * most**part)
-            orbits = [orbit for orbit in (accept(c.problem, c.solution) for c in candidates) if orbit is not None and fits(orbit)]
+            judgements = (judged(candidate.problem, candidate.solution) for candidate in candidates)
+            orbits = [orbit for orbit in judgements if isinstance(orbit, Found) and fits(orbit)]
             if orbits:
                 out.append((orbits[0], branch))
                 break

@@ -24,15 +24,11 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NoReturn
 
 from branches.sequences import SequenceSyntaxError, split_family_id
 from bvp.texts import shown
 
-__all__ = [
-    "ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name",
-    "why_impossible",
-]  # fmt: skip
+__all__ = ["ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name"]
 
 
 class ImpossibleLabelError(ValueError):
@@ -59,9 +55,14 @@ class Label:
     Raises
     ------
     ImpossibleLabelError
-        Where no orbit can have the label; `why_impossible` gives the rules.
+        Where no orbit can have the label.
     ValueError
         Where the fields make no label at all.
+
+    Notes
+    -----
+    The displacements vanish at both ends of a half period, so each velocity changes sign in it. Over a half period a symmetric orbit
+    becomes its own negative, so its velocities change sign an odd number of times, and its quarters have equally many impacts.
     """
 
     kind: str
@@ -73,22 +74,34 @@ class Label:
     sign: str | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in ("S", "U", "L"):
-            raise ValueError(f"kind of a label is {self.kind!r}, expected S, U or L")
-        if self.parity is not None and (self.kind != "S" or self.parity not in ("E", "O")):
-            raise ValueError(f"parity of a {self.kind} label is {self.parity!r}, expected E or O for S, none for U and L")
-        if self.sign not in (None, "+", "-"):
-            raise ValueError(f"sign of a label is {self.sign!r}, expected + or -")
-        countable = self.kind == "U" or self.parity is not None
-        if (self.p is None) != (self.q is None) or (self.p is not None and not countable):
+        kind, m, n, parity, p, q, sign = self.kind, self.m, self.n, self.parity, self.p, self.q, self.sign
+        if kind not in ("S", "U", "L"):
+            raise ValueError(f"kind of a label is {kind!r}, expected S, U or L")
+        if parity is not None and (kind != "S" or parity not in ("E", "O")):
+            raise ValueError(f"parity of a {kind} label is {parity!r}, expected E or O for S, none for U and L")
+        if sign not in (None, "+", "-"):
+            raise ValueError(f"sign of a label is {sign!r}, expected + or -")
+        if (p is None) != (q is None) or (p is not None and kind != "U" and parity is None):
             rule = "expected both or none, none for L, and for S only with E or O"
-            raise ValueError(f"impacts p, q of a {self.kind} label are {self.p}, {self.q}: {rule}")
-        for field in ("m", "n", "p", "q"):
-            value = getattr(self, field)
+            raise ValueError(f"impacts p, q of a {kind} label are {p}, {q}: {rule}")
+        for field, value in (("m", m), ("n", n), ("p", p), ("q", q)):
             if value is not None and (not isinstance(value, int) or value < 0):
                 raise ValueError(f"{field} of a label is {value!r}, expected an integer, 0 or more")
-        reason = why_impossible(self)
-        if reason is not None:
+        reason = ""
+        if m == 0 or n == 0:
+            body = "LO" if m else "NES"
+            reason = f"the {body} has 0 half-waves, but its velocity changes sign at least once in a half period (m, n >= 1)"
+        elif kind == "L" and m != n:
+            reason = f"m = {m} and n = {n} differ, but in a linear mode both bodies move alike (L11+, L11-)"
+        elif kind == "S" and p != q:
+            reason = f"a symmetric orbit has as many impacts in its second quarter as in its first, here {p} and {q}"
+        elif kind == "S" and (m % 2 == 0 or n % 2 == 0):
+            reason = f"a symmetric orbit reverses each velocity over a half period, so m and n are odd, here {m} and {n}"
+        elif parity == "E" and p == 0:
+            reason = "it has no impact at all (none inside a quarter, E: none at the quarter); the linear modes are L11+, L11-"
+        elif kind == "U" and p == q == 0:
+            reason = "it has no impact at all (p = q = 0); the linear modes are L11+, L11-"
+        if reason:
             raise ImpossibleLabelError(f"{self} cannot be a periodic orbit: {reason}")
 
     def __str__(self) -> str:
@@ -100,30 +113,6 @@ class Label:
     def is_complete(self) -> bool:
         """Whether nothing is left open: one label, not a pattern of several."""
         return self.sign is not None and (self.kind == "L" or self.p is not None)
-
-
-def why_impossible(label: Label) -> str | None:
-    """Why no orbit can have this label; None where one can.
-
-    The displacements vanish at both ends of a half period, so each velocity changes sign in it. Over a half period a symmetric
-    orbit becomes its own negative, so its velocities change sign an odd number of times, and its quarters have equally many
-    impacts.
-    """
-    if label.m == 0 or label.n == 0:
-        body = "NES" if label.m == 0 else "LO"
-        return f"the {body} has 0 half-waves, but its velocity changes sign at least once in a half period (m, n >= 1)"
-    if label.kind == "L":
-        differ = f"m = {label.m} and n = {label.n} differ, but in a linear mode both bodies move alike (L11+, L11-)"
-        return differ if label.m != label.n else None
-    if label.kind == "S" and label.p != label.q:
-        return f"a symmetric orbit has as many impacts in its second quarter as in its first, here {label.p} and {label.q}"
-    if label.kind == "S" and (label.m % 2 == 0 or label.n % 2 == 0):
-        return f"a symmetric orbit reverses each velocity over a half period, so m and n are odd, here {label.m} and {label.n}"
-    if label.kind == "S" and label.parity == "E" and label.p == 0:
-        return "it has no impact at all (none inside a quarter, E: none at the quarter); the linear modes are L11+, L11-"
-    if label.kind == "U" and label.p == label.q == 0:
-        return "it has no impact at all (p = q = 0); the linear modes are L11+, L11-"
-    return None
 
 
 def canonical_label(label: Label) -> Label:
@@ -174,8 +163,7 @@ def most_alike(text: str, candidates: Iterable[object], count: int = 3) -> tuple
 _SIGNS = dict.fromkeys("+\N{SUPERSCRIPT PLUS SIGN}", "+") | dict.fromkeys(
     "-\N{MINUS SIGN}\N{EN DASH}\N{SUPERSCRIPT MINUS}", "-"
 )
-_DIGITS = "0123456789"
-_FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_FLOAT = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 
 
 class LabelSyntaxError(ValueError):
@@ -234,8 +222,7 @@ def parse(text: str) -> Label:
     """
     reader = _Reader(text)
     fields = reader.fields()
-    if reader.here:
-        reader.fail(reader.after)
+    reader.take(r"\Z", reader.after)
     return Label(*fields)
 
 
@@ -273,15 +260,10 @@ def parse_name(text: str) -> Name:
         fields = reader.fields()
         reader.after = reader.after.replace("the end of the label", "@ or the end of the name").replace("or @", "@")
     chosen: dict[str, float] = {}
-    if reader.here == "@" or (family is None and reader.here == ","):
-        reader.at += 1
+    while reader.take(("@" if family else "[@,]") if not chosen else "," if len(chosen) == 1 else r"(?!)"):
         reader.condition(chosen)
-        while reader.here == "," and len(chosen) < 2:
-            reader.at += 1
-            reader.condition(chosen)
         reader.after = "the end of the name" if len(chosen) == 2 else "a comma or the end of the name"
-    if reader.here:
-        reader.fail(reader.after)
+    reader.take(r"\Z", reader.after)
     return Name(Label(*fields) if fields else None, family, chosen.get("h"), chosen.get("alpha"))
 
 
@@ -293,56 +275,42 @@ class _Reader:
     at: int = 0
     after: str = ""
 
-    @property
-    def here(self) -> str:
-        return self.text[self.at : self.at + 1]
-
-    def fail(self, expected: str, back: int = 0) -> NoReturn:
-        raise LabelSyntaxError(self.text, self.at + 1 - back, expected)
+    def take(self, pattern: str, expected: str = "") -> str:
+        """What matches a pattern from here on; if nothing does and something was `expected`, that is an error."""
+        found = re.compile(pattern).match(self.text, self.at)
+        if found is None and expected:
+            raise LabelSyntaxError(self.text, self.at + 1, expected)
+        self.at += len(found[0]) if found else 0
+        return found[0] if found else ""
 
     def number(self, meaning: str) -> int:
         """One digit, or several in parentheses."""
-        if self.here and self.here in _DIGITS:
-            self.at += 1
-            return int(self.text[self.at - 1])
-        if self.here != "(":
-            self.fail(f"{meaning}, a digit or a longer number in parentheses")
-        self.at += 1
+        if digit := self.take("[0-9]"):
+            return int(digit)
+        self.take(r"\(", f"{meaning}, a digit or a longer number in parentheses")
         start = self.at
-        while self.here and self.here in _DIGITS:
-            self.at += 1
-        digits = self.text[start : self.at]
-        if not digits:
-            self.fail("a digit")
+        digits = self.take("[0-9]+", "a digit")
         if len(digits) > 1 and digits[0] == "0":
-            self.fail("a number without leading zeros", back=len(digits))
+            raise LabelSyntaxError(self.text, start + 1, "a number without leading zeros")
         if len(digits) > 9:
-            self.fail("a number of at most 9 digits", back=len(digits) - 9)
-        if self.here != ")":
-            self.fail("a digit or )")
-        self.at += 1
+            raise LabelSyntaxError(self.text, start + 10, "a number of at most 9 digits")
+        self.take(r"\)", "a digit or )")
         return int(digits)
 
     def fields(self) -> tuple[str, int, int, str | None, int | None, int | None, str | None]:
         """The longest label from here on, as the fields of a Label."""
-        kind = self.here
-        if not kind or kind not in "SUL":
-            self.fail("S (symmetric), U (unsymmetric) or L (linear mode)")
-        self.at += 1
+        kind = self.take("[SUL]", "S (symmetric), U (unsymmetric) or L (linear mode)")
         m, n = self.number("the half-waves m of the NES"), self.number("the half-waves n of the LO")
-        parity, p, q = None, None, None
-        more = {"S": "the letter O or E, ", "U": "the impacts p, ", "L": ""}[kind]
-        self.after = more + "a sign + or -, or the end of the label"
-        if kind == "S" and self.here and self.here in "EO":
-            parity = self.here
-            self.at += 1
-            self.after = "the impacts p, a sign + or -, or the end of the label"
-        if (kind == "U" or parity) and self.here and self.here in _DIGITS + "(":
+        p, q = None, None
+        parity = self.take("[EO]") or None if kind == "S" else None
+        impacts = kind == "U" or parity is not None
+        if impacts and self.text[self.at : self.at + 1] in {*"0123456789("}:
             p, q = self.number("the impacts p"), self.number("the impacts q")
-            self.after = "a sign + or -, or the end of the label"
-        sign = _SIGNS.get(self.here)
+            impacts = False
+        more = "the impacts p, " if impacts else "the letter O or E, " if kind == "S" and parity is None else ""
+        self.after = more + "a sign + or -, or the end of the label"
+        sign = _SIGNS.get(self.take(f"[{''.join(map(re.escape, _SIGNS))}]"))
         if sign:
-            self.at += 1
             self.after = "the end of the label"
             if kind == "S" and parity is None:
                 parity, p, q = "O", 0, 0
@@ -351,13 +319,9 @@ class _Reader:
     def condition(self, chosen: dict[str, float]) -> None:
         """One `h=..` or `alpha=..`, added to those chosen."""
         keys = [key for key in ("h", "alpha") if key not in chosen]
-        key = next((key for key in keys if self.text.startswith(key + "=", self.at)), None)
-        if key is None:
-            self.fail(" or ".join(f"{key}=.." for key in keys))
-        self.at += len(key) + 1
-        found = _FLOAT.match(self.text, self.at)
-        value = float(found.group()) if found else 0.0
-        if found is None or not 0.0 < value < math.inf:
-            self.fail(f"a positive number, the {'energy' if key == 'h' else 'quarter period'} {key}")
-        self.at = found.end()
-        chosen[key] = value
+        key = self.take("|".join(f"{key}=" for key in keys), " or ".join(f"{key}=.." for key in keys))[:-1]
+        start = self.at
+        text = self.take(_FLOAT)
+        chosen[key] = float(text or 0.0)
+        if not 0.0 < chosen[key] < math.inf:
+            raise LabelSyntaxError(self.text, start + 1, f"a positive number, the {'energy' if key == 'h' else 'quarter period'} {key}")

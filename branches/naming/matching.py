@@ -18,7 +18,7 @@ from branches.naming.labels import ImpossibleLabelError, Label, canonical_label,
 __all__ = [
     "AmbiguousName", "Crossing", "NameNotFound", "REFERENCE_TOLERANCE", "ReferencePoint", "Track", "cover_label", "fits_otherwise",
     "matches", "nearest_crossing", "nearest_labels", "reaches", "reference_point_of", "remark_on_name", "roots", "spelled",
-    "track_crossings", "why_a_cover",
+    "why_a_cover",
 ]  # fmt: skip
 
 
@@ -60,19 +60,8 @@ _IMPACT, _KIND = 3, 9
 def nearest_labels(asked: Label, existing: Iterable[str], count: int = 3) -> tuple[str, ...]:
     """The existing labels nearest to a label without an orbit: `count` by their fields, and one by its spelling.
 
-    Parameters
-    ----------
-    asked : Label
-        Fields that it leaves open are not compared.
-    existing : iterable of str
-        Labels.
-    count : int
-
-    Returns
-    -------
-    tuple of str
-        The nearest first: by the sum of the differences of half-waves, impacts (three times) and sign; equally near ones by their text.
-        Of several equivalent labels the canonical one.
+    Fields are compared by the sum of the differences of half-waves, impacts (three times) and sign. Fields that the label leaves open are
+    not compared. Of several equivalent labels the canonical one is given.
 
     Examples
     --------
@@ -190,8 +179,7 @@ def reference_point_of(text: str, label: Label | None, points: Mapping[str, Refe
     """
     if text in points or label is None:
         return points.get(text)
-    labelled = ((parse_name(name).label, point) for name, point in points.items())
-    known = {canonical_label(named): point for named, point in labelled if named is not None}
+    known = {canonical_label(named): point for name, point in points.items() if (named := parse_name(name).label) is not None}
     asked = canonical_label(label)
     if label.sign is not None or label.p is None:
         return known.get(asked)
@@ -234,17 +222,25 @@ def reaches(ends: tuple[float, float], value: float) -> bool:
     return ends[0] * (1.0 - _ROUNDED) <= value <= ends[1] * (1.0 + _ROUNDED)
 
 
-def track_crossings(track: Track, key: int, value: float, fits: Callable[[str], bool] | None = None) -> list[Crossing]:
-    """Where a track crosses a value of h (key 0) or alpha (key 1). One of the two neighbouring points must have a fitting label.
+def nearest_crossing(
+    track: Track, h: float | None, alpha: float | None, fits: Callable[[str], bool] | None = None
+) -> tuple[float, Crossing] | None:
+    """The orbit of a track at an energy, or else at a quarter period. Of several at an energy, the one nearest to the quarter period.
+
+    One of the two points beside a crossing must have a label that fits.
+
+    Returns
+    -------
+    (distance, orbit) or None
+        The relative difference of the quarter period, and (h, alpha). None if no orbit is within `REFERENCE_TOLERANCE`.
 
     Examples
     --------
-    >>> track_crossings([(1.0, 2.0, "S13O00+"), (3.0, 1.0, "S13O00+")], 0, 2.0)
-    [(2.0, 1.5)]
-    >>> track_crossings([(1.0, 2.0, "S13O00+"), (3.0, 1.0, "S13O00+")], 0, 3.0)
-    [(3.0, 1.0), (3.0, 1.0)]
+    >>> nearest_crossing([(1.0, 2.0, "S13O00+"), (3.0, 1.0, "S13O00+")], 2.0, None)
+    (0.0, (2.0, 1.5))
     """
-    out = []
+    best: tuple[float, Crossing] | None = None
+    key, value = (1, alpha or 0.0) if h is None else (0, h)
     for one, other in zip(track, [*track[1:], track[-1]], strict=True):
         before, after = one[:2][key] - value, other[:2][key] - value
         if before * after > 0.0 and abs(before) > _ROUNDED * value:
@@ -252,30 +248,7 @@ def track_crossings(track: Track, key: int, value: float, fits: Callable[[str], 
         if fits is not None and not (fits(one[2]) or fits(other[2])):
             continue
         part = before / (before - after) if before * after <= 0.0 and before != after else 0.0
-        out.append((one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])))
-    return out
-
-
-def nearest_crossing(
-    track: Track, h: float | None, alpha: float | None, fits: Callable[[str], bool] | None = None
-) -> tuple[float, Crossing] | None:
-    """The orbit of a track at an energy or at a quarter period. Of several at an energy, the one nearest to the quarter period.
-
-    Returns
-    -------
-    (distance, orbit) or None
-        The relative difference of the quarter period, and (h, alpha). None if no orbit is within `REFERENCE_TOLERANCE`.
-
-    Raises
-    ------
-    ValueError
-        Without h and alpha.
-    """
-    if h is None and alpha is None:
-        raise ValueError("neither h nor alpha is given, expected one or both")
-    best: tuple[float, Crossing] | None = None
-    key, value = (1, alpha or 0.0) if h is None else (0, h)
-    for crossing in track_crossings(track, key, value, fits):
+        crossing = one[0] + part * (other[0] - one[0]), one[1] + part * (other[1] - one[1])
         distance = abs(crossing[1] / alpha - 1.0) if h is not None and alpha is not None else 0.0
         if distance < (best[0] if best else REFERENCE_TOLERANCE):
             best = (distance, crossing)

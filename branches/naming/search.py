@@ -10,20 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.identity import same_orbit
-from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
+from branches.naming.labels import Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
-from branches.search.discovery import LONGEST, discover_orbits, fastest_turn
-from branches.search.orbits import Found, OrbitSearch, Problems, from_other_end
+from branches.presentation import embed
+from branches.search.discovery import LONGEST, Found, OrbitSearch, Problems, discover_orbits, fastest_turn, judged
 from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, follow_family
 from bvp.checks import require_system
+from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["LEVELS", "Limits", "Search", "find_by_id", "least_energy", "passes", "search_bounds"]
+__all__ = ["LEVELS", "Limits", "Search", "find_by_id", "from_other_end", "least_energy", "passes", "search_bounds"]
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
@@ -45,33 +46,15 @@ class Limits:
 
 def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
     """Limits from a scene's bounds (missing ones by default)."""
-    bounds = dict(bounds or {})
-    default = Limits()
-    for key in bounds:
-        if key not in default.__dataclass_fields__:
-            near = most_alike(key, default.__dataclass_fields__, 1) or tuple(default.__dataclass_fields__)
-            raise ValueError(f"unknown bound {key!r}; expected {', '.join(near)}")
-    energy = bounds.get("energy", default.energy)
-    return Limits(
-        (float(energy[0]), float(energy[1])),
-        float(bounds.get("quarter_period", default.quarter_period)),
-        int(bounds.get("impacts", default.impacts)),
-    )
+    given = {**vars(Limits()), **(bounds or {})}
+    for key in given.keys() - vars(Limits()).keys():
+        raise ValueError(f"unknown bound {key!r}; expected {most_alike(key, vars(Limits()), 1)[0]}")
+    low, high = given["energy"]
+    return Limits((float(low), float(high)), float(given["quarter_period"]), int(given["impacts"]))
 
 
 class Search:
-    """One search for a name over energies, coarse first.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    name : Name
-    limits : Limits
-    energy : (float, float)
-        The range that is searched.
-    followed : Followed
-        Families that are known; those that the search follows are added.
-    """
+    """One search for a name over a range of energies, coarse first. Families that it follows are added to those `followed`."""
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
         self.name = name
@@ -105,8 +88,13 @@ class Search:
 
     def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
         """All matches of the first of the levels that has any."""
+        low, high = self.energy
+        least = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
         for step, density in levels:
-            energies = self._energies(step if max(self.impacts) else 2.0 * step)
+            energies = np.array([low])
+            if low < high:
+                count = max(2, math.ceil(math.log(high / least) / (step if max(self.impacts) else 2.0 * step)))
+                energies = np.exp(np.linspace(math.log(least), math.log(high), 2 * count + 1)[1::2])
             angles = density * max(1, min(4, max(self.impacts)))
             self.searched = (len(energies), angles)
             found = [orbit for h in energies for orbit in self._at(h, angles)]
@@ -114,25 +102,19 @@ class Search:
                 return found
         return []
 
-    def _energies(self, step: float) -> np.ndarray:
-        low, high = self.energy
-        if low == high:
-            return np.array([low])
-        low = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
-        count = max(2, math.ceil(math.log(high / low) / step))
-        grid = np.linspace(math.log(low), math.log(high), 2 * count + 1)[1::2]
-        return np.exp(grid)
-
     def _at(self, h: float, angles: int) -> list[Found]:
         out = []
         search = OrbitSearch(self.system, self.problems)
         for sampler in self.samplers:
-            for orbit in search.sample(sampler, h, angles):
+            for segment in sampler.segments(h, angles):
+                orbit = search.add(segment, lambda problem, y: problem.solve(y, energy=h))
+                if orbit is None:
+                    continue
                 label, pattern = orbit.label, self.name.label
-                # Started at its other end, Umnpq is Umnqp.
-                two_starts = label is not None and label.kind == "U" and label.p != label.q
-                if label is not None and pattern is not None and two_starts and not self.fits(orbit) and matches(pattern, label):
-                    orbit = from_other_end(orbit)
+                if label is not None and pattern is not None and label.kind == "U" and label.p != label.q:
+                    # Started at its other end, Umnpq is Umnqp.
+                    if not self.fits(orbit) and matches(pattern, label):
+                        orbit = from_other_end(orbit)
                 if self.fits(orbit):
                     out.append(orbit)
                 elif orbit.label is not None:
@@ -168,10 +150,10 @@ class Search:
         low, high = self.energy
         where = f"at h = {low:g}" if low == high else f"for h in {low:g}:{high:g}"
         counts = self.impacts[0] if len(self.impacts) == 1 else f"{self.impacts[0]} to {self.impacts[-1]}"
+        energies, angles = self.searched
         text = (
             f"no orbit {self.name.label or self.name.family} found {where}, quarter period up to {self.longest:g}, "
-            f"with {counts} inner impacts in the solved segment "
-            f"({self.searched[0]} energies, {self.searched[1]} angles)"
+            f"with {counts} inner impacts in the solved segment ({energies} energies, {angles} angles)"
         )
         turn = fastest_turn(self.system, self.longest)
         if turn > LONGEST:
@@ -186,7 +168,9 @@ class Search:
             return f"{text}; with these ends and this sequence there {'is' if len(known) == 1 else 'are'} {', '.join(known[:5])}"
         label = self.name.label
         if label is not None:
-            cover = why_a_cover(label, self._exists)
+            cover = why_a_cover(
+                label, lambda root: bool(Search(self.system, Name(root), self.limits, self.range, self.followed).run(LEVELS[:1]))
+            )
             if cover:
                 return cover
         if self.seen and label is not None:
@@ -194,10 +178,16 @@ class Search:
             text += "; nearest that exist: " + ", ".join(f"{k}@h={self.seen[k][0]:.5g},alpha={self.seen[k][1]:.5g}" for k in near)
         return text
 
-    def _exists(self, root: Label) -> bool:
-        search = Search(self.system, Name(root), self.limits, self.range, self.followed)
-        step, angles = LEVELS[0]
-        return any(search._at(h, angles) for h in search._energies(step))
+
+def from_other_end(orbit: Found) -> Found:
+    """The same origin..origin orbit, started half a period later. If Newton's method does not confirm it there, the orbit itself."""
+    presentation = embed(orbit.problem, orbit.solution.y, (1, 2))
+    problem = MultipointProblem(orbit.problem.system, presentation.ends, presentation.sequence)
+    try:
+        turned = judged(problem, problem.solve(presentation.unknowns(problem), energy=orbit.h))
+    except NotConverged:
+        return orbit
+    return turned if isinstance(turned, Found) else orbit
 
 
 def least_energy(system: ImpactSystem) -> float:
@@ -245,19 +235,7 @@ KEPT = "expected a catalogue that has it (--catalogue FILE)"
 
 
 def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed) -> tuple[Found, Branch]:
-    """An orbit of the family with an id, and the family.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-    name : Name
-        With a family.
-    limits : Limits
-        Quarter periods and energies that are searched.
-    energy : (float, float)
-        The range in which the family will be followed.
-    followed : Followed
-        Families that are known; those that the search follows are added.
+    """An orbit of the family with an id, and the family; `energy`, `followed`: as for `branches.naming.families.resolve`.
 
     Raises
     ------
@@ -276,18 +254,14 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
-    for round_ in range(ROUNDS):
-        parts = 2 ** (round_ + 1)
-        for k in range(1, parts, 2) if name.h is None else (1,):
-            h = low * (high / low) ** (k / parts) if name.h is None else name.h
-            for orbit in discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
-                found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
-                if found.canonical == wanted:
-                    branch = followed_through(followed, found, span)
-                    if name.family in branch.full_family.ids:
-                        return found, branch
-        if name.h is not None:
-            break
+    grid = (k / 2**level for level in range(1, ROUNDS + 1) for k in range(1, 2**level, 2))
+    for h in (low * (high / low) ** part for part in grid) if name.h is None else (name.h,):
+        for orbit in discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
+            found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
+            if found.canonical == wanted:
+                branch = followed_through(followed, found, span)
+                if name.family in branch.full_family.ids:
+                    return found, branch
     there = ", ".join(list(dict.fromkeys(branch.id for branch in followed))[:5])
     raise NameNotFound(
         f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; "

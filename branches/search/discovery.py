@@ -1,28 +1,40 @@
-"""All primitive symmetric orbits of a system at one energy, within bounds."""
+"""All primitive symmetric orbits at one energy, within bounds: each scanned segment is solved, and each orbit is kept once.
+
+Three scans find segments. `branches.search.intervals` splits the starts at an energy into intervals until each is decided.
+`branches.search.starts` compares starts at given angles: it is fast and proves nothing. `branches.impulsive.orbits` splits a range of
+energies until each interval is decided.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.naming.labels import most_alike
-from branches.orbit import Orbit
-from branches.search.intervals import Opening
-from branches.search.orbits import OrbitSearch, Unpolished, is_complete, kept_problems
-from branches.search.starts import START_FROM_A_STATE
-from branches.sequences import impacts_per_period, segments_per_period
+from branches.identity import cover_of, same_orbit
+from branches.naming.labels import Label, most_alike
+from branches.orbit import Orbit, label_at
+from branches.search.intervals import SAME_START, Limits, Opening, segment_limits, segments
+from branches.search.starts import START_FROM_A_STATE, ScannedSegment
+from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.checks import is_finite, require_system
+from bvp.kernels.multipoint import STOP
 from bvp.kernels.shooting import STEP_LIMIT
+from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLASSES", "WITHOUT_ORIGIN", "Discovery", "check", "discover_orbits", "fastest_turn", "segment_limits"]
+__all__ = [
+    "CLASSES", "Discovery", "Found", "OrbitSearch", "Unpolished", "WITHOUT_ORIGIN", "check", "discover_orbits", "fastest_turn",
+    "is_complete", "judged",
+]  # fmt: skip
 
 CLASSES = {
     "origin-origin": ("origin-origin", "origin-rest", "origin-stop"),
@@ -54,6 +66,196 @@ STAGES = (
     "unpolished", "inadmissible", "without_impacts", "covers", "duplicates", "one_sided", "beyond_bounds", "orbits",
 )  # fmt: skip
 """Keys of `Discovery.counts`."""
+
+
+SAME_STATE = 1e-8
+"""Largest difference of the states of two solutions that are one orbit, relative to their size."""
+
+MOVED = 1e-6
+"""How far Newton's method may move the start of a segment, relative to its size. Farther, it has found another orbit."""
+
+MOST_PROBLEMS = 1000
+"""Problems kept from one search to the next, some twenty kilobytes each."""
+
+Problems = dict[tuple[Ends, ImpactSequence], MultipointProblem]
+
+
+@dataclass(eq=False)
+class Found:
+    """An admissible, primitive orbit: its problem, solution and label (None outside the grammar), energy h, quarter period alpha, and its
+    canonical sequence and ends."""
+
+    problem: MultipointProblem
+    solution: Solution
+    label: Label | None
+
+    def __post_init__(self) -> None:
+        self.h = self.solution["energy"]
+        self.alpha = self.solution["quarter_period"]
+        problem = self.problem
+        self.canonical = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=problem.system.has_odd_symmetry)
+
+
+class Unpolished(NamedTuple):
+    """A segment that could not be solved. parameter, low, high: the scan's parameter and its interval. alpha, residual: of the segment."""
+
+    ends: Ends
+    sequence: str
+    parameter: float
+    low: float
+    high: float
+    alpha: float
+    residual: float
+    reason: str
+
+
+def judged(problem: MultipointProblem, solution: Solution) -> Found | str:
+    """The orbit with its label, or why it is none: "without_impacts", "inadmissible", or "covers" for an orbit that is not primitive."""
+    if problem.inner == 0 and STOP not in problem.kinds:
+        return "without_impacts"
+    if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
+        return "inadmissible"
+    if cover_of(problem, solution) > 1:
+        return "covers"
+    return Found(problem, solution, label_at(problem, solution.result))
+
+
+def is_complete(counts: dict[str, int]) -> bool:
+    """Whether a scan decided all its intervals, all its segments were solved, and each orbit was found from both its ends."""
+    return not any(counts.get(stage) for stage in ("open", "unpolished", "one_sided"))
+
+
+@dataclass(eq=False)
+class OrbitSearch:
+    """Collects the orbits of one system.
+
+    `problems`: multipoint problems of the system that earlier searches made; new ones are added. `counts`, `unpolished`, `open`: as in
+    `Discovery`. `found`: orbits by their canonical sequence and ends, each with its images.
+    """
+
+    system: ImpactSystem
+    problems: Problems = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    unpolished: list[Unpolished] = field(default_factory=list)
+    open: list[Opening] = field(default_factory=list)
+    found: dict[tuple[Any, Any], list[list[Found]]] = field(default_factory=dict)
+
+    def scan(self, start: str, energy: float, limits: Limits, budget: int) -> None:
+        """Collect all orbits at an energy that start at a kind of end, as `branches.search.intervals.segments` describes."""
+
+        for segment, is_found_again in segments(self.system, start, energy, limits, budget, self.counts, self.open):
+            if is_found_again:
+                self.add(segment, lambda problem, y: problem.solve(y, energy=energy), _strayed)
+            else:
+                self._set_aside(segment, "its impacts were not found again")
+
+    def add(
+        self,
+        segment: ScannedSegment,
+        solve: Callable[[MultipointProblem, np.ndarray], Solution],
+        strayed: Callable[[ScannedSegment, MultipointProblem, Solution], str | None] | None = None,
+    ) -> Found | None:
+        """Solve a segment, and keep the orbit if it is new; None if the solution is not a primitive orbit.
+
+        `solve` takes the problem and its unknowns, and may raise `NotConverged`. `strayed` says why the solution is not the segment's.
+        """
+        key = segment.ends, segment.sequence
+        if not segment.sequence and not any(end.startswith("stop") for end in segment.ends):
+            self.counts["without_impacts"] += 1
+            return None
+        if key not in self.problems:
+            self.problems[key] = MultipointProblem(self.system, *key)
+        problem = self.problems[key]
+        try:
+            solution = solve(problem, problem.pack(segment.start, segment.nodes, segment.flight_times))
+        except NotConverged as error:
+            self._set_aside(segment, str(error))
+            return None
+        reason = strayed(segment, problem, solution) if strayed is not None else None
+        if reason is not None:
+            self._set_aside(segment, reason)
+            return None
+        orbit = judged(problem, solution)
+        if isinstance(orbit, str):
+            self.counts[orbit] += 1
+            return None
+        self.counts["polished"] += 1
+        same = self.found.setdefault(orbit.canonical, [])
+        for images in same:
+            # Comparing the quarter periods first is cheap and separates most orbits.
+            near = [other for other in images if abs(orbit.alpha / other.alpha - 1.0) <= SAME_STATE]
+            pairs = (((problem, solution.y), (other.problem, other.solution.y)) for other in near)
+            if any(same_orbit(*pair, SAME_STATE, between_reversals=True) for pair in pairs):
+                self.counts["duplicates"] += 1
+                if not any(_has_start(other, problem, segment.start) for other in images):
+                    images.append(orbit)
+                return orbit
+        same.append([orbit])
+        return orbit
+
+    def _set_aside(self, segment: ScannedSegment, reason: str) -> None:
+        self.counts["unpolished"] += 1
+        sequence = "".join(segment.sequence)
+        self.unpolished.append(
+            Unpolished(segment.ends, sequence, segment.parameter, segment.low, segment.high, segment.alpha, segment.residual, reason)
+        )
+
+    def orbits(self, quarter_period: float, impacts: int | None) -> list[Found]:
+        """The orbits within bounds of quarter period and impacts in half a period, by quarter period.
+
+        An orbit with two ends of one kind can be solved from each of them. A complete scan finds it from both. ``one_sided`` counts those
+        found from one alone, ``beyond_bounds`` the orbits outside the bounds."""
+        every = [images for group in self.found.values() for images in group]
+        within = [
+            images
+            for images in every
+            if images[0].alpha <= quarter_period * (1.0 + 1e-12)
+            and (impacts is None or impacts_per_period(images[0].problem.sequence, images[0].problem.ends) <= 2 * impacts)
+        ]
+        # Whether an orbit with two ends of one kind was found from one of them alone.
+        symmetric = (images for images in within if len({end.rstrip("+-") for end in images[0].problem.ends}) == 1)
+        self.counts["one_sided"] = sum(len(images) != 2 for images in symmetric)
+        self.counts["beyond_bounds"] = len(every) - len(within)
+        self.counts["orbits"] = len(within)
+        return sorted((min(images, key=_preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.sequence))
+
+
+_kept = threading.local()
+
+
+def _kept_problems(system: ImpactSystem) -> Problems:
+    """The multipoint problems of the system that this thread searched last: neighbouring energies have the same sequences. Problems hold
+    scratch arrays, so threads do not share them."""
+    if getattr(_kept, "system", None) is not system or len(_kept.problems) > MOST_PROBLEMS:
+        _kept.system, _kept.problems = system, {}
+    problems: Problems = _kept.problems
+    return problems
+
+
+def _strayed(segment: ScannedSegment, problem: MultipointProblem, solution: Solution) -> str | None:
+    """Why a solution does not show what the segment is; None if it does."""
+    if np.max(np.abs(problem.start(solution.y) - segment.start)) > MOVED * np.max(np.abs(segment.start)):
+        return "Newton's method moved away from it"
+    if not solution["residual"] < 1e-12:
+        return f"its residual stays at {solution['residual']:.1e}"
+    nearest = min(solution["clearance"], solution["speed"])
+    if min(nearest, solution["flight"]) <= 0.0 and nearest > -1e-12:
+        return "it grazes a stop within rounding"
+    return None
+
+
+def _has_start(orbit: Found, problem: MultipointProblem, start: np.ndarray) -> bool:
+    """Whether a start equals the start of a known orbit within rounding. This happens because resumed intervals overlap."""
+    known = orbit.problem.start(orbit.solution.y)
+    return orbit.problem is problem and float(np.max(np.abs(known - start))) <= SAME_START * float(np.max(np.abs(start)))
+
+
+def _preference(orbit: Found) -> tuple[Any, ...]:
+    """Sort key of the images of an orbit: the label with p <= q, then the first sequence, then the first start."""
+    label = orbit.label
+    crossed = label is not None and label.p is not None and label.q is not None and label.p > label.q
+    start = orbit.problem.start(orbit.solution.y)
+    return crossed, orbit.problem.ends, orbit.problem.sequence, tuple(np.round(-start, 9))
 
 
 @brief
@@ -120,28 +322,14 @@ def discover_orbits(
     ends: Sequence[str] | None = None,
     budget: int | None = None,
 ) -> Discovery:
-    """Find every primitive symmetric orbit at an energy, within bounds.
+    """Find every primitive symmetric orbit at an energy, within bounds: `saltus.discover` without a catalogue.
 
     Parameters
     ----------
-    system : ImpactSystem
-        Conservative, two degrees of freedom, one stop.
-    energy : float
-        h > 0.
-    quarter_period : float
-        Longest quarter period.
-    impacts : int, optional
-        Most impacts in half a period; None: not bounded.
-    ends : sequence of str, optional
-        Of `CLASSES`. The default is the published kind: half periods between two origins, and the quarter periods inside them. A system
-        without odd symmetry has no such orbits. There the default is `WITHOUT_ORIGIN`.
-    budget : int, optional
-        Largest number of starts that are followed. The default is a million, or fewer if the phase of the fastest mode advances by
-        more than `LONG` within a segment.
-
-    Returns
-    -------
-    Discovery
+    system, energy, quarter_period, impacts, ends, budget
+        As for `saltus.discover`. With `ends` None they are the published kind: half periods between two origins, and the quarter periods
+        inside them. A system without odd symmetry has no such orbits. There they are `WITHOUT_ORIGIN`. With `budget` None it is
+        a million starts, or fewer if the phase of the fastest mode advances by more than `LONG` within a segment.
 
     Raises
     ------
@@ -163,7 +351,7 @@ def discover_orbits(
     if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
         raise ValueError(f"the most starts is {shown(budget)}, expected an integer above 0 and below 2^63")
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
-    search = OrbitSearch(system, kept_problems(system))
+    search = OrbitSearch(system, _kept_problems(system))
     for start in ("origin", "rest", "stop"):
         far_ends = [name.split("-")[1] for name in wanted if name.startswith(f"{start}-")]
         if far_ends:
@@ -172,18 +360,6 @@ def discover_orbits(
     search.counts["over_budget"] = search.counts["budget"]
     counts = {stage: search.counts[stage] for stage in STAGES}
     return Discovery(system, energy, quarter_period, impacts, tuple(ends), orbits, search.unpolished, search.open, counts)
-
-
-def segment_limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
-    """Longest time and largest number of inner impacts of a segment between two kinds of end; (-1, -1) if there is no such segment."""
-    # A segment with the origin at one end only is a quarter of a period; every other segment is half a period.
-    quarter = (first == "origin") != (far == "origin")
-    time = quarter_period * (1.0 if quarter else 2.0) * (1.0 + 1e-12)
-    if impacts is None:
-        return time, None
-    ends = ("stop+" if first == "stop" else first, "stop+" if far == "stop" else far)
-    inner = (2 * impacts - impacts_per_period((), ends)) // segments_per_period(ends)
-    return (time, inner) if inner >= 0 else (-1.0, -1)
 
 
 def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
@@ -203,15 +379,11 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
             f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) rotates by {turn:.4g} within half of the longest period "
             f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
         )
-    if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or impacts < 0):
-        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected an integer, 0 or more")
-    if impacts is not None and impacts > MOST_BOUND:
-        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected {MOST_BOUND} or less, or no bound")
-    if ends is None:
-        return
-    if not ends or isinstance(ends, str):
+    if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or not 0 <= impacts <= MOST_BOUND):
+        raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected an integer from 0 to {MOST_BOUND}, or no bound")
+    if ends is not None and (not ends or isinstance(ends, str)):
         raise ValueError(f"the ends are {shown(ends)}, expected a list with some of {', '.join(CLASSES)}")
-    for name in ends:
+    for name in ends or ():
         if name not in CLASSES:
             near = most_alike(shown(name), CLASSES, 1)
             raise ValueError(f"unknown ends {shown(name)}, expected some of {', '.join(CLASSES)}; nearest: {near[0]}")

@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve, curves
-from branches.sequences import mirror, unfolded_sequence
+from branches.sequences import impacts_per_period, mirror, segments_per_period, unfolded_sequence
 from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
@@ -27,7 +28,7 @@ from bvp.kernels.verdict import ENDLESS, GRAZED, StartSearch
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["EndCrossing", "Limits", "Opening", "first_crossings", "follow_start", "resumed", "scan", "segments"]
+__all__ = ["EndCrossing", "Limits", "Opening", "first_crossings", "follow_start", "resumed", "scan", "segment_limits", "segments"]
 
 PIECES, PIECES_RESUMED = 32, 2
 """Intervals that each curve is cut into at first; and one that is resumed."""
@@ -42,6 +43,18 @@ KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP}
 
 Limits = Mapping[str, tuple[float, int | None]]
 """For each kind of far end that is searched: longest time and most inner impacts of a segment; None: not bounded."""
+
+
+def segment_limits(first: str, far: str, quarter_period: float, impacts: int | None) -> tuple[float, int | None]:
+    """Longest time and largest number of inner impacts of a segment between two kinds of end; (-1, -1) if there is no such segment."""
+    # A segment with the origin at one end only is a quarter of a period; every other segment is half a period.
+    quarter = (first == "origin") != (far == "origin")
+    time = quarter_period * (1.0 if quarter else 2.0) * (1.0 + 1e-12)
+    if impacts is None:
+        return time, None
+    ends = ("stop+" if first == "stop" else first, "stop+" if far == "stop" else far)
+    inner = (2 * impacts - impacts_per_period((), ends)) // segments_per_period(ends)
+    return (time, inner) if inner >= 0 else (-1.0, -1)
 
 
 class EndCrossing(NamedTuple):
@@ -73,21 +86,10 @@ class Opening(NamedTuple):
 def segments(
     system: ImpactSystem, start: str, energy: float, limits: Limits, budget: int, counts: Counter[str], openings: list[Opening]
 ) -> Iterator[tuple[ScannedSegment, bool]]:
-    """All segments from one end set to the far ends at an energy.
+    """All segments from one end set ("origin", "rest" or "stop") to the far ends at an energy.
 
-    Parameters
-    ----------
-    system : ImpactSystem
-    start : str
-        "origin", "rest" or "stop".
-    energy : float
-    limits : Limits
-    budget : int
-        The search stops when it has followed this many starts, including those in `counts`.
-    counts : Counter
-        The scan adds its numbers to it.
-    openings : list of Opening
-        The scan adds to it the intervals that it could not decide.
+    The search stops when it has followed `budget` starts, including those in `counts`. It adds its numbers to `counts`, and to `openings`
+    the intervals that it could not decide.
 
     Yields
     ------
@@ -143,22 +145,11 @@ def _segment(system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, pat
 
 
 def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossing], list[Opening], dict[str, int]]:
-    """Scan one curve.
+    """Crossings and openings of one curve, and counts by the names of `bvp.kernels.intervals.COUNTS`.
 
-    Parameters
-    ----------
-    curve : StartCurve
-    limits : Limits
-    budget : int
-        Most starts that are followed. The intervals left then stay open.
-
-    Returns
-    -------
-    crossings, openings, counts
-        Counts by the names of `bvp.kernels.intervals.COUNTS`.
+    At most `budget` starts are followed. The intervals left then stay open.
     """
-    gone = 0 if curve.before is None else len(curve.before.contacts)
-    since = 0.0 if curve.before is None else float(curve.before.instants[-1])
+    gone, since = _lead(curve)
     most = max((MOST_IMPACTS if impacts is None else impacts for _, impacts in limits.values()), default=0) - gone
     times = np.full(3, -1.0)
     impacts = np.zeros(3, dtype=np.int64)
@@ -175,28 +166,25 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
     candidates = np.zeros((4096, 8))
     openings = np.zeros((256, 4))
     total = np.zeros(len(COUNTS), dtype=np.int64)
+    names = {number: name for name, number in KINDS.items()}
     crossings: list[EndCrossing] = []
     open_ones: list[Opening] = []
     state = np.zeros(STATE, dtype=np.int64)
     pace = Pace()
     pieces = PIECES if curve.before is None else PIECES_RESUMED
     edges = np.linspace(curve.low, curve.high, pieces + 1)
-    for i in range(pieces):
-        low, high = float(edges[i]), float(edges[i + 1])
-        root_low = curve.singular[0] and i == 0
-        root_high = curve.singular[1] and i == pieces - 1
-        kind = (1.0 if root_low else 0.0) + (2.0 if root_high else 0.0)
-        ends = np.array([low, high, kind])
+    for i, (low, high) in enumerate(pairwise(edges.tolist())):
+        root_low, root_high = curve.singular[0] and i == 0, curve.singular[1] and i == pieces - 1
+        ends = np.array([low, high, root_low + 2.0 * root_high])
         low += INSET if root_low else 0.0
         high -= INSET if root_high else 0.0
         while True:
             counts = np.zeros(len(COUNTS), dtype=np.int64)
-            left = max(1, budget - int(total[0]))
             begin_interval(search, low, high, ends, stack, counts, state)
             done = False
             while not done:
                 with pace:
-                    done = scan_interval(search, stack, candidates, openings, left, counts, pace.passes, state)
+                    done = scan_interval(search, stack, candidates, openings, max(1, budget - int(total[0])), counts, pace.passes, state)
             found, opened = int(state[CANDIDATES]), int(state[OPENINGS])
             if found <= len(candidates) and opened <= len(openings):
                 break
@@ -204,26 +192,26 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
             openings = np.zeros((max(2 * opened, len(openings)), 4))
         total += counts
         for row in candidates[:found]:
-            name = next(end for end, number in KINDS.items() if number == row[0])
             place, flight, residual, converged, low, high = row[2:8].tolist()
-            crossings.append(EndCrossing(name, gone + int(row[1]), place, flight, residual, converged == 1.0, low, high))
+            crossings.append(EndCrossing(names[int(row[0])], gone + int(row[1]), place, flight, residual, converged == 1.0, low, high))
         open_ones += [Opening(float(row[0]), float(row[1]), gone + int(row[2]), int(row[3])) for row in openings[:opened]]
     return crossings, open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
+
+
+def _lead(curve: StartCurve) -> tuple[int, float]:
+    """Impacts and time before the starts of a curve, which may be the image of a piece of another."""
+    return (0, 0.0) if curve.before is None else (len(curve.before.contacts), float(curve.before.instants[-1]))
 
 
 def follow_start(curve: StartCurve, parameter: float, impacts: int, longest: float) -> Path:
     """One start of a curve, followed through so many impacts, or fewer where the time ends before.
 
     Of a curve with motion `before` it, that is part of the path and of its impacts and its time."""
-    before = curve.before
-    if before is not None:
-        impacts -= len(before.contacts)
-        longest -= float(before.instants[-1])
+    before, (gone, since) = curve.before, _lead(curve)
+    impacts -= gone
     record = np.zeros((impacts + 2, COLUMNS))
-    work = np.zeros((16, 16))
-    rows = follow_impacts(curve.flow, parameter, longest, impacts, record, work)
-    hit = int(np.argmax(np.append(record[:rows, CONTACT] < 0.0, True)))
-    hit = min(hit, impacts + 1)
+    rows = follow_impacts(curve.flow, parameter, longest - since, impacts, record, np.zeros((16, 16)))
+    hit = min(int(np.argmax(np.append(record[:rows, CONTACT] < 0.0, True))), impacts + 1)
     inner = min(hit, impacts, rows - 1)
     start, contacts = record[0, :4].copy(), record[:hit, CONTACT].astype(np.int64)
     nodes, durations, instants = record[1 : inner + 1, :4].copy(), record[:inner, DURATION].copy(), record[1 : inner + 1, TIME].copy()
@@ -249,24 +237,11 @@ STRETCHED = 10.0
 
 
 def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve | None:
-    """The states after the last decided impact of an open interval, as a curve of starts.
+    """The states after the last decided impact of an open interval of a curve, as a curve of starts; `longest`: time from the first start.
 
-    Parameters
-    ----------
-    curve : StartCurve
-        What was scanned.
-    opening : Opening
-        What stayed open of it.
-    longest : float
-        Time from the first start of all that is searched.
-
-    Returns
-    -------
-    StartCurve or None
-        None where the interval is open for another reason than rounding, so that its image would be so as well.
+    It is None where the interval is open for another reason than rounding, so that its image would be so as well.
     """
-    gone = 0 if curve.before is None else len(curve.before.contacts)
-    since = 0.0 if curve.before is None else float(curve.before.instants[-1])
+    gone, since = _lead(curve)
     flight = opening.flight - gone
     if flight < 1 or opening.reason == ENDLESS or opening.width > NARROW * max(1.0, abs(opening.parameter)):
         return None
@@ -282,8 +257,9 @@ def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve |
     low, here, high = samples
     if any(np.any(record[:flight, CONTACT] != here[:flight, CONTACT]) for record in samples):
         return None
-    state, rate = here[flight, :4], here[flight, DERIVATIVE : DERIVATIVE + 4]
-    bend = (high[flight, DERIVATIVE : DERIVATIVE + 4] - low[flight, DERIVATIVE : DERIVATIVE + 4]) / opening.width
+    derivative = slice(DERIVATIVE, DERIVATIVE + 4)
+    state, rate = here[flight, :4], here[flight, derivative]
+    bend = (high[flight, derivative] - low[flight, derivative]) / opening.width
     # By this parameter the state moves as fast as it is large, as the kernels expect of starts: their rounding is the parameter's.
     scale = float(np.max(np.abs(state)) / np.max(np.abs(rate)))
     if STRETCHED * scale > 1.0:
@@ -309,30 +285,15 @@ first one."""
 def first_crossings(
     crossings: list[EndCrossing], instants: list[float], sequences: list[tuple[str, ...]], start: str, span: float
 ) -> tuple[list[int], list[int]]:
-    """Indices of the crossings that are the first of their start, and of those that repeat it in a k-fold cover of the first segment.
+    """Indices of the crossings of a curve that are the first of their start, and of those that repeat it in a k-fold cover of its segment.
 
-    Parameters
-    ----------
-    crossings : list of EndCrossing
-        Of one curve.
-    instants : list of float
-        Time from the start to each.
-    sequences : list of tuple of str
-        Impacts from the start to each, that at a far stop included.
-    start : str
-        The end that the curve is of.
-    span : float
-        Length of the curve.
-
-    Returns
-    -------
-    first, repeated : list of int
+    `instants`: time from the start to each. `sequences`: impacts from the start to each, that at a far stop included. `start`: the end that
+    the curve is of. `span`: its length.
     """
     first: list[int] = []
     repeated: list[int] = []
-    order = sorted(range(len(crossings)), key=lambda i: crossings[i].parameter)
     groups: list[list[int]] = []
-    for i in order:
+    for i in sorted(range(len(crossings)), key=lambda i: crossings[i].parameter):
         near = groups and crossings[i].parameter - crossings[groups[-1][-1]].parameter <= SAME_START * span
         if near and crossings[i].converged and crossings[groups[-1][-1]].converged:
             groups[-1].append(i)

@@ -114,20 +114,8 @@ class StartCurve:
 
 
 def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
-    """The curves of all starts of a kind at an energy, up to the mirror image.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-        Two degrees of freedom, one stop, conservative.
-    end : str
-        "origin", "rest" or "stop".
-    energy : float
-
-    Returns
-    -------
-    list of StartCurve
-        Empty if the energy is too low for the end set.
+    """The curves of all starts of a kind ("origin", "rest" or "stop") at an energy, up to the mirror image. The list is empty if the energy
+    is too low for the end set.
 
     Raises
     ------
@@ -250,23 +238,9 @@ def origin_starts(energy: float, angles: np.ndarray) -> np.ndarray:
 
 
 class Sampler:
-    """Scans one system from the origin to a far end of one kind.
+    """Scans one system, which must be two-dof with one stop, from the origin to a far end of one kind: "origin", "rest" or "stop".
 
-    Parameters
-    ----------
-    system : ImpactSystem
-        Two degrees of freedom, one stop with odd symmetry.
-    end : str
-        "origin", "rest" or "stop".
-    quarter_period : float
-        Longest quarter period.
-    impacts : sequence of int
-        Numbers of impacts inside the segment.
-
-    Raises
-    ------
-    ValueError
-        For another number of degrees of freedom or several stops.
+    quarter_period: the longest. impacts: numbers of impacts inside the segment.
     """
 
     def __init__(self, system: ImpactSystem, end: str, quarter_period: float, impacts: Sequence[int]):

@@ -2,13 +2,15 @@
 
 import numpy as np
 
-from branches.search.orbits import OrbitSearch
+from branches.search.discovery import OrbitSearch
 from branches.search.starts import Sampler, origin_starts
 
 
 def sampled(system, end, quarter_period, energy, angles, impacts):
     """Orbits from a scan of so many angles, or of an array of angles."""
-    return list(OrbitSearch(system).sample(Sampler(system, end, quarter_period, list(impacts)), energy, angles))
+    search, sampler = OrbitSearch(system), Sampler(system, end, quarter_period, list(impacts))
+    found = (search.add(segment, lambda problem, y: problem.solve(y, energy=energy)) for segment in sampler.segments(energy, angles))
+    return [orbit for orbit in found if orbit is not None]
 
 
 def refined(system, end, quarter_period, energy, angle, most, width, count=801):

@@ -11,6 +11,7 @@ from branches.tracing import SETTINGS
 from bvp.multipoint import MultipointProblem
 from continuation import Settings
 from continuation.control import NEAR_GOAL, control_of, distance, height
+from continuation.problem import Goal, Recent
 from continuation.run import follow_both_ways
 from tests.branches.traced import traced
 
@@ -99,7 +100,8 @@ def test_a_block_comes_back_where_it_passes_its_goal(side):
     first, before = older.arclength - oldest.arclength, start.arclength - older.arclength
     aim, direction = np.array(goal.step.position), side * (np.array(goal.step.position) - np.array(points[19].step.position))
     tests = start.step.tests, older.step.tests, oldest.step.tests
-    found = family.advance(start.step, *tests, before, first, points[4].step_size, aim, direction, 25, control_of(SETTINGS))
+    recent = Recent(start.step, *tests, before, first)
+    found = family.advance(recent, points[4].step_size, Goal(goal.step, direction), 25, control_of(SETTINGS))
     path = [start.step.position, *(step.position for step in found.steps)]
     if side < 0.0:
         assert len(found.steps) == 25 and found.trial is None

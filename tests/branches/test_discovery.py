@@ -10,7 +10,7 @@ import saltus
 from benchmarks import backbone
 from branches.naming.labels import parse
 from branches.orbit import Orbit
-from branches.search.orbits import accept, cover_of
+from branches.search.discovery import cover_of, judged
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.scans import sampled
@@ -79,7 +79,7 @@ def test_several_turns_are_counted():
     for impacts in (2, 4, 6):
         problem, y = backbone_segment(SYSTEM, 1.7, impacts)
         assert cover_of(problem, problem.solve(y)) == impacts  # a quarter problem solves half a turn of it
-        assert accept(problem, problem.solve(y)) is None
+        assert judged(problem, problem.solve(y)) == "covers"
 
 
 def test_orbits_without_impacts_are_none():
@@ -90,7 +90,7 @@ def test_orbits_without_impacts_are_none():
     problem = MultipointProblem(SYSTEM, ("origin", "rest"), ())
     start = np.array([0.0, 0.0, 0.2, 0.0])
     guess = problem.pack(start, np.zeros((0, 4)), [0.5 * np.pi / modes.frequencies[0]])
-    assert accept(problem, problem.solve(guess)) is None
+    assert judged(problem, problem.solve(guess)) == "without_impacts"
 
 
 def test_the_free_impact_damper():

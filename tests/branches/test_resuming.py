@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.search.discovery import CLASSES, discover_orbits, segment_limits
-from branches.search.intervals import resumed, scan
+from branches.search.discovery import CLASSES, discover_orbits
+from branches.search.intervals import resumed, scan, segment_limits
 from branches.search.starts import curves
 from branches.sequences import mirror, unfolded_sequence
 from tests.bvp.high_precision import DIGITS, Exact

@@ -14,9 +14,8 @@ from scipy.optimize import brentq
 import saltus
 from benchmarks import backbone
 from branches.record import discovery_to_json
-from branches.search.discovery import CLASSES, discover_orbits
+from branches.search.discovery import CLASSES, discover_orbits, judged
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
-from branches.search.orbits import accept
 from branches.search.starts import curves
 from branches.sequences import impacts_per_period
 from bvp.kernels.verdict import GRAZED
@@ -121,8 +120,8 @@ def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
             )
         except NotConverged:
             continue
-        orbit = accept(problem, solution)
-        if orbit is None or orbit.alpha > 4.0 or impacts_per_period(word, problem.ends) > 12:
+        orbit = judged(problem, solution)
+        if isinstance(orbit, str) or orbit.alpha > 4.0 or impacts_per_period(word, problem.ends) > 12:
             continue
         nearest = known[np.argmin(np.abs(known - orbit.alpha))]
         assert abs(nearest / orbit.alpha - 1.0) < 1e-8, (problem.ends, word, orbit.alpha)

@@ -21,7 +21,9 @@ class Marching:
     def __getattr__(self, name):
         return getattr(self.problem, name)
 
-    def advance(self, step, tests, older, oldest, before, first, ds, goal, direction, room, control):
+    def advance(self, recent, ds, goal, room, control):
+        step, tests, older, oldest, before, first = recent
+        goal, direction = goal.step.position, goal.direction
         kinds, singular = kinds_of(self.problem.tests), [test.singular for test in self.problem.tests]
         steps, strides, lengths, trial = [], [], [], None
         while len(steps) < room and trial is None:
