@@ -45,7 +45,6 @@ DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": N
 _ROUNDING = 1e-13
 """Relative tolerance by which a start at a bound of the range of energies may lie outside it."""
 
-
 _BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
 
 
@@ -75,32 +74,30 @@ def resolve(
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
         raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label, has_labels))
-    if name.family is not None and not name.family.startswith("origin"):
-        found_orbit, branch = find_by_id(system, name, limits, energy, followed)
-        chosen = _select(name, [(found_orbit, branch)])
-        if not chosen:
-            raise NameNotFound(_elsewhere(name, [(found_orbit, branch)]))
-        return chosen[0]
-    try:
-        parse_end(system, "origin")
-    except EndsError as error:
-        raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
-    search = Search(system, name, limits, energy, followed)
-    if name.label is not None and not has_labels:
-        raise NameNotFound(
-            f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
-            "expected absorber and primary (in a scene NES and LO under [coordinates])"
-        )
     point = reference_point_of(text, name.label, reference_points) if name.h is None and name.alpha is None else None
-    families = _at_reference_point(search, name.label, point) if point is not None and name.label is not None else []
-    families = families or search.families(search.run(LEVELS)) or _passing(search, energy)
-    found_without = families
-    families = _select(name, families)
+    if name.family is not None and not name.family.startswith("origin"):
+        found = [find_by_id(system, name, limits, energy, followed)]
+    else:
+        try:
+            parse_end(system, "origin")
+        except EndsError as error:
+            raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
+        search = Search(system, name, limits, energy, followed)
+        if name.label is not None and not has_labels:
+            raise NameNotFound(
+                f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
+                "expected absorber and primary (in a scene NES and LO under [coordinates])"
+            )
+        found = _at_reference_point(search, name.label, point) if point is not None and name.label is not None else []
+        found = found or search.families(search.run(LEVELS)) or _passing(search, energy)
+        if not found:
+            raise NameNotFound(search.nothing())
+    families = _select(name, found)
     if not families:
-        raise NameNotFound(_elsewhere(name, found_without) if found_without else search.nothing())
+        raise NameNotFound(_elsewhere(name, found))
     if len(families) > 1 and point is not None and len(point) == 1:
         where = {"energy": point["h"]} if "h" in point else {"alpha": point["alpha"]}
-        families = [(found, branch) for found, branch in families if branch.orbits_at(**where)] or families
+        families = [(orbit, branch) for orbit, branch in families if branch.orbits_at(**where)] or families
     if len(families) > 1:
         listed = " ".join(f"{text.split('@')[0]}@h={f.h:.6g},alpha={f.alpha:.6g}" for f, _ in families)
         raise AmbiguousName(f"{text} matches {len(families)} families; choose one of {listed}")
