@@ -111,15 +111,6 @@ def test_direction_zero_keeps_the_tangent_of_a_step():
         next(follow(problem, step, 2))
 
 
-def test_order_after_a_fold_is_that_of_arclength():
-    points, _, _ = parts(follow(cubic(), np.array([-1.5, -1.875]), settings=Settings(maximum_points=70)))
-    arclength = [point.arclength for point in points]
-    parameter = [point.step.parameter for point in points]
-    assert arclength == sorted(arclength) and parameter != sorted(parameter)
-    x = [point.step.y[0] for point in points]
-    assert x == sorted(x)
-
-
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-5])
 def test_does_not_jump_to_the_other_branch_of_a_hyperbola(gap):
     """The step straight on lands on the other branch with a tangent that did not turn; only the inside of the step tells."""
@@ -170,14 +161,6 @@ def test_curve_that_ends_gives_the_reason_and_the_words_of_the_problem():
     assert 0 <= points[-1].step.parameter < 1e-6
     points, _, (end,) = parts(follow(Line(broken=lambda s: s > 1.0), np.array([0.0]), settings=SHORT))
     assert 0 <= 1.0 - points[-1].arclength < 1e-6 and "the line is broken after 1.000" in end.text
-
-
-@pytest.mark.parametrize("number", [1, 2, 7])
-def test_points_limit_counts_all_points(number):
-    settings = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=number)
-    problem = Line((TestFunction("A", "crossing"), lambda s: math.sin(20 * s + 1)))
-    points, _, (end,) = parts(follow(problem, np.array([0.0]), settings=settings))
-    assert len(points) == number and end.reason is EndReason.POINTS
 
 
 def test_stop_when_is_asked_at_every_point_after_the_start():

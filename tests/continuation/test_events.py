@@ -247,12 +247,6 @@ def test_two_zeros_in_one_step_are_found_where_the_test_is_a_parabola(middle, di
     assert [event.arclength for event in events] == pytest.approx([middle - distance, middle + distance], abs=2e-10)
 
 
-def test_two_zeros_in_one_step_of_a_function_that_is_no_parabola():
-    problem = Line((TestFunction("A", "crossing"), lambda s: math.cosh(3 * (s - 2.05)) - 1.003 + 0.2 * (s - 2.05) ** 3))
-    _, events, _ = run(problem)
-    assert len(events) == 2 and all(abs(event.arclength - 2.05) < 0.03 for event in events)
-
-
 def test_guard_that_dips_below_zero_inside_a_step_ends_the_family():
     problem = Line((TestFunction("G", "guard", terminal=True), lambda s: (s - 2.05) ** 2 - 0.02**2))
     points, _, end = run(problem)
