@@ -287,7 +287,7 @@ CASES = [
     (dict(impacts=-2), "impacts of half a period is -2"),
     (dict(impacts=1.5), "1.5, expected an integer"),
     (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
-    (dict(ends=()), "the ends are (), expected a list"),
+    (dict(ends=()), r"the ends are \(\), expected a list"),
     (dict(system=saltus.vibro_impact_nes(rho=0.5)), "restitution 0.5"),
     (dict(system=one_sided(), ends=("origin-origin",)), "odd symmetry"),
     (dict(system=ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))), "two degrees of freedom; this system has 1"),
