@@ -1,4 +1,4 @@
-"""Branch points where families with more symmetry, or with several turns, are crossed.
+"""Branch points where families with more symmetry, or of multiple covers, are crossed.
 
 Oracles: the way there and back; the normal form of a p:q resonance.
 """
@@ -41,7 +41,7 @@ def test_a_branch_point_that_is_known_to_the_square_root_of_rounding_is_refined(
     assert through.problem.energy(exact) == pytest.approx(breaking.h, rel=1e-9)
 
 
-def test_a_family_of_five_turns_breaks_no_reversal_at_its_crossing():
+def test_a_family_of_5_fold_covers_breaks_no_reversal_at_its_crossing():
     """Oracle: the normal form: its half map's entry goes with the cube of the distance, whose change of sign rounding shifts."""
     old = saltus.trace("S11O00-", SYSTEM, energy=(0.0692, 0.1))
     event = min((e for e in old.events if e.p_q == [2, 5]), key=lambda e: abs(e.h - 0.0779734))

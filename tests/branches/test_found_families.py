@@ -1,4 +1,4 @@
-"""Families that a range of energies cuts, pins with one number, and options that cannot be; each with what must come of it."""
+"""Families that a range of energies cuts, reference points with one number, and options that cannot be; each with what must come of it."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ def test_two_sides_of_a_fold_below_the_range_are_one_family():
     assert trace_named("S11O00-", SYSTEM, energy=(0.0692, 0.0863)).label == "S11O00-"
 
 
-@pytest.mark.parametrize("pin", [{"h": 7.3348}, {"alpha": 1.6459}])
-def test_a_pin_with_one_number_chooses_or_leaves_the_name_ambiguous(pin):
+@pytest.mark.parametrize("point", [{"h": 7.3348}, {"alpha": 1.6459}])
+def test_a_reference_point_with_one_number_chooses_or_leaves_the_name_ambiguous(point):
     """Two families are named S73O33-; whatever one number decides, it is said in words."""
     try:
-        branch = trace_named("S73O33-", SYSTEM, energy=(0.05, 200.0), reference_points={"S73O33-": pin})
+        branch = trace_named("S73O33-", SYSTEM, energy=(0.05, 200.0), reference_points={"S73O33-": point})
     except ValueError as error:
         assert "families; choose one of S73O33-@h=" in str(error)
     else:
-        reached = branch.orbits_at(energy=pin["h"]) if "h" in pin else branch.orbits_at(alpha=pin["alpha"])
+        reached = branch.orbits_at(energy=point["h"]) if "h" in point else branch.orbits_at(alpha=point["alpha"])
         assert reached
 
 
@@ -75,8 +75,8 @@ def test_the_published_fold_energy_itself_has_its_orbit():
     assert any(abs(orbit.alpha - 1.13584395619551) < 1e-5 for orbit in branch.orbits_at(energy=FOLD))
 
 
-def test_a_saved_branch_whose_word_was_changed_is_refused():
-    """The word fixes the number of flights."""
+def test_a_saved_branch_whose_sequence_was_changed_is_refused():
+    """The sequence fixes the number of flights."""
     record = json.loads(json.dumps(to_record(trace_named("S13O00+", SYSTEM, energy=(0.4, 0.6)))))
     record["branch"]["sequence"] = "+-"
     with pytest.raises(ValueError, match="makes 3 flights"):

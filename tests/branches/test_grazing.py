@@ -39,8 +39,8 @@ def met(name, h):
     return branch, event, branch.neighbours(event, points=40)
 
 
-def family(ends, word):
-    return canonical_sequence(tuple(word), ends)
+def family(ends, sequence):
+    return canonical_sequence(tuple(sequence), ends)
 
 
 def states(problem, y, count):
@@ -126,7 +126,7 @@ def test_the_backbone_meets_two_more_impacts_in_a_fold():
 
 
 def test_the_end_changes_its_kind():
-    """Oracle: the impact at the quarter vanishes, so the orbit turns round at rest there."""
+    """Oracle: the impact at the quarter vanishes, so the orbit reverses at rest there."""
     _, _, found = met(S73, 72.737)
     (only,) = [item for item in found if item.branch is not None]
     assert only.ends == ("origin", "rest") and only.kind == "passage" and only.label == "S31E33+"
@@ -221,7 +221,7 @@ def test_symmetries_of_a_grazing_orbit():
 
 
 def test_many_touches_are_changed_by_twos():
-    """Oracle: by hand: seven turns have 28 touches in 14 pairs about each kind of axis; one or two pairs are added."""
+    """Oracle: by hand: the 7-fold cover has 28 touches in 14 pairs about each kind of axis; one or two pairs are added."""
     branch, event = grazing("S13O00+", 14.5537)
     orbit = touching(branch.problem, branch.orbit(event.point).solution.y).repeated(7)
     added = [bin(mask ^ orbit.hard).count("1") for mask in orbit.choices()]

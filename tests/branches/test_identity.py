@@ -65,12 +65,12 @@ def images(problem, y):
         yield f"window {first} to {first + length}", in_window(problem, y, (first, first + length))
     for by in range(len(cycle_of(problem, y).duration)):
         yield f"closed from impact {by}", rotated(problem, y, by)
-    yield "two turns closed", in_window(problem, y, 2)
+    yield "2-fold cover closed", in_window(problem, y, 2)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_all_presentations_of_an_orbit_are_one(name):
-    """Oracle: the orbit rewritten by hand: each has the canonical ends and word, and the same unknowns to rounding."""
+    """Oracle: the orbit rewritten by hand: each has the canonical ends and sequence, and the same unknowns to rounding."""
     branch = traced(name)
     problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
     mine, there = canonical_orbit(problem, y)
@@ -93,8 +93,8 @@ def test_different_orbits_are_told_apart():
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_turns_are_those_of_the_symmetries(name):
-    """Oracle: the symmetries, which look at the states whatever the word."""
+def test_covers_are_those_of_the_symmetries(name):
+    """Oracle: the symmetries, which look at the states whatever the sequence."""
     branch = traced(name)
     problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
     counted = set()
@@ -122,7 +122,7 @@ def test_symmetries_of_the_named_families(name):
 
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_id_does_not_depend_on_the_cut(name):
-    """Oracle: the whole family's id; ranges of energy, points, one direction, a stop, one orbit alone."""
+    """Oracle: the full family's id; ranges of energy, points, one direction, a stop, one orbit alone."""
     branch = traced(name)
     y, h = branch.unknowns(len(branch) // 2), branch.points["h"][len(branch) // 2]
     cuts = [
@@ -145,7 +145,7 @@ def test_the_id_does_not_depend_on_the_cut(name):
 
 @pytest.mark.parametrize("name", ["S11O00-", "S73O33-", "U8353-", REST])
 def test_the_id_does_not_depend_on_the_presentation(name):
-    """Oracle: the id of the family as it was found; here it is followed in other presentations, cut or whole."""
+    """Oracle: the id of the family as it was found; here it is followed in other presentations, cut or full."""
     branch = traced(name)
     problem, y = branch.problem, branch.orbit(2 * len(branch) // 5).solution.y
     for words, (other, z) in images(problem, y):
@@ -215,9 +215,9 @@ def test_pieces_of_a_cut_family():
     branch = saltus.trace("S11O00-@h=0.075,alpha=0.975", energy=(low, high))
     (other,) = branch.others
     assert sorted(h for h, _ in other) == pytest.approx([low, high], rel=1e-12)
-    whole_branch = traced("S11O00-")
+    full = traced("S11O00-")
     for h, alpha in other:
-        orbits = whole_branch.orbits_at(energy=h)
+        orbits = full.orbits_at(energy=h)
         assert min(abs(orbit.alpha / alpha - 1.0) for orbit in orbits) < 1e-3
     assert branch.points["alpha"].max() < min(alpha for _, alpha in other)
     assert "into 2 pieces" in branch.full_family.cut_text()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from branches.impulsive.motions import ImpulsiveMotions, Traces, impulsive_state, oscillator_period
-from branches.impulsive.orbits import certain, impulsive_orbits, judge
+from branches.impulsive.orbits import impulsive_orbits, judge
 from branches.naming.labels import canonical_label, parse
 from branches.tracing import follow_family
 from bvp.kernels.shooting import TURNING, ZERO
@@ -105,8 +105,8 @@ def test_a_dense_scan_finds_the_same():
     assert zeros and found.complete
     for h, time in zeros:
         orbit = at_energy(found, h)
-        turns = time / (2.0 * orbit.alpha)
-        assert abs(orbit.h / h - 1.0) < 1e-3 and abs(turns - round(turns)) < 0.02, (h, time)
+        halves = time / (2.0 * orbit.alpha)
+        assert abs(orbit.h / h - 1.0) < 1e-3 and abs(halves - round(halves)) < 0.02, (h, time)
     for orbit in found.orbits:
         assert any(abs(h / orbit.h - 1.0) < 1e-3 and abs(time - 2.0 * orbit.alpha) < 0.02 for h, time in zeros), orbit.label
 
@@ -197,22 +197,6 @@ def test_motions_against_a_simulation(h):
         value, slope = getattr(traces, name)[:, :count][:, early], getattr(traces, f"{name}_slope")[1, :count][early]
         quotient = (value[2] - value[0]) / (2.0 * step)
         assert np.max(np.abs(quotient - slope)) < 1e-5 * (1e-3 + np.max(np.abs(slope)))
-
-
-def test_certain():
-    """Oracle: functions whose zeros are known: none, one, two hidden, one beside a fold."""
-    width = np.array([1.0])
-
-    def asked(f, g):
-        values = [np.array([x], dtype=float) for x in (f(0.0), f(1.0), g(0.0), g(1.0))]
-        sure, sign = certain(*values, width)
-        return bool(sure[0]), bool(sign[0])
-
-    assert asked(lambda x: 3.0 + x, lambda x: 1.0) == (True, False)
-    assert asked(lambda x: x - 0.4, lambda x: 1.0) == (True, True)
-    assert asked(lambda x: (x - 0.4) * (x - 0.6), lambda x: 2.0 * x - 1.0) == (False, False)
-    assert asked(lambda x: (x - 0.9) ** 2 - 0.04, lambda x: 2.0 * (x - 0.9))[0] is False
-    assert asked(lambda x: 1e3 * (x - 0.5) ** 2 + 1.0, lambda x: 2e3 * (x - 0.5))[0] is False
 
 
 def one_event(kind, time, **values):

@@ -60,10 +60,13 @@ def gaps_allowed(mode, side):
         return -side * np.cos(turn * j) / np.cos(0.5 * turn * (n + 1))
 
     fine = [n for n in range(24) if np.all(inside(n)[1:-1] < -side)]
-    pairs = {
-        (m, n) for m in fine for n in fine if (inside(m)[-2] + inside(n)[1] + 2.0 * np.cos(angle) * -side) / beta > 0.0
-    }
-    return pairs
+    return {(m, n) for m in fine for n in fine if (inside(m)[-2] + inside(n)[1] + 2.0 * np.cos(angle) * -side) / beta > 0.0}
+
+
+def smallest(text):
+    """The first in order of the rotations and reflections of a text."""
+    images = [text[i:] + text[:i] for i in range(len(text))]
+    return min(images + [image[::-1] for image in images])
 
 
 def patterns(mode, count):
@@ -78,14 +81,12 @@ def patterns(mode, count):
                 continue
             gaps = [(b - a - 1) % count if len(at) > 1 else count - 1 for a, b in zip(at, at[1:] + at[:1], strict=True)]
             if all((gaps[i - 1], gaps[i]) in pairs for i in range(len(gaps))):
-                images = [text[i:] + text[:i] for i in range(count)]
-                images += [image[::-1] for image in images]
-                out[min(images)] = side
+                out[smallest(text)] = side
     return out
 
 
 def test_what_keeps_a_reversal_beyond_twelve_touches():
-    """Oracle: the rule of gaps, by plain enumeration of the words that are their own reflection."""
+    """Oracle: the rule of gaps, by plain enumeration of the texts that are their own reflection."""
     expected = {text for text in patterns(IN_PHASE, 14) if any(text[::-1] == text[i:] + text[:i] for i in range(14))}
     orbit = IN_PHASE.touching(7)
     matrix = response(IN_PHASE, orbit)
@@ -93,9 +94,7 @@ def test_what_keeps_a_reversal_beyond_twelve_touches():
     for mask in orbit.choices():
         bits = [mask >> i & 1 for i in range(14)]
         if mask and begins(matrix, np.array(bits, dtype=bool)):
-            text = "".join(map(str, bits))
-            images = [text[i:] + text[:i] for i in range(14)]
-            found.add(min(images + [image[::-1] for image in images]))
+            found.add(smallest("".join(map(str, bits))))
     assert found == expected and len(found) > 20
 
 
@@ -112,15 +111,13 @@ def test_what_begins_is_what_the_rule_allows(label, cover):
             expected[text] = side
     found = {}
     for item in at(label, cover):
-        word = full_sequence(item.branch.problem.sequence, item.ends)
-        assert len(word) == item.impacts
+        sequence = full_sequence(item.branch.problem.sequence, item.ends)
+        assert len(sequence) == item.impacts
         problem, y = item.there.problem, item.there.y
         cycle = cycle_of(problem, y)
         places = np.rint((cycle.times - cycle.times[0]) / (2.0 * mode.alpha)).astype(int) % count
         text = "".join("1" if i in places else "0" for i in range(count))
-        images = [text[i:] + text[:i] for i in range(count)]
-        images += [image[::-1] for image in images]
-        found[min(images)] = 1 if item.kind == "passage" else -1
+        found[smallest(text)] = 1 if item.kind == "passage" else -1
     assert found == expected
 
 
@@ -204,14 +201,14 @@ def test_orbits_beside_the_grazing_are_those_that_begin(side):
 
 
 def test_mirrored_and_reversed_choices_are_one():
-    """Oracle: no two families of one list have the same canonical ends and word."""
+    """Oracle: no two families of one list have the same canonical ends and sequence."""
     for cover in (3, 4, 5):
         keys = [canonical_sequence(tuple(item.branch.problem.sequence), item.ends) for item in at("L11+", cover)]
         assert len(keys) == len(set(keys))
 
 
 def test_other_systems():
-    """Oracle: energies (w d / b)^2 / 2; a one-sided stop is touched once a turn, and leaves no origin end; rigid-body modes are none."""
+    """Oracle: energies (w d / b)^2 / 2; a one-sided stop is touched once a period, and leaves no origin end; rigid-body modes are none."""
     one_sided = ImpactSystem([[1.0, 0.0], [0.0, 1.0]], [[0.0] * 2] * 2, [[2.0, -1.0], [-1.0, 2.0]], (Stop((1.0, 0.0), upper=0.7),))
     first, second = linear_modes(one_sided)
     for mode, w in ((first, 1.0), (second, 3.0**0.5)):
@@ -258,7 +255,7 @@ def test_a_motion_of_several_modes_is_none():
 
 
 def test_a_resonant_mode_has_no_response():
-    """Oracle: frequencies 1 and 2: over one turn of the first the second comes back."""
+    """Oracle: frequencies 1 and 2: over one period of the first the second comes back."""
     system = ImpactSystem([[1.0, 0.0], [0.0, 1.0]], [[0.0] * 2] * 2, [[1.0, 0.0], [0.0, 4.0]], (Stop((1.0, 1.0), -1.0, 1.0),))
     mode = linear_modes(system)[0]
     assert response(mode, mode.touching(1)) is None

@@ -148,40 +148,6 @@ def test_csv_holds_the_numbers_of_the_json():
     assert [row["event"] for row in rows] == ["", "RT1", ""]
 
 
-def orbit():
-    """Return what a record reads of an orbit: a circle in the plane of the coordinates."""
-    return SimpleNamespace(
-        system=vibro_impact_nes(),
-        ends=("origin", "stop+"),
-        sequence="",
-        label="S13O00+",
-        h=0.5887,
-        alpha=1.7,
-        period=6.8,
-        impacts=[SimpleNamespace(time=1.7, stop="+", speed=2.5), SimpleNamespace(time=5.1, stop="-", speed=2.5)],
-        multipliers=np.array([1j, -1j]),
-        tau=0.0,
-        tau_half=math.nan,
-        stable=True,
-        quality={"trivial": 1e-15, "pairing": 1e-15, "reliable": True},
-        residual=1e-16,
-        velocities=np.array([1.0, 2.0]),
-        sample=lambda times: (np.zeros((len(times), 2)), np.tile([1.0, 2.0], (len(times), 1))),
-    )
-
-
-def test_the_record_of_an_orbit():
-    """Oracle: the orbit's own values; frequency 2 pi / T."""
-    data = json.loads(record.orbit_to_json(orbit()))
-    assert data["system"] == vibro_impact_nes().describe()
-    assert data["orbit"]["frequency"] == 2.0 * math.pi / 6.8
-    assert data["orbit"]["start"] == {"u": [0.0, 0.0], "v": [1.0, 2.0]}
-    assert data["orbit"]["impacts"][1] == {"time": 5.1, "stop": "-", "speed": 2.5}
-    assert data["orbit"]["tau_half"] is None and data["orbit"]["stable"] is True
-    (row,) = csv.DictReader(io.StringIO(record.orbit_to_csv(orbit())))
-    assert row["impacts.2.stop"] == "-" and float(row["impacts.2.time"]) == 5.1 and row["multipliers.1.im"] == "1.0"
-
-
 def refuse(path):
     """Return the one line that refuses a file."""
     with pytest.raises(RecordError) as caught:
@@ -295,3 +261,18 @@ def test_a_file_of_schema_1_is_read(traced, tmp_path):
     path.write_text(json.dumps({**data, "schema": 1, "branch": head}))
     back = reading.read_branch(path)
     assert back.sequence == traced.sequence and record.to_record(back) == data
+
+
+def test_the_record_of_an_orbit(traced):
+    """Oracle: the orbit's own values; frequency 2 pi / T."""
+    orbit = traced.orbit(5)
+    data = json.loads(record.orbit_to_json(orbit))
+    assert data["system"] == orbit.system.describe()
+    mine, second = data["orbit"], orbit.impacts[1]
+    assert mine["frequency"] == 2.0 * math.pi / orbit.period and mine["stable"] is orbit.stable and mine["tau_half"] == orbit.tau_half
+    assert mine["velocities"] == orbit.velocities.tolist()
+    assert [mine["start"][part] for part in "uv"] == [values[0].tolist() for values in orbit.sample(np.zeros(1))]
+    assert mine["impacts"][1] == {"time": second.time, "stop": second.stop, "speed": second.speed}
+    (row,) = csv.DictReader(io.StringIO(record.orbit_to_csv(orbit)))
+    assert row["impacts.2.stop"] == second.stop and float(row["impacts.2.time"]) == second.time
+    assert float(row["multipliers.1.im"]) == orbit.multipliers[0].imag
