@@ -22,10 +22,10 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 POSITIVE = st.floats(min_value=1e-300, max_value=1e300)
 
 
-def made_of(points, events=(), system=None):
+def made_of(points, events=()):
     """Return what a record reads of a branch, from columns."""
     return SimpleNamespace(
-        system=system or vibro_impact_nes(),
+        system=vibro_impact_nes(),
         id="origin-stop+:+-:0badcafe",
         label="S13O00+",
         aliases=[{"label": "S13O00+", "from": 0.0, "to": 1.5}],
@@ -39,27 +39,27 @@ def made_of(points, events=(), system=None):
     )
 
 
-def columns(count=3, flights=3, coordinates=2, seed=0):
+def columns():
     """Return random columns of a branch, with each kind of value that is null in a file."""
-    random = np.random.default_rng(seed)
-    multipliers = random.normal(size=(count, 2)) + 1j * random.normal(size=(count, 2))
+    random = np.random.default_rng(0)
+    multipliers = random.normal(size=(3, 2)) + 1j * random.normal(size=(3, 2))
     multipliers[0] = complex(math.inf, 0.0)
-    scalars = {name: random.lognormal(size=count) for name in record.SCALARS}
+    scalars = {name: random.lognormal(size=3) for name in record.SCALARS}
     scalars["tau"][0] = math.nan
     scalars["tau_half"][:] = math.nan
     return scalars | {
-        "half_waves": random.integers(1, 9, count),
-        "stable": np.array([-1, 0, 1], dtype=np.int8)[:count],
-        "label": np.array(["S13O00+", "U(15)578-", "U21"])[:count],
-        "velocities": random.normal(size=(count, coordinates)),
-        "start_u": random.normal(size=(count, coordinates)),
-        "start_v": random.normal(size=(count, coordinates)),
-        "flight_times": random.lognormal(size=(count, flights)),
-        "impact_speeds": random.lognormal(size=(count, flights - 1)),
+        "half_waves": random.integers(1, 9, 3),
+        "stable": np.array([-1, 0, 1], dtype=np.int8),
+        "label": np.array(["S13O00+", "U(15)578-", "U21"]),
+        "velocities": random.normal(size=(3, 2)),
+        "start_u": random.normal(size=(3, 2)),
+        "start_v": random.normal(size=(3, 2)),
+        "flight_times": random.lognormal(size=(3, 3)),
+        "impact_speeds": random.lognormal(size=(3, 2)),
         "multipliers": multipliers,
-        "trivial": np.array([math.nan, 1e-14, 1e-13])[:count],
-        "pairing": random.lognormal(size=count),
-        "reliable": np.array([False, True, True])[:count],
+        "trivial": np.array([math.nan, 1e-14, 1e-13]),
+        "pairing": random.lognormal(size=3),
+        "reliable": np.array([False, True, True]),
     }
 
 
@@ -67,19 +67,6 @@ def event():
     """Return an event of a branch, with each kind of value that is null in a file."""
     place = 0.1, 1.7, 0.3, "located", (0.3, 0.3 + 1e-11), 1e-15
     return BranchEvent("RT1", "RT", 1, -2, *place, "S13O00+", None, [1, 3], None, "", None, math.inf)
-
-
-def test_arrays_come_back_bit_for_bit():
-    """Oracle: the arrays that the record was made from."""
-    points = columns()
-    back = reading.points_of(json.loads(record.to_json(made_of(points))))
-    assert set(back) == set(points)
-    for name, column in points.items():
-        if name == "multipliers":
-            np.testing.assert_array_equal(back[name][1:], column[1:])
-            assert np.all(np.isnan(back[name][0]))
-        else:
-            np.testing.assert_array_equal(back[name], column, err_msg=name)
 
 
 @given(st.lists(st.tuples(POSITIVE, FINITE, FINITE), min_size=1, max_size=4))
