@@ -79,7 +79,7 @@ def _run(words: list[str]) -> int:
         fill(parsers[name])
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        parsers[name].refuse(unknown[0], words)
+        parsers[name].refuse(unknown[0])
     return int(arguments.run(arguments))
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from branches.files import reason
-from saltus import options
+from saltus import __version__, options
 from saltus.errors import BadInput
-from saltus.outputs import KINDS, apart, check_writable
+from saltus.outputs import check_writable
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -32,7 +33,6 @@ __all__ = [
     "named",
     "node_record",
     "open_catalogue",
-    "open_file",
     "place_to_save",
     "same_meeting",
     "save_branch",
@@ -41,8 +41,7 @@ __all__ = [
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--catalogue``, ``--scene``, and the parameters of the model: a catalogue belongs to one system."""
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
-    parser.add_argument("--scene", metavar="FILE", help="TOML file of the scene that the catalogue belongs to (default: lee2009)")
-    options.add_parameters(parser)
+    options.add_scene(parser, model=False)
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
@@ -65,39 +64,34 @@ def default_path(scene: str | None = None, parameters: dict[str, float] | None =
 def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
     """Open the catalogue of the command line for reading. Raises `BadInput` if there is none, and `CatalogueError` if the file is not a
     catalogue or belongs to another system."""
+    from branches.catalogue import Catalogue
+
     parameters = options.parameters_of(arguments)
     scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
     if scene is not None:
         from bvp.checks import require_system
 
         require_system(scene.system, conservative="families of periodic orbits")
-    if arguments.catalogue is not None:
-        return open_file(arguments.catalogue, scene)
-    path = default_path(arguments.scene, parameters)
-    if not path.exists():
+    path = arguments.catalogue or default_path(arguments.scene, parameters)
+    if arguments.catalogue is None and not path.exists():
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
         )
-    return open_file(path, scene)
-
-
-def open_file(path: str | Path, scene: Scene | None = None) -> Catalogue:
-    """Open a catalogue to read, which has to belong to the system of a scene where one is given."""
-    from branches.catalogue import Catalogue
-
     return Catalogue(path, scene=scene)
 
 
 def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
     """The catalogue that is given, to read; None where none is."""
-    return nullcontext() if arguments.catalogue is None else open_file(arguments.catalogue, scene)
+    from branches.catalogue import Catalogue
+
+    return nullcontext() if arguments.catalogue is None else Catalogue(arguments.catalogue, scene=scene)
 
 
 def lookup(name: str, arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:
     """The catalogue for looking up a name; None if there is none. It is the catalogue given for reading. Without one, an id is looked up in
     the catalogue to save in, then in the scene's own."""
     if arguments.catalogue is not None and not getattr(arguments, "save", False):
-        return open_file(arguments.catalogue, scene)
+        return given(arguments, scene)
     id = name.partition("@")[0]
     for catalogue in _with_ids(arguments, scene) if ":" in id else ():
         if id in catalogue:
@@ -133,28 +127,27 @@ def named(text: str, arguments: argparse.Namespace, scene: Scene) -> str:
 
 def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue]:
     """The catalogues for looking up an id: the one given for reading, else the one to save in and the scene's own, if they exist."""
+    from branches.catalogue import Catalogue
+
     if arguments.catalogue is not None and not getattr(arguments, "save", False):
-        yield open_file(arguments.catalogue, scene)
+        yield Catalogue(arguments.catalogue, scene=scene)
         return
     # Damping and restitution change no family: a damped run uses the families of the system without them.
     changed = {key: value for key, value in options.parameters_of(arguments).items() if key not in ("lam", "rho")}
     for place in (arguments.catalogue, default_path(arguments.scene, changed)):
         if place is not None and Path(place).exists():
-            yield open_file(place, scene)
+            yield Catalogue(place, scene=scene)
 
 
 def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
     """The catalogue to save in. A place where that is not possible is refused before the work starts."""
-    if arguments.catalogue is not None:
-        place = Path(arguments.catalogue)
-    else:
-        place = default_path(arguments.scene, options.parameters_of(arguments))
+    place = Path(arguments.catalogue or default_path(arguments.scene, options.parameters_of(arguments)))
+    if arguments.catalogue is None:
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
     check_writable(str(place), database=True)
-    apart({f"--{name}": getattr(arguments, name, None) for name in KINDS} | {"--catalogue": str(place)})
     if place.exists():
         from branches.catalogue import Catalogue
 
@@ -162,13 +155,13 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
     return place
 
 
-def save_branch(branch: Branch, place: Path, scene: Scene, version: str) -> str:
+def save_branch(branch: Branch, place: Path, scene: Scene) -> str:
     """Keep a branch in a catalogue, which is made if there is none; return a line about the result. `CannotWiden` if the family stays kept
-    over another range. `version` is that of saltus, which a new catalogue holds."""
+    over another range."""
     from branches.catalogue import Catalogue
     from branches.catalogue.widening import CannotWiden, Kept
 
-    with Catalogue(place, "a", scene=scene, provenance={"saltus": version}) as catalogue:
+    with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
         before = _range(catalogue.family(branch.id).h) if branch.id in catalogue else ""
         try:
             kept = catalogue.widen(branch)
@@ -216,8 +209,8 @@ def _interval(name: str, value: Any, part: Any) -> dict[str, Any]:
 
 def event_record(event: BranchEvent) -> dict[str, Any]:
     """An event with the fields that a branch's file has."""
-    record = event._asdict()
-    return {**record, "bracket": [_finite(value) for value in event.bracket], "residual": _finite(event.residual)}
+    low, high, residual = (value if math.isfinite(value) else None for value in (*event.bracket, event.residual))
+    return {**event._asdict(), "bracket": [low, high], "residual": residual}
 
 
 def edge_record(edge: Edge) -> dict[str, Any]:
@@ -267,7 +260,3 @@ def impacts_text(impacts: float) -> str:
     ('1 impact in half a period', '2.5 impacts in half a period')
     """
     return f"{impacts:g} impact{'' if impacts == 1 else 's'} in half a period"
-
-
-def _finite(value: float) -> float | None:
-    return value if value == value and abs(value) != float("inf") else None

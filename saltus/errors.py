@@ -7,9 +7,8 @@ import sys
 from collections.abc import Iterable
 
 from branches.files import WriteFailure, one_line
-from saltus.terminal import printable
 
-__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say", "say_and_code", "shortened"]
+__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say"]
 
 DONE = 0
 FAILED = 1
@@ -33,29 +32,17 @@ def nearest(text: str, known: Iterable[str]) -> str:
     >>> nearest("xyz", ["mass", "damping"])
     ''
     """
-    candidates = list(known)
     # A user means no difference of case. The hyphens of two options do not make them similar.
-    lowered = {candidate.lower().lstrip("-"): candidate for candidate in reversed(candidates)}
+    lowered = {name.lower().lstrip("-"): name for name in reversed(list(known))}
     found = difflib.get_close_matches(text.lower().lstrip("-"), lowered, n=1, cutoff=0.5)
     return f"; nearest: {lowered[found[0]]}" if found else ""
 
 
 def say(message: str) -> None:
-    """Print one line on standard error. Control characters are escaped, and a long message loses its middle."""
-    print(f"saltus: {printable(shortened(message), '')}", file=sys.stderr, flush=True)
-
-
-def shortened(text: str) -> str:
-    """Text of any length with at most `LONGEST` characters: its begin and its end.
-
-    Examples
-    --------
-    >>> shortened("received " + 50_000 * "9" + ", expected a number")[395:430]
-    '99999 [49228 characters] 9999999999'
-    """
-    if len(text) <= LONGEST:
-        return text
-    return f"{text[: LONGEST // 2]} [{len(text) - LONGEST} characters] {text[-LONGEST // 2 :]}"
+    """Print one line on standard error. A long message loses its middle."""
+    if len(message) > LONGEST:
+        message = f"{message[: LONGEST // 2]} [{len(message) - LONGEST} characters] {message[-LONGEST // 2 :]}"
+    print(f"saltus: {message}", file=sys.stderr, flush=True)
 
 
 def exit_code(error: Exception) -> int | None:
@@ -79,12 +66,4 @@ def exit_code(error: Exception) -> int | None:
         return None
     if isinstance(error, RuntimeError | ArithmeticError | MemoryError):
         return FAILED
-    if isinstance(error, ValueError):
-        return BAD_INPUT
-    return None
-
-
-def say_and_code(failure: WriteFailure) -> int:
-    """Report that a file could not be written, if other work continues. Returns the exit code for the end of the program."""
-    say(one_line(failure))
-    return BAD_INPUT
+    return BAD_INPUT if isinstance(error, ValueError) else None

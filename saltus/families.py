@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from bvp.checks import require_system
 from bvp.texts import shown
-from saltus import catalogues
+from saltus import catalogues, processes
 from saltus.errors import BadInput
 from saltus.scene import Scene, load_scene
+from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -128,7 +129,7 @@ def trace(
         system = scene.system
     require_system(system)
     for option, value in (("reference_points", reference_points), ("bounds", bounds)):
-        if value is not None and not isinstance(value, Mapping):
+        if not isinstance(value, Mapping | None):
             raise BadInput(f"{option} = {shown(value)}: expected a mapping")
     reference_points = {**scene.reference_points_for(system), **(reference_points or {})}
     bounds = {**scene.bounds, **(bounds or {})}
@@ -220,9 +221,7 @@ def discover(
     if catalogue is not None:
         catalogue.require_system(system.describe())
     found = discover_orbits(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends, budget=budget)
-    if catalogue is None:
-        return found
-    return replace(found, families=tuple(map(catalogue.identify, found.orbits)))
+    return found if catalogue is None else replace(found, families=tuple(map(catalogue.identify, found.orbits)))
 
 
 def agreed(text: str, key: str, said: float | None, option: str, given: float | None) -> float | None:
@@ -240,10 +239,8 @@ def family_of(name: str, scene: Scene, energy: float | None, arguments: argparse
             if match.kind != "family":
                 raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
             return opened.branch(match.id)
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
 
-    prepare()
+    processes.prepare()
     low, high = scene.energy
     if energy is not None:
         low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)
@@ -274,18 +271,14 @@ def select(branch: Branch, name: Name, energy: float | None, alpha: float | None
 
 def orbits_of(branch: Branch, name: Name, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
     """The orbits of a family with an energy, or else with a quarter period, that a name can mean."""
-    found = branch.orbits_at(energy=energy) if energy is not None else branch.orbits_at(alpha=alpha)
-    # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
-    return _distinct([orbit for orbit in found if has_label(orbit, name)] or found)
-
-
-def _distinct(orbits: list[Orbit]) -> list[Orbit]:
-    """Each orbit once: a family that folds back on itself passes through the same orbit twice, the second time from its other end."""
     from branches.identity import same_orbit
 
+    found = branch.orbits_at(energy=energy) if energy is not None else branch.orbits_at(alpha=alpha)
     kept: list[Orbit] = []
-    for orbit in orbits:
-        mine = (orbit.problem, orbit.solution.y)
+    # A family carries several labels: where some of its orbits here have the label asked for, the others are not meant.
+    for orbit in [orbit for orbit in found if has_label(orbit, name)] or found:
+        mine = orbit.problem, orbit.solution.y
+        # A family that folds back on itself passes through the same orbit twice, the second time from its other end.
         if not any(abs(other.alpha / orbit.alpha - 1.0) < 1e-9 and same_orbit((other.problem, other.solution.y), mine) for other in kept):
             kept.append(orbit)
     return kept

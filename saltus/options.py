@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -18,29 +19,24 @@ __all__ = [
     "SHELLS",
     "OneLineParser",
     "Units",
+    "ValueType",
     "add_filters",
-    "add_parameters",
     "add_scene",
-    "add_units",
+    "add_shared",
     "completion_script",
     "energy_range",
-    "filter_words",
     "filters_of",
-    "given_filters",
-    "joined_values",
+    "finite",
     "nothing_fits",
     "number",
     "parameters_of",
     "positive",
     "scene_of",
-    "units_of",
     "whole_above_zero",
 ]
 
 SHELLS = ("bash", "zsh", "tcsh")
 """Shells that have completion."""
-
-_LOOKS_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
 
 MOST = 10**15
 """Largest integer of an option: what counts beyond it has no end."""
@@ -52,33 +48,25 @@ class OneLineParser(argparse.ArgumentParser):
     def __init__(self, **options: Any) -> None:
         options.setdefault("allow_abbrev", False)
         super().__init__(**options)
+        # Argparse takes a value such as -1:2 for an option unless it looks like a negative number.
+        self._negative_number_matcher = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
-        """Raise what argparse found wrong."""
-        message = message.replace("the following arguments are required: ", "missing: ").removeprefix("argument ")
-        message = re.sub(r"ignored explicit argument (.*)", r"received \1, expected no value", message)
-        message = re.sub(r"invalid choice: '(.*)' \(choose from (.*)\)", _one_of, message)
-        raise BadInput(f"{message} (see {self.prog} --help)")
+        """Raise what argparse found wrong, with the nearest of the choices."""
+        choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+        if choice is not None:
+            known = re.findall(r"[^', ]+", choice[2])
+            message = f"{message[: choice.start()]}received {choice[1]!r}, expected one of {', '.join(known)}{nearest(choice[1], known)}"
+        raise BadInput(f"{message.removeprefix('argument ')} (see {self.prog} --help)")
 
-    def options(self) -> list[str]:
-        """Return the options that the help shows."""
-        return sorted(set(re.findall(r"--[a-z][a-z-]*", self.format_help())))
-
-    def refuse(self, text: str, words: Sequence[str]) -> NoReturn:
-        """Raise for a text, one of the words of the command line, that is no option and no argument of this parser."""
+    def refuse(self, text: str) -> NoReturn:
+        """Raise for a text that is no option and no argument of this parser."""
         option = text.partition("=")[0]
-        if "--" in words and text.startswith("-") and text not in words[: words.index("--")]:
-            after = "" if text == "--" else f" after --, where nothing is an option: expected {option} before --"
-            raise BadInput(f"unexpected argument {text!r}{after} (see {self.prog} --help)")
-        if not option.startswith("-"):
-            raise BadInput(f"unexpected argument {text!r} (see {self.prog} --help)")
-        raise BadInput(f"unknown option {option} of {self.prog}{nearest(option, self.options())}")
-
-
-def _one_of(found: re.Match[str]) -> str:
-    """The message of argparse about a text outside the choices, with the nearest choice added."""
-    known = found[2].replace("'", "").split(", ")
-    return f"received {found[1]!r}, expected one of {', '.join(known)}{nearest(found[1], known)}"
+        known = re.findall(r"--[a-z][a-z-]*", self.format_help())
+        # After two hyphens nothing is an option.
+        if not option.startswith("-") or option in known:
+            self.error(f"unexpected argument {text!r}")
+        raise BadInput(f"unknown option {option} of {self.prog}{nearest(option, known)}")
 
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
@@ -97,100 +85,45 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
     return shtab.complete(parser, shell)
 
 
-def joined_values(words: list[str]) -> list[str]:
-    """Join an option with a value that looks like an option itself because it starts with a minus sign. Argparse would drop a value ``--``,
-    so it is refused.
+@dataclass(frozen=True)
+class ValueType:
+    """The type of an option's value: how it is read, whether it fits, and what a message says was expected.
 
     Examples
     --------
-    >>> joined_values(["continue", "S13+", "--energy", "-1:2", "--json", "-"])
-    ['continue', 'S13+', '--energy=-1:2', '--json', '-']
-    """
-    joined: list[str] = []
-    for text in words:
-        if text.startswith("--") and text.endswith("=--") and "--" not in joined:
-            raise BadInput(f"{text}: -- is not a value of an option")
-        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _LOOKS_NEGATIVE.match(text):
-            joined[-1] += "=" + text
-        else:
-            joined.append(text)
-    return joined
-
-
-def number(text: str) -> float:
-    """Read a number; NaN is none.
-
-    Examples
-    --------
-    >>> number("nan")
-    Traceback (most recent call last):
-    argparse.ArgumentTypeError: received 'nan', expected a number
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if math.isnan(value):
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number")
-    return value
-
-
-def positive(text: str) -> float:
-    """Read a finite number above 0."""
-    value = number(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number above 0")
-    return value
-
-
-def whole_above_zero(text: str) -> int:
-    """Read an integer above 0.
-
-    Examples
-    --------
-    >>> whole_above_zero("99999999999999999999")
-    Traceback (most recent call last):
-    argparse.ArgumentTypeError: received '99999999999999999999', expected an integer above 0, up to 1e15
-    """
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected an integer above 0")
-    if value > MOST:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected an integer above 0, up to 1e15")
-    return value
-
-
-def energy_range(text: str) -> tuple[float, float]:
-    """Read a range of energies, ``LO:HI`` with 0 < LO < HI, both finite.
-
-    Examples
-    --------
-    >>> energy_range("0.1:10")
-    (0.1, 10.0)
+    >>> energy_range("0.1:10"), whole_above_zero("7")
+    ((0.1, 10.0), 7)
     >>> energy_range("10:0.1")
     Traceback (most recent call last):
-    argparse.ArgumentTypeError: received '10:0.1', a reversed range, expected LO:HI with 0 < LO < HI
+    argparse.ArgumentTypeError: received '10:0.1', expected LO:HI with 0 < LO < HI
     """
-    expected = "expected LO:HI with 0 < LO < HI"
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"received {text!r}, {expected}") from None
-    faults = {
-        "NaN is not an energy": math.isnan(low) or math.isnan(high),
-        "a reversed range": low > high,
-        "an empty range": low == high,
-        "an energy that is not above 0": low <= 0.0,
-        "an energy that is not finite": math.isinf(high),
-    }
-    for fault, found in faults.items():
-        if found:
-            raise argparse.ArgumentTypeError(f"received {text!r}, {fault}, {expected}")
-    return low, high
 
+    read: Callable[[str], Any]
+    fits: Callable[[Any], bool]
+    expected: str
+
+    def __call__(self, text: str) -> Any:
+        with suppress(ValueError):
+            value = self.read(text)
+            if self.fits(value):
+                return value
+        raise argparse.ArgumentTypeError(f"received {text!r}, expected {self.expected}")
+
+
+number = ValueType(float, lambda value: not math.isnan(value), "a number")
+finite = ValueType(float, math.isfinite, "a finite number")
+positive = ValueType(float, lambda value: 0.0 < value < math.inf, "a number above 0")
+whole_above_zero = ValueType(int, lambda value: 1 <= value <= MOST, "an integer above 0, up to 1e15")
+energy_range = ValueType(
+    lambda text: tuple(float(part) for part in text.split(":")),
+    lambda ends: len(ends) == 2 and 0.0 < ends[0] < ends[1] < math.inf,
+    "LO:HI with 0 < LO < HI",
+)
+_impacts = ValueType(
+    lambda text: tuple(float(part) for part in (text.split(":") * 2)[: max(2, text.count(":") + 1)]),
+    lambda ends: len(ends) == 2 and 0.0 <= ends[0] <= ends[1] < math.inf,
+    "a number of impacts N, or LO:HI with 0 <= LO <= HI",
+)
 
 _PARAMETERS = {
     "mu": "mass ratio, above 0",
@@ -200,19 +133,43 @@ _PARAMETERS = {
 }
 _FILTERS = ("label", "energy", "stable", "ends", "impacts")
 
+_SHARED: dict[str, dict[str, Any]] = {
+    "max-quarter-period": {"metavar": "A", "type": positive, "help": "longest quarter period alpha (default: the scene's)"},
+    "max-impacts": {"metavar": "K", "type": whole_above_zero, "help": "most impacts in half a period (default: any number)"},
+    "workers": {"metavar": "N", "type": whole_above_zero, "help": "number of processes (default: one for each core)"},
+    "dask": {"metavar": "ADDRESS", "help": "use a Dask cluster instead of processes"},
+    "frequency": {
+        "metavar": "AXIS",
+        "choices": ("index", "fundamental"),
+        "default": "index",
+        "help": "axis of the figure: index (default) is m 2 pi/T, where m is the number of half-waves of the NES; fundamental is 2 pi/T",
+    },
+    "clearance": {"metavar": "D", "type": positive, "default": 1.0, "help": "scale lengths by this clearance, and energies by its square"},
+    "natural-frequency": {
+        "metavar": "W",
+        "type": positive,
+        "default": 1.0,
+        "help": "scale times and frequencies for this frequency of the oscillator alone, in rad/s",
+    },
+}
+"""Options of several commands."""
 
-def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = ()) -> None:
-    """Add ``--scene``, the parameters of the model, and ``--model``. `uses` names the tables of `saltus.scene.LOADS` that are used."""
+
+def add_shared(parser: argparse.ArgumentParser, *names: str) -> None:
+    """Add options that several commands have."""
+    for name in names:
+        parser.add_argument(f"--{name}", **_SHARED[name])
+
+
+def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = (), *, model: bool = True) -> None:
+    """Add ``--scene``, the parameters of the model, and, with `model`, ``--model``. `uses` names the tables of `saltus.scene.LOADS` that
+    are used."""
     parser.set_defaults(scene_uses=uses)
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
-    add_parameters(parser)
-    parser.add_argument("--model", action="store_true", help="print which model was chosen, and why")
-
-
-def add_parameters(parser: argparse.ArgumentParser) -> None:
-    """Add the parameters of the model."""
     for name, meaning in _PARAMETERS.items():
         parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, instead of the scene's")
+    if model:
+        parser.add_argument("--model", action="store_true", help="print which model was chosen, and why")
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
@@ -220,7 +177,7 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
     from saltus.scene import load_scene
 
     scene = load_scene(arguments.scene, **parameters_of(arguments))
-    scene.require_used(f"saltus {arguments.command}", getattr(arguments, "scene_uses", ()))
+    scene.require_used(f"saltus {arguments.command}", arguments.scene_uses)
     return scene
 
 
@@ -266,28 +223,17 @@ class Units:
         return self.speed**2
 
 
-def add_units(parser: argparse.ArgumentParser) -> None:
-    """Add ``--clearance`` and ``--natural-frequency``."""
-    parser.add_argument(
-        "--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by this clearance, and energies by its square"
-    )
-    parser.add_argument(
-        "--natural-frequency", metavar="W", type=positive, default=1.0, help="print times for this frequency of the oscillator, in rad/s"
-    )
-
-
-def units_of(arguments: argparse.Namespace) -> Units:
-    """The units asked for."""
-    return Units(arguments.clearance, arguments.natural_frequency)
-
-
 def add_filters(parser: argparse.ArgumentParser, *, shown: bool = False) -> None:
     """Add ``--label``, ``--energy``, ``--stable``, ``--ends`` and ``--impacts``. With `shown`, ``--energy`` can also be the range of
     energies that are shown."""
     parser.add_argument("--label", metavar="LABEL", help="families with this label: S13O00+, U83, or with a wildcard 'U8*'")
     if shown:
-        meaning = "those that cross the energy H; or the energies shown, LO:HI (default: all that the families have)"
-        parser.add_argument("--energy", metavar="H|LO:HI", type=_energy_or_range, help=meaning)
+        parser.add_argument(
+            "--energy",
+            metavar="H|LO:HI",
+            type=lambda text: energy_range(text) if ":" in text else positive(text),
+            help="those that cross the energy H; or the energies shown, LO:HI (default: all that the families have)",
+        )
     else:
         parser.add_argument("--energy", metavar="H", type=positive, help="families that cross this energy")
     parser.add_argument("--stable", action="store_true", help="families that are stable somewhere (with --label and --energy: there)")
@@ -296,35 +242,11 @@ def add_filters(parser: argparse.ArgumentParser, *, shown: bool = False) -> None
 
 
 def filters_of(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the filters asked for, as `Catalogue.families` takes them."""
+    """The filters that leave something out, as `Catalogue.families` takes them."""
     filters = {name: getattr(arguments, name) for name in _FILTERS}
-    return {**filters, "energy": None if isinstance(arguments.energy, tuple) else arguments.energy}
-
-
-def given_filters(filters: dict[str, Any]) -> dict[str, Any]:
-    """Those of the filters that leave something out.
-
-    Examples
-    --------
-    >>> given_filters({"label": "U8*", "energy": None, "stable": False})
-    {'label': 'U8*'}
-    """
+    if isinstance(arguments.energy, tuple):
+        del filters["energy"]
     return {name: value for name, value in filters.items() if value not in (None, False)}
-
-
-def filter_words(filters: dict[str, Any]) -> str:
-    """The filters as options of the command line.
-
-    Examples
-    --------
-    >>> filter_words({"label": "U8*", "energy": None, "stable": True, "impacts": (2.0, 3.5)})
-    '--label U8* --stable --impacts 2:3.5'
-    """
-    parts = []
-    for name, value in given_filters(filters).items():
-        text = "" if value is True else " " + (":".join(f"{part:g}" for part in value) if isinstance(value, tuple) else f"{value}")
-        parts.append(f"--{name}{text}")
-    return " ".join(parts)
 
 
 def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequence[str] = ()) -> BadInput:
@@ -332,32 +254,13 @@ def nothing_fits(place: str, count: int, filters: dict[str, Any], names: Sequenc
 
     Examples
     --------
-    >>> print(nothing_fits("lee2009.sqlite", 7, {"label": "U8*"}))
-    no family of lee2009.sqlite fits --label U8*; saltus list shows those that there are
+    >>> print(nothing_fits("lee2009.sqlite", 7, {"label": "U8*", "stable": True, "impacts": (2.0, 3.5)}))
+    no family of lee2009.sqlite fits --label U8* --stable --impacts 2:3.5; saltus list shows those that there are
     """
     if not count:
         return BadInput(f"{place} has no family; expected one that saltus build or saltus continue --save has filled")
-    given = " ".join(part for part in (*names, filter_words(filters)) if part)
-    return BadInput(f"no family of {place} fits {given}; saltus list shows those that there are")
-
-
-def _energy_or_range(text: str) -> float | tuple[float, float]:
-    return energy_range(text) if ":" in text else positive(text)
-
-
-def _impacts(text: str) -> tuple[float, float]:
-    """Read a number or a range of impacts.
-
-    Examples
-    --------
-    >>> _impacts("3"), _impacts("0:2.5")
-    ((3.0, 3.0), (0.0, 2.5))
-    >>> _impacts("5:1")
-    Traceback (most recent call last):
-    argparse.ArgumentTypeError: received '5:1', expected a number of impacts N, or LO:HI with 0 <= LO <= HI
-    """
-    found = re.fullmatch(r"(\d+(?:\.5|\.0)?)(?::(\d+(?:\.5|\.0)?))?", text)
-    low, high = (float(found[1]), float(found[2] or found[1])) if found else (1.0, 0.0)
-    if low > high:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a number of impacts N, or LO:HI with 0 <= LO <= HI")
-    return low, high
+    given = list(names)
+    for name, value in filters.items():
+        text = ":".join(f"{part:g}" for part in value) if isinstance(value, tuple) else str(value)
+        given.append(f"--{name}" if value is True else f"--{name} {text}")
+    return BadInput(f"no family of {place} fits {' '.join(given)}; saltus list shows those that there are")

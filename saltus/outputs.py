@@ -6,16 +6,16 @@ A file is written completely or not at all. ``-`` is standard output.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
-import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, cast
+from typing import TYPE_CHECKING, Any
 
 from branches.files import (
     DATABASE,
@@ -28,49 +28,78 @@ from branches.files import (
     replacing,
     write_text,
 )
-from bvp.interrupts import InterruptHandler, defer_interrupts
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say, say_and_code
-from saltus.terminal import StandardOutput, plain_stream
+from bvp.interrupts import defer_interrupts
+from saltus.errors import BAD_INPUT, DONE, FAILED, BadInput, nearest, one_line, say
 
 if TYPE_CHECKING:
     from branches.export.tables import Table
 
 __all__ = [
-    "STANDARD_OUTPUT",
+    "GuardedStream",
     "NotDrawn",
     "Outputs",
     "WriteFailure",
     "add_arguments",
-    "after",
-    "apart",
     "check_writable",
-    "draw",
     "json_text",
     "output_folder",
-    "output_path",
     "outputs_of",
-    "replacing",
     "write_data",
 ]
 
 STANDARD_OUTPUT = "-"
 
 
-def output_path(path: str) -> str:
-    """The path of an option; ``-`` if it leads to standard output, as ``/dev/stdout`` does.
+@dataclass(eq=False)
+class GuardedStream:
+    """Standard output or standard error, which may be closed or full, or whose reader may have left. Control characters are escaped.
 
-    Examples
-    --------
-    >>> output_path("branch.json"), output_path("-"), output_path(os.devnull) == os.devnull
-    ('branch.json', '-', True)
+    Attributes
+    ----------
+    stream : text stream
+    outlasts : bool
+        Whether the command goes on where printing fails: it has files to write.
+    failure : str or None
+        Why text could not be printed.
     """
-    try:
-        there = os.stat(path)
-        same = os.path.samestat(there, os.fstat(1)) and not stat.S_ISREG(there.st_mode)
-        # What goes to the null device does not mix there.
-        return STANDARD_OUTPUT if same and not os.path.samestat(there, os.stat(os.devnull)) else path
-    except (OSError, ValueError):
-        return path
+
+    stream: Any
+    outlasts: bool = False
+    failure: str | None = None
+    _gone: bool = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Print and flush. Raise `BrokenPipeError` or `WriteFailure` where that fails and the command has no files to write.
+
+        Examples
+        --------
+        >>> _ = GuardedStream(sys.stdout).write("red \\x1b[31m, a byte that is no text \\udcff")
+        red \\x1b[31m, a byte that is no text \\xff
+        """
+        if self._gone:
+            return len(text)
+        plain = "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text)
+        try:
+            self.stream.write(plain)
+            self.stream.flush()
+        except OSError as error:
+            self._gone = True
+            # What is left in the buffer must not raise a second error when the process ends.
+            with contextlib.suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
+            if not isinstance(error, BrokenPipeError):
+                self.failure = f"cannot write standard output: {reason(error)}"
+            if not self.outlasts:
+                raise error if self.failure is None else WriteFailure(self.failure) from error
+        return len(text)
+
+
+def _escape(character: str) -> str:
+    # Python reads a byte b of a file name that is not UTF-8 as the character U+DC00 + b.
+    return character.encode("unicode_escape").decode("ascii").replace("\\udc", "\\x")
 
 
 def check_writable(path: str, *, database: bool = False, figure: bool = False) -> None:
@@ -87,49 +116,37 @@ def check_writable(path: str, *, database: bool = False, figure: bool = False) -
     Traceback (most recent call last):
     saltus.errors.BadInput: cannot write no/such/place/branch.json: the directory no/such/place does not exist
     """
-    if figure and path == STANDARD_OUTPUT:
-        raise BadInput("a figure cannot go to standard output: expected a file ending in .png, .pdf or .svg")
-    if path == STANDARD_OUTPUT:
-        return
     if figure:
         try:
             figure_format(path)
         except ValueError as error:
             raise BadInput(f"{error}{nearest(Path(path).suffix.lstrip('.'), FIGURE_FORMATS)}") from error
-    if not path or "\0" in path:
-        raise BadInput(f"cannot write {path!r}: expected the path of a file, or - for standard output")
+    if path == STANDARD_OUTPUT:
+        return
     try:
         special = is_special(path)
         # What leads to a pipe, as /dev/stdout does, names no place in a directory.
         target = Path(path) if special else Path(os.path.realpath(path))
         if target.is_dir():
             raise BadInput(f"cannot write {path}: it is a directory, expected a file")
-        if not target.parent.exists():
-            raise BadInput(f"cannot write {path}: the directory {Path(path).parent} does not exist")
         if not target.parent.is_dir():
-            raise BadInput(f"cannot write {path}: {Path(path).parent} is not a directory")
-        if not special and not os.access(target.parent, os.W_OK | os.X_OK):
-            read_only = hasattr(os, "statvfs") and os.statvfs(target.parent).f_flag & os.ST_RDONLY
-            why = "the file system is read-only" if read_only else f"permission is denied in the directory {Path(path).parent}"
-            raise BadInput(f"cannot write {path}: {why}")
+            raise BadInput(f"cannot write {path}: the directory {Path(path).parent} does not exist")
         if target.exists() and not os.access(target, os.W_OK):
             raise BadInput(f"cannot write {path}: permission is denied")
-        if not special and not database and is_database(target):
-            raise BadInput(f"cannot write {path}: {DATABASE}")
         if not special:
-            # The permissions may allow writing although the file system does not. Files are written via a temporary file, so try one.
+            if not database and is_database(target):
+                raise BadInput(f"cannot write {path}: {DATABASE}")
+            # Files are written via a temporary file, so try one.
             with tempfile.NamedTemporaryFile(dir=target.parent, prefix=".saltus-"):
                 pass
     except OSError as error:
         raise BadInput(f"cannot write {path}: {reason(error)}") from error
-    if isinstance(sys.stdout, StandardOutput):
+    if isinstance(sys.stdout, GuardedStream):
         sys.stdout.outlasts = True
 
 
 def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
     """The folder for results, made if there is none. It is refused if one of the files cannot be written. `option` names it in messages."""
-    if not place or "\0" in place:
-        raise BadInput(f"{option} {place!r}: expected a folder")
     folder = Path(place)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -143,17 +160,20 @@ def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
 
 
 def write_data(path: str, text: str) -> None:
-    """Write text to a file, completely or not at all, or to standard output. `WriteFailure` gives the reason in words."""
+    """Write text to a file, completely or not at all, or to standard output, where it is not escaped. Raises `WriteFailure`."""
     if path != STANDARD_OUTPUT:
         write_text(path, text)
         return
+    stream = getattr(sys.stdout, "stream", sys.stdout)
     try:
-        stream = plain_stream()
         stream.write(text)
         stream.flush()
     except OSError as error:
         raise WriteFailure(f"cannot write standard output: {reason(error)}") from error
 
+
+WRITTEN = "what was computed is written"
+"""Of an interrupt: what became of the results."""
 
 SCHEMA = 1
 """Of the records that `Outputs.finish` writes."""
@@ -175,6 +195,10 @@ KINDS = {**TEXTS, **ARRAYS, "plot": "draw a figure: FILE.png, FILE.pdf or FILE.s
 """Every kind of output file: `KINDS` names the options of all commands."""
 
 
+Drawing = tuple[str, Any, dict[str, Any]]
+"""A figure: the function that makes it, as "module:function", what it draws, and its options."""
+
+
 class NotDrawn(RuntimeError):
     """The result cannot be drawn in this way; the message gives the reason."""
 
@@ -182,39 +206,34 @@ class NotDrawn(RuntimeError):
 def add_arguments(parser: argparse.ArgumentParser, *kinds: str, **meanings: str) -> None:
     """Add the options that name output files: kinds of `KINDS`, and others with the help of their option."""
     for kind in (*kinds, *meanings):
-        parser.add_argument(f"--{kind}", metavar="FILE", type=output_path, help=meanings.get(kind, KINDS[kind]))
+        parser.add_argument(f"--{kind}", metavar="FILE", help=meanings.get(kind, KINDS[kind]))
 
 
 def outputs_of(arguments: argparse.Namespace) -> Outputs:
     """The output files that were asked for. Paths that cannot be written and two results in one place are refused."""
-    places = {kind: path for kind in KINDS if (path := getattr(arguments, kind, None)) is not None}
-    for kind, path in places.items():
-        if kind in ARRAYS and path == STANDARD_OUTPUT:
-            raise BadInput(f"{kind} cannot go to standard output: expected a file")
-        check_writable(path, figure=kind == "plot")
-    apart({f"--{kind}": path for kind, path in places.items()})
-    to_stdout = STANDARD_OUTPUT in places.values()
-    return Outputs(places, to_stdout, cast(TextIO, StandardOutput(sys.stderr)) if to_stdout else sys.stdout)
-
-
-def apart(places: Mapping[str, str | None]) -> None:
-    """Refuse one place for two results. The mapping gives the path of each option, None where it is not given.
-
-    Examples
-    --------
-    >>> apart({"--json": "a.json", "--csv": "./a.json"})
-    Traceback (most recent call last):
-    saltus.errors.BadInput: --json and --csv both go to ./a.json: expected a place for each
-    """
+    places: dict[str, str] = {}
     taken: dict[str, str] = {}
-    for option, path in places.items():
+    for kind in (*KINDS, "catalogue"):
+        path = getattr(arguments, kind, None)
         if path is None:
             continue
+        special = is_special(path)
+        # /dev/stdout is standard output too. What goes to the null device does not mix there.
+        with contextlib.suppress(OSError):
+            if special and path != os.devnull and os.path.samestat(os.stat(path), os.fstat(1)):
+                path = STANDARD_OUTPUT
+        if kind != "catalogue":
+            if kind in ARRAYS and path == STANDARD_OUTPUT:
+                raise BadInput(f"{kind} cannot go to standard output: expected a file")
+            check_writable(path, figure=kind == "plot")
+            places[kind] = path
         place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
-        if place in taken and (place == STANDARD_OUTPUT or not Path(place).exists() or Path(place).is_file()):
+        if place in taken and (place == STANDARD_OUTPUT or not special):
             where = "standard output" if path == STANDARD_OUTPUT else path
-            raise BadInput(f"{taken[place]} and {option} both go to {where}: expected a place for each")
-        taken[place] = option
+            raise BadInput(f"{taken[place]} and --{kind} both go to {where}: expected a place for each")
+        taken[place] = f"--{kind}"
+    to_stdout = STANDARD_OUTPUT in places.values()
+    return Outputs(places, to_stdout, sys.stderr if to_stdout else sys.stdout)
 
 
 @dataclass(frozen=True)
@@ -233,7 +252,7 @@ class Outputs:
 
     places: Mapping[str, str]
     to_stdout: bool
-    words: TextIO
+    words: Any
 
     def report(self, lines: Iterable[str]) -> None:
         """Print lines."""
@@ -255,7 +274,7 @@ class Outputs:
         table: Callable[[], Table] | None = None,
         about: Callable[[], str] | None = None,
         cells: bool = True,
-        plot: Callable[[Path], None] | None = None,
+        figure: Drawing | None = None,
         files: Mapping[str, Callable[[Path], None]] | None = None,
         notes: Mapping[str, str] | None = None,
     ) -> int:
@@ -271,8 +290,8 @@ class Outputs:
             Returns a text that files of arrays contain in addition to the table.
         cells : bool
             As for `branches.export.tables.write_binary`.
-        plot : callable, optional
-            Draws into the file that it is given.
+        figure : Drawing, optional
+            Of the kind ``plot``.
         files : mapping of str to callable, optional
             For other kinds of files, a function that writes the file that it is given.
         notes : mapping of str to str, optional
@@ -281,19 +300,30 @@ class Outputs:
         Returns
         -------
         int
-            The exit code: 130 if an interrupt came, 2 if a file could not be written, 1 if a figure could not be drawn. Each is
-            reported on standard error.
+            The exit code: 2 if a file could not be written, 1 if a figure could not be drawn. Each is reported on standard error.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            After the files are written, if an interrupt came.
         """
-        direct = {**(files or {}), **({} if plot is None else {"plot": plot})}
-        texts = texts or {}
+        texts, files = texts or {}, files or {}
         made = None if table is None else cache(table)
         code = DONE
         with defer_interrupts() as interrupt:
             for kind, path in self.places.items():
                 try:
-                    if kind in direct:
+                    if kind in files:
                         with replacing(path) as beside:
-                            direct[kind](beside)
+                            files[kind](beside)
+                    elif kind == "plot":
+                        from pkgutil import resolve_name
+
+                        from branches.figures.style import write_figure
+
+                        assert figure is not None
+                        make, data, options = figure
+                        write_figure(resolve_name(make), path, data, **options)
                     elif kind in ARRAYS:
                         from branches.export.tables import write_binary
 
@@ -307,33 +337,15 @@ class Outputs:
 
                         assert made is not None
                         write_data(path, csv_text(made()))
-                except WriteFailure as failure:
-                    code = max(code, say_and_code(failure))
-                except NotDrawn as failure:
+                except (WriteFailure, NotDrawn) as failure:
                     say(one_line(failure))
-                    code = max(code, FAILED)
+                    code = max(code, FAILED if isinstance(failure, NotDrawn) else BAD_INPUT)
                 else:
                     if path != STANDARD_OUTPUT:
                         self.report([f"wrote  {path}" + (f": {notes[kind]}" if notes and kind in notes else "")])
-        return after(interrupt, code)
-
-
-def draw(figure: str, data: Any, path: Path, **options: Any) -> None:
-    """Draw data into a file. With all but the path bound, it is the `plot` of `Outputs.write`. What draws is loaded here.
-
-    Parameters
-    ----------
-    figure : str
-        The function that makes the figure, as "module:function".
-    data, **options
-        What it takes.
-    path : path-like
-    """
-    from pkgutil import resolve_name
-
-    from branches.figures.style import write_figure
-
-    write_figure(resolve_name(figure), path, data, **options)
+        if interrupt.came:
+            raise KeyboardInterrupt(WRITTEN)
+        return code
 
 
 def json_text(record: dict[str, Any]) -> str:
@@ -346,11 +358,3 @@ def json_text(record: dict[str, Any]) -> str:
         else:
             lines.append(f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def after(interrupt: InterruptHandler, code: int) -> int:
-    """The exit code after work that an interrupt had to wait for."""
-    if interrupt.came and code != INTERRUPTED:
-        say("interrupted; what was computed is written")
-        return INTERRUPTED
-    return code

@@ -21,9 +21,9 @@ __all__ = [
     "one_thread",
     "open_executor",
     "prepare",
-    "prepare_motion",
     "report_compiling",
 ]
+
 
 def one_thread() -> None:
     """Ask the linear algebra libraries for one thread, here and in the processes started from here, unless the environment says otherwise.
@@ -59,13 +59,6 @@ def prepare(**kernels: bool) -> None:
         )
     except OSError:
         return
-
-
-def prepare_motion() -> None:
-    """Report, as `report_compiling`, about the kernels of damped motion."""
-    from bvp.kernels.motion import move
-
-    report_compiling(move)
 
 
 def report_compiling(kernel: Any) -> None:

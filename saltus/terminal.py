@@ -1,145 +1,229 @@
-"""Printing by commands: a standard output that can be closed at any time, standard error, and the progress of long runs.
-
-Standard output may be closed or full, or its reader may have left. The command then still writes its files. A printed name may contain
-undecodable bytes or control characters of the terminal.
-"""
+"""What a command shows in a terminal: tables and lines that fit it, and the progress of long runs."""
 
 from __future__ import annotations
 
-import contextlib
-import os
+import operator
+import re
+import shutil
 import sys
+import textwrap
 import threading
 import time
-from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, TextIO, cast
-
-from branches.files import WriteFailure, reason
+from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, TextIO
 
 __all__ = [
+    "EVENT_COLUMNS",
+    "EVENT_ROW",
     "ProgressBar",
-    "StandardError",
-    "StandardOutput",
-    "plain_stream",
-    "printable",
+    "counted",
+    "event_cells",
+    "range_text",
+    "short_id",
+    "stability_word",
+    "table_lines",
+    "terminal_width",
+    "with_short_ids",
+    "wrapped",
 ]
 
-KEPT = "\n\t"
-"""Control characters that text may hold."""
+_GAP = 2
+"""Spaces between two columns."""
+_LEAST = 16
+"""Width that a column of texts or ids keeps."""
+_ID = re.compile(r"(?:origin|rest|stop|periodic)[^\s:]*:[^\s:]*:[0-9a-f]{8}")
+EVENT_ROW = "{:>6}  {:<4}  {:<14}  {:<18}  {:<18}  {:<9}  {:<12}  {}"
+
+EVENT_COLUMNS = ("point", "type", "label", "energy h", "quarter alpha", "stable", "|multiplier|", "remark")
 
 
-def printable(text: str, kept: str = KEPT) -> str:
-    """The text with each unprintable character replaced by its escape, except the characters in `kept`.
-
-    Examples
-    --------
-    >>> print(printable("red \\x1b[31m, a byte that is no text \\udcff"))
-    red \\x1b[31m, a byte that is no text \\xff
-    """
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() or c in kept else _escape(c) for c in text)
+def terminal_width(stream: TextIO) -> int | None:
+    """The width of the terminal that a stream writes to; None where it writes to no terminal."""
+    return shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
 
 
-def _escape(character: str) -> str:
-    code = ord(character)
-    # Python reads a byte b of a file name that is not UTF-8 as the character U+DC00 + b.
-    return f"\\x{code - 0xDC00:02x}" if 0xDC80 <= code <= 0xDCFF else character.encode("unicode_escape").decode("ascii")
-
-
-class StandardOutput:
-    """A text stream over standard output that a command can rely on.
+def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: int | None = None, columns: str = "") -> list[str]:
+    """Lay out a table.
 
     Parameters
     ----------
-    stream : text stream or None
-        Standard output; None where it is closed.
+    head : sequence of str
+        Names of the columns.
+    rows : iterable of sequence of str
+    width : int, optional
+        Most characters in a line; by default any number.
+    columns : str
+        One letter a column: ``l`` and ``r`` give the alignment, left by default; ``t`` is text, which can wrap; ``i`` is ids of families,
+        which can be shortened. Other cells stay complete: where they do not fit, each row takes several lines.
 
-    Attributes
-    ----------
-    outlasts : bool
-        Whether the command goes on when standard output fails, because it has files to write.
-    failure : str or None
-        Why text could not be printed.
+    Returns
+    -------
+    list of str
+        The lines, without spaces at their ends.
+
+    Examples
+    --------
+    >>> print("\\n".join(table_lines(("label", "points"), [("S13O00+", "203"), ("U8353-", "7")], columns="lr")))
+    label    points
+    S13O00+     203
+    U8353-        7
+    >>> print("\\n".join(table_lines(("id", "h"), [("origin-origin:+-+-+-+-:0123abcd", "1.5")], width=25, columns="il")))
+    id                    h
+    origin-ori…:0123abcd  1.5
     """
-
-    def __init__(self, stream: TextIO | None) -> None:
-        self.stream = stream
-        self.outlasts = False
-        self.failure: str | None = None
-        self._gone = False
-        if getattr(stream, "errors", None) == "strict":
-            cast(Any, stream).reconfigure(errors="backslashreplace")
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-    def write(self, text: str) -> int:
-        """Print; raise `BrokenPipeError` or `WriteFailure` where that fails and the command has no files to write."""
-        self._do("write", printable(text))
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush; errors as for `write`."""
-        if self.stream is not None:
-            self._do("flush")
-
-    def isatty(self) -> bool:
-        """Whether it is a terminal."""
-        return self.stream is not None and self.stream.isatty()
-
-    def drop(self) -> None:
-        """Print nothing more. Text left in the stream's buffer must not raise a second error when the process ends."""
-        self._gone = True
-        with contextlib.suppress(OSError, ValueError, AttributeError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), cast(TextIO, self.stream).fileno())
-
-    def _do(self, action: str, *text: str) -> None:
-        if self._gone:
-            return
-        try:
-            if self.stream is None:
-                raise OSError("it is closed")
-            getattr(self.stream, action)(*text)
-        except BrokenPipeError:
-            self.drop()
-            if not self.outlasts:
-                raise
-        except OSError as error:
-            self.drop()
-            self.failure = f"cannot write standard output: {reason(error)}"
-            if not self.outlasts:
-                raise WriteFailure(self.failure) from error
+    cells = [list(head), *map(list, rows)]
+    kinds = columns.ljust(len(head), "l")[: len(head)]
+    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    if width is None or sum(sizes) + _GAP * (len(sizes) - 1) <= width:
+        pads = [str.rjust if kind == "r" else str.ljust for kind in kinds]
+        return [(" " * _GAP).join(pad(cell, size) for pad, cell, size in zip(pads, row, sizes, strict=True)).rstrip() for row in cells]
+    lines: list[str] = []
+    for count, flexible in [(len(head), "t"), *((count, "it") for count in range(len(head), 0, -1))]:
+        least = [min(size, _LEAST) if kind in flexible else size for kind, size in zip(kinds, sizes, strict=True)]
+        if count == 1 or sum(max(least[j::count]) for j in range(count)) + _GAP * (count - 1) <= width:
+            lines = _in_columns(cells, kinds, least, count, width)
+            if max(map(len, lines)) <= width:
+                break
+    return lines
 
 
-@dataclass(eq=False)
-class StandardError:
-    """A text stream over standard error that never fails: what cannot be printed there can be printed nowhere."""
+def _in_columns(cells: list[list[str]], kinds: str, least: list[int], count: int, width: int) -> list[str]:
+    """Lay out a table with so many columns. The other cells of a row are on further lines, indented."""
+    indent = [_GAP if j >= count else 0 for j in range(len(kinds))]
+    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    columns = range(count)
+    widths = [max(indent[j] + sizes[j] for j in range(k, len(kinds), count)) for k in columns]
+    floors = [max(indent[j] + least[j] for j in range(k, len(kinds), count)) for k in columns]
+    # The widest column that can give room gives one character at a time.
+    while sum(widths) + _GAP * (count - 1) > width and any(map(operator.gt, widths, floors)):
+        widths[max(columns, key=lambda k: widths[k] if widths[k] > floors[k] else 0)] -= 1
+    lines: list[str] = []
+    for row in cells:
+        for first in range(0, len(row), count):
+            lead = " " * indent[first]
+            texts: list[str] = []
+            more: list[str] = []
+            for text, kind, size in zip(row[first : first + count], kinds[first:], widths, strict=False):
+                if len(text) > size - len(lead):
+                    text, *rest = _shortened(text, kind, size - len(lead))
+                    more += [" " * (sum(widths[: len(texts)]) + _GAP * len(texts)) + lead + part for part in rest]
+                texts.append((lead + text).ljust(size) if kind != "r" else text.rjust(size))
+            if first == 0 or any(row[first : first + count]):
+                lines += [(" " * _GAP).join(texts).rstrip(), *more]
+    return lines
 
-    stream: TextIO
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-    def write(self, text: str) -> int:
-        """Print, if that is possible."""
-        with contextlib.suppress(OSError):
-            self.stream.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Flush, if that is possible."""
-        with contextlib.suppress(OSError):
-            self.stream.flush()
+def _shortened(text: str, kind: str, size: int) -> list[str]:
+    """The lines of a cell that is too long: texts wrap, ids are shortened."""
+    if kind == "t":
+        return textwrap.wrap(text, max(1, size), break_on_hyphens=False)
+    return [with_short_ids(text, size) if kind == "i" else text]
 
 
-def plain_stream() -> TextIO:
-    """Standard output as it is, for data that must not be changed. `WriteFailure` if it is closed."""
-    stream = sys.stdout.stream if isinstance(sys.stdout, StandardOutput) else sys.stdout
-    if stream is None:
-        raise WriteFailure("cannot write standard output: it is closed")
-    return stream
+def short_id(id: str, size: int) -> str:
+    """A family's id in so many characters: its beginning and its hash. It is longer where the hash needs more.
+
+    Examples
+    --------
+    >>> short_id("origin-origin:+-+-:d777f141", 18), short_id("origin-stop+::44db5a75", 0), short_id("L11+", 2)
+    ('origin-o…:d777f141', 'o…:44db5a75', 'L11+')
+    """
+    if len(id) <= size or not _ID.fullmatch(id):
+        return id
+    tail = "…" + id[-9:]
+    return id[: max(1, size - len(tail))] + tail
+
+
+def with_short_ids(line: str, width: int | None) -> str:
+    """A line with the ids in it shortened as far as it has to be.
+
+    Examples
+    --------
+    >>> with_short_ids("S13O00+  origin-stop+::44db5a75", 24)
+    'S13O00+  origi…:44db5a75'
+    """
+    if width is None:
+        return line
+    excess = max(0, len(line) - width)
+    return _ID.sub(lambda found: short_id(found[0], len(found[0]) - excess), line)
+
+
+def wrapped(lines: Iterable[str], width: int | None, indent: int) -> list[str]:
+    """Lines of words. Those that are too long are broken between words, and their further lines are indented.
+
+    Examples
+    --------
+    >>> wrapped(["model  elastic stops -> momentum is kept"], 30, 7)
+    ['model  elastic stops ->', '       momentum is kept']
+    """
+    if width is None:
+        return list(lines)
+    wrapper = textwrap.TextWrapper(width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)
+    return [part for line in lines for part in ([line] if len(line) <= width else wrapper.wrap(line))]
+
+
+def counted(count: int, thing: str) -> str:
+    """A number of things, one of them in the singular.
+
+    Examples
+    --------
+    >>> counted(1, "orbit"), counted(0, "edge"), counted(2, "family")
+    ('1 orbit', '0 edges', '2 families')
+    """
+    if count == 1:
+        return f"1 {thing}"
+    return f"{count} {thing[:-1]}ies" if thing.endswith("y") else f"{count} {thing}s"
+
+
+def range_text(ends: tuple[float, float]) -> str:
+    """A range of numbers as ``0.1185:14.55``.
+
+    Examples
+    --------
+    >>> range_text((0.118507810594, 14.5537010891)), range_text((1.0, 1.0))
+    ('0.11851:14.554', '1:1')
+    """
+    return f"{ends[0]:.5g}:{ends[1]:.5g}"
+
+
+def stability_word(stable: bool | int | None) -> str:
+    """Return ``yes``, ``no``, or ``undecided`` (for None and -1).
+
+    Examples
+    --------
+    >>> [stability_word(stable) for stable in (True, 0, -1, None)]
+    ['yes', 'no', 'undecided', 'undecided']
+    """
+    if stable is None or stable == -1:
+        return "undecided"
+    return "yes" if stable else "no"
+
+
+def event_cells(event: Any) -> tuple[str, ...]:
+    """The cells of an event, in the order of `EVENT_COLUMNS`.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> event = SimpleNamespace(number=-12, type="SN", label="S11O00-", h=0.06911644996826901, alpha=1.13584395619551,
+    ...     stable=None, multiplier=1.0, stop=None, p_q=None, breaks=None, note=None)
+    >>> print(EVENT_ROW.format(*EVENT_COLUMNS), EVENT_ROW.format(*event_cells(event)), sep="\\n")
+    point   type  label           energy h            quarter alpha       stable     |multiplier|  remark
+     -12    SN    S11O00-         0.069116449968269   1.1358439561955     undecided  1
+    """
+    if event.note:
+        remark = event.note
+    elif event.p_q:
+        remark = "p/q = {}/{}".format(*event.p_q)
+    elif event.breaks:
+        remark = f"breaks {event.breaks}"
+    else:
+        remark = f"stop {event.stop}" if event.stop else ""
+    return (
+        str(event.number), event.type, event.label, f"{event.h:.14g}", f"{event.alpha:.14g}", stability_word(event.stable),
+        "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}", remark,
+    )  # fmt: skip
 
 
 PATIENCE = 1.0
@@ -149,7 +233,7 @@ PAUSE = 60.0
 """Seconds from line to line where there is no terminal."""
 
 
-class ProgressBar:
+class ProgressBar(AbstractContextManager["ProgressBar"]):
     """Shows how many points are done. Lines printed through `line` do not disturb it.
 
     Where standard error is no terminal, a thread prints a line a minute, also while a search reports nothing.
@@ -173,19 +257,15 @@ class ProgressBar:
         self._total = total
         self._things = things
         self._bar: Any = None
-        self._task: Any = None
-        self._terminal = sys.stderr is not None and sys.stderr.isatty()
         self._start = time.monotonic()
         self._count: int | None = None
         self._more = ""
         self._done = threading.Event()
-
-    def __enter__(self) -> ProgressBar:
+        self._terminal = sys.stderr is not None and sys.stderr.isatty()
         if not self._terminal:
-            threading.Thread(target=self._report_again, daemon=True).start()
-        return self
+            threading.Thread(target=self._report, daemon=True).start()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self._done.set()
         if self._bar is not None:
             self._bar.stop()
@@ -193,24 +273,25 @@ class ProgressBar:
     def update(self, count: int, more: str = "") -> None:
         """Show how many points are done, and more in words."""
         self._count, self._more = count, more
+        if self._bar is None and self._terminal and time.monotonic() - self._start > PATIENCE:
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = BarColumn(), TextColumn(f"{{task.completed}} {self._things}"), TextColumn("{task.description}"), TimeElapsedColumn()
+            console = Console(stderr=True)
+            self._bar = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+            self._bar.add_task("", total=self._total)
+            self._bar.start()
         if self._bar is not None:
-            self._bar.update(self._task, completed=count, description=more)
-        elif self._terminal and time.monotonic() - self._start > PATIENCE:
-            self._show(count)
+            self._bar.update(self._bar.task_ids[0], completed=count, description=more)
 
-    def report(self) -> None:
-        """Print a line about the progress on standard error."""
-        if sys.stderr is None:
-            return
+    def _report(self) -> None:
+        """Print a line about the progress, again and again, until the work is done."""
         total = "" if self._total is None else f" of {self._total}"
-        done = "still at work" if self._count is None else f"{self._count}{total} {self._things}"
-        minutes = f"{(time.monotonic() - self._start) / 60.0:.0f} min"
-        sys.stderr.write(f"saltus: {done} after {minutes}{self._more and ', ' + self._more}\n")
-        sys.stderr.flush()
-
-    def _report_again(self) -> None:
         while not self._done.wait(min(PAUSE, threading.TIMEOUT_MAX)):
-            self.report()
+            done = "still at work" if self._count is None else f"{self._count}{total} {self._things}"
+            minutes = f"{(time.monotonic() - self._start) / 60.0:.0f} min"
+            print(f"saltus: {done} after {minutes}{self._more and ', ' + self._more}", file=sys.stderr, flush=True)
 
     def line(self, text: str, stream: Any) -> None:
         """Print a line to a stream and flush it."""
@@ -219,20 +300,3 @@ class ProgressBar:
         print(text, file=stream, flush=True)
         if self._bar is not None:
             self._bar.start()
-
-    def _show(self, count: int) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        self._bar = Progress(
-            BarColumn(),
-            TextColumn(f"{{task.completed}} {self._things}"),
-            TextColumn("{task.description}"),
-            TimeElapsedColumn(),
-            console=Console(stderr=True),
-            transient=True,
-            redirect_stdout=False,
-            redirect_stderr=False,
-        )
-        self._task = self._bar.add_task("", total=self._total, completed=count)
-        self._bar.start()

@@ -6,10 +6,10 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, options, outputs
+from saltus import __version__, catalogues, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, say
-from saltus.options import energy_range, positive, whole_above_zero
-from saltus.tables import counted
+from saltus.options import energy_range, whole_above_zero
+from saltus.terminal import ProgressBar, counted
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 
     from branches.building.build import Progress
     from branches.building.plan import Bounds, BuildPlan
-    from bvp.system import ImpactSystem
     from saltus.scene import Scene
-    from saltus.terminal import ProgressBar
-
-__all__ = ["add_arguments", "run"]
 
 SCHEMA = 2
 
@@ -29,10 +25,8 @@ SCHEMA = 2
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
-    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period (default: the scene's)")
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
-    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="number of processes (default: one for each core)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster instead of processes")
+    options.add_shared(parser, "max-quarter-period", "workers", "dask")
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     outputs.add_arguments(parser, "json")
     options.add_scene(parser)
@@ -47,7 +41,6 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.building.plan import Bounds, BuildPlan
     from branches.building.work import ends_of
     from branches.search.discovery import check
-    from saltus.processes import open_executor
 
     complete = scene.complete
     bounds = Bounds(
@@ -60,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         plan = BuildPlan.within(bounds)
     check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
-    with open_executor(arguments.workers, arguments.dask) as (executor, count):
+    with processes.open_executor(arguments.workers, arguments.dask) as (executor, count):
         return _build(files, scene, place, plan, executor, count)
 
 
@@ -68,22 +61,22 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
     from branches.building.build import build
     from branches.building.plan import refuse_other_plan
     from branches.catalogue import Catalogue
-    from saltus import __version__
-    from saltus.catalogues import impacts_text
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
 
     bounds = plan.bounds
     provenance = {"saltus": __version__, "built": plan.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue:
         refuse_other_plan(catalogue, plan)
         energies = f"h {bounds.energy[0]:g} to {bounds.energy[1]:g}"
-        impacts = f"up to {impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else "")
+        impacts = f"up to {catalogues.impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else "")
         files.report([f"build  {place}: {energies}, quarter period up to {bounds.quarter_period:g}, {impacts}"])
-        prepare(discovery=True)
+        processes.prepare(discovery=True)
         try:
             with ProgressBar(None, "families") as bar:
-                report = build(catalogue, plan, executor, workers, lambda progress: _show(bar, progress))
+
+                def show(progress: Progress) -> None:
+                    bar.update(progress.families, f"{progress.queued} queued, {progress.points} points, {progress.events} events")
+
+                report = build(catalogue, plan, executor, workers, show)
         except KeyboardInterrupt:
             say(f"interrupted; {place} keeps what was finished, and the same command goes on")
             return INTERRUPTED
@@ -95,6 +88,8 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
 
 def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     """The lines that say what a build has found, and how complete it is."""
+    from branches.naming.search import least_energy
+
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     new = report["levels"][-1]["new"]
     complete = "not complete" if new else "complete"
@@ -122,50 +117,5 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
         lost = counted(len(report["lost"]), "bifurcation")
         lines.append(f"       at {lost} no new family was found (dead ends of the graph, which say why)")
     if not report["families"]:
-        lines.append(f"       {_nothing_inside(scene.system, bounds, scene.quarter_period)}")
+        lines.append(f"       nothing lies inside the bounds; no motion reaches a stop below h = {least_energy(scene.system):.6g}")
     return lines
-
-
-def _show(bar: ProgressBar, progress: Progress) -> None:
-    bar.update(progress.families, f"{progress.queued} queued, {progress.points} points, {progress.events} events")
-
-
-def _nothing_inside(system: ImpactSystem, bounds: Bounds, longest: float) -> str:
-    """The line about bounds without a family: the shortest orbit at their lowest or highest energy.
-
-    Parameters
-    ----------
-    system : bvp.system.ImpactSystem
-    bounds : branches.building.plan.Bounds
-    longest : float
-        Longest quarter period of the search. It starts at that of the bounds and is doubled until there is an orbit.
-
-    Examples
-    --------
-    >>> from branches.building.plan import Bounds
-    >>> from bvp.system import vibro_impact_nes
-    >>> print(_nothing_inside(vibro_impact_nes(), Bounds((0.01, 0.02), 2.0, 3), 10.0))
-    nothing lies inside the bounds: no motion reaches a stop below h = 0.05
-    """
-    from branches.building.work import ends_of
-    from branches.naming.search import least_energy
-    from branches.search.discovery import discover_orbits
-
-    begin = "nothing lies inside the bounds: "
-    least = least_energy(system)
-    if bounds.energy[1] <= least:
-        return f"{begin}no motion reaches a stop below h = {least:.6g}"
-    quarter_period = bounds.quarter_period
-    while quarter_period < longest:
-        quarter_period = min(2.0 * quarter_period, longest)
-        found = [
-            (orbit.alpha, energy, orbit.label or "-".join(orbit.ends))
-            for energy in bounds.energy
-            for orbit in discover_orbits(system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)).orbits
-        ]
-        if found:
-            alpha, energy, name = min(found)
-            shortest = f"the shortest at their lowest and highest energy is {alpha:.6g} ({name}, h = {energy:g})"
-            return f"{begin}no orbit has so short a quarter period; {shortest}"
-    energies = " and at ".join(f"h = {energy:g}" for energy in bounds.energy)
-    return f"{begin}at {energies} no orbit within the impacts has a quarter period up to {quarter_period:g}"

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from saltus import catalogues, outputs
+from saltus import catalogues, outputs, processes
 from saltus.errors import DONE, FAILED
-from saltus.tables import counted
-
-__all__ = ["add_arguments", "run"]
+from saltus.terminal import ProgressBar, counted
 
 THINGS = {"families": "family", "points": "point", "events": "event", "edges": "edge"}
 """What is counted, and what one of it is called."""
@@ -25,11 +23,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code, 1 if a check fails."""
     files = outputs.outputs_of(arguments)
 
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
-
     with catalogues.open_catalogue(arguments) as catalogue:
-        prepare()
+        processes.prepare()
 
         from branches.catalogue.check import check_catalogue
 

@@ -5,21 +5,18 @@ from __future__ import annotations
 import argparse
 import json
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import InterruptHandler, defer_interrupts
-from saltus import __version__, catalogues, options, outputs, tables
-from saltus.errors import DONE, FAILED, INTERRUPTED, exit_code, one_line, say
+from saltus import catalogues, options, outputs, processes
+from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
 from saltus.options import energy_range, whole_above_zero
+from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
 
 if TYPE_CHECKING:
     from branches.branch import Branch, Ended
     from branches.catalogue import Catalogue
-    from branches.export.tables import Table
     from saltus.scene import Scene
-
-__all__ = ["add_arguments", "run"]
 
 EVENT_TYPES = {
     "SN": "saddle-node (fold)",
@@ -52,13 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     types = ", ".join(f"{code} {words}" for code, words in EVENT_TYPES.items())
     parser.add_argument("--stop-at", metavar="TYPE", choices=tuple(EVENT_TYPES), help=f"end at the first event of this type: {types}")
-    parser.add_argument(
-        "--frequency",
-        metavar="AXIS",
-        choices=("index", "fundamental"),
-        default="index",
-        help="axis of the figure: index (default) is m 2 pi/T, where m is the number of half-waves of the NES; fundamental is 2 pi/T",
-    )
+    options.add_shared(parser, "frequency")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="save the family in a catalogue")
     parser.add_argument(
@@ -83,28 +74,32 @@ def run(arguments: argparse.Namespace) -> int:
         if branch.full_family.others:
             files.report([f"cut    {branch.full_family.cut_text()}"])
         files.report(_warnings(branch))
-        code = max(code, _write(branch, files, arguments.frequency))
+
+        import numpy as np
+
+        from branches.record import to_csv, to_json, to_record
+
+        count = len(branch.points["h"])
+        files_code = files.write(
+            {"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)},
+            table=lambda: {"family": np.full(count, branch.id), "point": np.arange(count), **branch.points},
+            about=lambda: json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False),
+            figure=("branches.figures.single:branch_figure", branch, {"frequency": arguments.frequency}),
+        )
+        code = max(code, files_code)
         if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):
             say("a family that was not followed to its ends is not kept in a catalogue")
         elif place is not None:
-            code = max(code, _save(branch, place, scene, files))
-    return outputs.after(interrupt, code)
+            from branches.catalogue.widening import CannotWiden
 
-
-def _save(branch: Branch, place: Path, scene: Scene, files: outputs.Outputs) -> int:
-    """Keep the branch in a catalogue; return the exit code."""
-    from branches.catalogue.widening import CannotWiden
-
-    try:
-        words = catalogues.save_branch(branch, place, scene, __version__)
-    except CannotWiden as refused:
-        say(one_line(refused))
-        return FAILED
-    except (ValueError, RuntimeError) as error:
-        say(f"{one_line(error)}; the family {branch.id} was not kept")
-        return exit_code(error) or FAILED
-    files.report([words])
-    return DONE
+            try:
+                files.report([catalogues.save_branch(branch, place, scene)])
+            except CannotWiden as refused:
+                say(one_line(refused))
+                code = max(code, FAILED)
+    if interrupt.came and code != INTERRUPTED:
+        raise KeyboardInterrupt(outputs.WRITTEN)
+    return code
 
 
 def _follow(
@@ -112,10 +107,8 @@ def _follow(
 ) -> tuple[Branch, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.families import trace
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
 
-    prepare()
+    processes.prepare()
     with ProgressBar(arguments.points) as bar:
         report = partial(bar.line, stream=files.words)
 
@@ -132,8 +125,8 @@ def _follow(
                 points=arguments.points,
                 direction=arguments.direction,
                 stop_at=arguments.stop_at,
-                on_start=lambda text: report(f"start  {text}\n{tables.EVENT_HEADER}"),
-                on_event=lambda event: report(tables.event_line(event)),
+                on_start=lambda text: report(f"start  {text}\n{EVENT_ROW.format(*EVENT_COLUMNS)}"),
+                on_event=lambda event: report(EVENT_ROW.format(*event_cells(event)).rstrip()),
                 on_end=end,
                 on_point=bar.update,
             )
@@ -170,19 +163,3 @@ def _warnings(branch: Branch) -> list[str]:
                 f" between h = {energies.min():.8g} and {energies.max():.8g}: see quality in the files"
             )
     return lines
-
-
-def _write(branch: Branch, files: outputs.Outputs, frequency: str) -> int:
-    import numpy as np
-
-    from branches.record import to_csv, to_json, to_record
-
-    def table() -> Table:
-        count = len(branch.points["h"])
-        return {"family": np.full(count, branch.id), "point": np.arange(count), **branch.points}
-
-    def about() -> str:
-        return json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False)
-
-    plot = partial(outputs.draw, "branches.figures.single:branch_figure", branch, frequency=frequency)
-    return files.write({"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)}, table=table, about=about, plot=plot)

@@ -7,24 +7,19 @@ from collections.abc import Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, options, outputs
+from saltus import catalogues, options, outputs, processes
 from saltus.errors import DONE, INTERRUPTED, exit_code, one_line, say
 from saltus.options import positive, whole_above_zero
-from saltus.tables import counted, stability_word, table_lines, terminal_width, wrapped
+from saltus.terminal import ProgressBar, counted, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
     from branches.search.discovery import Discovery
-
-__all__ = ["add_arguments", "run", "summary"]
-
-ENDS = ("origin-origin", "origin-rest", "origin-stop", "rest-rest", "rest-stop", "stop-stop")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="H", type=positive, required=True, help="the energy h")
-    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period alpha (default: the scene's)")
-    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: not bounded)")
+    options.add_shared(parser, "max-quarter-period", "max-impacts")
     parser.add_argument(
         "--ends",
         metavar="PAIRS",
@@ -61,11 +56,9 @@ def run(arguments: argparse.Namespace) -> int:
         within["budget"] = arguments.max_starts
 
     from saltus.families import discover
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
 
     with catalogues.given(arguments, scene) as catalogue:
-        prepare(discovery=True)
+        processes.prepare(discovery=True)
         with ProgressBar():
             found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
     families, code = _families(found, files.words)
@@ -84,15 +77,13 @@ def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]
     """The id of each orbit's family, and the exit code: from the catalogue, else, where an orbit has no label to be named by, from
     following it. Empty where no catalogue is given and all orbits have labels."""
     from branches.tracing import follow_family
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
 
     families = list(found.families) or [None] * len(found.orbits)
     unnamed = [k for k, orbit in enumerate(found.orbits) if not orbit.label and families[k] is None]
     if not unnamed:
         return found.families, DONE
     try:
-        prepare()
+        processes.prepare()
         with ProgressBar(len(unnamed), "orbits without a label") as bar:
             for count, k in enumerate(unnamed, 1):
                 orbit = found.orbits[k]
@@ -128,20 +119,9 @@ def _table(found: Discovery, families: Sequence[str | None], width: int | None) 
 
 
 def summary(found: Discovery) -> list[str]:
-    """Return the lines that say how complete a discovery is.
-
-    Parameters
-    ----------
-    found : branches.search.discovery.Discovery
-
-    Returns
-    -------
-    list of str
-    """
-    from saltus.catalogues import impacts_text
-
+    """The lines that say how complete a discovery is."""
     counts = found.counts
-    bound = "any number of impacts" if found.impacts is None else f"up to {impacts_text(found.impacts)}"
+    bound = "any number of impacts" if found.impacts is None else f"up to {catalogues.impacts_text(found.impacts)}"
     lines = [
         f"{counted(len(found.orbits), 'orbit')} at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogues, options, outputs
+from saltus import catalogues, options, outputs, processes
 from saltus.errors import BadInput, nearest
-from saltus.options import positive, whole_above_zero
-from saltus.tables import counted
+from saltus.options import whole_above_zero
+from saltus.terminal import ProgressBar, counted
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue import Catalogue
+    from branches.catalogue import Catalogue, FamilyRow
     from branches.export.tables import Table
     from branches.figures.atlas_data import Atlas, Bound
     from branches.orbit import Orbit
     from saltus.scene import Scene
-
-__all__ = ["add_arguments", "run"]
 
 WHAT = {
     "fep": "frequency-energy plot: a figure, or its data",
@@ -69,61 +65,47 @@ def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
 
 def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Write the graph, or a table of points or orbits."""
-    columns = _columns(arguments.columns) if arguments.what == "points" else ()
+    from branches.export.tables import DEFAULT_COLUMNS, POINT_NAMES, points_table, table_text
+
+    columns = DEFAULT_COLUMNS
+    if arguments.what == "points" and arguments.columns is not None:
+        columns = tuple(dict.fromkeys(name.strip() for name in arguments.columns.split(",")))
+        for name in columns:
+            if name not in POINT_NAMES:
+                hint = nearest(name, POINT_NAMES) or f", expected some of {', '.join(POINT_NAMES)}"
+                raise BadInput(f"unknown column {name!r} of points{hint}")
     with catalogues.open_catalogue(arguments) as catalogue:
         if arguments.what == "graph":
-            return _graph(catalogue, arguments, files)
-        table = _points(catalogue, arguments, columns) if columns else _orbits(catalogue, arguments)
-
-    from branches.export.tables import table_text
-
+            return _graph(catalogue, _chosen(catalogue, arguments) if len(catalogue) else [], files)
+        points = arguments.what == "points"
+        table = points_table(catalogue, _chosen(catalogue, arguments), columns) if points else _orbits(catalogue, arguments)
     thing = "samples" if getattr(arguments, "samples", None) else arguments.what
     note = counted(len(next(iter(table.values()))), thing[:-1])
-    texts = {"json": lambda: table_text(table, "json", thing)}
-    return files.write(texts, table=lambda: table, notes=dict.fromkeys(files.places, note))
+    return files.write(
+        {"json": lambda: table_text(table, "json", thing)}, table=lambda: table, notes=dict.fromkeys(files.places, note)
+    )
 
 
-def _columns(text: str | None) -> tuple[str, ...]:
-    """The requested columns of points."""
-    from branches.export.tables import DEFAULT_COLUMNS, POINT_NAMES
-
-    if text is None:
-        return DEFAULT_COLUMNS
-    names = tuple(name.strip() for name in text.split(","))
-    for name in names:
-        if name not in POINT_NAMES:
-            hint = nearest(name, POINT_NAMES) or f", expected some of {', '.join(POINT_NAMES)}"
-            raise BadInput(f"unknown column {name!r} of points{hint}")
-        if names.count(name) > 1:
-            raise BadInput(f"column {name!r} is asked for {names.count(name)} times, expected each column once")
-    return names
-
-
-def _points(catalogue: Catalogue, arguments: argparse.Namespace, columns: tuple[str, ...]) -> Table:
-    """The points of the families that are chosen."""
-    from branches.export.tables import points_table
-
+def _chosen(catalogue: Catalogue, arguments: argparse.Namespace) -> list[FamilyRow]:
+    """The families that the names and the filters choose."""
     filters = options.filters_of(arguments)
     families = catalogue.families(**filters)
     if arguments.names:
-        chosen = {catalogue.find(name).id for name in arguments.names}
-        families = [row for row in families if row.id in chosen]
+        named = {catalogue.find(name).id for name in arguments.names}
+        families = [row for row in families if row.id in named]
     if not families:
         raise options.nothing_fits(str(catalogue.path), len(catalogue), filters, arguments.names)
-    return points_table(catalogue, families, columns)
+    return families
 
 
-def _graph(catalogue: Catalogue, arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+def _graph(catalogue: Catalogue, families: list[FamilyRow], files: outputs.Outputs) -> int:
+    """Write the graph of some families, without the dead ends of others."""
     from branches.catalogue.catalogue import FLATTENED, graph_text
 
     graph = catalogue.graph()
-    filters = options.filters_of(arguments)
-    if arguments.names or options.given_filters(filters):
-        kept = {row.id for row in catalogue.families(**filters)}
-        if arguments.names:
-            kept &= {catalogue.find(name).id for name in arguments.names}
-        dropped = [id for id, data in graph.nodes(data=True) if data["kind"] == "family" and id not in kept]
-        graph.remove_nodes_from(dropped)
+    kept = {row.id for row in families}
+    if len(kept) < len(catalogue):
+        graph.remove_nodes_from([id for id, data in graph.nodes(data=True) if data["kind"] == "family" and id not in kept])
         graph.remove_nodes_from([id for id, data in graph.nodes(data=True) if data["kind"] == "dead end" and not graph.degree(id)])
     if not files.to_stdout:
         files.report(f"note   {FLATTENED.format(kind)}" for kind in files.places if kind != "json")
@@ -139,9 +121,8 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
     found: list[tuple[str, Orbit]] = []
     filters = options.filters_of(arguments)
     if arguments.names:
-        if options.given_filters(filters):
-            asked = options.filter_words(filters)
-            raise BadInput(f"names and {asked} both choose orbits; expected names, or --energy H for all that cross it")
+        if filters:
+            raise BadInput(f"names and --{next(iter(filters))} both choose orbits; expected names, or --energy H for all that cross it")
         for name in arguments.names:
             match = catalogue.find(name)
             if match.kind != "family":
@@ -149,11 +130,13 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
             if "@" not in name:
                 raise BadInput(f"an orbit of {name} needs {name}@h=.. or @alpha=..")
             branch = catalogue.branch(match.id)
-            assert match.h is not None and match.alpha is not None
-            orbits = branch.orbits_at(energy=match.h) if "h=" in name else branch.orbits_at(alpha=match.alpha)
+            h, alpha = match.h, match.alpha
+            assert h is not None and alpha is not None
+            orbits = branch.orbits_at(energy=h) if "h=" in name else branch.orbits_at(alpha=alpha)
             if not orbits:
                 raise BadInput(f"the orbit {name} could not be solved for; expected one farther from the end of its family")
-            found.append((match.id, min(orbits, key=_distance_to(match.h, match.alpha))))
+            distances = [abs(orbit.h / h - 1.0) + abs(orbit.alpha / alpha - 1.0) for orbit in orbits]
+            found.append((match.id, orbits[distances.index(min(distances))]))
     elif arguments.energy is None:
         raise BadInput("orbits need names such as S13O00+@h=1, or --energy H for all families that cross it")
     else:
@@ -162,10 +145,6 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
         if not found:
             raise options.nothing_fits(str(catalogue.path), len(catalogue), filters)
     return orbit_samples(found, arguments.samples) if arguments.samples else orbit_rows(found)
-
-
-def _distance_to(h: float, alpha: float) -> Callable[[Orbit], float]:
-    return lambda orbit: abs(orbit.h / h - 1.0) + abs(orbit.alpha / alpha - 1.0)
 
 
 def _add_figure_options(parser: argparse.ArgumentParser) -> None:
@@ -178,9 +157,8 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--data", metavar="FILE", help="draw from exported data")
     options.add_filters(parser, shown=True)
-    parser.add_argument("--frequency", metavar="AXIS", choices=("index", "fundamental"), default="index", help="as in `saltus continue`")
+    options.add_shared(parser, "frequency", "clearance", "natural-frequency", "max-quarter-period")
     parser.add_argument("--impulsive", action="store_true", help="add the curve of impulsive motions, and the periodic ones")
-    parser.add_argument("--max-quarter-period", metavar="A", type=positive, help="longest quarter period of periodic impulsive orbits")
     parser.add_argument("--regimes", action="store_true", help="add the bounds of the regimes I to IV, as saltus computes them")
     parser.add_argument(
         "--inset",
@@ -190,14 +168,6 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
         help="enlarge a range of energies, and of frequencies; can be repeated",
     )
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N families")
-    parser.add_argument("--clearance", metavar="D", type=positive, default=1.0, help="scale lengths by D, and energies by its square")
-    parser.add_argument(
-        "--natural-frequency",
-        metavar="W",
-        type=positive,
-        default=1.0,
-        help="scale frequencies by the frequency of the oscillator alone, in rad/s",
-    )
     options.add_scene(parser)
 
 
@@ -208,9 +178,6 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     for kind, path in files.places.items():
         if kind != "plot" and Path(path).suffix.lower() != f".{kind}":
             raise BadInput(f"--{kind} {path}: expected a file ending in .{kind}")
-    for option in ("names", "inset"):
-        if "plot" not in files.places and getattr(arguments, option):
-            raise BadInput(f"--{option} needs --plot FILE")
     insets = [parse_inset(text) for text in arguments.inset]
     if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
         raise BadInput("families come from one place: give one of --catalogue, --branches and --data")
@@ -225,19 +192,10 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
     names = {} if arguments.names is None else {"names": arguments.names}
     if arguments.what == "velocities":
-        plot = partial(outputs.draw, "branches.figures.atlas:velocities_figure", atlas, **names)
+        figure = "branches.figures.atlas:velocities_figure", atlas, names
     else:
-        plot = partial(outputs.draw, "branches.figures.atlas:atlas_figure", atlas, frequency=arguments.frequency, insets=insets, **names)
-    return files.write(files=dict.fromkeys(files.places, write_data), plot=plot)
-
-
-def _require_system(scene: Scene, branch: Branch, path: str) -> None:
-    """Refuse a branch of another system than the one that was asked for."""
-    from branches.catalogue.rows import difference
-
-    found = difference(branch.system.describe(), scene.system.describe())
-    if found is not None:
-        raise BadInput(f"{path} belongs to another system: there {found}")
+        figure = "branches.figures.atlas:atlas_figure", atlas, {"frequency": arguments.frequency, "insets": insets, **names}
+    return files.write(files={kind: write_data for kind in files.places if kind != "plot"}, figure=figure)
 
 
 def _atlas(arguments: argparse.Namespace) -> Atlas:
@@ -246,14 +204,10 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     if arguments.data is not None:
         from branches.export.figure_data import read_atlas
 
-        filters = options.given_filters(options.filters_of(arguments))
-        for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *filters):
+        for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *options.filters_of(arguments)):
             if getattr(arguments, option) not in (None, False):
                 raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
-        atlas = read_atlas(arguments.data)
-        if (arguments.clearance, arguments.natural_frequency) == (1.0, 1.0):
-            return atlas
-        return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
+        return rescaled(read_atlas(arguments.data), arguments.clearance, arguments.natural_frequency)
 
     scene = options.scene_of(arguments)
     branches, everything = _families(arguments, scene)
@@ -263,10 +217,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     if arguments.impulsive:
         from branches.impulsive.motions import impulsive_manifold
         from branches.impulsive.orbits import impulsive_orbits
-        from saltus.processes import prepare
-        from saltus.terminal import ProgressBar
 
-        prepare(impulsive=True)
+        processes.prepare(impulsive=True)
         if energy is None:
             energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
         with ProgressBar():
@@ -276,7 +228,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     if arguments.regimes:
         bounds, missing = regime_bounds(system, everything)
         for text in missing:
-            print(f"note   no bound {text}", flush=True)
+            print(f"note   no bound {text}")
     points = scene.names_for(system)
     atlas = atlas_of(system, branches, reference_points=points, manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
@@ -288,11 +240,14 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
     if arguments.branches:
         from branches.catalogue.find import chosen
         from branches.catalogue.packing import pack_family
+        from branches.catalogue.rows import difference
         from branches.reading import read_branch
 
         everything = [read_branch(path) for path in arguments.branches]
         if arguments.scene is not None or options.parameters_of(arguments):
-            _require_system(scene, everything[0], arguments.branches[0])
+            differs = difference(everything[0].system.describe(), scene.system.describe())
+            if differs is not None:
+                raise BadInput(f"{arguments.branches[0]} belongs to another system: there {differs}")
         kept = {row.id for row in chosen([pack_family(branch).row for branch in everything], **filters)}
         place = "the files given"
     else:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, options, outputs
+from saltus import catalogues, options, outputs, processes
 from saltus.errors import DONE, FAILED
-from saltus.options import energy_range, positive, whole_above_zero
-from saltus.tables import stability_word, table_lines, terminal_width
+from saltus.options import energy_range, whole_above_zero
+from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
     from branches.export.tables import Table
     from branches.impulsive.motions import Manifold
     from branches.impulsive.orbits import ImpulsiveOrbits
-
-__all__ = ["add_arguments", "run"]
 
 SCHEMA = 2
 HEADER = ("label", "other side", "energy h", "quarter alpha", "u2_velocity", "impacts", "stable", "family")
@@ -27,10 +24,7 @@ COLUMNS = ("label", "family", "h", "alpha", "u2_velocity", "impacts", "other_lab
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, required=True, help="range of energies h")
-    parser.add_argument(
-        "--max-quarter-period", metavar="A", type=positive, help="longest quarter period of the periodic orbits (default: the scene's)"
-    )
-    parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: any number)")
+    options.add_shared(parser, "max-quarter-period", "max-impacts")
     parser.add_argument(
         "--density", metavar="N", type=whole_above_zero, default=100, help="energies in a decade of the curve (default: 100)"
     )
@@ -51,12 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.impulsive.motions import impulsive_manifold
     from branches.impulsive.orbits import impulsive_orbits
-    from saltus.processes import prepare
-    from saltus.terminal import ProgressBar
 
     longest = arguments.max_quarter_period or scene.quarter_period
     with catalogues.given(arguments, scene) as catalogue:
-        prepare(impulsive=True)
+        processes.prepare(impulsive=True)
         with ProgressBar():
             found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
         entries = records(found, catalogue)
@@ -81,14 +73,12 @@ def run(arguments: argparse.Namespace) -> int:
                 *(f"failed  at h = {energy:.10g} {reason}" for energy, reason in curve.failed),
             ]
         )
-
-    def plot(path: Path) -> None:
-        from branches.figures.atlas import draw_atlas
+    figure: outputs.Drawing | None = None
+    if "plot" in files.places:
         from branches.figures.atlas_data import atlas_of
 
-        draw_atlas(atlas_of(scene.system, (), manifold=curve, impulsive=found), path)
-
-    code = files.write({"json": lambda: impulsive_json(found, entries, curve)}, table=lambda: orbit_table(entries), plot=plot)
+        figure = "branches.figures.atlas:atlas_figure", atlas_of(scene.system, (), manifold=curve, impulsive=found), {}
+    code = files.write({"json": lambda: impulsive_json(found, entries, curve)}, table=lambda: orbit_table(entries), figure=figure)
     return max(code, FAILED if found.unpolished else DONE)
 
 

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from functools import partial
 from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
 from saltus.errors import BadInput
 from saltus.families import agreed, family_of, select
 from saltus.options import positive
-from saltus.tables import stability_word, table_lines
+from saltus.terminal import stability_word, table_lines
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
-
-__all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,24 +50,12 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.export.tables import orbit_rows
     from branches.record import orbit_to_csv, orbit_to_json
 
-    plot = partial(outputs.draw, "branches.figures.single:orbit_figure", orbit)
     texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
-    return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), plot=plot)
+    return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), figure=("branches.figures.single:orbit_figure", orbit, {}))
 
 
 def orbit_lines(orbit: Orbit, name: str) -> list[str]:
-    """Return the lines that report an orbit.
-
-    Parameters
-    ----------
-    orbit : branches.orbit.Orbit
-    name : str
-        Its label, or the id of its family.
-
-    Returns
-    -------
-    list of str
-    """
+    """The lines that report an orbit; `name` is its label, or the id of its family."""
     from branches.tracing import HIGHEST
     from bvp.multipliers import TRIVIAL_LOST
 
@@ -83,18 +68,14 @@ def orbit_lines(orbit: Orbit, name: str) -> list[str]:
         f"stable   {stability_word(orbit.stable)}{traces}",
     ]
     lines += [f"multiplier  {value.real:+.12e} {value.imag:+.12e} i  modulus {abs(value):.12e}" for value in orbit.multipliers]
-    lines.append(_quality_line(orbit))
-    if orbit.quality["trivial"] >= TRIVIAL_LOST:
+    quality = orbit.quality
+    reliable = "reliable" if quality["reliable"] else "NOT RELIABLE"
+    defects = f"trivial {quality['trivial']:.1e}  pairing {quality['pairing']:.1e}  residual {orbit.residual:.1e}"
+    lines.append(f"quality  {reliable}  {defects}")
+    if quality["trivial"] >= TRIVIAL_LOST:
         lines.append("warning  a product of saltation matrices loses the trivial multiplier; those above are of the saddle-point matrix")
     if orbit.h > HIGHEST:
         lines.append(f"warning  above h = {HIGHEST:g} the forces of the springs are lost in rounding beside the speeds of the impacts")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
     impacts = [(f"{impact.time:.14g}", impact.stop, f"{impact.speed:.14g}") for impact in orbit.impacts]
     return lines + table_lines(("time", "stop", "speed"), impacts, columns="rlr")
-
-
-def _quality_line(orbit: Orbit) -> str:
-    """The line about the quality of the numbers."""
-    quality = orbit.quality
-    reliable = "reliable" if quality["reliable"] else "NOT RELIABLE"
-    return f"quality  {reliable}  trivial {quality['trivial']:.1e}  pairing {quality['pairing']:.1e}  residual {orbit.residual:.1e}"

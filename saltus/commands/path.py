@@ -6,12 +6,12 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, outputs
+from saltus.catalogues import edge_record, node_record
 from saltus.errors import FAILED, say
+from saltus.terminal import counted
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-
-__all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code, 1 if no chain exists."""
-
     files = outputs.outputs_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:
         first, last = catalogue.find(arguments.first).id, catalogue.find(arguments.last).id
@@ -40,8 +39,6 @@ def run(arguments: argparse.Namespace) -> int:
 def _chain(catalogue: Catalogue, first: str, last: str) -> tuple[list[dict[str, Any]], list[dict[str, Any]]] | None:
     """The nodes and edges of the shortest chain; of several equally short ones the first in the order of ids and energies."""
     import networkx
-
-    from saltus.catalogues import edge_record, node_record
 
     between: dict[frozenset[str], Any] = {}
     graph = networkx.Graph()
@@ -69,5 +66,5 @@ def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]]) -> list[str
                 here, there = there, here
             way = " to ".join(event for event in (here, there) if event) or edge["type"]
             out.append(f"  {way}: {edge['kind']} at h = {edge['h']:.10g}, alpha = {edge['alpha']:.10g}")
-    out.append(f"{len(edges)} {'event' if len(edges) == 1 else 'events'}")
+    out.append(counted(len(edges), "event"))
     return out

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from saltus import outputs
 from saltus.errors import BadInput, nearest
-from saltus.tables import table_lines, terminal_width
+from saltus.terminal import table_lines, terminal_width
 
 if TYPE_CHECKING:
     from transitions.study.study import Best, Study
-
-__all__ = ["add_arguments", "run"]
 
 VIEWS = ("map", "lines", "best")
 _TABLES = {kind: outputs.KINDS[kind] for kind in ("csv", "npz", "mat")}
@@ -48,38 +45,28 @@ def run(arguments: argparse.Namespace) -> int:
     study = Study(arguments.study)
     if not len(study):
         raise BadInput(f"no run of {arguments.study} is finished; run saltus study first")
-    best, value = _result(study, "--best", arguments.best), arguments.value
-    value = best if value is None else _result(study, "--value", value)
+    best, value = arguments.best, arguments.value or arguments.best
+    for option, name in (("--best", best), ("--value", value)):
+        if name not in study.names:
+            raise BadInput(f"{option} {name}: no such result{nearest(name, study.names) or '; expected ' + ', '.join(study.names)}")
     numeric = [axis.name for axis in numeric_axes(study)]
     view = arguments.view or ("map" if len(numeric) >= 2 else "lines")
     options: dict[str, Any] = {"best": best, "value": value}
     if arguments.over is not None:
         if view != "map":
             raise BadInput("--over names the two parameters of a map; expected --view map")
-        options["axes"] = _pair(arguments.over, numeric)
+        options["axes"] = axes = tuple(part.strip() for part in arguments.over.split(","))
+        if len(axes) != 2 or len({*axes} & {*numeric}) != 2:
+            hint = next((hint for axis in axes if axis not in numeric and (hint := nearest(axis, numeric))), "")
+            raise BadInput(f"--over {arguments.over!r}: expected two parameters X,Y of {', '.join(numeric)}{hint}")
     if not study.complete:
         files.report([f"{len(study)} of {study.plan.count} runs are finished"])
     files.report(best_lines(study, study.best(best), best))
 
-    plot = partial(outputs.draw, f"transitions.figures.study:{view}_figure", study, **options)
-    return files.write(table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}}, plot=plot)
-
-
-def _result(study: Study, option: str, name: str) -> str:
-    if name not in study.names:
-        raise BadInput(f"{option} {name}: no such result{nearest(name, study.names) or '; expected ' + ', '.join(study.names)}")
-    return name
-
-
-def _pair(text: str, numeric: list[str]) -> tuple[str, str]:
-    names = [part.strip() for part in text.split(",")]
-    if len(names) != 2 or names[0] == names[1]:
-        raise BadInput(f"--over {text!r}: expected two parameters X,Y of {', '.join(numeric)}")
-    for name in names:
-        if name not in numeric:
-            hint = nearest(name, numeric) or f"; expected {', '.join(numeric)}"
-            raise BadInput(f"--over {text!r}: {name!r} is not a number that the study varies{hint}")
-    return names[0], names[1]
+    return files.write(
+        table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}},
+        figure=(f"transitions.figures.study:{view}_figure", study, options),
+    )
 
 
 def best_lines(study: Study, best: Best, name: str) -> list[str]:

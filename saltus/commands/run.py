@@ -10,20 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import defer_interrupts
-from saltus import catalogues, options, outputs
+from saltus import catalogues, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.motion import start as start_options
 from saltus.options import positive, whole_above_zero
+from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
     from branches.export.tables import Table
     from saltus.motion.simulation import MotionReport
     from saltus.motion.start import Start
     from saltus.scene import Scene
-    from saltus.terminal import ProgressBar
     from transitions.empirical import IntrinsicModes
-
-__all__ = ["add_arguments", "run"]
 
 SAMPLES = 2000
 MOST_IMPACTS = 10_000_000
@@ -51,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--catalogue", metavar="FILE", help="take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text below the figure")
-    options.add_units(parser)
+    options.add_shared(parser, "clearance", "natural-frequency")
     options.add_scene(parser, uses=("ground", "forces"))
 
 
@@ -65,9 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
 
     from bvp.forcing import Record
+    from bvp.kernels.motion import move
     from saltus.motion.simulation import NOT_ASKED, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
-    from saltus.processes import prepare_motion
-    from saltus.terminal import ProgressBar
 
     records = [float(force.times[-1]) for force in scene.forces if isinstance(force, Record)]
     duration = arguments.duration or max(records, default=None)
@@ -82,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
             start = start_options.start_of_motion(arguments, scene)
-            prepare_motion()
+            processes.report_compiling(move)
             with ProgressBar(100, "% of the motion") as bar:
                 report = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
         locked = modes = None
@@ -110,7 +107,9 @@ def run(arguments: argparse.Namespace) -> int:
             interrupt.came = True
             say("interrupted; the motion is written, without what was to be computed from it")
         code = max(code, _write(arguments, files, scene, start, report, locked, modes, lambda: interrupt.came))
-    return outputs.after(interrupt, code)
+    if interrupt.came and code != INTERRUPTED:
+        raise KeyboardInterrupt(outputs.WRITTEN)
+    return code
 
 
 def _write(
@@ -136,7 +135,7 @@ def _write(
     )
     from saltus.motion.simulation import impact_table
 
-    scale = options.units_of(arguments)
+    scale = options.Units(arguments.clearance, arguments.natural_frequency)
     record = motion_record(report, scene, start, scale, locked, modes)
     impacts = impact_table(report.motion, scale)
     files.report(motion_lines(report, start, record, impacts))
@@ -183,7 +182,7 @@ def _write(
             files.report(["note   the figure is in natural units"])
 
     with catalogues.given(arguments, scene.underlying) as catalogue:
-        code = files.write({"json": text, "csv": series}, table=table, about=about, plot=plot)
+        code = files.write({"json": text, "csv": series}, table=table, about=about, files={"plot": plot})
     return INTERRUPTED if notes else code
 
 

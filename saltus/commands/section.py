@@ -4,31 +4,35 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from collections import Counter
-from functools import partial
 from typing import TYPE_CHECKING
 
-from saltus import catalogues, options, outputs
+from saltus import catalogues, options, outputs, processes
 from saltus.errors import INTERRUPTED, BadInput, say
-from saltus.options import energy_range, number, positive, whole_above_zero
+from saltus.options import ValueType, energy_range, finite, positive, whole_above_zero
+from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from bvp.system import ImpactSystem
     from saltus.scene import Scene
     from transitions.section.plane import SectionPlane
-    from transitions.section.rotation import Rotations
     from transitions.section.section import Section
     from transitions.section.view import OrbitMark, SectionView
-
-__all__ = ["add_arguments", "run"]
 
 PANELS = 8
 """Sections of panels that are given as a range of energies."""
 
 MOST_PANELS = 26
+
+_energies = ValueType(
+    lambda text: energy_range(text) if ":" in text else [positive(part) for part in text.split(",")],
+    lambda energies: list(energies) == sorted(set(energies)),
+    "an energy above 0, LO:HI, or rising energies H1,H2,...",
+)
+_place = ValueType(
+    lambda text: tuple(finite(part) for part in text.split(",")), lambda place: len(place) == 2, "finite numbers X,Y"
+)
 HEADER = f"{'energy h':>11} {'orbits':>7} {'points':>9} {'impacts':>10} {'energy drift':>12} {'lyapunov':>9} {'seconds':>8} {'points/s':>9}"
 
 
@@ -79,7 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
     energies = _asked(arguments, scene)
 
+    from transitions.kernels import follow_section
     from transitions.section.plane import SectionPlane
+    from transitions.section.section import follow_crossings
 
     planes = [SectionPlane(scene.system, energy) for energy in energies]
     why = scene.system.why_not_conservative()
@@ -99,7 +105,9 @@ def run(arguments: argparse.Namespace) -> int:
 
         files.report(f"model  {line}" for line in explain_section(scene.system))
     with catalogues.given(arguments, scene) as catalogue:
-        _compile(planes[0])
+        # The kernels are compiled before time is measured.
+        processes.report_compiling(follow_section)
+        follow_crossings(planes[0], planes[0].starts(1), 2)
         files.report([HEADER])
         views: list[SectionView] = []
         interrupted = False
@@ -115,36 +123,22 @@ def run(arguments: argparse.Namespace) -> int:
     if caption:
         files.report([f"note   {caption}"])
 
-    names = {} if arguments.names is None else {"names": arguments.names}
-    plot = partial(outputs.draw, "transitions.figures.section:section_figure", views, colour=arguments.colour, caption=caption, **names)
+    named = {} if arguments.names is None else {"names": arguments.names}
+    figure = "transitions.figures.section:section_figure", views, {"colour": arguments.colour, "caption": caption, **named}
 
-    from transitions.section.view import views_table
+    from branches.export.tables import csv_text
+    from transitions.section.view import SCHEMA, view_record, views_table
 
+    names, plane = scene.system.coordinates, planes[0]
+    axes = {"zero": names[plane.primary], "x": names[plane.other], "y": "momentum over mass" if plane.momentum else "velocity"}
+    record = {"schema": SCHEMA, "system": scene.system.describe(), "plane": axes}
     about = json.dumps({"schema": 1, "content": "section", "system": scene.system.describe()}, allow_nan=False)
-    texts = {"json": lambda: section_json(scene.system, planes[0], views), "csv": lambda: section_csv(views)}
-    code = files.write(texts, table=lambda: views_table(views), about=lambda: about, cells=False, plot=plot)
+    texts = {
+        "json": lambda: outputs.json_text({**record, "sections": [view_record(view) for view in views]}),
+        "csv": lambda: csv_text(views_table(views), codes=True),
+    }
+    code = files.write(texts, table=lambda: views_table(views), about=lambda: about, cells=False, figure=figure)
     return INTERRUPTED if interrupted else code
-
-
-def _energies(text: str) -> tuple[float, ...] | tuple[float, float, str]:
-    """Read H, LO:HI or H1,H2,...; a range ends with "range"."""
-    if ":" in text:
-        return (*energy_range(text), "range")
-    values = tuple(positive(part) for part in text.split(","))
-    if list(values) != sorted(set(values)):
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected rising energies above 0")
-    return values
-
-
-def _place(text: str) -> tuple[float, float]:
-    """Read a place X,Y of the plane."""
-    parts = text.split(",")
-    if len(parts) != 2:
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected X,Y")
-    x, y = (number(part) for part in parts)
-    if math.isinf(x) or math.isinf(y):
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected finite numbers X,Y")
-    return x, y
 
 
 def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
@@ -160,8 +154,8 @@ def _asked(arguments: argparse.Namespace, scene: Scene) -> list[float]:
         if not scene.sections:
             raise BadInput("the scene gives no [sections] energies for panels; expected --energy LO:HI or H1,H2,... with --panels")
         return list(scene.sections)
-    if given[-1] == "range":
-        low, high = given[:2]
+    if isinstance(given, tuple):
+        low, high = given
         return [low * (high / low) ** (k / (PANELS - 1)) for k in range(PANELS)]
     if len(given) > MOST_PANELS:
         raise BadInput(f"--energy gives {len(given)} energies; expected {MOST_PANELS} at most")
@@ -177,19 +171,8 @@ def _caption(scene: Scene, energies: list[float]) -> str:
     return f"h = {listed} as in {scene.source}; the other energies are our choice"
 
 
-def _compile(plane: SectionPlane) -> None:
-    """Have the kernels compiled before time is measured."""
-    from saltus.processes import report_compiling
-    from transitions.kernels import follow_section
-    from transitions.section.section import follow_crossings
-
-    report_compiling(follow_section)
-    follow_crossings(plane, plane.starts(1), 2)
-
-
 def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalogue | None) -> tuple[SectionView, float]:
     """One section with what was asked to be seen on it, and the seconds that its motions took."""
-    from saltus.terminal import ProgressBar
     from transitions.section.section import section
     from transitions.section.view import SectionView
 
@@ -210,15 +193,12 @@ def _view(plane: SectionPlane, arguments: argparse.Namespace, catalogue: Catalog
         from transitions.section.view import catalogue_marks
 
         marks = tuple(catalogue_marks(plane, catalogue))
-    return SectionView(found, marks, _rotations(found, arguments)), seconds
+    turning = None
+    if arguments.colour == "rotation":
+        from transitions.section.rotation import about_point, rotations
 
-
-def _rotations(found: Section, arguments: argparse.Namespace) -> Rotations | None:
-    if arguments.colour != "rotation":
-        return None
-    from transitions.section.rotation import about_point, rotations
-
-    return rotations(found, None if arguments.about is None else [about_point(found, arguments.about)])
+        turning = rotations(found, None if arguments.about is None else [about_point(found, arguments.about)])
+    return SectionView(found, marks, turning), seconds
 
 
 def _row(section: Section, seconds: float) -> str:
@@ -263,24 +243,3 @@ def _remarks(view: SectionView, why: str | None) -> list[str]:
         count = int((view.rotations.numbers != view.rotations.numbers).sum())
         lines.append(f"about  none: {count} orbits, chaotic or round no elliptic fixed point")
     return lines
-
-
-def section_json(system: ImpactSystem, plane: SectionPlane, views: list[SectionView]) -> str:
-    """Return the JSON text of the sections."""
-    from transitions.section.view import SCHEMA, view_record
-
-    names = system.coordinates
-    record = {
-        "schema": SCHEMA,
-        "system": system.describe(),
-        "plane": {"zero": names[plane.primary], "x": names[plane.other], "y": "momentum over mass" if plane.momentum else "velocity"},
-    }
-    return outputs.json_text({**record, "sections": [view_record(view) for view in views]})
-
-
-def section_csv(views: list[SectionView]) -> str:
-    """Return the CSV text: a row a point."""
-    from branches.export.tables import csv_text
-    from transitions.section.view import views_table
-
-    return csv_text(views_table(views), codes=True)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, outputs
+from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
 from saltus.errors import BadInput
+from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
-    from branches.catalogue import Catalogue, Edge, FamilyRow
+    from branches.catalogue import Catalogue, Edge
     from branches.catalogue.find import NameMatch
     from branches.orbit import Orbit
-
-__all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
-
     files = outputs.outputs_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:
         match = catalogue.find(arguments.name)
@@ -36,13 +34,13 @@ def run(arguments: argparse.Namespace) -> int:
         lines = _lines(catalogue, match, record)
         orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
 
-    plot = partial(outputs.draw, "branches.figures.single:orbit_figure", orbit)
-    return files.finish(lines, lambda: record, plot=plot, notes={"plot": f"the orbit {name}"})
+    figure: outputs.Drawing = "branches.figures.single:orbit_figure", orbit, {}
+    return files.finish(lines, lambda: record, figure=figure, notes={"plot": f"the orbit {name}"})
 
 
 def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     """All that there is to say, as plain data."""
-    from saltus.catalogues import SCHEMA, event_record, family_record, node_record
+    from saltus.scene.model import explain
 
     neighbours = [_neighbour(catalogue, edge, match.id) for edge in catalogue.edges(match.id)]
     if match.kind != "family":
@@ -50,19 +48,11 @@ def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     row = catalogue.family(match.id)
     events = [event_record(event) for event in catalogue.events(row.id)]
     family = {"schema": SCHEMA, "family": family_record(row)}
-    return {**family, "model": _model(catalogue, row), "events": events, "neighbours": neighbours}
-
-
-def _model(catalogue: Catalogue, row: FamilyRow) -> list[str]:
-    from saltus.scene.model import explain
-
-    return explain(catalogue.system, row.id)
+    return {**family, "model": explain(catalogue.system, row.id), "events": events, "neighbours": neighbours}
 
 
 def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
     """An edge as it is seen from one of its ends."""
-    from saltus.catalogues import edge_record, node_record
-
     out = edge.source == id
     other = (edge.target if out else edge.source) or ""
     event = edge.source_event if out else edge.target_event
@@ -71,9 +61,6 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
 
 def _lines(catalogue: Catalogue, match: NameMatch, record: dict[str, Any]) -> list[str]:
     """The same in words."""
-    from saltus.catalogues import impacts_text
-    from saltus.tables import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
-
     width = terminal_width(sys.stdout)
     neighbours = _each_once(record["neighbours"], catalogue.edges(match.id))
     if match.kind != "family":
@@ -105,8 +92,6 @@ def _lines(catalogue: Catalogue, match: NameMatch, record: dict[str, Any]) -> li
 
 
 def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str]:
-    from saltus.tables import table_lines
-
     if not neighbours:
         return ["", "neighbours  none known"]
     rows = []
@@ -122,8 +107,6 @@ def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str
 
 def _each_once(neighbours: list[dict[str, Any]], edges: list[Edge]) -> list[dict[str, Any]]:
     """The neighbours in their order; of a meeting that both families report, the report of this one."""
-    from saltus.catalogues import same_meeting
-
     kept: list[Edge] = []
     for _, edge in sorted(zip(neighbours, edges, strict=True), key=lambda pair: pair[0]["direction"] == "in"):
         if not any(same_meeting(edge, other) for other in kept):

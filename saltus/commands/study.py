@@ -7,17 +7,15 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from saltus import options, processes
 from saltus.errors import DONE, INTERRUPTED, BadInput, say
-from saltus.options import whole_above_zero
-from saltus.tables import counted, table_lines
+from saltus.terminal import ProgressBar, counted, table_lines
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
     from saltus.motion.study import StudyFile
     from transitions.study.study import Study
-
-__all__ = ["add_arguments", "run"]
 
 FORMATS = ("npz", "parquet")
 
@@ -26,22 +24,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("file", metavar="FILE", help="TOML file of the study")
     parser.add_argument("--out", metavar="FOLDER", help="folder of the results (default: FILE with .study instead of .toml)")
-    parser.add_argument("--workers", metavar="N", type=whole_above_zero, help="number of processes (default: one for each core)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="use a Dask cluster instead of processes")
+    options.add_shared(parser, "workers", "dask")
     parser.add_argument("--format", metavar="KIND", choices=FORMATS, default="npz", help="npz (default), or parquet")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
+    from importlib.util import find_spec
+
     from saltus.motion.study import check_folder, read_study_file
-    from saltus.processes import open_executor
 
     study = read_study_file(arguments.file)
     folder = _folder(arguments)
-    if arguments.format == "parquet":
-        _require_pyarrow()
+    if arguments.format == "parquet" and find_spec("pyarrow") is None:
+        raise BadInput("--format parquet needs the package pyarrow, which is not installed; expected pip install 'saltus[parquet]'")
     check_folder(folder, study.plan, arguments.format)
-    with open_executor(arguments.workers, arguments.dask) as (executor, count):
+    with processes.open_executor(arguments.workers, arguments.dask) as (executor, count):
         try:
             return _study(study, folder, arguments.format, executor, count)
         except KeyboardInterrupt:
@@ -60,18 +58,10 @@ def _folder(arguments: argparse.Namespace) -> Path:
     return folder
 
 
-def _require_pyarrow() -> None:
-    from importlib.util import find_spec
-
-    if find_spec("pyarrow") is None:
-        raise BadInput("--format parquet needs the package pyarrow, which is not installed; expected pip install 'saltus[parquet]'")
-
-
 def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, workers: int) -> int:
     from branches.catalogue.database import WriterLock
     from saltus import __version__
     from saltus.motion.study import carry_out, find_all_starts, keep_starts, kept_starts
-    from saltus.terminal import ProgressBar
     from transitions.study.study import Study, finished_blocks, write_plan
 
     plan = study.plan
@@ -89,28 +79,17 @@ def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, worker
             keep_starts(starts, folder, plan.digest)
         write_plan(folder, plan, kind, __version__)
         for text in damaged:
-            print(f"DAMAGED  {text}; done again", flush=True)
-        print(f"study    {folder}: {_size(study)}; {_start(finished, plan.blocks)}", flush=True)
+            print(f"DAMAGED  {text}; done again")
+        over = [f"{name} ({count})" for name, count in zip(plan.names, plan.shape, strict=True)] if plan.design == "grid" else plan.names
+        size = f"a {plan.design} over {', '.join(over)}, {plan.count} runs in {counted(plan.blocks, 'block')}"
+        print(f"study    {folder}: {size}; {len(finished)} of {plan.blocks} blocks are finished")
         with ProgressBar(plan.count, "runs") as bar:
             carry_out(plan, starts, folder, kind, finished, executor, workers, bar.update)
     finally:
         lock.release()
     for line in study_lines(Study(folder)):
-        print(line, flush=True)
+        print(line)
     return DONE
-
-
-def _size(study: StudyFile) -> str:
-    plan = study.plan
-    if plan.design == "grid":
-        over = " x ".join(f"{name} ({count})" for name, count in zip(plan.names, plan.shape, strict=True))
-    else:
-        over = ", ".join(plan.names)
-    return f"a {plan.design} over {over}, {plan.count} runs in {counted(plan.blocks, 'block')}"
-
-
-def _start(finished: set[int], blocks: int) -> str:
-    return f"{len(finished)} of {blocks} blocks are finished" if finished else "nothing is finished yet"
 
 
 def study_lines(study: Study) -> list[str]:

@@ -8,12 +8,12 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from saltus import catalogues, outputs
+from saltus.catalogues import edge_record, same_meeting
 from saltus.options import whole_above_zero
+from saltus.terminal import counted, terminal_width, with_short_ids, wrapped
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge
-
-__all__ = ["add_arguments", "run"]
 
 DEPTH = 3
 
@@ -38,8 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
-    from saltus.tables import terminal_width, with_short_ids, wrapped
-
     files = outputs.outputs_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:
         root = catalogue.find(arguments.name).id
@@ -90,8 +88,6 @@ class _Tree:
     def _shown(self, node: str) -> list[tuple[Way, bool]]:
         """The edges of a node except the one that led to it, each meeting once. The flag: whether the tree continues from the other node
         there."""
-        from saltus.catalogues import same_meeting
-
         came = self.parent[node]
         kept = [] if came is None else [came]
         shown = []
@@ -110,7 +106,7 @@ class _Tree:
             ways = self._shown(node)
             if self.depth[node] >= self.limit:
                 if ways:
-                    out.append(f"{lead}└─ {len(ways)} more {'event' if len(ways) == 1 else 'events'}")
+                    out.append(f"{lead}└─ {counted(len(ways), 'more event')}")
                 return
             for k, (way, opens) in enumerate(ways):
                 last = k == len(ways) - 1
@@ -125,8 +121,6 @@ class _Tree:
 
     def record(self, node: str) -> dict[str, Any]:
         """The same as nested data."""
-        from saltus.catalogues import edge_record
-
         ways = self._shown(node) if self.depth[node] < self.limit else []
         return {
             "id": node,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus.options import Units
-from saltus.tables import table_lines
+from saltus.terminal import table_lines
 
 if TYPE_CHECKING:
     from branches.export.tables import Table

@@ -12,7 +12,7 @@ import numpy as np
 from saltus import catalogues
 from saltus.errors import BadInput
 from saltus.families import TOLERANCE, agreed, family_of, has_label, select, start_of
-from saltus.options import number, positive
+from saltus.options import ValueType, finite, positive
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -58,17 +58,9 @@ class Start:
         return {"kind": self.kind, "on": on}
 
 
-def state(text: str) -> tuple[float, ...]:
-    """Read finite numbers with commas between."""
-    return tuple(finite(part.strip()) for part in text.split(","))
-
-
-def finite(text: str) -> float:
-    """Read a finite number."""
-    value = number(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"received {text!r}, expected a finite number")
-    return value
+state = ValueType(
+    lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from saltus.errors import BadInput, nearest, one_line
-from saltus.scene.reading import FINITE, POSITIVE, TEXT, TEXTS, Kind, TomlTable, parse_toml, read_toml
+from saltus.scene.reading import FINITE, NUMBERS, POSITIVE, TEXT, TEXTS, Kind, TomlTable, one_of, read_toml
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
@@ -78,9 +78,9 @@ def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
     from saltus.scene import load_scene
     from transitions.study.plan import FAMILY, StudyPlan
 
-    file, folder = parse_toml(read_toml(Path(path), "study"), f"study {path}"), Path(path).parent
+    file, folder = read_toml(Path(path), f"study {path}"), Path(path).parent
     file.only("title", "scene", "design", "runs", "seed", "units", "block", "vary", "fixed", "run")
-    design = file.choice("design", ("grid", "hypercube"))
+    design = file.get("design", one_of("grid", "hypercube"))
     axes = _axes(file.table("vary"), design)
     varied = [axis.name for axis in axes]
     given = file.table("fixed", {})
@@ -113,7 +113,7 @@ def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
         axes=axes,
         fixed=fixed,
         design=design,
-        units=file.choice("units", ("natural", "physical"), "natural"),
+        units=file.get("units", one_of("natural", "physical"), "natural"),
         title=file.get("title", TEXT, ""),
         forces=scene.forces,
         **_numbers(file, design),
@@ -167,7 +167,7 @@ def _axes(vary: TomlTable, design: str) -> tuple[Axis, ...]:
         axis.only("values", "from", "to", "scale", "points")
         if name == FAMILY or "values" in axis.content:
             axis.only("values")
-            values = axis.get("values", TEXTS) if name == FAMILY else axis.numbers("values")
+            values = axis.get("values", TEXTS) if name == FAMILY else axis.get("values", NUMBERS)
             for value in values:
                 if not kind.fits(value):
                     raise axis.wrong("values", value, kind.expected)
@@ -178,7 +178,7 @@ def _axes(vary: TomlTable, design: str) -> tuple[Axis, ...]:
         low, high = (axis.get(key, kind) for key in ("from", "to"))
         if not low < high:
             raise axis.wrong("to", high, f"a number above from = {low:g}")
-        scale = axis.choice("scale", SCALES, "linear")
+        scale = axis.get("scale", one_of(*SCALES), "linear")
         if scale == "log" and not low > 0.0:
             raise axis.wrong("from", low, "a number above 0 on a logarithmic scale")
         if design != "grid" and "points" in axis.content:

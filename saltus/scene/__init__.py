@@ -1,5 +1,289 @@
-"""Scenes: a system with the bounds inside which its orbits are searched, and the names that its literature uses."""
+"""A scene: a system, the bounds of the search for its orbits, and the names that its literature uses.
 
-from saltus.scene.scene import DEFAULT, LOADS, Scene, load_scene
+A scene is a TOML file. Unknown keys are refused.
 
-__all__ = ["DEFAULT", "LOADS", "Scene", "load_scene"]
+- ``[system]``: ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``; or matrices ``mass``, ``damping``, ``stiffness``.
+- ``[[stops]]``, with matrices: ``c``, ``lower``, ``upper``, ``restitution``, ``name``.
+- ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
+- ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.loads`).
+- ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched.
+- ``[complete]``: the same three, up to which a build finds every family.
+- ``[sections]``: ``energies`` of panels of Poincare sections; ``cited``, those that the source gives.
+- ``[names]``: the reference point of each name, ``{}`` where a name needs none.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import catalogues
+from bvp.checks import Frozen
+from bvp.texts import brief, shown
+from saltus.errors import BadInput, nearest, one_line
+from saltus.scene.reading import INTEGER, NUMBERS, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read_toml
+
+if TYPE_CHECKING:
+    from bvp.forcing import Force
+    from bvp.system import ImpactSystem
+
+__all__ = ["DEFAULT", "LOADS", "SHIPPED", "Scene", "load_scene"]
+
+DEFAULT = "lee2009"
+SHIPPED = Path(catalogues.__file__).parent
+"""The folder of the scenes that ship with saltus."""
+LOADS = {"ground": "[ground]", "forces": "[[forces]]"}
+"""Tables of a scene that drive its motion, as messages name them."""
+
+_BOUNDS = {
+    "energy": Kind(
+        "[lowest, highest] with 0 < lowest < highest",
+        lambda value: NUMBERS.fits(value) and len(value) == 2 and 0.0 < value[0] < value[1] < math.inf,
+        NUMBERS.read,
+    ),
+    "quarter_period": POSITIVE,
+    "impacts": INTEGER._replace(expected="an integer, 0 or more", fits=lambda value: INTEGER.fits(value) and value >= 0),
+}
+_SECTIONS = {
+    "energies": Kind(
+        "rising energies above 0",
+        lambda value: NUMBERS.fits(value) and value == sorted(set(value)) and all(0.0 < energy < math.inf for energy in value),
+        NUMBERS.read,
+        default=(),
+    ),
+    "cited": NUMBERS._replace(default=()),
+}
+_POINT = {"h": POSITIVE._replace(default=None), "alpha": POSITIVE._replace(default=None)}
+_MARK = Kind(
+    "a coordinate, or a list of coordinates",
+    lambda value: isinstance(value, str) or TEXTS.fits(value),
+    lambda value: (value,) if isinstance(value, str) else tuple(value),
+    default=(),
+)
+_COORDINATES = {"names": TEXTS._replace(default=()), "NES": _MARK, "LO": _MARK}
+_KEYS = ("system", "stops", "coordinates", "ground", "forces", "bounds", "complete", "sections", "names", "title", "source")
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A system with its bounds and names. Two scenes with the same content are equal.
+
+    Attributes
+    ----------
+    system : bvp.system.ImpactSystem
+    energy : tuple of float
+        Lowest and highest energy h that a family is followed to.
+    quarter_period : float
+        Longest quarter period alpha that is searched.
+    impacts : int
+        Most impacts inside the solved part of an orbit that are searched.
+    reference_points : mapping of str to mapping of str to float
+        Bare names with the point, ``h`` and ``alpha``, that the literature shows; used only to choose among matches.
+    names : tuple of str
+        Names whose families a build follows beyond its bounds: those with a reference point, and others that need none.
+    complete : mapping
+        ``energy``, ``quarter_period`` and ``impacts`` (in half a period) of a build, which finds every family within them. By default
+        they are the limits of the search.
+    sections : tuple of float
+        Energies of panels of Poincare sections, rising; none where the scene gives none.
+    cited_sections : tuple of float
+        Those of them that the source gives; none for another system than the scene's.
+    title, source : str
+        Description of the scene and its source.
+    nes, lo : tuple of int
+        Indices of the coordinates marked as those of the nonlinear energy sink and of the linear oscillator.
+    forces : tuple of bvp.forcing loads
+        Motion of the ground and forces on coordinates.
+    loads : tuple of str
+        The tables, of `LOADS`, that they were read from.
+    """
+
+    system: ImpactSystem
+    energy: tuple[float, float]
+    quarter_period: float
+    impacts: int
+    reference_points: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
+    complete: Mapping[str, Any] = field(default_factory=dict)
+    sections: tuple[float, ...] = ()
+    cited_sections: tuple[float, ...] = ()
+    title: str = ""
+    source: str = ""
+    nes: tuple[int, ...] = ()
+    lo: tuple[int, ...] = ()
+    forces: tuple[Force, ...] = ()
+    loads: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        reference_points = {name: Frozen(point) for name, point in self.reference_points.items()}
+        object.__setattr__(self, "reference_points", Frozen(reference_points))
+        object.__setattr__(self, "complete", Frozen(self.complete))
+
+    def __eq__(self, other: object) -> bool:
+        return self._content() == other._content() if isinstance(other, Scene) else NotImplemented
+
+    def _content(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        forces = [
+            (type(force), {item.name: np.asarray(getattr(force, item.name)).tolist() for item in fields(force)}) for force in self.forces
+        ]
+        content = {item.name: getattr(self, item.name) for item in fields(self)}
+        return content | {"system": self.system.describe(), "forces": forces}
+
+    @property
+    def underlying(self) -> Scene:
+        """The scene of the undamped elastic system without loads, against whose families damped motion is read."""
+        return replace(self, system=self.system.underlying, forces=(), loads=())
+
+    def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
+        """Refuse tables of loads that a computation does not use: its result would belong to another system. `what` names the command or
+        function; `uses` are those of `LOADS` that it uses."""
+        for name in self.loads:
+            if name not in uses:
+                raise BadInput(
+                    f"{what} computes motion without loads, and the scene has {LOADS[name]}; expected a scene without it, or saltus run"
+                )
+
+    @property
+    def bounds(self) -> dict[str, Any]:
+        """The bounds of a search for names: ``energy``, ``quarter_period``, ``impacts``."""
+        return {"energy": self.energy, "quarter_period": self.quarter_period, "impacts": self.impacts}
+
+    def reference_points_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
+        """The reference points for a system; none if it differs from the scene's system."""
+        if system.describe() != self.system.describe():
+            return {}
+        return {name: dict(point) for name, point in self.reference_points.items()}
+
+    def names_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
+        """Return all names that hold for a system, with their points as `reference_points_for`, or ``{}`` where a name needs none."""
+        if system.describe() != self.system.describe():
+            return {}
+        return {name: dict(self.reference_points.get(name, {})) for name in self.names}
+
+
+def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) -> Scene:
+    """Read a scene.
+
+    Parameters
+    ----------
+    path : path-like, optional
+        A TOML file, or the bare name of a scene that ships with saltus; by default the reference scene.
+    **parameters : float
+        Values that replace those of the scene's model: ``mu``, ``sigma``, ``lam``, ``rho``.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ValueError
+        With one line that says what was wrong and what was expected.
+
+    Examples
+    --------
+    >>> scene = load_scene()
+    >>> scene.energy, sorted(scene.reference_points)[:2]
+    ((0.05, 10000.0), ['S31O11-', 'S55O11-'])
+    >>> load_scene(mu=0.37, sigma=0.81).system.describe()["mu"]
+    0.37
+    """
+    shipped = {entry.stem: entry for entry in SHIPPED.glob("*.toml")}
+    listed = f"; shipped: {', '.join(sorted(shipped))}"
+    path = DEFAULT if path is None else path
+    if not isinstance(path, str | os.PathLike):
+        raise BadInput(f"scene {shown(path)}: expected a TOML file or the name of a scene{listed}")
+    place = Path(path)
+    if not place.exists() or path == DEFAULT:
+        place = shipped.get(os.fspath(path), place)
+    return _build(read_toml(place, f"scene {path}", shipped, listed), parameters, place.parent)
+
+
+def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Scene:
+    from branches.naming.labels import parse_name
+
+    scene.only(*_KEYS)
+    own, system, nes, lo = _system(scene, overrides)
+    bounds = scene.table("bounds").fields(_BOUNDS)
+    sections = scene.table("sections", {})
+    energies = sections.fields(_SECTIONS)
+    if not set(energies["cited"]) <= set(energies["energies"]):
+        raise sections.wrong("cited", list(energies["cited"]), "some of the energies")
+    names = scene.table("names", {})
+    points: dict[str, Mapping[str, float]] = {}
+    for name in names.content:
+        try:
+            parse_name(name)
+        except ValueError as error:
+            raise BadInput(f"{names.where}: {one_line(error)}") from error
+        points[name] = {key: value for key, value in names.table(name).fields(_POINT).items() if value is not None}
+    # A cited point says nothing about another system; damping and restitution do not belong to the one whose families have names.
+    holds = system.underlying.describe() == own.underlying.describe()
+    loads = tuple(name for name in LOADS if name in scene.content)
+    forces: tuple[Force, ...] = ()
+    if loads:
+        from saltus.scene.loads import read_loads
+
+        forces = read_loads(scene, system, folder)
+    return Scene(
+        system=system,
+        **bounds,
+        reference_points={name: point for name, point in points.items() if point} if holds else {},
+        names=tuple(points) if holds else (),
+        complete=scene.table("complete").fields(_BOUNDS) if "complete" in scene.content else bounds,
+        sections=energies["energies"],
+        cited_sections=energies["cited"] if holds else (),
+        title=scene.get("title", TEXT, ""),
+        source=scene.get("source", TEXT, ""),
+        nes=nes,
+        lo=lo,
+        forces=forces,
+        loads=loads,
+    )
+
+
+def _system(scene: TomlTable, overrides: Mapping[str, float]) -> tuple[ImpactSystem, ImpactSystem, tuple[int, ...], tuple[int, ...]]:
+    """The system of ``[system]``, ``[[stops]]`` and ``[coordinates]``, that with the overriding parameters, and the indices of the
+    coordinates of the NES and of the LO."""
+    from bvp.system import MODELS, ImpactSystem
+
+    description = dict(scene.table("system").content)
+    marks = scene.table("coordinates", {}).fields(_COORDINATES)
+    model = description.get("model")
+    if model is None:
+        if overrides:
+            name = next(iter(overrides))
+            raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
+        description |= {"stops": [stop.content for stop in scene.tables("stops")], "coordinates": {"names": marks["names"]}}
+    else:
+        for other in ("stops", "coordinates"):
+            if other in scene.content:
+                raise BadInput(f"{scene.where}: [{other}] goes with matrices; model {model} brings its own")
+        known = MODELS[model][1] if model in MODELS else overrides
+        for name in overrides:
+            if name not in known:
+                raise BadInput(f"unknown parameter {name!r} of model {model}{nearest(name, known)}")
+    try:
+        own = ImpactSystem.from_description(description)
+    except (ValueError, TypeError) as error:
+        raise BadInput(f"{scene.where}: {one_line(error)}") from error
+    if model is not None:
+        places = [() if index is None else (index,) for index in (own.absorber, own.primary)]
+        return own, ImpactSystem.from_description({**description, **overrides}) if overrides else own, places[0], places[1]
+    for name in (*marks["NES"], *marks["LO"]):
+        if name not in own.coordinates:
+            listed = ", ".join(own.coordinates)
+            raise BadInput(f"{scene.where} [coordinates]: {name!r} is none of the coordinates {listed}{nearest(name, own.coordinates)}")
+        if (*marks["NES"], *marks["LO"]).count(name) > 1:
+            raise BadInput(f"{scene.where} [coordinates]: {name} is marked twice, as NES or LO; expected once")
+    nes, lo = (tuple(own.coordinates.index(name) for name in marks[key]) for key in ("NES", "LO"))
+    own = replace(own, absorber=nes[0] if len(nes) == 1 else None, primary=lo[0] if len(lo) == 1 else None)
+    return own, own, nes, lo

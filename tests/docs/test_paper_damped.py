@@ -304,8 +304,8 @@ def test_the_table_is_whole():
     """Oracle: the functions above, and the gallery: each of its damped figures has a row, and is the motion that the row tells."""
     rows = table(PAGE, "Statements")
     assert [int(cells[0]) for cells in rows] == sorted(ROWS)
-    figures = [figure for figure in load_gallery("paper").figures if figure.words[0] == "run"]
-    assert {cells[1] for cells in rows} == {figure.name[3:] for figure in figures}
-    for figure in figures:
-        assert "--duration 400" in " ".join(figure.words)
+    figures = {name: figure["words"] for name, figure in load_gallery("paper")["figures"].items() if figure["words"][0] == "run"}
+    assert {cells[1] for cells in rows} == {name[3:] for name in figures}
+    for words in figures.values():
+        assert "--duration 400" in " ".join(words)
     assert SYSTEM.describe() == saltus.vibro_impact_nes().describe()

@@ -21,9 +21,9 @@ ROOT = Path(__file__).parents[2]
 def parsers():
     """The parser of each command; `export` has one for each WHAT."""
     found = {}
-    for name, (module, _) in COMMANDS.items():
+    for name in COMMANDS:
         parser = OneLineParser(prog=f"saltus {name}")
-        importlib.import_module(module).add_arguments(parser)
+        importlib.import_module("saltus.commands." + name.replace("continue", "continue_")).add_arguments(parser)
         inner = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
         parts = dict.items(inner[0].choices) if inner else []
         found |= {f"{name} {what}": part for what, part in parts} if inner else {name: parser}

@@ -56,8 +56,8 @@ def test_the_shell_completes_commands_options_and_files(tmp_path, capsys):
 
 
 def test_the_public_names_are_those_that_are_listed():
-    """Oracle: the imports of the package's source, which type checkers read."""
-    source = ast.parse(Path(saltus.__file__).read_text(encoding="utf-8"))
+    """Oracle: the imports of the package's stub, which type checkers read."""
+    source = ast.parse(Path(saltus.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
     froms = [node for node in ast.walk(source) if isinstance(node, ast.ImportFrom)]
     imported = {alias.asname: (node.module, alias.name) for node in froms for alias in node.names if alias.asname}
     assert dir(saltus) == saltus.__all__ == sorted(imported) and len(imported) > 40
@@ -294,21 +294,28 @@ class Terminal(io.StringIO):
 
 def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
     """Oracle: the words, by a clock; a thread that prints them although nothing is reported to it."""
-    now = [0.0]
     monkeypatch.setattr("saltus.terminal.time", type("Clock", (), {"monotonic": staticmethod(lambda: now[0])}))
-    with ProgressBar(None, "families") as bar:
-        now[0] = 60.0
-        bar.report()
-        bar.update(12, "3 queued")
-        now[0] = 120.0
-        bar.report()
-    lines = ["saltus: still at work after 1 min", "saltus: 12 families after 2 min, 3 queued"]
-    assert capsys.readouterr().err.splitlines() == lines
     printed = threading.Event()
+    now, lines = [0.0], []
+
+    class Stream(io.StringIO):
+        def write(self, text):
+            lines.append(text)
+            printed.set()
+
+    monkeypatch.setattr("sys.stderr", Stream())
     monkeypatch.setattr("saltus.terminal.PAUSE", 0.001)
-    monkeypatch.setattr(ProgressBar, "report", lambda bar: printed.set())
-    with ProgressBar():
-        assert printed.wait(60.0)
+    cases = (60.0, (), "still at work after 1 min"), (120.0, (12, "3 queued"), "12 families after 2 min, 3 queued")
+    for time_passed, reported, line in cases:
+        now[0] = 0.0
+        printed.clear()
+        with ProgressBar(None, "families") as bar:
+            now[0] = time_passed
+            if reported:
+                bar.update(*reported)
+            while f"saltus: {line}" not in lines:
+                assert printed.wait(60.0)
+                printed.clear()
 
 
 def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):

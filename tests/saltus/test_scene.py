@@ -114,8 +114,8 @@ def changed(text, old, new):
 
 
 WRONG = [
-    (changed(MATRICES, "stiffness =", "stifness ="), ["unknown key 'stifness'", "nearest: stiffness", "[system]"]),
-    (changed(MATRICES, "restitution", "restitutoin"), ["unknown key 'restitutoin'", "nearest: restitution", "[[stops]]"]),
+    (changed(MATRICES, "stiffness =", "stifness ="), ["unknown key 'stifness'", "nearest known: stiffness"]),
+    (changed(MATRICES, "restitution", "restitutoin"), ["unknown key 'restitutoin'", "nearest known: restitution"]),
     (changed(MATRICES, "[bounds]", "[bound]"), ["unknown key 'bound'", "nearest: bounds"]),
     (changed(MATRICES, "quarter_period = 8", "quarterperiod = 8"), ["nearest: quarter_period"]),
     (changed(MATRICES, 'NES = "x"', 'NSE = "x"'), ["unknown key 'NSE'", "nearest: NES"]),
@@ -126,29 +126,29 @@ WRONG = [
     (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0, -2.0]"), ["positive definite"]),
     (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 2], [2, 1]"), ["indefinite"]),
     (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0]"), ["mass", "square matrix"]),
-    (changed(MATRICES, "[1, 0], [0, 2.0]", '[1, 0], [0, "a"]'), ["mass[1][1] = 'a'", "a number"]),
-    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0, nan]"), ["mass[1][1]", "a number"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", '[1, 0], [0, "a"]'), ["mass", "[0, 'a']", "square matrix of numbers"]),
+    (changed(MATRICES, "[1, 0], [0, 2.0]", "[1, 0], [0, nan]"), ["mass", "entry (2, 2)", "finite numbers"]),
     (changed(MATRICES, "c = [1, -1]", "c = [1, -1, 0]"), ["gap"]),
     (changed(MATRICES, "upper = 0.5", ""), ["bound"]),
     (changed(MATRICES, "restitution = 0.9", "restitution = 1.9"), ["restitution", "1.9", "[0, 1]"]),
     (changed(MATRICES, 'LO = "y"', 'LO = "z"'), ["z", "x, y"]),
-    (changed(MATRICES, "energy = [0.1, 10]", "energy = [10, 0.1]"), ["energy = [10.0, 0.1]", "lowest < highest"]),
-    (changed(MATRICES, "energy = [0.1, 10]", "energy = [1]"), ["a list of 2 numbers"]),
-    (changed(MATRICES, "energy = [0.1, 10]", ""), ["energy is missing, expected a list of 2 numbers"]),
+    (changed(MATRICES, "energy = [0.1, 10]", "energy = [10, 0.1]"), ["energy = [10, 0.1]", "lowest < highest"]),
+    (changed(MATRICES, "energy = [0.1, 10]", "energy = [1]"), ["energy = [1]", "[lowest, highest]"]),
+    (changed(MATRICES, "energy = [0.1, 10]", ""), ["energy is missing, expected [lowest, highest]"]),
     (changed(MATRICES, "impacts = 6", "impacts = 6.5"), ["impacts = 6.5", "an integer"]),
     (changed(MATRICES, "impacts = 6", "impacts = true"), ["impacts = True", "an integer"]),
     (changed(MATRICES, "quarter_period = 8", 'quarter_period = "8"'), ["quarter_period = '8'", "a number"]),
     (changed(MATRICES, 'title = "two masses"', "title = 2"), ["title = 2", "a string"]),
-    (changed(MODEL, "mu = 0.2", "mue = 0.2"), ["unknown key 'mue'", "nearest: mu"]),
+    (changed(MODEL, "mu = 0.2", "mue = 0.2"), ["unknown key 'mue'", "nearest known: mu"]),
     (changed(MODEL, "mu = 0.2", "mu = 0"), ["mu", "above 0"]),
     (changed(MODEL, "mu = 0.2", "sigma = -1"), ["sigma", "-1"]),
     (changed(MODEL, "mu = 0.2", "rho = 1.5"), ["rho", "[0, 1]", "1.5"]),
     (changed(MODEL, "mu = 0.2", "rho = nan"), ["rho", "number"]),
     (changed(MODEL, "mu = 0.2", 'mu = "0.2"'), ["mu", "'0.2'", "number"]),
-    (changed(MODEL, "vibro_impact_nes", "vibro_impact_nse"), ["vibro_impact_nse", "nearest: vibro_impact_nes"]),
+    (changed(MODEL, "vibro_impact_nes", "vibro_impact_nse"), ["vibro_impact_nse", "known: vibro_impact_nes"]),
     (MODEL + "[[stops]]\nc = [1, -1]\n", ["stops", "brings its own"]),
-    (changed(MODEL, "mu = 0.2", "mu = = 0.2"), ["is no TOML", "line 4", "column"]),
-    ("h,alpha\n0.1,2\n", ["is no TOML", "line 1"]),
+    (changed(MODEL, "mu = 0.2", "mu = = 0.2"), ["as TOML", "line 4", "column"]),
+    ("h,alpha\n0.1,2\n", ["as TOML", "line 1"]),
     ("", ["system is missing, expected a table [system]"]),
 ]
 
@@ -169,7 +169,7 @@ def test_other_files_are_no_scene(tmp_path):
     """Oracle: what each file is."""
     path = tmp_path / "scene.toml"
     path.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ValueError, match="UTF-8"):
+    with pytest.raises(ValueError, match="utf-8"):
         load_scene(path)
     with pytest.raises(ValueError, match="scene.toml$"):
         load_scene(tmp_path / "scen.toml")

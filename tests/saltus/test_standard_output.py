@@ -17,7 +17,7 @@ from tests.saltus.running import refused, run
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs a shell, signals and pipes of this kind")
 SALTUS = f"{sys.executable} -m saltus"
 QUICK = "continue S13O00+ --energy 0.2:0.4 --points 5"
-CLOSED = "saltus: cannot write standard output: it is closed\n"
+CLOSED = "saltus: cannot write standard output: not writable\n"
 
 
 def shell(command, **options):
@@ -210,15 +210,6 @@ def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, opt
         assert cut["locked"] is None and (cut["peaks"] is None) == (missing == "peaks")
 
 
-@POSIX
-def test_an_interrupt_at_exit_ends_with_130():
-    """Oracle: the exit code, where the interrupt comes after the work, in what a library does at exit."""
-    code = "import atexit, os, signal, sys, saltus.__main__ as m\n"
-    code += "m._command = lambda words: atexit.register(lambda: (os.kill(os.getpid(), signal.SIGINT), print('late'))) and 0\nm.program()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
-
-
 @pytest.mark.parametrize("words", [QUICK, "run --impulse 0.5 --duration 3", "list --catalogue {catalogue}"])
 def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
     """Oracle: numba's own switch; what needs no kernel works."""
@@ -231,7 +222,7 @@ def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
 @POSIX
 def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, monkeypatch):
     """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
-    monkeypatch.setattr("saltus.processes.prepare_motion", lambda: None)
+    monkeypatch.setattr("saltus.processes.report_compiling", lambda kernel: None)
     words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80"]
     whole, cut, err = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.kernels.motion.move", after=True)
     assert err.startswith("saltus: interrupted; the motion is written")
@@ -255,7 +246,7 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
     said = capsys.readouterr().err.splitlines()
     monkeypatch.undo()
     monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
-    monkeypatch.setattr("saltus.processes.prepare_motion", lambda: None)
+    monkeypatch.setattr("saltus.processes.report_compiling", lambda kernel: None)
     interrupting(monkeypatch, "bvp.kernels.motion.move")
     capsys.readouterr()
     code, out, _ = run(capsys, *words, tmp_path / "early.json")

@@ -84,8 +84,10 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
 @pytest.mark.parametrize("missing", [False, True])
 def test_a_damped_run_says_that_it_compiles(monkeypatch, capsys, missing):
     """Oracle: one line, on a terminal or not, where the kernel is taken for not compiled, else nothing."""
+    from bvp.kernels.motion import move
+
     monkeypatch.setattr("bvp.kernels.compiled.stored", lambda kernel: not missing or kernel.py_func.__name__ != "move")
     monkeypatch.setattr(processes, "_report", TELL)
-    processes.prepare_motion()
+    processes.report_compiling(move)
     out, err = capsys.readouterr()
     assert out == "" and ("compiling the kernels" in err) is missing

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from branches.catalogue import Catalogue
-from saltus.tables import short_id, table_lines, with_short_ids, wrapped
+from saltus.terminal import short_id, table_lines, with_short_ids, wrapped
 from tests.branches.catalogue.families import real
 
 ROOT = Path(__file__).parents[2]

@@ -5,7 +5,7 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from saltus.scene.reading import read_record
+from saltus.scene.loads import read_record
 from transitions.ground_motion import Ground, filtered, record_text, synthetic_record
 
 
