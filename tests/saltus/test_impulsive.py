@@ -79,8 +79,8 @@ def test_nothing_there():
     ("words", "said"),
     [
         ("impulsive", ["--energy"]),
-        ("impulsive --energy 3:1", ["reversed", "3:1"]),
-        ("impulsive --energy -1:1", ["not above 0"]),
+        ("impulsive --energy 3:1", ["'3:1'", "LO < HI"]),
+        ("impulsive --energy -1:1", ["'-1:1'", "0 < LO"]),
         ("impulsive --energy 1:2 --max-quarter-period 0", ["above 0"]),
         ("impulsive --energy 1:2 --rho 0.7", ["restitution 0.7"]),
         ("impulsive --energy 1:2 --max-quarter-perid 3", ["--max-quarter-perid", "nearest: --max-quarter-period"]),
