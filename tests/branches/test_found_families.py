@@ -50,14 +50,6 @@ def test_a_reference_point_with_one_number_chooses_or_leaves_the_name_ambiguous(
         assert reached
 
 
-def test_a_label_on_a_system_without_named_coordinates_is_refused_at_once():
-    """Labels count half-waves of an absorber and a primary: a system that names neither has no labels."""
-    from dataclasses import replace
-
-    with pytest.raises(ValueError, match="absorber and a primary"):
-        trace_named("S13O00+", replace(SYSTEM, absorber=None, primary=None, model=None, parameters=None))
-
-
 def test_stability_is_not_given_at_a_located_bifurcation():
     """At SB and SN a multiplier is 1 within the location error, whichever side the located point is on."""
     for name, kind in (("S13O00+", "SB"), ("S11O00-", "SN")):

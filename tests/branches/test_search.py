@@ -1,6 +1,6 @@
 """Every symmetric orbit at an energy.
 
-Oracles: closed forms, published orbits, a uniform scan, Newton's method from random motions, symmetries.
+Oracles: closed forms, published orbits, a uniform scan, a scan in plain numpy, Newton's method from random motions, symmetries.
 """
 
 import json
@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 import saltus
 from benchmarks import backbone
+from branches.identity import cover_of
 from branches.record import discovery_to_json
 from branches.search.discovery import CLASSES, discover_orbits, judged
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
@@ -22,6 +23,7 @@ from bvp.kernels.verdict import GRAZED
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop
 from tests.branches.scans import sampled
+from tests.bvp import orbits as orbits_by_numpy
 
 SYSTEM = saltus.vibro_impact_nes()
 ALL = tuple(CLASSES)
@@ -142,6 +144,43 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
                 path = follow_start(curve, crossing.parameter, crossing.impacts, 10.2)
                 times.append(path.instants[-1] + crossing.flight)
         assert np.min(np.abs(np.array(times) - 2.0 * orbit.alpha)) < 1e-8
+
+
+def test_what_a_scan_in_numpy_finds_is_found():
+    """Oracle: the scan of tests/bvp/orbits.py, which shares nothing with this one; orbits without turns."""
+    mine = {}
+    missing = []
+    for other in orbits_by_numpy.scan(SYSTEM, "origin", 0.5, angles=110, impacts=2):
+        if cover_of(other.problem, other.solution) > 1:
+            continue
+        kind = other.problem.ends[1].rstrip("+-")
+        inner = len(other.problem.sequence)
+        key = kind, inner
+        if key not in mine:
+            mine[key] = sampled(SYSTEM, kind, 16.0, 0.5, 3000, [inner])
+        alphas = [orbit.alpha for orbit in mine[key]]
+        if not any(abs(alpha / other.solution["quarter_period"] - 1.0) < 1e-8 for alpha in alphas):
+            missing.append(other.name)
+    assert not missing and mine
+
+
+def test_several_turns_are_counted():
+    """Oracle: the backbone's half period unfolded 1, 2, 3 times."""
+    for impacts in (2, 4, 6):
+        problem, y = orbits_by_numpy.backbone_segment(SYSTEM, 1.7, impacts)
+        assert cover_of(problem, problem.solve(y)) == impacts  # a quarter problem solves half a turn of it
+        assert judged(problem, problem.solve(y)) == "covers"
+
+
+def test_orbits_without_impacts_are_none():
+    """Oracle: below every grazing energy there are linear modes alone."""
+    for kind in ("rest", "origin"):
+        assert sampled(SYSTEM, kind, 6.0, 0.04, 200, [0]) == []
+    modes = SYSTEM.modes
+    problem = MultipointProblem(SYSTEM, ("origin", "rest"), ())
+    start = np.array([0.0, 0.0, 0.2, 0.0])
+    guess = problem.pack(start, np.zeros((0, 4)), [0.5 * np.pi / modes.frequencies[0]])
+    assert judged(problem, problem.solve(guess)) == "without_impacts"
 
 
 def test_the_free_impact_damper():

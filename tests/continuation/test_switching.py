@@ -1,4 +1,5 @@
-"""Switching at branch points. Oracles: the directions and the branches in closed form."""
+"""Switching at branch points. Oracles: directions and branches in closed form; for tripled solutions Arnold's normal form at 1/3, whose
+solutions are straight lines, in turned coordinates."""
 
 import math
 
@@ -9,7 +10,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from continuation import GenericProblem, Settings, SwitchError, branch_directions, follow, follow_both_ways, other_branch_starts
-from continuation.switching import refine_branch_point
+from continuation.switching import refine_branch_point, tripling_direction
 from tests.continuation.curves import circle, parts, pitchfork, transcritical
 
 
@@ -117,23 +118,18 @@ def test_refuses_a_fold_in_words():
         other_branch_starts(circle(), fold)
 
 
-def test_refuses_an_isolated_point_and_branches_that_touch():
-    isolated = GenericProblem(lambda y: np.array([y @ y]), lambda y: 2 * y[None, :])
-    with pytest.raises(SwitchError, match="no two different real solutions"):
-        branch_directions(isolated, np.zeros(2), np.array([1.0, 0.0]))
-    touching = GenericProblem(
-        lambda y: np.array([y[0] * (y[0] - y[1] ** 2)]), lambda y: np.array([[2 * y[0] - y[1] ** 2, -2 * y[0] * y[1]]])
-    )
-    with pytest.raises(SwitchError, match="no two different real solutions"):
-        branch_directions(touching, np.zeros(2), np.array([0.0, 1.0]))
-
-
-def test_refuses_a_larger_null_space():
-    problem = GenericProblem(
-        lambda y: np.array([y[0] * y[2], y[1] * y[2]]), lambda y: np.array([[y[2], 0.0, y[0]], [0.0, y[2], y[1]]])
-    )
-    with pytest.raises(SwitchError, match="more than two dimensions"):
-        branch_directions(problem, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+@pytest.mark.parametrize(
+    ("function", "jacobian", "words"),
+    [
+        (lambda y: [y @ y], lambda y: [2 * y], "no two different real solutions"),  # an isolated point
+        (lambda y: [y[0] * (y[0] - y[1] ** 2)], lambda y: [[2 * y[0] - y[1] ** 2, -2 * y[0] * y[1]]], "no two different real solutions"),
+        (lambda y: [y[0] * y[2], y[1] * y[2]], lambda y: [[y[2], 0.0, y[0]], [0.0, y[2], y[1]]], "more than two dimensions"),
+    ],
+)
+def test_refuses_points_without_two_branches_that_cross(function, jacobian, words):
+    size = 3 if "dimensions" in words else 2
+    with pytest.raises(SwitchError, match=words):
+        branch_directions(GenericProblem(function, jacobian), np.zeros(size), np.eye(size)[-1])
 
 
 def test_refuses_a_distance_that_is_not_positive():
@@ -165,3 +161,44 @@ def test_where_no_branch_point_is_near_none_is_refined():
     lines = GenericProblem(lambda y: np.array([y[0] * y[1]]), lambda y: np.array([[y[1], y[0]]]))
     assert refine_branch_point(lines, np.array([0.02, 0.0]), farthest=0.01) is None
     assert refine_branch_point(lines, np.array([0.02, 0.0]), farthest=0.03) is not None
+
+
+class NormalForm:
+    """i e z + c conj(z)^2 = 0 for z = x + i y with a further equation, s = e + x y; unknowns are a regular linear image of (e, x, y, s)."""
+
+    def __init__(self, c, seed):
+        self.c = c
+        self.turn = np.random.default_rng(seed).normal(size=(4, 4)) + 2.0 * np.eye(4)
+
+    def residual(self, unknowns):
+        e, x, y, s = self.turn @ unknowns
+        out = 1j * e * (x + 1j * y) + self.c * (x - 1j * y) ** 2
+        return np.array([out.real, out.imag, s - e - x * y])
+
+    def jacobian(self, unknowns):
+        e, x, y, _ = self.turn @ unknowns
+        z = x + 1j * y
+        columns = [1j * z, 1j * e + 2.0 * self.c * z.conjugate(), -e - 2.0j * self.c * z.conjugate(), 0.0]
+        rows = [[complex(v).real for v in columns], [complex(v).imag for v in columns], [-1.0, -y, -x, 1.0]]
+        return np.array(rows) @ self.turn
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("c", [1.0, 0.3 - 2.0j])
+def test_the_straight_lines_of_the_normal_form(c, seed):
+    form = NormalForm(c, seed)
+    known = np.linalg.solve(form.turn, [1.0, 0.0, 0.0, 1.0])
+    scale = np.array([1.0, 0.5, 2.0, 1.0])
+    e, x, y, _ = form.turn @ tripling_direction(form, np.zeros(4), known, scale)
+    z = x + 1j * y
+    assert abs(1j * e * z + c * z.conjugate() ** 2) < 1e-10 * abs(z) ** 2 and abs(z) > 1e-3
+    assert abs(abs(e) / abs(z) - abs(c)) < 1e-10
+
+
+def test_where_nothing_triples_it_is_said():
+    form = NormalForm(1.0, 0)
+    known = np.linalg.solve(form.turn, [1.0, 0.0, 0.0, 1.0])
+    with pytest.raises(SwitchError, match="not three dimensions"):
+        tripling_direction(form, 0.1 * known, known, np.ones(4))
+    with pytest.raises(SwitchError, match="not decided at second order"):
+        tripling_direction(NormalForm(0.0, 0), np.zeros(4), known, np.ones(4))
