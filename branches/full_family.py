@@ -255,7 +255,8 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     orbit = float(branch.points["h"][branch.start]), float(branch.points["alpha"][branch.start])
     uncut = (_known(one, orbit, window) for one in (branch, wider) if one is not None and problem is one.problem)
     curve = next((one for one in uncut if one is not None), None)
-    if curve is None:
+    # If the family leaves the window, its other pieces are measured on what is followed inside, whichever branch of it is known.
+    if curve is None or (not curve.closed and len(curve.grazing) < 2 and _others(curve, branch.energy)):
         curve = _followed(problem, y, window)
     marks = _marks(Family(problem, window, ends_only=True), curve)
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
