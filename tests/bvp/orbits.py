@@ -9,7 +9,8 @@ from benchmarks import backbone
 from bvp.closures import Cycle
 from bvp.kernels.flight import flow_state
 from bvp.multipoint import MultipointProblem, NotConverged
-from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from bvp.system import Stop, vibro_impact_nes
+from tests.bvp import twins
 from tests.bvp.flow_twin import Twin
 
 
@@ -28,17 +29,8 @@ class Found:
 
 def chain(rng, n, grounded=False):
     """A chain of n masses, ends free (one rigid-body mode) or tied to the ground, with one odd-symmetric stop between two of them."""
-    mass = np.diag(rng.uniform(0.2, 2.0, n))
-    stiffness = np.zeros((n, n))
-    for i in range(n - 1):
-        k = rng.uniform(0.2, 2.0)
-        stiffness[i : i + 2, i : i + 2] += k * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    if grounded:
-        stiffness[0, 0] += 1.0
-    j = int(rng.integers(n - 1))
-    row = np.zeros(n)
-    row[j], row[j + 1] = 1.0, -1.0
-    return ImpactSystem(mass, np.zeros((n, n)), stiffness, (Stop(tuple(row), -1.0, 1.0),))
+    masses, springs, j = rng.uniform(0.2, 2.0, n), rng.uniform(0.2, 2.0, n - 1), int(rng.integers(n - 1))
+    return twins.chain(masses, springs, float(grounded), stops=(Stop(tuple(np.eye(n)[j] - np.eye(n)[j + 1]), -1.0, 1.0),))
 
 
 def start_states(system, kind, energy, angles):

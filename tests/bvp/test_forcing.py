@@ -24,25 +24,27 @@ def far(mass, damping, stiffness, bound=FAR):
     return ImpactSystem(mass, damping, stiffness, (Stop((1.0,) + (0.0,) * (n - 1), upper=bound),))
 
 
+def joined(system, forces):
+    """The matrix of (u, v) joined with the states of constant and harmonic loads, and these states at time 0, in mpmath numbers."""
+    n, forcing = system.degrees_of_freedom, forcing_of(forces, system.degrees_of_freedom)
+    inverse = mpmath.matrix(system.mass.tolist()) ** -1
+    a = mpmath.zeros(2 * n + 2 * len(forcing.loads))
+    a[:n, n : 2 * n] = mpmath.eye(n)
+    a[n : 2 * n, :n] = -inverse * mpmath.matrix(system.stiffness.tolist())
+    a[n : 2 * n, n : 2 * n] = -inverse * mpmath.matrix(system.damping.tolist())
+    for g, frequency in enumerate(map(float, forcing.frequency)):
+        at = 2 * n + 2 * g
+        a[n : 2 * n, at : at + 2] = inverse * mpmath.matrix(forcing.loads[g].tolist())
+        a[at, at + 1], a[at + 1, at] = -mpmath.mpf(frequency), mpmath.mpf(frequency)
+    return a, [mpmath.mpf(1), mpmath.mpf(0)] * len(forcing.loads)
+
+
 def exact(system, force, u, v, t):
     """(u, v) at t under one constant or harmonic load, by the exponential of the joined system at 50 digits."""
-    n = system.degrees_of_freedom
     with mpmath.workdps(60):
-        inverse = mpmath.matrix(system.mass.tolist()) ** -1
-        loads = forcing_of(force, n).loads[0]
-        drive = inverse * mpmath.matrix(loads.tolist())
-        stiff, damp = inverse * mpmath.matrix(system.stiffness.tolist()), inverse * mpmath.matrix(system.damping.tolist())
-        a = mpmath.zeros(2 * n + 2)
-        for i in range(n):
-            a[i, n + i] = 1
-            for j in range(n):
-                a[n + i, j], a[n + i, n + j] = -stiff[i, j], -damp[i, j]
-            a[n + i, 2 * n], a[n + i, 2 * n + 1] = drive[i, 0], drive[i, 1]
-        if isinstance(force, Harmonic):
-            w = mpmath.mpf(force.frequency)
-            a[2 * n, 2 * n + 1], a[2 * n + 1, 2 * n] = -w, w
-        start = mpmath.matrix([*map(mpmath.mpf, map(float, [*u, *v])), 1, 0])
-        return np.array((mpmath.expm(a * mpmath.mpf(t)) * start).tolist(), dtype=float)[: 2 * n, 0]
+        a, loads = joined(system, force)
+        start = mpmath.matrix([*map(mpmath.mpf, map(float, [*u, *v])), *loads])
+        return np.array((mpmath.expm(a * mpmath.mpf(t)) * start).tolist(), dtype=float)[: 2 * len(u), 0]
 
 
 @pytest.mark.parametrize("detuning", [0.0, 1e-15, 1e-12, -1e-9, 1e-6, -1e-3, 0.03, -0.5, 3.0])
@@ -195,26 +197,10 @@ def test_bad_loads_are_refused(make, words):
 def dense_first_crossing(system, forces, u, v, horizon, step):
     """First time at which a gap passes a bound, or None: the joined system of all loads at 50 digits, stepped densely, minima between steps
     by their parabola, the crossing by bisection to 1e-30."""
-    n, forcing = system.degrees_of_freedom, forcing_of(forces, system.degrees_of_freedom)
-    size = 2 * n + 2 * len(forcing.loads)
     with mpmath.workdps(50):
-        inverse = mpmath.matrix(system.mass.tolist()) ** -1
-        stiff, damp = inverse * mpmath.matrix(system.stiffness.tolist()), inverse * mpmath.matrix(system.damping.tolist())
-        a = mpmath.zeros(size)
-        for i in range(n):
-            a[i, n + i] = 1
-            for j in range(n):
-                a[n + i, j], a[n + i, n + j] = -stiff[i, j], -damp[i, j]
-        for g, frequency in enumerate(forcing.frequency):
-            drive, at = inverse * mpmath.matrix(forcing.loads[g].tolist()), 2 * n + 2 * g
-            for i in range(n):
-                a[n + i, at], a[n + i, at + 1] = drive[i, 0], drive[i, 1]
-            if frequency > 0.0:
-                a[at, at + 1], a[at + 1, at] = -mpmath.mpf(float(frequency)), mpmath.mpf(float(frequency))
-        start = [*map(mpmath.mpf, map(float, [*u, *v]))]
-        for _ in forcing.frequency:
-            start += [mpmath.mpf(1), mpmath.mpf(0)]
-        z, halves = mpmath.matrix(start), [mpmath.expm(a * mpmath.mpf(step) / 2**k) for k in range(100)]
+        a, loads = joined(system, forces)
+        z = mpmath.matrix([*map(mpmath.mpf, map(float, [*u, *v])), *loads])
+        halves = [mpmath.expm(a * mpmath.mpf(step) / 2**k) for k in range(100)]
 
         def distance(z):
             return min(

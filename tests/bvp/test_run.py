@@ -243,29 +243,6 @@ def test_samples_lie_on_the_flights(seed, lam):
     assert result.sample([])[0].shape == (0, 2)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (([0.0], [1.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
-        (([0.0], [1.0], math.nan), "duration is a finite time"),
-        (([0.0, 0.0], [1.0], 1.0), "u is a list of 1 finite numbers"),
-        (([0.0], [1.0], 1.0, -1), "max_impacts is an integer of 0 or more; received -1"),
-        (([0.0], [1.0], 1.0, 10, "-"), r"no contact '-'; this system's contacts are \+"),
-    ],
-)
-def test_bad_input_is_refused(arguments, words):
-    with pytest.raises(ValueError, match=words):
-        simulate(oscillator(upper=1.0), *arguments)
-
-
-def test_times_outside_the_run_are_refused():
-    result = simulate(oscillator(upper=1.0), [0.0], [1.0], 2.0)
-    with pytest.raises(ValueError, match="the motion covers times 0 to 2; received 2.5"):
-        result.sample([1.0, 2.5])
-    with pytest.raises(ValueError, match=r"received \[nan\]"):
-        result.sample([math.nan])
-
-
 @pytest.mark.rounding
 @pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.37, 0.81), (0.1, 0.0)])
 def test_a_long_elastic_run_keeps_its_energy(mu, sigma):

@@ -310,6 +310,9 @@ def test_samples_of_summed_bounces_stay_at_the_stop():
     [
         (lambda simulator: simulator.run([0.0], [0.0, 0.0], 1.0), "u is a list of 2 finite numbers"),
         (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], -1.0), "duration is a finite time of 0 or more; received -1.0"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], math.nan), "duration is a finite time"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], 1.0, 10, "a+"), r"no contact 'a\+'; this system's contacts are -, \+"),
+        (lambda simulator: simulator.run([0.0, 0.0], [0.0, 1.0], 1.0).sample([math.nan]), r"received \[nan\]"),
         (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], 1.0, marks=(0.5, 1.0)), "marks are fractions of the initial energy"),
         (lambda simulator: simulator.run([0.0, 0.0], [0.0, 0.0], 1.0, max_impacts=-1), "max_impacts is an integer"),
         (lambda simulator: simulator.run_many([[0.0, 0.0]], 1.0), r"states is an array \(m, 4\) of finite numbers"),
