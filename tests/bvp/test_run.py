@@ -59,27 +59,11 @@ def test_a_one_sided_stop_with_restitution():
     np.testing.assert_allclose(result.stop_events.speeds, 0.8 ** np.arange(len(result.stop_events.times)), rtol=1e-13)
 
 
-def test_the_reference_system_keeps_energy_and_momentum_at_impacts():
-    """Conservative: energy constant over 1000 impacts, mu u1' + u2' across each of them, |u1' - u2'| too."""
-    system = vibro_impact_nes(0.1, 0.1)
-    result = simulate(system, [0.0, 0.0], [1.0, 1.5], 3000.0).stop_events
-    assert len(result.times) > 1000
-    h = system.energy(result.after[:, :2], result.after[:, 2:])
-    np.testing.assert_allclose(h, system.energy([0.0, 0.0], [1.0, 1.5]), rtol=1e-12)
-    np.testing.assert_allclose(result.before[:, 2:] @ [0.1, 1.0], result.after[:, 2:] @ [0.1, 1.0], atol=1e-14)
-    np.testing.assert_allclose(result.before[:, 2:] @ [1.0, -1.0], -(result.after[:, 2:] @ [1.0, -1.0]), atol=1e-13)
-    np.testing.assert_array_equal(result.before[:, :2], result.after[:, :2])
-    np.testing.assert_allclose(np.abs(result.after[:, 0] - result.after[:, 1]), 1.0, atol=1e-14)
-    side = np.where(np.array(result.contacts) == "+", 1.0, -1.0)
-    np.testing.assert_allclose(result.speeds, side * (result.before[:, 2] - result.before[:, 3]), rtol=1e-12)
-    assert (result.speeds > 0.0).all()
-
-
 @settings(max_examples=30)
 @given(st.floats(0.05, 2.0), st.floats(0.0, 2.0), st.floats(0.0, 1.0), st.integers(0, 2**31))
 def test_impacts_of_a_run_follow_formula_11(mu, sigma, rho, seed):
-    """Velocities after each impact by Lee et al. 2009, Eq. (11), and the energy (1 - rho^2) mu/(1 + mu) (u1' - u2')^2/2 that
-    it loses."""
+    """Velocities after each impact by Lee et al. 2009, Eq. (11), and the energy (1 - rho^2) mu/(1 + mu) (u1' - u2')^2/2 that it loses. It
+    is at |u1 - u2| = 1, and the speed is that of approach."""
     system = vibro_impact_nes(mu, sigma, 0.0, rho)
     v = 2 * np.random.default_rng(seed).normal(size=2)
     result = simulate(system, [0.0, 0.0], v, 20.0, max_impacts=30).stop_events
@@ -90,6 +74,10 @@ def test_impacts_of_a_run_follow_formula_11(mu, sigma, rho, seed):
     lost = system.energy(result.before[:, :2], result.before[:, 2:]) - system.energy(result.after[:, :2], result.after[:, 2:])
     expected = 0.5 * (1 - rho**2) * mu / (1 + mu) * result.speeds**2
     np.testing.assert_allclose(lost, expected, atol=1e-12 * (1.0 + v @ v))
+    side = np.where(np.array(result.contacts, dtype=str) == "+", 1.0, -1.0)
+    np.testing.assert_array_equal(result.before[:, :2], result.after[:, :2])
+    np.testing.assert_allclose(result.after[hit, 0] - result.after[hit, 1], side[hit], atol=1e-13)
+    np.testing.assert_allclose(result.speeds[hit], (side * (a - b))[hit], rtol=1e-12, atol=1e-13)
 
 
 def test_the_published_orbit_s13o_at_quarter_period_1_7_closes():
@@ -241,14 +229,3 @@ def test_samples_lie_on_the_flights(seed, lam):
     u, v = result.sample(result.stop_events.times)
     np.testing.assert_allclose(np.hstack([u, v]), result.stop_events.after, atol=1e-12)
     assert result.sample([])[0].shape == (0, 2)
-
-
-@pytest.mark.rounding
-@pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.37, 0.81), (0.1, 0.0)])
-def test_a_long_elastic_run_keeps_its_energy(mu, sigma):
-    """Oracle: energy, over some 80,000 impacts: what is rounded to one side at each impact would show."""
-    system = vibro_impact_nes(mu, sigma)
-    result = simulate(system, [0.0, 0.0], [9.0, 1.0], 20_000.0, max_impacts=100_000)
-    assert len(result.stop_events.times) > 75_000
-    h = system.energy(result.stop_events.after[:, :2], result.stop_events.after[:, 2:])
-    assert np.abs(h / h[0] - 1.0).max() < 2e-11
