@@ -131,12 +131,12 @@ class Branch:
         return self.full_family.ids[0]
 
     def known_within(self, wider: Branch) -> Branch:
-        """This branch, of whose family a wider branch is known from the same orbit; then the family need not be followed for its id."""
+        """A copy that knows a wider branch of its family. Its id is found without following the family again."""
         self.__dict__["wider"] = wider
         return self
 
     def known_as(self, id: str) -> Branch:
-        """This branch, of whose family the id is known, so that the family need not be followed for it."""
+        """A copy that knows the id of its family. The family is not followed for it."""
         self.__dict__["id"] = id
         return self
 

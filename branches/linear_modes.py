@@ -55,7 +55,7 @@ class LinearMode:
 
     @property
     def frequency(self) -> float:
-        """w."""
+        """Angular frequency w."""
         return float(self.system.modes.frequencies[self.index])
 
     @property

@@ -224,7 +224,7 @@ def _moved(event: BranchEvent, points: int, arclength: float) -> BranchEvent:
 
 @takes_options_of(follow_family)
 def extend(branch: Branch, i: int, **options: Any) -> Branch:
-    """Trace a branch on from its point i.
+    """Follow the family of a branch on from its point i.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ __all__ = [
 @brief
 @dataclass(frozen=True, eq=False)
 class Constant:
-    """f = load.
+    """A constant load, f = load.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Constant:
 @brief
 @dataclass(frozen=True, eq=False)
 class Harmonic:
-    """f = cosine cos(frequency t) + sine sin(frequency t).
+    """A harmonic load, f = cosine cos(frequency t) + sine sin(frequency t).
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Harmonic:
 @brief
 @dataclass(frozen=True, eq=False)
 class Record:
-    """f = load s(t), with s linear between samples and 0 before the first and after the last of them.
+    """A load with a sampled course, f = load s(t), with s linear between samples and 0 before the first and after the last of them.
 
     Parameters
     ----------

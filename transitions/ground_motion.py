@@ -21,7 +21,7 @@ __all__ = ["Ground", "filtered", "record_text", "synthetic_record"]
 @brief
 @dataclass(frozen=True)
 class Ground:
-    """The two filters: angular frequencies and damping ratios. The defaults are those of firm soil, in rad/s."""
+    """The ground of a synthetic record: frequencies (rad/s) and damping ratios of two filters. The defaults are those of firm soil."""
 
     frequency: float = 15.0
     damping: float = 0.6

@@ -32,7 +32,7 @@ def stages_of(
     spectrum: Spectrum | None = None,
     on_progress: Callable[[float], object] | None = None,
 ) -> list[Stage]:
-    """The stages of a motion.
+    """Divide a motion into stages by the spectrum of its gap coordinate.
 
     A stage is an interval in which one ridge of the spectrum of the gap coordinate is the largest and has a fifth of the amplitude, for
     three of its periods or more. It follows a family by its frequency and the energy, both averaged over three periods. The frequency lies

@@ -140,7 +140,7 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
 
 
 def read_transition(path: str | os.PathLike[str]) -> Transition:
-    """Read a motion.
+    """Read a motion with its stages from a file of `saltus.write_transition`.
 
     Parameters
     ----------

@@ -166,13 +166,13 @@ class Node:
     note: str = ""
 
     def values(self) -> tuple[Any, ...]:
-        """The row as it is stored."""
+        """The values of its row in the catalogue."""
         low, high = self.h or (None, None)
         return self.id, self.kind, self.label, _number(low), _number(high), _number(self.alpha), self.note
 
     @classmethod
     def of(cls, values: tuple[Any, ...]) -> Node:
-        """The inverse of `values`."""
+        """The object of a row, as `values` gives it."""
         id, kind, label, low, high, alpha, note = values
         return cls(id, kind, label, None if low is None else (low, high), alpha, note)
 
@@ -250,7 +250,7 @@ class Edge:
         return f"Edge {self.type}, {self.kind}, at h = {self.h:.10g}, alpha = {self.alpha:.10g}", events
 
     def values(self) -> tuple[Any, ...]:
-        """The row as it is stored."""
+        """The values of its row in the catalogue."""
         orbits = (None if orbit is None else compact_json(astuple(orbit)) for orbit in (self.source_orbit, self.target_orbit))
         return (
             self.source, self.source_event, self.type, self.kind, self.target, self.target_event, float(self.h), float(self.alpha),
@@ -259,7 +259,7 @@ class Edge:
 
     @classmethod
     def of(cls, values: tuple[Any, ...]) -> Edge:
-        """The inverse of `values`."""
+        """The object of a row, as `values` gives it."""
         source, source_event, type, kind, target, target_event, h, alpha, stop, note, here, there = values
         return cls(source, source_event, type, kind, target, h, alpha, target_event, stop, note, EventOrbit.of(here), EventOrbit.of(there))
 

@@ -143,7 +143,7 @@ class Scene:
         return replace(self, system=self.system.underlying, forces=(), loads=())
 
     def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
-        """Refuse tables of loads that a computation does not use: its result would belong to another system. `what` names the command or
+        """Refuse a scene with loads that a computation does not use. Its result would belong to another system. `what` names the command or
         function; `uses` are those of `LOADS` that it uses."""
         for name in self.loads:
             if name not in uses:
@@ -170,7 +170,7 @@ class Scene:
 
 
 def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) -> Scene:
-    """Read a scene.
+    """Read a scene from a TOML file, or one that ships with saltus.
 
     Parameters
     ----------
