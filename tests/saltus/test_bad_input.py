@@ -1,6 +1,5 @@
 """Bad input: one line on standard error that says what was wrong and what was expected, exit code 2, nothing started."""
 
-import os
 import subprocess
 import sys
 
@@ -220,9 +219,3 @@ def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
     monkeypatch.setattr("saltus.families.trace", fail)
     with pytest.raises(KeyError):
         main(["continue", "S13O00+"])
-
-
-@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="there is no directory that allows files and takes none")
-def test_a_directory_that_takes_no_file_is_found_before_the_work(capsys):
-    """Oracle: exit code 2, and nothing of the table."""
-    refused(run(capsys, "continue", "S13O00+", "--json", "/proc/branch.json"), "cannot write /proc/branch.json")

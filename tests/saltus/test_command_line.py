@@ -108,14 +108,6 @@ def test_every_command_has_one_grammar_for_its_files(capsys):
         assert shown == set(kinds.split()), words
 
 
-def test_the_shells_complete_commands_options_choices_and_files(capsys):
-    """Oracle: the script names them; bash accepts it."""
-    code, script, _ = run(capsys, "--print-completion", "bash")
-    assert code == 0 and subprocess.run(["bash", "-n"], input=script, text=True, capture_output=True).returncode == 0
-    for word in ("discover", "--stop-at", "fundamental", "_shtab_compgen_files"):
-        assert word in script
-
-
 def test_no_command_prints_the_help(capsys):
     """Oracle: the help names each command."""
     code, out, err = run(capsys)

@@ -89,14 +89,6 @@ def test_the_old_file_stays_when_the_move_fails(tmp_path, monkeypatch):
     assert [entry.name for entry in tmp_path.iterdir()] == ["branch.json"]
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
-def test_a_full_device_is_said_in_words():
-    """Oracle: /dev/full, which refuses every byte; it stays a device."""
-    with pytest.raises(WriteFailure, match="^cannot write /dev/full: no space is left on the device$"):
-        write_text("/dev/full", "text")
-    assert stat.S_ISCHR(os.stat("/dev/full").st_mode)
-
-
 @pytest.mark.skipif(not os.path.exists("/dev/null"), reason="needs a device")
 def test_a_device_is_written_to_and_not_replaced():
     """Oracle: /dev/null stays a device."""
@@ -138,25 +130,14 @@ def test_a_directory_that_takes_no_file_is_refused(tmp_path, monkeypatch, number
 
 
 @pytest.mark.parametrize("name", ["a.pgn", "a", "a.jpg", "-", ".png/"])
-def test_unknown_picture_formats_are_refused(name):
-    """Oracle: the three formats png, pdf, svg."""
-    with pytest.raises(BadInput) as caught:
-        check_writable(name, figure=True)
-    assert "png" in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["a.png", "a.PDF", "S13O00+.svg"])
-def test_known_picture_formats_pass(name, tmp_path, monkeypatch):
-    """Oracle: the three formats, in either case."""
+def test_unknown_picture_formats_are_refused(name, tmp_path, monkeypatch):
+    """Oracle: the three formats png, pdf, svg, in either case."""
     monkeypatch.chdir(tmp_path)
-    check_writable(name, figure=True)
-    assert not Path(name).exists()
-
-
-def test_standard_output_gets_the_data_alone(capsys):
-    """Oracle: the text."""
-    write_data("-", "a,b\n1,2\n")
-    assert capsys.readouterr() == ("a,b\n1,2\n", "")
+    with pytest.raises(BadInput, match="png"):
+        check_writable(name, figure=True)
+    for known in ("a.png", "a.PDF", "S13O00+.svg"):
+        check_writable(known, figure=True)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture
