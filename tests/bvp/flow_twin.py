@@ -138,8 +138,3 @@ class Twin:
             events.append((t, contact, before, x))
             leaving = contact
         return x, events
-
-    def energy(self, x):
-        """H, for states (2n,) or (m, 2n)."""
-        u, v = x[..., : self.n], x[..., self.n :]
-        return 0.5 * (np.einsum("...i,ij,...j", v, self.system.mass, v) + np.einsum("...i,ij,...j", u, self.system.stiffness, u))

@@ -313,22 +313,21 @@ def test_step_follows_the_closed_form_through_its_fold():
     assert min(energies) < energies[0] and min(energies) < energies[-1]
 
 
-def test_refusals():
-    lopsided = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, 0.0), -1.0, 2.0),))
-    with pytest.raises(EndsError, match="odd symmetry"):
-        MultipointProblem(lopsided, ("origin", "stop+"), ())
-    with pytest.raises(EndsError, match="restitution"):
-        MultipointProblem(vibro_impact_nes(rho=0.7), ("origin", "stop+"), ())
-    with pytest.raises(EndsError, match="damping"):
-        MultipointProblem(vibro_impact_nes(lam=0.1), ("origin", "stop+"), ())
-    with pytest.raises(EndsError, match="unknown end"):
-        MultipointProblem(vibro_impact_nes(), ("orgin", "stop+"), ())
-    with pytest.raises(EndsError, match="contacts are"):
-        MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ("x",))
-    with pytest.raises(EndsError, match="two periodic ends"):
-        MultipointProblem(vibro_impact_nes(), ("origin", "periodic"), ("+",))
-    with pytest.raises(EndsError, match="at least one impact"):
-        MultipointProblem(vibro_impact_nes(), ("periodic", "periodic"), ())
+@pytest.mark.parametrize(
+    ("system", "ends", "sequence", "words"),
+    [
+        (ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, 0.0), -1.0, 2.0),)), ("origin", "stop+"), (), "odd symmetry"),
+        (vibro_impact_nes(rho=0.7), ("origin", "stop+"), (), "restitution"),
+        (vibro_impact_nes(lam=0.1), ("origin", "stop+"), (), "damping"),
+        (vibro_impact_nes(), ("orgin", "stop+"), (), "unknown end"),
+        (vibro_impact_nes(), ("origin", "stop+"), ("x",), "no contact 'x'; this system's contacts are -, \\+"),
+        (vibro_impact_nes(), ("origin", "periodic"), ("+",), "two periodic ends"),
+        (vibro_impact_nes(), ("periodic", "periodic"), (), "at least one impact"),
+    ],
+)
+def test_refusals(system, ends, sequence, words):
+    with pytest.raises(EndsError, match=words):
+        MultipointProblem(system, ends, sequence)
 
 
 def test_no_orbit_is_said_so():
