@@ -48,7 +48,8 @@ def _add_methods() -> None:
     """Give `Branch`, `Orbit`, `Motion` and `Catalogue` their methods. They are data and import no operation."""
     from branches.branch import Branch
     from branches.catalogue import Catalogue
-    from branches.figures.plots import plot_branch, plot_catalogue, plot_motion, plot_orbit
+    from branches.figures.atlas import plot_catalogue
+    from branches.figures.single import plot_branch, plot_motion, plot_orbit
     from branches.grazing.following import neighbours
     from branches.orbit import Orbit
     from branches.record import save, to_dataframe

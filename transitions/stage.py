@@ -81,9 +81,9 @@ class Follows:
 
     @property
     def beside(self) -> str:
-        """The other harmonics in words, such as ", with 3, 5"."""
-        rest = ", ".join(str(k) for k in self.harmonics if k != self.harmonic)
-        return f", with {rest}" if rest else ""
+        """The other harmonics in words, such as " with harmonics 3, 5"."""
+        rest = [str(k) for k in self.harmonics if k != self.harmonic]
+        return f" with harmonic{'s' * (len(rest) > 1)} {', '.join(rest)}" if rest else ""
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,16 @@ A figure is drawn from these columns alone, so it can be drawn again from them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.figures.style import cited_names
-from branches.naming.matching import spelled
+from branches.naming.labels import Label, parse, parse_name
+from branches.naming.matching import fits_otherwise, matches, nearest_crossing, reaches, spelled
 from bvp.checks import require_branch
 from bvp.texts import brief, shown
 
@@ -166,7 +167,7 @@ def atlas_of(
     branches : iterable of Branch
         Of this system.
     reference_points : mapping of names to {"h", "alpha"}
-        Names that are written first where there is no room for all; see `branches.figures.style.cited_names`.
+        Names that are written first where there is no room for all; see `cited_names`.
     manifold, impulsive : as `branches.impulsive` makes them, optional
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.
@@ -223,10 +224,6 @@ def _pieces(branch: Branch, energy: tuple[float, float] | None) -> list[dict[str
     return _cut(branch, *energy, names)
 
 
-_Row = tuple[int, "Orbit | None"]
-"""A point by its index, or an orbit between that point and the next."""
-
-
 def _cut(branch: Branch, low: float, high: float, names: Sequence[str]) -> list[dict[str, np.ndarray]]:
     """The given columns of the pieces of a branch within low <= h <= high, in order of arclength.
 
@@ -234,25 +231,16 @@ def _cut(branch: Branch, low: float, high: float, names: Sequence[str]) -> list[
     before the bound, at its last point within. A bound where the corrector fails is left out.
     """
     h = branch.points["h"]
-    inside = (h >= low) & (h <= high)
-    pieces: list[list[_Row]] = []
-    open_ = False
-    for i in range(len(h)):
-        if inside[i]:
-            if not open_:
-                pieces.append([])
-            pieces[-1].append((i, None))
-        open_ = bool(inside[i])
-        if i + 1 == len(h):
-            break
-        passed = [bound for bound in (low, high) if (h[i] - bound) * (h[i + 1] - bound) < 0.0]
-        for bound in sorted(passed, reverse=bool(h[i] > h[i + 1])):
-            if not open_:
-                pieces.append([])
+    places: dict[float, Orbit | None] = dict.fromkeys(np.flatnonzero((h >= low) & (h <= high)).astype(float).tolist())
+    for bound in (low, high):
+        for i in np.flatnonzero((h[:-1] - bound) * (h[1:] - bound) < 0.0).tolist():
             orbit = _between(branch, i, bound)
             if orbit is not None:
-                pieces[-1].append((i, orbit))
-            open_ = not open_
+                places[i + (bound - h[i]) / (h[i + 1] - h[i])] = orbit
+    order = np.array(sorted(places))
+    # All points within are there: any point between two successive places is outside.
+    ends = np.flatnonzero(np.ceil(order[1:]) - np.floor(order[:-1]) > 1.0) + 1
+    pieces = [[(int(place), places[place]) for place in piece] for piece in np.split(order, ends)]
     return [{name: _column(branch, piece, name) for name in names} for piece in pieces if piece]
 
 
@@ -267,7 +255,7 @@ def _between(branch: Branch, i: int, energy: float) -> Orbit | None:
     return orbit if off <= abs(alpha[i + 1] - alpha[i]) + 1e-3 * alpha[i] else None
 
 
-def _column(branch: Branch, piece: Sequence[_Row], name: str) -> np.ndarray:
+def _column(branch: Branch, piece: Sequence[tuple[int, Orbit | None]], name: str) -> np.ndarray:
     column: Any = branch.points[name]
     values = [column[i] if orbit is None else orbit.columns[name][0] for i, orbit in piece]
     return np.array(values, dtype=None if column.dtype.kind == "U" else column.dtype)  # a label may be longer than all that are kept
@@ -281,10 +269,68 @@ def _events(branch: Branch, piece: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array([known.get(place, "") for place in places], dtype="<U2")
 
 
+class CitedName(NamedTuple):
+    """A name that a family goes by: at the points whose label it is, or, where the half-waves are counted otherwise, at the energy and
+    quarter period of the reference point."""
+
+    text: str
+    label: Label
+    h: float | None = None
+    alpha: float | None = None
+
+    def points(self, h: np.ndarray, alpha: np.ndarray, labels: Sequence[str]) -> np.ndarray:
+        """Which of some successive points (N,) of the family go by the name."""
+        if self.h is None or self.alpha is None:
+            return np.array([_test(matches, self.label)(label) for label in labels], dtype=bool)
+        mine = np.zeros(len(h), dtype=bool)
+        if h.min() <= self.h <= h.max():
+            mine[np.argmin(np.hypot(np.log(h / self.h), np.log(alpha / self.alpha)))] = True
+        return mine
+
+
+def cited_names(branches: Iterable[Branch], points: Mapping[str, ReferencePoint]) -> dict[str, list[CitedName]]:
+    """The names that a scene cites for families, by their ids.
+
+    `points` are the reference points {"h", "alpha"} by name, with both, one or none of the values. One with both is for the single family
+    that has the orbit: of those with the label, or else of those that have its impacts. Another one is for every family with the label.
+    """
+    families = [(branch, set(branch.points["label"].tolist())) for branch in branches]
+    out: dict[str, list[CitedName]] = {}
+    for text, point in points.items():
+        label, h = parse_name(text).label, point.get("h")
+        if label is not None:
+            near = [some for some in families if h is None or reaches((some[0].points["h"].min(), some[0].points["h"].max()), h)]
+            for id, name in _named(near, text, label, h, point.get("alpha")):
+                out.setdefault(id, []).append(name)
+    return out
+
+
+def _named(
+    families: Sequence[tuple[Branch, set[str]]], text: str, label: Label, h: float | None, alpha: float | None
+) -> Iterator[tuple[str, CitedName]]:
+    for same in (matches, fits_otherwise):
+        fits = _test(same, label)
+        distances = {}
+        for branch in (branch for branch, labels in families if any(map(fits, labels))):
+            track = list(zip(*(branch.points[name].tolist() for name in ("h", "alpha", "label")), strict=True))
+            crossing = (0.0,) if h is None and alpha is None else nearest_crossing(track, h, alpha, fits)
+            if crossing is not None:
+                distances[branch.id] = crossing[0]
+        if h is None or alpha is None:
+            yield from ((id, CitedName(text, label)) for id in distances)
+            return
+        if distances:
+            yield min(distances, key=lambda id: distances[id]), CitedName(text, label, *(() if same is matches else (h, alpha)))
+            return
+
+
+@cache
+def _test(same: Callable[[Label, Label], bool], label: Label) -> Callable[[str], bool]:
+    return cache(lambda text: bool(text) and same(label, parse(text)))
+
+
 def _impulsive_curve(found: ImpulsiveOrbits) -> AtlasCurve:
     """The impulsive orbits as one curve without a name: unconnected points of the figure."""
-    from branches.naming.labels import parse
-
     labels = [orbit.label for orbit in found.orbits]
     waves = np.array([parse(label).m if label else 1 for label in labels])
     frequency = np.array([0.5 * math.pi / orbit.alpha for orbit in found.orbits])

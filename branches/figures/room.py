@@ -1,7 +1,7 @@
-"""Free room in a panel, and the placement of family names there by textalloc.
+"""Free room in a panel, and the placement of names there by textalloc.
 
-All lengths are points (1/72 inch), places are counted from the lower left corner of the figure, and boxes are (left, bottom, right, top).
-Nothing is random, so a figure is the same each time.
+All lengths are points (1/72 inch), places are counted from the lower left corner of the figure. Nothing is random, so a figure is the same
+each time.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,22 +22,11 @@ if TYPE_CHECKING:
 
     from branches.figures.atlas_data import AtlasCurve
 
-__all__ = ["Named", "Room", "even_points", "names_of", "one_in_cell", "overlapping", "short_name", "write_names"]
+__all__ = ["Named", "Room", "even_points", "names_of", "short_name", "thinned", "write_names"]
 
-_CELL, _COARSE = 1.0, 3.0  # two points of curves in one cell count once; names need coarser cells
-_GRID = 3.0  # a box is kept free by points that are so far apart, less than any text is high
+_CELL, _COARSE = 1.0, 3.0  # points of a curve in one cell count once; names need coarser cells only
 _EDGE = 3.0  # names keep off the ticks inside the frame
-_MARGIN = 1.0  # least distance of a name from anything
 _GAPS = (2.0, 20.0, 40.0)  # least distances of names from their points; leaders may cross at the larger ones
-_LONGEST = 100.0  # nothing further away from the place of a name than this hinders it
-_ROUNDS = 3  # how often a name is placed again if its leader would cross another name
-_CANDIDATES = 500  # places that are tried for a name
-
-
-def overlapping(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Which of `boxes` (a, 4) overlap which of `others` (b, 4): bool (a, b). Touching edges do not overlap."""
-    a, b = boxes[:, None, :], others[None, :, :]
-    return (a[..., 0] < b[..., 2]) & (b[..., 0] < a[..., 2]) & (a[..., 1] < b[..., 3]) & (b[..., 1] < a[..., 3])
 
 
 def even_points(curve: np.ndarray, spacing: float) -> np.ndarray:
@@ -54,6 +43,25 @@ def even_points(curve: np.ndarray, spacing: float) -> np.ndarray:
     return curve[segment] + part[:, None] * (curve[segment + 1] - curve[segment])
 
 
+def thinned(points: np.ndarray, spacing: float) -> np.ndarray:
+    """Which of the points (k, 2), in order, are at least `spacing` from each one kept before: bool (k,)."""
+    from scipy.spatial import cKDTree
+
+    kept = np.ones(len(points), dtype=bool)
+    for i, j in sorted(cKDTree(points).query_pairs(spacing)) if len(points) else ():
+        kept[j] &= not kept[i]
+    return kept
+
+
+def _count(points: np.ndarray, spots: np.ndarray, half: float) -> np.ndarray:
+    """Number of points (k, 2) within squares of this half width around each of the spots (a, 2)."""
+    from scipy.spatial import cKDTree
+
+    if not len(points) or not len(spots):
+        return np.zeros(len(spots), dtype=int)
+    return np.asarray(cKDTree(points).query_ball_point(spots, half, p=np.inf, return_length=True))
+
+
 class Room:
     """The free room of a panel that has its final limits and its place in the figure.
 
@@ -67,60 +75,36 @@ class Room:
     def __init__(self, axes: Axes, curves: Sequence[np.ndarray]) -> None:
         self.axes = axes
         self.frame = np.array(axes.bbox.extents) * 72 / axes.figure.dpi
-        cells = [self._cells(curve) for curve in curves]
-        self._each = np.concatenate([*cells, np.empty((0, 2))])
-        self.ink = np.unique(self._each, axis=0)
-        """Points (k, 2) of curves, about one in each square point that a curve crosses."""
+        paths = [self.to_page(curve) for curve in curves]
+        paths = [np.concatenate([even_points(path, _CELL), path[np.isfinite(path).all(axis=1)]]) for path in paths]
+        paths = [path[((path >= self.frame[:2]) & (path <= self.frame[2:])).all(axis=1)] for path in paths]
+        self._ink = np.concatenate([*(np.unique(path // _CELL, axis=0) * _CELL for path in paths), np.empty((0, 2))])
         self._taken = np.empty((0, 2))
         self._names = np.empty((0, 4))
-
-    def _cells(self, curve: np.ndarray) -> np.ndarray:
-        path = self.to_page(curve)
-        path = np.concatenate([even_points(path, _CELL), path[np.isfinite(path).all(axis=1)]])
-        inside = ((path >= self.frame[:2]) & (path <= self.frame[2:])).all(axis=1)
-        return one_in_cell(path[inside], _CELL)
 
     def to_page(self, data: np.ndarray) -> np.ndarray:
         """Points of the page (n, 2) for data coordinates (n, 2)."""
         return np.asarray(self.axes.transData.transform(data)) * 72 / self.axes.figure.dpi
 
-    def take(self, boxes: np.ndarray) -> None:
-        """Keep boxes (a, 4) free from names and markers from now on."""
-        filled = [np.empty((0, 2))]
-        for left, bottom, right, top in np.asarray(boxes, dtype=float).reshape(-1, 4):
-            x = np.linspace(left, right, 2 + int((right - left) / _GRID))
-            y = np.linspace(bottom, top, 2 + int((top - bottom) / _GRID))
-            filled.append(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-        self._taken = np.concatenate([self._taken, *filled])
+    def take(self, at: np.ndarray, half: np.ndarray | float = 0.0) -> None:
+        """Keep names and markers off boxes around places (n, 2) of the page from now on; `half` of the width and height of each."""
+        half = np.broadcast_to(half, (len(at), 2))
+        for place, size in zip(at, half, strict=True):
+            sides = [np.linspace(-side, side, 2 + int(2 * side / _COARSE)) for side in size]
+            self._taken = np.concatenate([self._taken, place + np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)])
 
-    def take_around(self, data: np.ndarray, radii: np.ndarray | float) -> None:
-        """Keep markers at data coordinates (n, 2) free; radii (n,), or one for all."""
-        at, reach = self.to_page(data), np.broadcast_to(radii, len(data))[:, None]
-        self.take(np.concatenate([at - reach, at + reach], axis=1))
+    def take_path(self, path: np.ndarray) -> None:
+        """Keep names and markers off a polyline (n, 2) on the page."""
+        self._taken = np.concatenate([self._taken, even_points(path, _CELL)])
 
-    def take_path(self, data: np.ndarray) -> None:
-        """Keep a polyline (n, 2) in data coordinates free."""
-        self._taken = np.concatenate([self._taken, self._cells(data)])
+    def free(self, spots: np.ndarray, half: float) -> np.ndarray:
+        """Which squares of this half width around spots (a, 2) of the page lie in the frame and contain nothing that is taken."""
+        inside = ((spots > self.frame[:2] + half) & (spots < self.frame[2:] - half)).all(axis=1)
+        return np.asarray(inside & (_count(self._taken, spots, half) == 0))
 
-    def taken(self, boxes: np.ndarray) -> np.ndarray:
-        """Whether something is in each of the boxes (a, 4) that is to be kept free: bool (a,)."""
-        return _count(boxes, self._taken) > 0
-
-    def ink_in(self, boxes: np.ndarray) -> np.ndarray:
-        """Number of points of `ink` in each of the boxes (a, 4)."""
-        return _count(boxes, self.ink)
-
-    def ink_around(self, spots: np.ndarray, half: float, *, each: bool = False) -> np.ndarray:
-        """Number of points of `ink` within squares of this half width around spots (a, 2); `each` counts the curves one by one."""
-        if not len(self.ink) or not len(spots):
-            return np.zeros(len(spots))
-        return np.asarray(self._trees[each].query_ball_point(spots, half, p=np.inf, return_length=True))
-
-    @cached_property
-    def _trees(self) -> dict[bool, Any]:
-        from scipy.spatial import cKDTree
-
-        return {False: cKDTree(self.ink), True: cKDTree(self._each)}
+    def crowd(self, spots: np.ndarray, half: float) -> np.ndarray:
+        """The length of all curves, in points, within squares of this half width around spots (a, 2) of the page."""
+        return _count(self._ink, spots, half)
 
     def write(
         self,
@@ -152,92 +136,51 @@ class Room:
         list of Text or None
             None for a name without room. Names cover neither each other nor their leaders nor anything that is taken.
         """
-        from scipy.spatial import cKDTree
+        from matplotlib.figure import Figure
+        from textalloc import allocate
 
         radii = np.broadcast_to(radii, len(texts))
-        frame = self.frame + np.array([_EDGE, _EDGE, -_EDGE, -_EDGE])
-        curves = np.empty((0, 2)) if over_curves else one_in_cell(self.ink, _COARSE)
         scale, to_data = self.axes.figure.dpi / 72, self.axes.transData.inverted()
-        written: list[Text | None] = [None] * len(texts)
-        waiting = list(range(len(texts)))
-        for _ in range(_ROUNDS if len(texts) else 0):
-            obstacles = np.concatenate([curves, self._taken])
-            if len(obstacles):
-                obstacles = obstacles[cKDTree(at).query(obstacles, p=np.inf)[0] <= radii.max() + far + _LONGEST]
-            corners: dict[int, np.ndarray] = {}
-            # textalloc places each name as near as it can. Near names surround a crowd, so that those behind find no way out.
-            for gap in _GAPS if most is None else _GAPS[:1]:
-                found = _allocate([texts[i] for i in waiting], at[waiting], radii[waiting], obstacles, frame, gap, far, font)
-                corners = found if len(found) > len(corners) else corners
-                if len(corners) == len(waiting):
-                    break
-            tried, waiting = [(waiting[k], corner) for k, corner in sorted(corners.items())], []
-            for i, corner in tried:
-                if most is not None and len(texts) - written.count(None) >= most:
-                    return written
-                x, y = to_data.transform(corner * scale)
-                name = self.axes.text(x, y, texts[i], fontsize=font, color=BLACK, ha="left", va="bottom", zorder=6)
-                box = np.array(name.get_window_extent().extents) / scale
-                leader = np.array([np.clip(at[i], box[:2], box[2:]), at[i]])
-                # textalloc keeps leaders off the names of the same call only. Next time this place is not free.
-                if _count(self._names, even_points(leader, _CELL)).any():
-                    name.remove()
-                    curves = np.concatenate([curves, [corner + 1.0 + font / 2]])
-                    waiting.append(i)
-                    continue
-                if np.hypot(*np.diff(leader, axis=0)[0]) > radii[i] + beside:
-                    ends = to_data.transform(leader * scale)
-                    self.axes.plot(*ends.T, color=GREY, linewidth=0.4, zorder=3, gid="leader")
-                    self.take_path(ends)
-                self.take(box)
-                self._names = np.concatenate([self._names, box[None]])
-                written[i] = name
-            if not waiting:
+        obstacles = np.concatenate([np.empty((0, 2)) if over_curves else np.unique(self._ink // _COARSE, axis=0) * _COARSE, self._taken])
+        # Distances are parts of a figure's sides. In a figure of the frame's size, whose coordinates are points, they are the same in
+        # all directions.
+        low = self.frame[:2] + _EDGE
+        (x, y), (x_taken, y_taken) = (at - low).T, (obstacles - low).T
+        width, height = self.frame[2:] - self.frame[:2] - 2 * _EDGE
+        page = Figure(figsize=(width / 72, height / 72), dpi=72).add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
+        corners: dict[int, np.ndarray] = {}
+        # textalloc places each name as near as it can. Near names surround a crowd, so that those behind find no way out.
+        for gap in _GAPS if most is None else _GAPS[:1]:
+            if len(corners) == len(texts):
                 break
+            with redirect_stdout(io.StringIO()):  # it prints a line if no text has room
+                found, *_ = allocate(
+                    page, x, y, list(texts), x_scatter=x_taken, y_scatter=y_taken, text_scatter_sizes=radii.tolist(), textsize=font,
+                    draw_all=False, nbr_candidates=500, margin=1.0 / width, min_distance=gap / width, max_distance=far / width,
+                    avoid_label_lines_overlap=True, avoid_crossing_label_lines=gap == _GAPS[0], auto_ha=False, va="bottom",
+                )  # fmt: skip
+            placed = {k: low + np.array(corner[:2]) for k, corner in enumerate(found) if corner is not None}
+            corners = placed if len(placed) > len(corners) else corners
+        written: list[Text | None] = [None] * len(texts)
+        for i, corner in sorted(corners.items()):
+            if most is not None and len(texts) - written.count(None) >= most:
+                break
+            x, y = to_data.transform(corner * scale)
+            name = self.axes.text(x, y, texts[i], fontsize=font, color=BLACK, ha="left", va="bottom", zorder=6)
+            box = np.array(name.get_window_extent().extents) / scale
+            leader = np.array([np.clip(at[i], box[:2], box[2:]), at[i]])
+            # textalloc keeps leaders off the names of the same call only.
+            path = even_points(leader, _CELL)[:, None]
+            if ((path > self._names[:, :2]) & (path < self._names[:, 2:])).all(axis=2).any():
+                name.remove()
+                continue
+            if np.hypot(*np.diff(leader, axis=0)[0]) > radii[i] + beside:
+                self.axes.plot(*to_data.transform(leader * scale).T, color=GREY, linewidth=0.4, zorder=3, gid="leader")
+                self.take_path(leader)
+            self.take((box[None, :2] + box[None, 2:]) / 2, (box[None, 2:] - box[None, :2]) / 2)
+            self._names = np.concatenate([self._names, box[None]])
+            written[i] = name
         return written
-
-
-def _allocate(
-    texts: Sequence[str], at: np.ndarray, radii: np.ndarray, obstacles: np.ndarray, frame: np.ndarray, gap: float, far: float, font: float
-) -> dict[int, np.ndarray]:
-    """The lower left corners of the texts that have room, by their index, as textalloc places them, in points of the page.
-
-    Its distances are parts of a figure's sides. In a figure of the frame's size, whose coordinates are points, they are the same in all
-    directions.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    from textalloc import allocate
-
-    width, height = frame[2:] - frame[:2]
-    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
-    (x, y), (x_taken, y_taken) = (at - frame[:2]).T, (obstacles - frame[:2]).T
-    with redirect_stdout(io.StringIO()):  # it prints a line if no text has room
-        corners, *_ = allocate(
-            axes, x, y, list(texts), x_scatter=x_taken, y_scatter=y_taken, text_scatter_sizes=radii.tolist(), textsize=font, draw_all=False,
-            nbr_candidates=_CANDIDATES, margin=_MARGIN / width, min_distance=gap / width, max_distance=far / width,
-            avoid_label_lines_overlap=True, avoid_crossing_label_lines=gap == _GAPS[0], auto_ha=False, va="bottom",
-        )  # fmt: skip
-    return {k: frame[:2] + np.array(corner[:2]) for k, corner in enumerate(corners) if corner is not None}
-
-
-def one_in_cell(points: np.ndarray, cell: float) -> np.ndarray:
-    """The first of the points (k, 2) in each square cell, in their order."""
-    _, first = np.unique(np.floor(points / cell), axis=0, return_index=True)
-    return points[np.sort(first)]
-
-
-def _count(boxes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Number of points (k, 2) in each of the boxes (a, 4)."""
-    if not len(points):
-        return np.zeros(len(boxes))
-    order = np.argsort(points[:, 0])
-    x, y = points[order].T
-    first, last = np.searchsorted(x, boxes[:, 0]), np.searchsorted(x, boxes[:, 2])
-    spans = zip(first, last, boxes[:, 1], boxes[:, 3], strict=True)
-    return np.array([np.count_nonzero((y[i:j] > low) & (y[i:j] < high)) for i, j, low, high in spans])
 
 
 _SPACING = 7.0  # points between the places on a curve that a name may belong to
@@ -248,23 +191,23 @@ FAR = 48.0
 """Largest distance of a name from its curve, in points. A leader across the figure is hard to follow."""
 
 
+@dataclass(eq=False)
 class Named:
-    """A curve of a panel with its family.
+    """A curve of a panel with its name.
 
-    x, y : (N,) float. breaks : (N - 1,) bool, where the curve is not joined. text : its name. cited : whether the scene cites this name.
-    short_id : written behind the name, or instead of it.
+    path : (n, 2) float, rows of NaN break it. curve, rows : the family, and the point of it at each row. text : its name. cited : whether
+    the scene cites this name. short_id : written behind the name, or instead of it.
     """
 
-    def __init__(
-        self, curve: AtlasCurve | None, x: np.ndarray, y: np.ndarray, breaks: np.ndarray | None = None, text: str = "", cited: bool = False
-    ):
-        self.curve = curve
-        self.x = np.asarray(x, dtype=float)
-        self.y = np.asarray(y, dtype=float)
-        self.breaks = np.zeros(max(len(self.x) - 1, 0), dtype=bool) if breaks is None else breaks
-        self.text = text or ("" if curve is None else curve.label)
-        self.cited = cited
-        self.short_id = ""
+    path: np.ndarray
+    curve: AtlasCurve | None = None
+    rows: Any = ...
+    text: str = ""
+    cited: bool = False
+    short_id: str = ""
+
+    def __post_init__(self) -> None:
+        self.text = self.text or ("" if self.curve is None else self.curve.label)
 
     @property
     def shown(self) -> str:
@@ -283,27 +226,22 @@ class Named:
             return (False, False, 0.0, self.text)
         return (not self.cited, not self.text, -float(np.log(self.curve.h.max() / self.curve.h.min())), self.curve.family)
 
-    def path(self) -> np.ndarray:
-        """The curve (n, 2), with rows of NaN at breaks."""
-        return np.insert(np.stack([self.x, self.y], axis=1), np.flatnonzero(self.breaks) + 1, np.nan, axis=0)
-
     def names(self) -> list[Named]:
         """The same curve with each of its cited names; itself if it has none."""
         if self.curve is None or not self.curve.cited.any():
             return [self]
         texts = dict.fromkeys(self.curve.names[self.curve.cited].tolist())
-        return [Named(self.curve, self.x, self.y, self.breaks, text, True) for text in texts]
+        return [Named(self.path, self.curve, self.rows, text, True) for text in texts]
 
     def spots(self, room: Room) -> np.ndarray:
         """Places (k, 2) on the page inside the frame, along the part of the curve that has this name."""
-        points = np.stack([self.x, self.y], axis=1)
+        points = self.path
         if self.curve is not None:
             mine = self.curve.cited & (self.curve.names == self.text) if self.cited else self.curve.labels == self.text
             if mine.any():
-                points[~mine] = np.nan
+                points = np.where(mine[self.rows, None], points, np.nan)
         path = room.to_page(points)
-        broken = np.insert(path, np.flatnonzero(self.breaks) + 1, np.nan, axis=0)
-        spots = np.concatenate([even_points(broken, _SPACING), path[np.isfinite(path).all(axis=1)][:1]]) if len(path) > 1 else path
+        spots = np.concatenate([even_points(path, _SPACING), path[np.isfinite(path).all(axis=1)][:1]])
         return spots[((spots > room.frame[:2] + 2.0) & (spots < room.frame[2:] - 2.0)).all(axis=1)]
 
 
@@ -322,9 +260,7 @@ def names_of(curves: Sequence[Named], room: Room | None = None) -> list[Named]:
     chosen: dict[tuple[str, str], Named] = {}
     families: set[str] = set()
     for name in ordered:
-        if (name.key, name.text) in chosen or (name.key in families and not name.cited):
-            continue
-        if room is None or len(name.spots(room)):
+        if (name.key, name.text) not in chosen and (name.cited or name.key not in families) and (room is None or len(name.spots(room))):
             chosen[name.key, name.text] = name
             families.add(name.key)
     return list(chosen.values())
@@ -349,7 +285,7 @@ def write_names(
     names : the most important first
     most : largest number of names
     always : names that are written before all others, and do not count
-    far : largest distance of a name from its curve; cited names may be three times as far
+    far : largest distance of a name from its curve; three times as far for `always` and cited names
     over_curves : whether `always` and cited names may cover curves if there is no other room
     radius : radius of the markers of names that belong to one point
     font : size of the names
@@ -369,10 +305,10 @@ def write_names(
         written.update(name.key for (name, _), text in zip(found, done, strict=True) if text is not None)
         return [name for (name, _), text in zip(found, done, strict=True) if text is None]
 
-    for some, reach in ((always, far), ([name for name in names if name.cited][:most], 3.0 * far)):
-        without = write(some, reach)
-        if over_curves:
-            write(without, reach, over_curves=True)
+    cited = [name for name in names if name.cited][:most]
+    without = write([*always, *cited], 3.0 * far)
+    if over_curves:
+        write(without, 3.0 * far, over_curves=True)
     room_for = most - len(written & {name.key for name in names})
     write([name for name in names if not name.cited][: _POOL * most], far, most=room_for)
     return written
@@ -381,13 +317,13 @@ def write_names(
 def _place(room: Room, name: Named, places: list[np.ndarray]) -> np.ndarray | None:
     """The place (2,) on the page that a name belongs to, None if there is none. It is also appended to `places`, which other names fill."""
     spots = name.spots(room)
-    if len(name.x) > 1:  # a curve has other places; one point stays
-        spots = spots[~room.taken(np.concatenate([spots - 1.0, spots + 1.0], axis=1))]
+    if len(name.path) > 1:  # a curve has other places; one point stays
+        spots = spots[room.free(spots, 1.0)]
     if not len(spots):
         return None
-    crowd = room.ink_around(spots, _CROWD)
+    crowd = room.crowd(spots, _CROWD).astype(float)
     for other in places:
-        crowd = crowd + _SHARED * (np.hypot(*(spots - other).T) < 2.0 * _CROWD)
+        crowd += _SHARED * (np.hypot(*(spots - other).T) < 2.0 * _CROWD)
     places.append(spots[int(np.argmin(crowd))])
     return places[-1]
 

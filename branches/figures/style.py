@@ -6,25 +6,19 @@ import io
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
-from functools import cache
-from typing import IO, TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.files import figure_format, replacing
-from branches.naming.labels import Label, parse, parse_name
-from branches.naming.matching import REFERENCE_TOLERANCE, Track, fits_otherwise, matches, nearest_crossing, reaches
 from branches.sequences import PERIODIC
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
-
-    from branches.branch import Branch
-    from branches.naming.matching import ReferencePoint
 
 PAGE_WIDTH = 7.2  # inches: both columns of a journal page
 SMALL, NORMAL = 7.0, 8.0  # font sizes in points; nothing is smaller in print
@@ -35,36 +29,25 @@ GREY, PALE = "#7F7F7F", "#DDDDDD"
 LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 
 
-class EventStyle(NamedTuple):
-    """The marker of one type of special point: matplotlib marker, size in points, fill colour, and its name in the legend."""
-
-    marker: str
-    size: float
-    colour: str
-    name: str
-
-
-EVENT_STYLES = {
-    "SN": EventStyle("s", 5.0, ORANGE, "saddle-node"),
-    "BP": EventStyle("D", 4.8, BLUE, "branch point"),
-    "SB": EventStyle("^", 6.0, GREEN, "symmetry breaking"),
-    "PD": EventStyle("v", 6.0, PURPLE, "period doubling"),
-    "RT": EventStyle("p", 6.0, SKY, "resonance"),
-    "NS": EventStyle("h", 6.0, VERMILION, "Krein collision"),
-    "GR": EventStyle("o", 5.0, "#FFFFFF", "grazing"),
-    "IO": EventStyle("*", 8.5, YELLOW, "impulsive orbit"),
-    "LB": EventStyle("d", 5.0, GREY, "label changes"),
-    "EP": EventStyle("X", 5.6, BLACK, "end"),
-}
-
-
-def event_look(kind: str) -> dict[str, Any]:
-    """The marker of an event type for matplotlib, with its text in the legend. An unknown type gets a plain marker."""
-    style = EVENT_STYLES.get(kind, EventStyle("P", 5.6, GREY, ""))
-    return {
-        "label": f"{kind} {style.name}".strip(), "marker": style.marker, "markersize": style.size, "markerfacecolor": style.colour,
-        "markeredgecolor": BLACK, "markeredgewidth": 0.6, "linestyle": "none",
-    }  # fmt: skip
+EVENT_LOOKS: dict[str, dict[str, Any]] = {
+    kind: {
+        "label": f"{kind} {name}", "marker": marker, "markersize": size, "markerfacecolor": colour, "markeredgecolor": BLACK,
+        "markeredgewidth": 0.6, "linestyle": "none",
+    }
+    for kind, name, marker, size, colour in (
+        ("SN", "saddle-node", "s", 5.0, ORANGE),
+        ("BP", "branch point", "D", 4.8, BLUE),
+        ("SB", "symmetry breaking", "^", 6.0, GREEN),
+        ("PD", "period doubling", "v", 6.0, PURPLE),
+        ("RT", "resonance", "p", 6.0, SKY),
+        ("NS", "Krein collision", "h", 6.0, VERMILION),
+        ("GR", "grazing", "o", 5.0, "#FFFFFF"),
+        ("IO", "impulsive orbit", "*", 8.5, YELLOW),
+        ("LB", "label changes", "d", 5.0, GREY),
+        ("EP", "end", "X", 5.6, BLACK),
+    )
+}  # fmt: skip
+"""The markers of the types of special points for matplotlib, with their texts in the legend."""
 
 
 _SETTINGS: dict[str, Any] = {
@@ -110,14 +93,8 @@ def new_figure(height: float) -> Figure:
     return figure
 
 
-def settle_layout(figure: Figure) -> None:
-    """Compute the layout once and keep it, so that everything placed by measure afterwards stays in place."""
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
-
-
-def legend_below(figure: Figure, entries: Sequence[Any], most: int, *, lengthen: bool = False, **look: Any) -> Legend:
-    """Draw the legend below the panels. It replaces the one that is there.
+def legend_below(figure: Figure, entries: Sequence[Any], most: int, *, height: float | None = None, **look: Any) -> Legend:
+    """Draw the legend below the panels, then compute the layout and keep it: what is placed by measure afterwards stays in place.
 
     Parameters
     ----------
@@ -125,22 +102,21 @@ def legend_below(figure: Figure, entries: Sequence[Any], most: int, *, lengthen:
     entries : sequence of artists
     most : int
         Largest number of columns. There are fewer if the legend would be wider than the figure.
-    lengthen : bool
-        Whether the figure grows by the rows that this adds, so that the panels keep their size.
+    height : float, optional
+        Height of the figure without the legend, in inches, so that the panels keep their size; by default the figure keeps its height.
     **look
         As for `matplotlib.figure.Figure.legend`.
     """
-    heights = []
     for columns in range(max(1, min(most, len(entries))), 0, -1):
-        for old in list(figure.legends):
-            old.remove()
         legend = figure.legend(handles=list(entries), loc="outside lower center", ncols=columns, frameon=False, **look)
         box = legend.get_window_extent()
-        heights.append(box.height)
-        if box.width <= figure.bbox.width:
+        if columns == 1 or box.width <= figure.bbox.width:
             break
-    if lengthen:
-        figure.set_figheight(figure.get_figheight() + (heights[-1] - heights[0]) / figure.dpi)
+        legend.remove()
+    if height is not None:
+        figure.set_figheight(height + box.height / figure.dpi)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
     return legend
 
 
@@ -191,12 +167,12 @@ def set_axis(
     axes : Axes
     which : "x" or "y"
     limits, count : as they are
-    name, symbol : text of the axis, and its symbol in mathematics
+    name, symbol : text of the axis, and its symbol in mathematics; either may be empty
     log : whether the axis is logarithmic
     """
     from matplotlib import ticker
 
-    label = f"{name}{' ' if name and not name.endswith(chr(10)) else ''}${symbol}$"
+    label = f"{name} ${symbol}$".strip() if symbol else name
     axes.set(**{f"{which}scale": "log" if log else "linear", f"{which}lim": limits, f"{which}label": label})
     axis = axes.xaxis if which == "x" else axes.yaxis
     axis.set_minor_formatter(ticker.NullFormatter())
@@ -337,90 +313,3 @@ def gap_symbol(gap: tuple[float, ...], coordinates: tuple[str, ...]) -> str:
         sign = ("-" if c < 0 else "") if not text else (" - " if c < 0 else " + ")
         text += f"{sign}{size}{symbol}"
     return text
-
-
-class CitedName(NamedTuple):
-    """A name that a family goes by: at the points whose label it is, or, where the half-waves are counted otherwise, at the energy and
-    quarter period of the reference point."""
-
-    text: str
-    label: Label
-    h: float | None = None
-    alpha: float | None = None
-
-    def points(self, h: np.ndarray, alpha: np.ndarray, labels: Sequence[str]) -> np.ndarray:
-        """Which of some successive points (N,) of the family go by the name."""
-        if self.h is None or self.alpha is None:
-            known = {label: bool(label) and matches(self.label, parse(label)) for label in set(labels)}
-            return np.array([known[label] for label in labels], dtype=bool)
-        mine = np.zeros(len(h), dtype=bool)
-        if h.min() <= self.h <= h.max():
-            mine[np.argmin(np.hypot(np.log(h / self.h), np.log(alpha / self.alpha)))] = True
-        return mine
-
-
-def cited_names(branches: Iterable[Branch], points: Mapping[str, ReferencePoint]) -> dict[str, list[CitedName]]:
-    """The names that a scene cites for families, by their ids.
-
-    `points` are the reference points {"h", "alpha"} by name, with both, one or none of the values. One with both is for the single family
-    that has the orbit: of those with the label, or else of those that have its impacts. Another one is for every family with the label.
-    """
-    families = [_Family.of(branch) for branch in branches]
-    out: dict[str, list[CitedName]] = {}
-    for text, point in points.items():
-        label = parse_name(text).label
-        if label is None:
-            continue
-        h, alpha = point.get("h"), point.get("alpha")
-        near = [family for family in families if family.reaches(h, alpha)]
-        for id, name in _named(near, text, label, h, alpha):
-            out.setdefault(id, []).append(name)
-    return out
-
-
-class _Family(NamedTuple):
-    """The ranges and labels of a family. They exclude most reference points without a search along the family."""
-
-    branch: Branch
-    h: tuple[float, float]
-    alpha: tuple[float, float]
-    labels: frozenset[str]
-
-    @classmethod
-    def of(cls, branch: Branch) -> _Family:
-        h, alpha = branch.points["h"], branch.points["alpha"]
-        labels = frozenset(np.unique(branch.points["label"]).tolist()) - {""}
-        return cls(branch, (float(h.min()), float(h.max())), (float(alpha.min()), float(alpha.max())), labels)
-
-    def reaches(self, h: float | None, alpha: float | None) -> bool:
-        """Whether an orbit at a reference point can be on it; its quarter period is known to `REFERENCE_TOLERANCE`."""
-        if h is not None and not reaches(self.h, h):
-            return False
-        slack = 0.0 if h is None else REFERENCE_TOLERANCE
-        return alpha is None or reaches((self.alpha[0] / (1.0 + slack), self.alpha[1] / (1.0 - slack)), alpha)
-
-    def track(self) -> Track:
-        """Its points."""
-        return list(zip(*(self.branch.points[name].tolist() for name in ("h", "alpha", "label")), strict=True))
-
-
-def _named(
-    families: Sequence[_Family], text: str, label: Label, h: float | None, alpha: float | None
-) -> list[tuple[str, CitedName]]:
-    for same in (matches, fits_otherwise):
-        fits = _test(same, label)
-        having = [family for family in families if any(map(fits, family.labels))]
-        if h is None and alpha is None:
-            return [(family.branch.id, CitedName(text, label)) for family in having]
-        found = {family.branch.id: nearest_crossing(family.track(), h, alpha, fits) for family in having}
-        distances = {id: crossing[0] for id, crossing in found.items() if crossing is not None}
-        if h is None or alpha is None:
-            return [(id, CitedName(text, label)) for id in distances]
-        if distances:
-            id = min(distances, key=lambda id: distances[id])
-            return [(id, CitedName(text, label) if same is matches else CitedName(text, label, h, alpha))]
-    return []
-
-
-def _test(same: Callable[[Label, Label], bool], label: Label) -> Callable[[str], bool]:
-    return cache(lambda text: bool(text) and same(label, parse(text)))

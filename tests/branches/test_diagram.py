@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks import backbone
-from branches.figures.curves import curve_runs, draw_events, thinned, visible_codes
-from branches.figures.room import Room, even_points, overlapping
-from branches.figures.single import branch_figure, crowds, orbit_figure, write_events
-from branches.figures.style import family_text, figure_settings, limits_of, new_figure, set_axis, settle_layout, symbol_of, write_figure
+from branches.figures.curves import curve_runs, draw_events
+from branches.figures.room import Room, even_points, thinned
+from branches.figures.single import branch_figure, orbit_figure, write_events
+from branches.figures.style import family_text, figure_settings, limits_of, new_figure, set_axis, symbol_of, write_figure
 from branches.files import figure_format
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
@@ -47,7 +47,7 @@ def make_branch(alpha, stable=1, events=(), turns=1, system=None, label="S13O00+
         "h": energy(alpha),
         "alpha": alpha,
         "frequency": np.pi / 2 / alpha,
-        "frequency_index": turns * np.pi / 2 / alpha,
+        "frequency_index": turns * (np.pi / 2 / alpha),
         "half_waves": turns,
         "stable": np.broadcast_to(np.asarray(stable, dtype=np.int8), count),
         "velocities": backbone.origin_velocity(REFERENCE, alpha),
@@ -146,10 +146,15 @@ def drawn(request):
     return FIGURES[name]
 
 
+def overlapping(boxes, others):
+    """Which of some boxes (a, 4) overlap which of others (b, 4): bool (a, b). Touching edges do not overlap."""
+    a, b = np.asarray(boxes)[:, None, :], np.asarray(others)[None, :, :]
+    return (a[..., 0] < b[..., 2]) & (b[..., 0] < a[..., 2]) & (a[..., 1] < b[..., 3]) & (b[..., 1] < a[..., 3])
+
+
 def panels_of(figure):
-    """The axes of a figure by their labels, with those of insets."""
-    everything = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
-    return {axes.get_label(): axes for axes in everything}
+    """The axes of a figure by their labels."""
+    return {axes.get_label(): axes for axes in figure.axes}
 
 
 def by_gid(axes, gid):
@@ -291,7 +296,7 @@ def test_index_axis_breaks_where_m_changes_and_the_fundamental_does_not():
         pieces = np.split(line.get_ydata(), np.flatnonzero(np.isnan(line.get_ydata())))
         expected = np.split(branch.points[key], breaks)
         for k, at in enumerate(breaks, 1):
-            own = branch.points["frequency_index"][at - 1] * turns[at] / turns[at - 1]
+            own = turns[at] * branch.points["frequency"][at - 1]
             expected[k] = np.concatenate([[own], expected[k]])
         assert len(pieces) == len(expected)
         for piece, wanted in zip(pieces, expected, strict=True):
@@ -312,7 +317,7 @@ def test_start_velocities_are_those_of_absorber_and_primary():
     panels = panels_of(branch_figure(branch))
     for name, k, text in (("start0", 0, r"\dot{u}_{1}"), ("start1", 1, r"\dot{u}_{2}")):
         line = by_gid(panels[name], f"{name}-stable")[0]
-        np.testing.assert_array_equal(line.get_ydata()[:200], branch.points["velocities"][:200, k])
+        assert np.isin(branch.points["velocities"][:200, k], line.get_ydata()).all()
         assert text in panels[name].get_ylabel()
     swapped = make_branch(IN_PHASE, system=make_system(absorber=1, primary=0, coordinates=("u2", "u1")))
     assert [axes.get_label() for axes in branch_figure(swapped).axes] == ["frequency", "start1", "start0"]
@@ -332,7 +337,8 @@ def test_more_names_than_room_are_counted_in_the_picture():
         figure = new_figure(1.7)
         figure.set_size_inches(2.2, 1.7)
         axes = figure.subplots(subplot_kw={"xticks": [], "yticks": [], "xlim": (0, 1), "ylim": (0, 1), "xlabel": "energy"})
-        settle_layout(figure)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
         kinds = [("SN", "BP", "SB", "PD", "RT", "NS", "GR")[k % 7] for k in range(60)]
         x, y = np.linspace(0.05, 0.95, 60), 0.5 + 0.4 * np.sin(np.arange(60.0))
         places = np.stack([x, y], axis=1)
@@ -390,7 +396,7 @@ def test_unknown_formats_are_refused_in_one_line(tmp_path, target):
 def test_bad_branches_are_refused_in_one_line():
     with pytest.raises(ValueError, match="'angular': expected index or fundamental"):
         branch_figure(single(), frequency="angular")
-    with pytest.raises(ValueError, match="positive energies: the lowest is -1"):
+    with pytest.raises(ValueError, match="positive values: the lowest is -1"):
         branch_figure(make_branch([1.7, 1.75, 1.8], h=np.array([1.0, -1.0, 2.0]), arclength=np.arange(3.0)))
     empty = make_branch([1.7])
     empty.points = {key: values[:0] for key, values in empty.points.items()}
@@ -446,21 +452,18 @@ def test_orbit_panels_show_the_closed_form_with_sharp_kinks():
 
 def test_the_configuration_plane_says_where_its_axes_differ_in_scale():
     """Oracle: limits and size of the panel: at high energy one coordinate moves far less than the other."""
-    for orbit in (make_orbit(), traced("S11O00-").orbit_at(energy=18.0)):
-        panel = panels_of(orbit_figure(orbit))["plane"]
+    for orbit, differ in ((make_orbit(), False), (traced("S11O00-").orbit_at(energy=18.0), True)):
+        figure = orbit_figure(orbit)
+        figure.draw_without_rendering()
+        panel = panels_of(figure)["plane"]
         length = np.array([np.ptp(panel.get_xlim()), np.ptp(panel.get_ylim())]) / panel.get_window_extent().size
-        ratio = length.max() / length.min()
-        words = panel.get_xlabel().partition("scales differ: ")[2]
-        assert bool(words) is bool(ratio > 1.05)
-        if words:
-            assert float(words.split("drawn ")[1].split()[0]) == pytest.approx(ratio, rel=0.05)
-            assert ("u_{2}" in words.split("drawn")[0]) is bool(length[1] < length[0])
-    assert ratio > 2.0
+        assert bool(length.max() / length.min() > 1.05) is differ is ("scales" in panel.get_xlabel())
 
 
 def test_orbit_walls_stand_at_one_and_minus_one():
     """Oracle: |u1 - u2| = 1, in the gap's panel and as two lines over the whole configuration plane."""
     figure = orbit_figure(make_orbit())
+    figure.draw_without_rendering()
     panels = panels_of(figure)
     assert sorted(line.get_ydata()[0] for line in by_gid(panels["stop0"], "gap-a-wall")) == [-1.0, 1.0]
     walls = [line.get_xydata() for line in by_gid(panels["plane"], "plane-wall-a")]
@@ -551,7 +554,7 @@ def test_names_overlap_nothing(points, squeezed):
         figure = new_figure(3.5)
         axes = figure.add_axes((0.05, 0.05, 0.9, 0.9), xlim=(0.0, 230.0), ylim=(0.0, 230.0))
         room = Room(axes, [])
-        room.take_around(places, 3.0)
+        room.take(room.to_page(places), 3.0)
         texts = room.write([f"name {k}" for k in range(len(places))], room.to_page(places), 3.0, far=150.0)
         scale = 72 / figure.dpi
         boxes = np.array([text.get_window_extent().extents for text in texts if text]) * scale
@@ -582,24 +585,15 @@ def test_a_name_without_any_room_is_left_out(capsys):
 def test_runs_are_stable_only_where_both_ends_are():
     """Oracle: by hand. A single undecided point (an event) takes each neighbour's side; two of them are an interval."""
     x = np.arange(9.0)
-    runs = curve_runs(np.array([1, 1, -1, 0, 0, -1, -1, 1, 1]), x, x, np.zeros(8, dtype=bool))
+    points = np.stack([x, x], axis=1)
+    runs = curve_runs(points, np.array([1, 1, -1, 0, 0, -1, -1, 1, 1]))
     assert [np.nan_to_num(runs[code][:, 0], nan=-1.0).tolist() for code in (1, 0, -1)] == [
         [0.0, 1.0, 2.0, -1.0, 7.0, 8.0],
         [2.0, 3.0, 4.0],
         [4.0, 5.0, 6.0, 7.0],
     ]
-    lone = curve_runs(np.array([1, 0, 1]), x[:3], x[:3], np.array([True, True]))
+    lone = curve_runs(np.insert(points[:3], [1, 2], np.nan, axis=0), np.array([1, 0, 0, 0, 1]))
     assert lone[0].tolist() == [[1.0, 1.0]]
-
-
-def test_names_of_a_crowd_share_one_text():
-    """Oracle: by hand: points of one type in a row, apart, and two types in one place with a third one beside it."""
-    anchors = np.array([[k * 1.0, 0.0] for k in range(6)] + [[50.0, 0.0]])
-    names = [f"RT{k + 1}" for k in range(7)]
-    assert crowds(names, ["RT"] * 7, anchors) == [(3, "RT1\N{EN DASH}6"), (6, "RT7")]
-    assert crowds(names[:3], ["RT"] * 3, 3.0 * anchors[:3]) == [(0, "RT1"), (1, "RT2"), (2, "RT3")]
-    at = np.array([[0.0, 0.0], [0.5, 0.0], [9.0, 0.0]])
-    assert crowds(["SN1", "GR1", "PD1"], ["SN", "GR", "PD"], at) == [(0, "SN1, GR1"), (2, "PD1")]
 
 
 @settings(max_examples=40, deadline=None)
@@ -627,25 +621,3 @@ def test_limits_have_a_margin_and_are_never_of_zero_width():
     assert limits_of(np.zeros(2)) == limits_of(np.full(1, np.nan)) == (-1.0, 1.0)
     with pytest.raises(ValueError, match="the lowest is 0"):
         limits_of(np.array([0.0, 1.0]), log=True)
-
-
-def test_a_legend_tells_of_what_is_in_sight():
-    """Oracle: by hand: a stable line, an unstable one outside, one that only passes through, and undecided pieces of 2 and of 40 points."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(2.0, 2.0), dpi=72)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 144.0), ylim=(0.0, 144.0))
-    line = {1: np.array([[0.0, 5.0], [50.0, 5.0]])}
-    outside, through = np.array([[10.0, 200.0], [90.0, 200.0]]), np.array([[-50.0, 70.0], [200.0, 70.0]])
-    short, long_ = np.array([[10.0, 10.0], [12.0, 10.0]]), np.array([[10.0, 10.0], [50.0, 10.0]])
-    dot, gap = np.array([[60.0, 60.0]]), np.full((1, 2), np.nan)
-    for more, expected in (
-        ({0: outside}, {1}),
-        ({0: through}, {1, 0}),
-        ({0: np.concatenate([outside, gap, through])}, {1, 0}),
-        ({-1: short}, {1}),
-        ({-1: long_}, {1, -1}),
-        ({-1: np.concatenate([short, gap, dot])}, {1, -1}),
-    ):
-        assert set(visible_codes([(axes, {**line, **more})])) == expected
-    assert set(visible_codes([(axes, line), (axes, {0: through})])) == {1, 0}

@@ -9,24 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.figures import style
 from branches.figures.room import Named, Room, write_names
-from branches.figures.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    NORMAL,
-    ORANGE,
-    SMALL,
-    VERMILION,
-    figure_settings,
-    legend_below,
-    limits_of,
-    new_figure,
-    set_axis,
-    settle_layout,
-    symbol_of,
-    system_text,
-)
 from bvp.texts import shown
 from transitions.section.plane import SectionPlane
 from transitions.section.view import COLOURS, OrbitMark, SectionView
@@ -64,20 +48,15 @@ def with_ink_left(axes: Axes, motions: list[np.ndarray]) -> list[int]:
     """
     per_cell = 72.0 / axes.figure.dpi / _CELL
     low, high = np.array(axes.bbox.extents).reshape(2, 2) * per_cell
-    shape = np.ceil(high - low).astype(int) + 1
-    inked = np.zeros(shape, dtype=bool)
-    ink = np.zeros(shape // _BLOCK + 1, dtype=int)
+    inked = np.zeros(np.ceil((high - low) / _BLOCK).astype(int) * _BLOCK + _BLOCK, dtype=bool)
+    blocks = inked.reshape(inked.shape[0] // _BLOCK, _BLOCK, -1, _BLOCK)  # the cells again, by blocks
     out = []
     for k, points in enumerate(motions):
         cells = np.floor(axes.transData.transform(points) * per_cell - low).astype(int)
-        cells = np.unique(cells[((cells >= 0) & (cells < shape)).all(axis=1)], axis=0)
-        blocks = cells // _BLOCK
-        if len(cells) and np.mean(ink[blocks[:, 0], blocks[:, 1]] >= _INK * _BLOCK**2) >= 0.5:
-            continue
-        out.append(k)
-        new = ~inked[cells[:, 0], cells[:, 1]]
-        inked[cells[:, 0], cells[:, 1]] = True
-        np.add.at(ink, (blocks[new, 0], blocks[new, 1]), 1)
+        x, y = np.unique(cells[((cells >= 0) & (cells < inked.shape)).all(axis=1)], axis=0).T
+        if not len(x) or np.mean(blocks.mean(axis=(1, 3))[x // _BLOCK, y // _BLOCK] >= _INK) < 0.5:
+            out.append(k)
+            inked[x, y] = True
     return out
 
 
@@ -124,14 +103,14 @@ _DOT = 0.55
 _DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": _DOT, "markeredgewidth": 0, "rasterized": True}
 _MAP = "viridis"
 _MARKS: dict[int, dict[str, Any]] = {
-    1: {"marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": ORANGE, "markeredgewidth": 1.1},
-    0: {"marker": "x", "markersize": 4.0, "markeredgecolor": VERMILION, "markeredgewidth": 1.0},
-    -1: {"marker": "D", "markersize": 3.2, "markerfacecolor": "none", "markeredgecolor": BLUE, "markeredgewidth": 0.8},
+    1: {"marker": "o", "markersize": 4.2, "markerfacecolor": "none", "markeredgecolor": style.ORANGE, "markeredgewidth": 1.1},
+    0: {"marker": "x", "markersize": 4.0, "markeredgecolor": style.VERMILION, "markeredgewidth": 1.0},
+    -1: {"marker": "D", "markersize": 3.2, "markerfacecolor": "none", "markeredgecolor": style.BLUE, "markeredgewidth": 0.8},
 }
 _KINDS = {1: "elliptic orbit", 0: "hyperbolic orbit", -1: "orbit of undecided stability"}
-_CENTRE: dict[str, Any] = {"marker": "+", "markersize": 5.0, "markeredgecolor": VERMILION, "markeredgewidth": 1.0}
-_EDGE: dict[str, Any] = {"color": BLACK, "linewidth": 0.7}
-_WALL: dict[str, Any] = {"color": BLACK, "linewidth": 1.8, "solid_capstyle": "butt"}
+_CENTRE: dict[str, Any] = {"marker": "+", "markersize": 5.0, "markeredgecolor": style.VERMILION, "markeredgewidth": 1.0}
+_EDGE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.7}
+_WALL: dict[str, Any] = {"color": style.BLACK, "linewidth": 1.8, "solid_capstyle": "butt"}
 
 
 def section_figure(views: Sequence[SectionView], *, colour: str = "none", caption: str = "", names: int = MOST_NAMES) -> Figure:
@@ -165,8 +144,8 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
         raise ValueError("there is nothing to draw: no section")
     several = len(views) > 1
     rows = math.ceil(len(views) / _COLUMNS) if several else 1
-    with figure_settings():
-        figure = new_figure(0.9 + _PANEL * rows if several else _SINGLE)
+    with style.figure_settings():
+        figure = style.new_figure(0.9 + _PANEL * rows if several else _SINGLE)
         figure.suptitle(_title(views, several))
         grid = figure.subplots(rows, _COLUMNS if several else 1, squeeze=False).ravel()
         for axes in grid[len(views) :]:
@@ -176,26 +155,27 @@ def section_figure(views: Sequence[SectionView], *, colour: str = "none", captio
             axes.set_label(f"section{k}")
             _frame(axes, view, colour, f"section{k}")
             if several:
-                axes.set_title(f"({chr(97 + k)})  $h = {view.section.plane.energy:.6g}$", fontsize=SMALL + 1.0, pad=3)
+                axes.set_title(f"({chr(97 + k)})  $h = {view.section.plane.energy:.6g}$", fontsize=style.SMALL + 1.0, pad=3)
                 if k < len(views) - _COLUMNS:
                     axes.set_xlabel("")
         if norm is not None:
-            _colour_bar(figure, list(grid[: len(views)]), norm, colour, [_shown_values(view, colour) for view in views])
+            _colour_bar(figure, list(grid[: len(views)]), norm, colour, views)
         entries = _legend(views)
         notes = [caption] * bool(caption)
         if has_images(views[0].section.plane):
             notes.append("each motion with that from its mirrored start")
-        below: dict[str, Any] = {"title": _lines(notes) or " ", "title_fontsize": SMALL}
-        legend = legend_below(figure, entries, 5, **below)
-        settle_layout(figure)
+        legend = style.legend_below(figure, entries, 5, title=_lines(notes) or " ", title_fontsize=style.SMALL)
         for k, (axes, view) in enumerate(zip(grid, views, strict=False)):
             motions = _draw(axes, view, colour, norm, f"section{k}")
             drawn = with_room(axes, view.marks)
-            _mark(axes, drawn, f"section{k}")
+            for stable, look in _MARKS.items():
+                spots = [mark.points for mark in drawn if mark.stable == stable]
+                if spots:
+                    axes.plot(*np.concatenate(spots).T, linestyle="none", zorder=4 + stable, gid=f"section{k}-{_KINDS[stable]}", **look)
             own = [f"{motions} of {len(view.section.counts)} motions drawn"] * (motions < len(view.section.counts))
             own += [f"{len(drawn)} of {len(view.marks)} orbits marked"] * (len(drawn) < len(view.marks))
             if several:
-                axes.set_title(axes.get_title() + f"   ({', '.join(own)})" * bool(own), fontsize=SMALL + 1.0, pad=3)
+                axes.set_title(axes.get_title() + f"   ({', '.join(own)})" * bool(own), fontsize=style.SMALL + 1.0, pad=3)
                 continue
             if view.marks:
                 own += _name(axes, view, drawn, names)
@@ -213,16 +193,8 @@ def _title(views: Sequence[SectionView], several: bool) -> str:
     plane = views[0].section.plane
     name = plane.system.coordinates[plane.primary]
     energy = "" if several else rf"$h = {plane.energy:.8g}$,  "
-    return rf"{energy}section ${symbol_of(name)} = 0$, ${symbol_of(name, velocity=True)} > 0$   ({system_text(plane.system)})"
-
-
-def _shown_values(view: SectionView, colour: str) -> np.ndarray:
-    """The values (N,) that determine the colours of the points."""
-    values = view.values(colour)
-    shown = ~np.isnan(view.section.times)
-    if values is None:
-        return np.full(int(shown.sum()), math.nan)
-    return np.broadcast_to(values if values.ndim == 2 else values[:, None], shown.shape)[shown]
+    symbols = style.symbol_of(name), style.symbol_of(name, velocity=True)
+    return rf"{energy}section ${symbols[0]} = 0$, ${symbols[1]} > 0$   ({style.system_text(plane.system)})"
 
 
 def _norm(views: Sequence[SectionView], colour: str) -> Normalize | None:
@@ -240,7 +212,7 @@ def _norm(views: Sequence[SectionView], colour: str) -> Normalize | None:
     if colour == "lyapunov":
         top = robust_limits(np.sqrt(np.maximum(values, 0.0)))[1] ** 2 if len(values) else 0.0
         return PowerNorm(0.5, 0.0, max(top, 1e-6), clip=True)
-    return Normalize(*limits_of(np.array(robust_limits(values)), 0.0) if len(values) else (0.0, 1.0))
+    return Normalize(*style.limits_of(np.array(robust_limits(values)), 0.0) if len(values) else (0.0, 1.0))
 
 
 def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, name: str) -> int:
@@ -256,18 +228,22 @@ def _draw(axes: Axes, view: SectionView, colour: str, norm: Normalize | None, na
     chosen = with_ink_left(axes, motions) if section.plane.system.is_conservative else list(range(count))
     points = np.concatenate([motions[m] for m in chosen])
     if norm is None:
-        axes.plot(points[:, 0], points[:, 1], color=BLACK, **_DOTS)[0].set_gid(f"{name}-points")
+        axes.plot(points[:, 0], points[:, 1], color=style.BLACK, gid=f"{name}-points", **_DOTS)
         return len(chosen)
-    values = view.values(colour)
-    assert values is not None
-    own = [np.broadcast_to(values[m], shown[m].shape)[shown[m]] for m in chosen]
-    at = np.concatenate([np.tile(value, 2 if images else 1) for value in own])
+    at = np.concatenate([np.tile(_colours(view, colour)[m, shown[m]], 2 if images else 1) for m in chosen])
     known = np.isfinite(at)
-    axes.plot(points[~known, 0], points[~known, 1], color=GREY, **_DOTS)[0].set_gid(f"{name}-unknown")
+    axes.plot(points[~known, 0], points[~known, 1], color=style.GREY, gid=f"{name}-unknown", **_DOTS)
     size = (1.3 * _DOT) ** 2
     x, y = points[known].T
-    axes.scatter(x, y, size, at[known], cmap=_MAP, norm=norm, linewidths=0, rasterized=True).set_gid(f"{name}-points")
+    axes.scatter(x, y, size, at[known], cmap=_MAP, norm=norm, linewidths=0, rasterized=True, gid=f"{name}-points")
     return len(chosen)
+
+
+def _colours(view: SectionView, colour: str) -> np.ndarray:
+    """The values (motions, points) that determine the colours of the points."""
+    values, shape = view.values(colour), view.section.times.shape
+    assert values is not None
+    return np.broadcast_to(values if values.ndim == 2 else values[:, None], shape)
 
 
 def _frame(axes: Axes, view: SectionView, colour: str, name: str) -> None:
@@ -275,45 +251,33 @@ def _frame(axes: Axes, view: SectionView, colour: str, name: str) -> None:
     section, plane = view.section, view.section.plane
     shown = ~np.isnan(section.times)
     edge = plane.boundary()
-    axes.plot(edge[:, 0], edge[:, 1], zorder=3, **_EDGE)[0].set_gid(f"{name}-boundary")
+    axes.plot(edge[:, 0], edge[:, 1], zorder=3, gid=f"{name}-boundary", **_EDGE)
     for wall in set(plane.walls) & set(plane.reach):
         top = plane.height(wall)
         if top > 0.0:
-            axes.plot([wall, wall], [-top, top], zorder=3, **_WALL)[0].set_gid(f"{name}-wall")
+            axes.plot([wall, wall], [-top, top], zorder=3, gid=f"{name}-wall", **_WALL)
     if view.rotations is not None and colour == "rotation":
         for k in np.unique(view.rotations.about[np.isfinite(view.rotations.numbers)]):
             centre = view.rotations.centres[k]
-            axes.plot(centre.x, centre.y, linestyle="none", zorder=5, **_CENTRE)[0].set_gid(f"{name}-centre{k}")
+            axes.plot(centre.x, centre.y, linestyle="none", zorder=5, gid=f"{name}-centre{k}", **_CENTRE)
     everything = np.concatenate([edge, section.points[shown]])
     if has_images(plane):
         everything = np.concatenate([everything, everything * (-1.0, 1.0)])
     other = plane.system.coordinates[plane.other]
-    set_axis(axes, "x", limits_of(everything[:, 0], 0.05), 6, "", symbol_of(other))
-    set_axis(axes, "y", limits_of(everything[:, 1], 0.05), 6, "", _velocity(plane))
-
-
-def _mark(axes: Axes, marks: Sequence[OrbitMark], name: str) -> None:
-    for stable, look in _MARKS.items():
-        spots = [mark.points for mark in marks if mark.stable == stable]
-        if spots:
-            x, y = np.concatenate(spots).T
-            axes.plot(x, y, linestyle="none", zorder=4 + stable, **look)[0].set_gid(f"{name}-{_KINDS[stable]}")
-
-
-def _velocity(plane: SectionPlane) -> str:
-    name = plane.system.coordinates[plane.other]
-    return rf"p_{{{symbol_of(name)}}}/m" if plane.momentum else symbol_of(name, velocity=True)
+    style.set_axis(axes, "x", style.limits_of(everything[:, 0], 0.05), 6, "", style.symbol_of(other))
+    velocity = rf"p_{{{style.symbol_of(other)}}}/m" if plane.momentum else style.symbol_of(other, velocity=True)
+    style.set_axis(axes, "y", style.limits_of(everything[:, 1], 0.05), 6, "", velocity)
 
 
 _MEANING = {"lyapunov": ("largest Lyapunov exponent", r"\Lambda"), "rotation": ("rotation number", "r"), "energy": ("energy", "h")}
 
 
-def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str, shown: Sequence[np.ndarray]) -> None:
+def _colour_bar(figure: Figure, axes: list[Axes], norm: Normalize, colour: str, views: Sequence[SectionView]) -> None:
     """The colour bar; it ends in a tip where values lie beyond its range."""
     from matplotlib.cm import ScalarMappable
 
     low, high = float(norm.vmin or 0.0), float(norm.vmax or 1.0)
-    values = np.concatenate(shown)
+    values = np.concatenate([_colours(view, colour)[~np.isnan(view.section.times)] for view in views])
     below, above = np.nanmin(values, initial=low) < low * (1.0 - 1e-9) and colour != "lyapunov", np.nanmax(values, initial=high) > high
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get((bool(below), bool(above)), "neither")
     bar = figure.colorbar(ScalarMappable(norm, _MAP), ax=axes, fraction=0.04, pad=0.015, aspect=45, extend=extend, extendfrac=0.02)
@@ -326,7 +290,7 @@ def _legend(views: Sequence[SectionView]) -> list[Any]:
 
     plane = views[0].section.plane
     conservative = plane.system.is_conservative
-    symbol = symbol_of(plane.system.coordinates[plane.primary], velocity=True)
+    symbol = style.symbol_of(plane.system.coordinates[plane.primary], velocity=True)
     entries = [Line2D([], [], label=rf"bounding curve, ${symbol} = 0$" + ("" if conservative else ", of the starts"), **_EDGE)]
     if any(set(view.section.plane.walls) & set(view.section.plane.reach) for view in views):
         entries.append(Line2D([], [], label="stop", **_WALL))
@@ -342,11 +306,11 @@ def _name(axes: Axes, view: SectionView, marks: Sequence[OrbitMark], names: int)
     room = Room(axes, [view.section.plane.boundary()])
     chosen: dict[str, Named] = {}
     for mark in marks:
-        room.take_around(mark.points, _RADIUS)
-        if mark.label and mark.label not in chosen:
-            chosen[mark.label] = Named(None, mark.points[:1, 0], mark.points[:1, 1], text=mark.label)
+        room.take(room.to_page(mark.points), _RADIUS)
+        if mark.label:
+            chosen.setdefault(mark.label, Named(mark.points[:1], text=mark.label))
     # The names are larger than elsewhere and on white ground, so that the raised sign of a label is readable among the dots.
-    written = write_names(room, list(chosen.values()), most=names, radius=_RADIUS, font=NORMAL + 1.0)
+    written = write_names(room, list(chosen.values()), most=names, radius=_RADIUS, font=style.NORMAL + 1.0)
     for text in axes.texts:
         text.set_bbox({"facecolor": "white", "edgecolor": "none", "alpha": 0.95, "pad": 0.8})
     return [f"{len(written)} of {len(chosen)} labels written"] * bool(chosen)

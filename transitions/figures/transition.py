@@ -10,28 +10,10 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.figures import style
 from branches.figures.atlas import draw_modes, frequency_curve, mode_names, runs_of
-from branches.figures.curves import draw_curve, legend_entries, visible_codes
+from branches.figures.curves import FREQUENCIES, draw_curve, legend_entries
 from branches.figures.room import Named, Room, names_of, write_names
-from branches.figures.style import (
-    BLACK,
-    GREEN,
-    GREY,
-    LINES,
-    NORMAL,
-    SMALL,
-    figure_settings,
-    gap_symbol,
-    legend_below,
-    limits_of,
-    new_figure,
-    set_axis,
-    settle_layout,
-    short_ids,
-    symbol_of,
-    system_text,
-    write_figure,
-)
 from transitions.ridges import SHARE
 from transitions.spectrum import Spectrum, TooCoarse
 
@@ -137,12 +119,12 @@ def over_energy(energies: np.ndarray, amplitudes: np.ndarray, edges: np.ndarray)
 
 
 _COLUMNS, _INTERVALS = 1400, 600  # times, and intervals of energy, that a spectrum is drawn at
-_POINTS = 8000  # of a line over time
 _DARK = 0.65  # of the way to black that the largest amplitude goes: lines and names on it stay in sight
 _MANY_FOLD = 10.0  # a range of frequencies that rises by more gets a logarithmic axis
 _FINE = 0.55  # families, thinner than in a figure of their own
-_LETTER_ROOM, _LETTER_HIGH, _LETTER_ROWS = 7.0, 10.0, 4  # points that the letter of a stage needs; rows of letters
+_LETTER_HIGH, _LETTER_FAR = 12.0, 30.0  # points from the upper edge to the place of a letter, and from there to the letter
 _MOST_LETTERS = 12
+_HEIGHT = 6.6  # of the panels, in inches; what is written below comes in addition
 _CAPTION = 150  # letters in a line of the caption
 _MOST_NAMES = 12
 _RADIUS = 3.0  # of the bullets of linear modes, in points
@@ -174,7 +156,7 @@ def draw_transition(
     -----
     The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 11 to 20.
     """
-    write_figure(transition_figure, path_or_file, transition, atlas, caption, format=format)
+    style.write_figure(transition_figure, path_or_file, transition, atlas, caption, format=format)
 
 
 def transition_figure(transition: Transition, atlas: Atlas | None = None, caption: str = "") -> Figure:
@@ -212,10 +194,10 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
             raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
         atlas = _with_name(atlas, transition.start)
     spectrum = shown_spectrum(transition)
-    with figure_settings():
-        figure = new_figure(7.6)
+    with style.figure_settings():
+        figure = style.new_figure(_HEIGHT)
         begin = "rest" if record.from_rest else rf"energy $h = {record.energy[0]:.6g}$"
-        figure.suptitle(f"Motion from {begin}   ({system_text(transition.system)})")
+        figure.suptitle(f"Motion from {begin}   ({style.system_text(transition.system)})")
         axes = figure.subplot_mosaic(
             [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
         )
@@ -228,14 +210,12 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         _draw_over_energy(axes["families"], transition, spectrum, limits, largest)
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
         for name, letter in zip(axes, "abcde", strict=True):
-            axes[name].set_title(f"({letter})", loc="left", fontsize=NORMAL, pad=3)
+            axes[name].set_title(f"({letter})", loc="left", fontsize=style.NORMAL, pad=3)
         curves = [] if atlas is None else [frequency_curve(curve, "index") for curve in atlas.curves]
-        entries = legend_entries(visible_codes([(axes["families"], runs_of(curves))]), [])
-        if entries:
-            axes["families"].legend(handles=entries, **_ABOVE, ncols=3, handlelength=1.6)
+        if curves:
+            axes["families"].legend(handles=legend_entries(runs_of(curves), []), **_ABOVE, ncols=3, handlelength=1.6)
         drawn = [] if atlas is None else [curve.family for curve in atlas.curves]
-        _below(figure, transition, caption, short_ids(dict.fromkeys([*drawn, *_followed(transition)])))
-        settle_layout(figure)
+        _below(figure, transition, caption, style.short_ids(dict.fromkeys([*drawn, *_followed(transition)])))
         for name in ("series", "share", "lost", "spectrum"):
             _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
         if atlas is not None:
@@ -243,63 +223,53 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
     return figure
 
 
-def _thinned(times: np.ndarray) -> slice:
-    return slice(None, None, max(1, len(times) // _POINTS))
-
-
 def _time_axis(axes: Axes, transition: Transition, count: int) -> None:
-    set_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
+    style.set_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
 
 
 def _draw_series(axes: Axes, transition: Transition) -> None:
     record = transition.record
-    few = _thinned(record.times)
     order = sorted(range(record.degrees_of_freedom), key=lambda i: -float(np.ptp(record.displacements[:, i])))
     for i in order:
-        symbol = symbol_of(transition.system.coordinates[i])
-        look: dict[str, Any] = {"color": LINES[i % len(LINES)], "linewidth": 0.6, "label": f"${symbol}$"}
-        (line,) = axes.plot(record.times[few], record.displacements[few, i], **look)
-        line.set_gid(f"series-{transition.system.coordinates[i]}")
-    set_axis(axes, "y", limits_of(record.displacements, 0.06), 5, "displacement", "u")
+        name = transition.system.coordinates[i]
+        look: dict[str, Any] = {"color": style.LINES[i % len(style.LINES)], "linewidth": 0.6, "gid": f"series-{name}"}
+        axes.plot(record.times, record.displacements[:, i], label=f"${style.symbol_of(name)}$", **look)
+    style.set_axis(axes, "y", style.limits_of(record.displacements, 0.06), 5, "displacement", "u")
     _time_axis(axes, transition, 10)
     axes.legend(**_ABOVE, ncols=len(order))
 
 
 def _draw_share(axes: Axes, transition: Transition) -> None:
     record = transition.record
-    few = _thinned(record.times)
     if record.nes_energy.any():
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
-        (line,) = axes.plot(record.times[few], share[few], color=LINES[0], linewidth=0.5)
-        line.set_gid("share-nes")
-        set_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
+        axes.plot(record.times, share, color=style.LINES[0], linewidth=0.5, gid="share-nes")
+        style.set_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
     else:
-        (line,) = axes.plot(record.times[few], 100.0 * record.energy[few] / record.energy.max(), color=LINES[0], linewidth=0.8)
-        line.set_gid("share-energy")
-        set_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
+        axes.plot(record.times, 100.0 * record.energy / record.energy.max(), color=style.LINES[0], linewidth=0.8, gid="share-energy")
+        style.set_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
     _time_axis(axes, transition, 5)
 
 
 def _draw_lost(axes: Axes, transition: Transition) -> None:
     record = transition.record
-    few = _thinned(record.times)
     nes, lo = record.dissipated_nes, record.dissipated_lo
     total = float(record.energy[-1] + nes[-1] + lo[-1]) if record.from_rest else float(record.energy[0])
     # The sum lies below and is wider: one that is all of it does not hide it.
     sink = transition.system.absorber is not None or record.nes_energy.any()
     first, second = ("sink", "oscillator") if sink else ("stops", "rest")
-    for name, values, colour, width in (("both", nes + lo, BLACK, 2.4), (first, nes, LINES[0], 1.0), (second, lo, LINES[1], 1.0)):
-        (line,) = axes.plot(record.times[few], 100.0 * values[few] / total, color=colour, linewidth=width, label=name)
-        line.set_gid(f"lost-{name}")
+    lines = (("both", nes + lo, style.BLACK, 2.4), (first, nes, style.LINES[0], 1.0), (second, lo, style.LINES[1], 1.0))
+    for name, values, colour, width in lines:
+        axes.plot(record.times, 100.0 * values / total, color=colour, linewidth=width, label=name, gid=f"lost-{name}")
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / total if np.max(nes + lo) > total * (1.0 + 1e-9) else 0.0)
-    set_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
+    style.set_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
     _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
 
 
 def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
-    set_axis(axes, "y", band, 7, words, symbol, log=band[1] > _MANY_FOLD * band[0])
+    style.set_axis(axes, "y", band, 7, words, symbol, log=band[1] > _MANY_FOLD * band[0])
 
 
 def _rows(spectrum: Spectrum) -> np.ndarray:
@@ -320,14 +290,12 @@ def _draw_spectrum(axes: Axes, transition: Transition, spectrum: Spectrum, band:
     few = slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
     times = spectrum.times[few]
     edges = np.concatenate([[times[0]], 0.5 * (times[1:] + times[:-1]), [times[-1]]])
-    mesh = axes.pcolormesh(edges, _rows(spectrum), spectrum.amplitudes[:, few], zorder=1, **_shading(largest))
-    mesh.set_gid("spectrum")
+    mesh = axes.pcolormesh(edges, _rows(spectrum), spectrum.amplitudes[:, few], zorder=1, gid="spectrum", **_shading(largest))
     cone = np.minimum(spectrum.cone[few], 10.0 * band[1])
-    hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "hatch": "////", "linewidth": 0.5, "zorder": 2}
-    felt = axes.fill_between(times, band[0], np.maximum(cone, band[0]), **hatched)
-    felt.set_gid("spectrum-cone")
-    axes.plot(times, np.where(cone > band[0], cone, np.nan), color=GREY, linewidth=0.8, zorder=2.1)
-    symbol = gap_symbol(transition.gap, transition.system.coordinates)
+    hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": style.GREY, "hatch": "////", "linewidth": 0.5, "zorder": 2}
+    axes.fill_between(times, band[0], np.maximum(cone, band[0]), gid="spectrum-cone", **hatched)
+    axes.plot(times, np.where(cone > band[0], cone, np.nan), color=style.GREY, linewidth=0.8, zorder=2.1)
+    symbol = style.gap_symbol(transition.gap, transition.system.coordinates)
     _frequency_axis(axes, band, f"frequency in ${symbol}$", r"\omega")
     _time_axis(axes, transition, 5)
     return mesh
@@ -336,24 +304,23 @@ def _draw_spectrum(axes: Axes, transition: Transition, spectrum: Spectrum, band:
 def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum, band: tuple[float, float], largest: float) -> None:
     energies = gradual_energy(transition.record, spectrum.times)
     kept = energies > _DEEP * energies.max()
-    limits = limits_of(energies[kept], 0.04, log=True)
+    limits = style.limits_of(energies[kept], 0.04, log=True)
     edges = np.geomspace(*limits, _INTERVALS + 1)
     shown = over_energy(energies[kept], spectrum.amplitudes[:, kept], edges)
-    mesh = axes.pcolormesh(edges, _rows(spectrum), np.ma.masked_invalid(shown), zorder=1, **_shading(largest))
-    mesh.set_gid("families-spectrum")
-    set_axis(axes, "x", limits, 5, "energy now", "h", log=True)
-    _frequency_axis(axes, band, "frequency index", r"m\,2\pi/T")
+    axes.pcolormesh(edges, _rows(spectrum), np.ma.masked_invalid(shown), zorder=1, gid="families-spectrum", **_shading(largest))
+    style.set_axis(axes, "x", limits, 5, "energy now", "h", log=True)
+    _frequency_axis(axes, band, *FREQUENCIES["index"])
 
 
 def _draw_families(axes: Axes, atlas: Atlas, curves: Sequence[Named], followed: Collection[str]) -> None:
     modes = [mode for mode in atlas.thresholds if mode.h > axes.get_xlim()[0]]
     limits = axes.get_xlim(), axes.get_ylim()
     draw_curve(axes, runs_of(curves), "families", _FINE)
-    draw_modes(axes, modes, "families")
+    draw_modes(axes, modes)
     axes.set(xlim=limits[0], ylim=limits[1])
-    of_modes = mode_names(axes, modes)
-    room = Room(axes, [curve.path() for curve in (*curves, *of_modes)])
-    room.take_around(np.array([[mode.h, mode.frequency] for mode in modes]).reshape(-1, 2), _RADIUS)
+    of_modes = mode_names(limits[0][0], modes)
+    room = Room(axes, [curve.path for curve in (*curves, *of_modes)])
+    room.take(room.to_page(np.array([[mode.h, mode.frequency] for mode in modes]).reshape(-1, 2)), _RADIUS)
     names = [name for name in names_of(curves, room) if name.text or name.key in followed]
     names.sort(key=lambda name: name.key not in followed)
     write_names(room, names, most=_MOST_NAMES, always=of_modes)
@@ -365,28 +332,15 @@ def _letters(stages: Sequence[Stage]) -> list[str]:
 
 
 def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
-    """Draw lines at the ends of a stage, and its letter above its middle. The letter moves down if another one is in the way."""
-    to_points = 72 / axes.figure.dpi
+    """Draw lines at the ends of a stage, and its letter near the middle of its upper edge."""
     for time in sorted({time for stage in stages for time in (stage.start, stage.end)}):
-        axes.axvline(time, color=GREEN, linewidth=0.6, linestyle=(0, (4, 2)), zorder=3)
-    if not letters:
-        return
-    right = [-np.inf] * _LETTER_ROWS  # how far the letters reach in each row
-    bounds = np.array(axes.bbox.intervalx) * to_points
-    for stage, letter in zip(stages, _letters(stages), strict=True):
-        half = 0.5 * _LETTER_ROOM * len(letter)
-        middle = 0.5 * (stage.start + stage.end)
-        place = float(axes.transData.transform((middle, axes.get_ylim()[1]))[0]) * to_points
-        shown = float(np.clip(place, bounds[0] + half, bounds[1] - half))
-        row = next((row for row, end in enumerate(right) if shown - half >= end), None)
-        if row is None:
-            continue
-        right[row] = shown + half
-        axes.annotate(
-            letter, (middle, 1.0), (shown - place, -3 - _LETTER_HIGH * row), xycoords=("data", "axes fraction"),
-            textcoords="offset points", ha="center", va="top", fontsize=SMALL, color=BLACK, zorder=6,
-            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-        )  # fmt: skip
+        axes.axvline(time, color=style.GREEN, linewidth=0.6, linestyle=(0, (4, 2)), zorder=3)
+    if letters:
+        room = Room(axes, [])
+        middles = room.to_page(np.array([(0.5 * (stage.start + stage.end), axes.get_ylim()[1]) for stage in stages]).reshape(-1, 2))
+        for text in room.write(_letters(stages), middles - (0.0, _LETTER_HIGH), beside=_LETTER_FAR, far=_LETTER_FAR):
+            if text is not None:
+                text.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
 
 
 def _followed(transition: Transition) -> list[str]:
@@ -421,10 +375,9 @@ def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[
     if len(texts) > _MOST_LETTERS:
         texts = [*texts[: _MOST_LETTERS - 1], f"and {len(texts) - _MOST_LETTERS + 1} more stages"]
     texts = [*filter(None, [begin]), *texts]
-    if texts or caption:
-        entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
-        title: dict[str, Any] = {"title": textwrap.fill(caption, _CAPTION), "title_fontsize": SMALL} if caption else {}
-        legend_below(figure, entries, 2, lengthen=True, handlelength=0.0, handletextpad=0.0, **title)
+    entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
+    look: dict[str, Any] = {"title_fontsize": style.SMALL, "handlelength": 0.0, "handletextpad": 0.0}
+    style.legend_below(figure, entries, 2, height=_HEIGHT, title=textwrap.fill(caption, _CAPTION), **look)
 
 
 def _called(family: str, label: str, short: Mapping[str, str]) -> str:
