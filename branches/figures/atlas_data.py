@@ -187,7 +187,7 @@ def atlas_of(
     for branch in branches:
         if branch.system.describe() != system.describe():
             raise ValueError(f"the family {branch.label or branch.id} belongs to another system than the figure")
-        for piece in _pieces(branch, energy):
+        for piece in _pieces(branch, *(energy or (-math.inf, math.inf))):
             labels = piece["label"]
             label = branch.label if branch.label in labels else str(labels[len(labels) // 2])
             columns = {name: piece[name] for name in COLUMNS}
@@ -216,16 +216,8 @@ def atlas_of(
     return atlas
 
 
-def _pieces(branch: Branch, energy: tuple[float, float] | None) -> list[dict[str, np.ndarray]]:
-    """The columns of a family, or of its pieces within a range of energies."""
-    names = (*COLUMNS, "label", "velocities", "arclength")
-    if energy is None:
-        return [{name: np.asarray(branch.points[name]) for name in names}] if len(branch) else []
-    return _cut(branch, *energy, names)
-
-
-def _cut(branch: Branch, low: float, high: float, names: Sequence[str]) -> list[dict[str, np.ndarray]]:
-    """The given columns of the pieces of a branch within low <= h <= high, in order of arclength.
+def _pieces(branch: Branch, low: float, high: float) -> list[dict[str, np.ndarray]]:
+    """The columns of the pieces of a branch within low <= h <= high, in order of arclength.
 
     Without the orbits at the bounds a family that has no point within a narrow range would be left out, and every other one would end
     before the bound, at its last point within. A bound where the corrector fails is left out.
@@ -241,6 +233,7 @@ def _cut(branch: Branch, low: float, high: float, names: Sequence[str]) -> list[
     # All points within are there: any point between two successive places is outside.
     ends = np.flatnonzero(np.ceil(order[1:]) - np.floor(order[:-1]) > 1.0) + 1
     pieces = [[(int(place), places[place]) for place in piece] for piece in np.split(order, ends)]
+    names = (*COLUMNS, "label", "velocities", "arclength")
     return [{name: _column(branch, piece, name) for name in names} for piece in pieces if piece]
 
 
@@ -333,13 +326,14 @@ def _impulsive_curve(found: ImpulsiveOrbits) -> AtlasCurve:
     """The impulsive orbits as one curve without a name: unconnected points of the figure."""
     labels = [orbit.label for orbit in found.orbits]
     waves = np.array([parse(label).m if label else 1 for label in labels])
-    frequency = np.array([0.5 * math.pi / orbit.alpha for orbit in found.orbits])
+    h, alpha = np.array([(orbit.h, orbit.alpha) for orbit in found.orbits]).T
+    frequency = 0.5 * math.pi / alpha
     return AtlasCurve(
         "",
         names=np.full(len(labels), ""),
         cited=np.zeros(len(labels), dtype=bool),
-        h=np.array([orbit.h for orbit in found.orbits]),
-        alpha=np.array([orbit.alpha for orbit in found.orbits]),
+        h=h,
+        alpha=alpha,
         frequency=frequency,
         frequency_index=waves * frequency,
         half_waves=waves,

@@ -18,7 +18,6 @@ from branches.figures.curves import curve_runs, draw_events
 from branches.figures.room import Room, even_points, thinned
 from branches.figures.single import branch_figure, orbit_figure, write_events
 from branches.figures.style import family_text, figure_settings, limits_of, new_figure, set_axis, symbol_of, write_figure
-from branches.files import figure_format
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced
 
@@ -383,33 +382,27 @@ def test_an_open_file_takes_the_named_format():
     assert b"</svg>" in file.getvalue()
 
 
-@pytest.mark.parametrize("target", ["picture.jpg", "picture", io.BytesIO()])
-def test_unknown_formats_are_refused_in_one_line(tmp_path, target):
-    for figure_of, data in ((branch_figure, single()), (orbit_figure, make_orbit())):
-        with pytest.raises(ValueError, match="png, pdf or svg") as caught:
-            write_figure(figure_of, target, data)
-        assert "\n" not in str(caught.value)
-    with pytest.raises(ValueError, match="'gif'.*png, pdf or svg"):
-        figure_format("picture.png", "gif")
+EMPTY = make_branch([1.7])
+EMPTY.points = {key: values[:0] for key, values in EMPTY.points.items()}
+NEGATIVE = make_branch([1.7, 1.75, 1.8], h=np.array([1.0, -1.0, 2.0]), arclength=np.arange(3.0))
+REFUSED = [
+    (single(), "picture.jpg", {}, "png, pdf or svg"),
+    (single(), "picture", {}, "png, pdf or svg"),
+    (single(), io.BytesIO(), {}, "png, pdf or svg"),
+    (single(), "old.png", {"format": "gif"}, "'gif'.*png, pdf or svg"),
+    (single(), "old.png", {"frequency": "angular"}, "'angular': expected index or fundamental"),
+    (NEGATIVE, "old.png", {}, "positive values: the lowest is -1"),
+    (EMPTY, "old.png", {}, "no points"),
+]
 
 
-def test_bad_branches_are_refused_in_one_line():
-    with pytest.raises(ValueError, match="'angular': expected index or fundamental"):
-        branch_figure(single(), frequency="angular")
-    with pytest.raises(ValueError, match="positive values: the lowest is -1"):
-        branch_figure(make_branch([1.7, 1.75, 1.8], h=np.array([1.0, -1.0, 2.0]), arclength=np.arange(3.0)))
-    empty = make_branch([1.7])
-    empty.points = {key: values[:0] for key, values in empty.points.items()}
-    with pytest.raises(ValueError, match="no points"):
-        branch_figure(empty)
-
-
-def test_a_failed_picture_leaves_the_old_file(tmp_path):
+@pytest.mark.parametrize(("branch", "target", "options", "said"), REFUSED, ids=[said for *_, said in REFUSED])
+def test_what_cannot_be_drawn_is_refused_in_one_line_and_leaves_the_old_file(tmp_path, branch, target, options, said):
     path = tmp_path / "old.png"
     path.write_bytes(b"old")
-    with pytest.raises(ValueError, match="frequency"):
-        write_figure(branch_figure, path, single(), frequency="angular")
-    assert path.read_bytes() == b"old"
+    with pytest.raises(ValueError, match=said) as caught:
+        write_figure(branch_figure, tmp_path / target if isinstance(target, str) else target, branch, **options)
+    assert "\n" not in str(caught.value) and path.read_bytes() == b"old"
     assert [p.name for p in tmp_path.iterdir()] == ["old.png"]
 
 

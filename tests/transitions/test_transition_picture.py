@@ -163,7 +163,7 @@ def test_a_conservative_motion_and_one_without_families_are_drawn():
     times = 0.05 * np.arange(4000)
     record = synthetic(times, np.cos(times), -np.sin(times))
     figure = transition_figure(Transition(saltus.vibro_impact_nes(), record, GAP))
-    assert by_gid(figure, "families-spectrum") is not None and not figure.legends
+    assert by_gid(figure, "families-spectrum") is not None and not figure.legends[0].get_texts()
 
 
 def test_what_cannot_be_drawn_or_read_is_told_in_one_line(drawn, tmp_path):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from branches.figures.atlas_data import Atlas, AtlasCurve
+    from branches.figures.atlas_data import Atlas
     from transitions.record import SampledMotion
     from transitions.stage import Stage, StartFamily
     from transitions.transition import Transition
@@ -205,9 +205,13 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         _draw_share(axes["share"], transition)
         _draw_lost(axes["lost"], transition)
         limits = band(spectrum)
-        largest = float(spectrum.amplitudes.max())
-        mesh = _draw_spectrum(axes["spectrum"], transition, spectrum, limits, largest)
-        _draw_over_energy(axes["families"], transition, spectrum, limits, largest)
+        gap = style.gap_symbol(transition.gap, transition.system.coordinates)
+        for name, words, symbol in (("spectrum", f"frequency in ${gap}$", r"\omega"), ("families", *FREQUENCIES["index"])):
+            style.set_axis(axes[name], "y", limits, 7, words, symbol, log=limits[1] > _MANY_FOLD * limits[0])
+        mesh = _draw_spectrum(axes["spectrum"], spectrum)
+        _draw_over_energy(axes["families"], transition, spectrum)
+        for name, count in (("series", 10), ("share", 5), ("lost", 5), ("spectrum", 5)):
+            style.set_axis(axes[name], "x", (record.times[0], record.times[-1]), count, "time", "t")
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
         for name, letter in zip(axes, "abcde", strict=True):
             axes[name].set_title(f"({letter})", loc="left", fontsize=style.NORMAL, pad=3)
@@ -223,10 +227,6 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
     return figure
 
 
-def _time_axis(axes: Axes, transition: Transition, count: int) -> None:
-    style.set_axis(axes, "x", (float(transition.record.times[0]), float(transition.record.times[-1])), count, "time", "t")
-
-
 def _draw_series(axes: Axes, transition: Transition) -> None:
     record = transition.record
     order = sorted(range(record.degrees_of_freedom), key=lambda i: -float(np.ptp(record.displacements[:, i])))
@@ -235,7 +235,6 @@ def _draw_series(axes: Axes, transition: Transition) -> None:
         look: dict[str, Any] = {"color": style.LINES[i % len(style.LINES)], "linewidth": 0.6, "gid": f"series-{name}"}
         axes.plot(record.times, record.displacements[:, i], label=f"${style.symbol_of(name)}$", **look)
     style.set_axis(axes, "y", style.limits_of(record.displacements, 0.06), 5, "displacement", "u")
-    _time_axis(axes, transition, 10)
     axes.legend(**_ABOVE, ncols=len(order))
 
 
@@ -249,7 +248,6 @@ def _draw_share(axes: Axes, transition: Transition) -> None:
     else:
         axes.plot(record.times, 100.0 * record.energy / record.energy.max(), color=style.LINES[0], linewidth=0.8, gid="share-energy")
         style.set_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
-    _time_axis(axes, transition, 5)
 
 
 def _draw_lost(axes: Axes, transition: Transition) -> None:
@@ -264,52 +262,40 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
         axes.plot(record.times, 100.0 * values / total, color=colour, linewidth=width, label=name, gid=f"lost-{name}")
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / total if np.max(nes + lo) > total * (1.0 + 1e-9) else 0.0)
     style.set_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
-    _time_axis(axes, transition, 5)
     axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
 
 
-def _frequency_axis(axes: Axes, band: tuple[float, float], words: str, symbol: str) -> None:
-    style.set_axis(axes, "y", band, 7, words, symbol, log=band[1] > _MANY_FOLD * band[0])
-
-
-def _rows(spectrum: Spectrum) -> np.ndarray:
-    """Edges (k + 1,) of the rows."""
-    half = 2.0 ** (0.5 * spectrum.octaves)
-    return np.append(spectrum.frequencies / half, spectrum.frequencies[-1] * half)
-
-
-def _shading(largest: float) -> dict[str, Any]:
+def _shade(axes: Axes, edges: np.ndarray, spectrum: Spectrum, amplitudes: np.ndarray, name: str) -> Any:
+    """Draw amplitudes at the frequencies of a spectrum, in columns with these edges."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
+    half = 2.0 ** (0.5 * spectrum.octaves)
+    rows = np.append(spectrum.frequencies / half, spectrum.frequencies[-1] * half)
     shades = ListedColormap(colormaps["Greys"](np.linspace(0.0, _DARK, 256)))
-    return {"cmap": shades, "vmin": 0.0, "vmax": largest if largest > 0.0 else 1.0, "rasterized": True}
+    look: dict[str, Any] = {"cmap": shades, "vmin": 0.0, "vmax": float(spectrum.amplitudes.max()) or 1.0, "rasterized": True}
+    return axes.pcolormesh(edges, rows, np.ma.masked_invalid(amplitudes), zorder=1, gid=name, **look)
 
 
-def _draw_spectrum(axes: Axes, transition: Transition, spectrum: Spectrum, band: tuple[float, float], largest: float) -> Any:
+def _draw_spectrum(axes: Axes, spectrum: Spectrum) -> Any:
     few = slice(None, None, max(1, len(spectrum.times) // _COLUMNS))
-    times = spectrum.times[few]
+    times, lowest, highest = spectrum.times[few], *axes.get_ylim()
     edges = np.concatenate([[times[0]], 0.5 * (times[1:] + times[:-1]), [times[-1]]])
-    mesh = axes.pcolormesh(edges, _rows(spectrum), spectrum.amplitudes[:, few], zorder=1, gid="spectrum", **_shading(largest))
-    cone = np.minimum(spectrum.cone[few], 10.0 * band[1])
+    mesh = _shade(axes, edges, spectrum, spectrum.amplitudes[:, few], "spectrum")
+    cone = np.minimum(spectrum.cone[few], 10.0 * highest)
     hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": style.GREY, "hatch": "////", "linewidth": 0.5, "zorder": 2}
-    axes.fill_between(times, band[0], np.maximum(cone, band[0]), gid="spectrum-cone", **hatched)
-    axes.plot(times, np.where(cone > band[0], cone, np.nan), color=style.GREY, linewidth=0.8, zorder=2.1)
-    symbol = style.gap_symbol(transition.gap, transition.system.coordinates)
-    _frequency_axis(axes, band, f"frequency in ${symbol}$", r"\omega")
-    _time_axis(axes, transition, 5)
+    axes.fill_between(times, lowest, np.maximum(cone, lowest), gid="spectrum-cone", **hatched)
+    axes.plot(times, np.where(cone > lowest, cone, np.nan), color=style.GREY, linewidth=0.8, zorder=2.1)
     return mesh
 
 
-def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum, band: tuple[float, float], largest: float) -> None:
+def _draw_over_energy(axes: Axes, transition: Transition, spectrum: Spectrum) -> None:
     energies = gradual_energy(transition.record, spectrum.times)
     kept = energies > _DEEP * energies.max()
     limits = style.limits_of(energies[kept], 0.04, log=True)
     edges = np.geomspace(*limits, _INTERVALS + 1)
-    shown = over_energy(energies[kept], spectrum.amplitudes[:, kept], edges)
-    axes.pcolormesh(edges, _rows(spectrum), np.ma.masked_invalid(shown), zorder=1, gid="families-spectrum", **_shading(largest))
+    _shade(axes, edges, spectrum, over_energy(energies[kept], spectrum.amplitudes[:, kept], edges), "families-spectrum")
     style.set_axis(axes, "x", limits, 5, "energy now", "h", log=True)
-    _frequency_axis(axes, band, *FREQUENCIES["index"])
 
 
 def _draw_families(axes: Axes, atlas: Atlas, curves: Sequence[Named], followed: Collection[str]) -> None:
@@ -353,13 +339,13 @@ def _with_name(atlas: Atlas, start: StartFamily | None) -> Atlas:
     """The atlas with the family of the start by its one name."""
     if start is None or not start.name:
         return atlas
-
-    def named(curve: AtlasCurve) -> AtlasCurve:
-        if curve.family != start.family:
-            return curve
-        return replace(curve, names=np.full(len(curve.h), start.name), cited=np.ones(len(curve.h), dtype=bool))
-
-    return replace(atlas, curves=tuple(named(curve) for curve in atlas.curves))
+    named = [
+        replace(curve, names=np.full(len(curve.h), start.name), cited=np.ones(len(curve.h), dtype=bool))
+        if curve.family == start.family
+        else curve
+        for curve in atlas.curves
+    ]
+    return replace(atlas, curves=tuple(named))
 
 
 def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[str, str]) -> None:
