@@ -169,10 +169,11 @@ class Room:
             name = self.axes.text(x, y, texts[i], fontsize=font, color=BLACK, ha="left", va="bottom", zorder=6)
             box = np.array(name.get_window_extent().extents) / scale
             leader = np.array([np.clip(at[i], box[:2], box[2:]), at[i]])
-            # textalloc keeps leaders off the names of the same call only.
+            # textalloc keeps leaders off the names of the same call only. In the next call this place is not free.
             path = even_points(leader, _CELL)[:, None]
             if ((path > self._names[:, :2]) & (path < self._names[:, 2:])).all(axis=2).any():
                 name.remove()
+                self._taken = np.concatenate([self._taken, [corner + 1.0 + font / 2]])
                 continue
             if np.hypot(*np.diff(leader, axis=0)[0]) > radii[i] + beside:
                 self.axes.plot(*to_data.transform(leader * scale).T, color=GREY, linewidth=0.4, zorder=3, gid="leader")

@@ -343,7 +343,9 @@ def test_a_legend_lies_in_the_picture_in_as_many_rows_as_it_needs(names, words):
     """Oracle: the renderer's box of the legend, and of one of four columns; all entries, and one legend."""
     figure = plt.figure(figsize=(7.2, 5.0), layout="constrained")
     entries = [Line2D([], [], label=f"{k} " + "wide " * words) for k in range(names)]
-    wide = figure.legend(handles=entries, ncols=min(4, names)).get_window_extent().width > figure.bbox.width
+    plain = figure.legend(handles=entries, ncols=min(4, names))
+    wide = plain.get_window_extent().width > figure.bbox.width
+    plain.remove()
     legend = legend_below(figure, entries, 4)
     assert figure.legends == [legend] and len(legend.get_texts()) == names
     figure.draw_without_rendering()
