@@ -110,6 +110,7 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         style.set_axis(axes, "y", style.limits_of(values, 0.04, log=log), 7, name + unit, symbol, log=log)
         for label, (energies, frequencies) in zip(labels, ranges, strict=True):
             panels[label].set_title(f"({label[-1]})", loc="left", pad=3)
+            panels[label].tick_params(axis="x", pad=6.0)  # below the text of a tick of the other axis in the corner
             style.set_axis(panels[label], "x", energies, 4, "", _energy_symbol(atlas), log=True)
             style.set_axis(panels[label], "y", frequencies, 4, "", symbol, log=log)
         legend = _legend(figure, drawn[1], curves, _other_entries(atlas, modes, len(stars) > 0))

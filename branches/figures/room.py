@@ -240,7 +240,9 @@ class Named:
         if self.curve is not None:
             mine = self.curve.cited & (self.curve.names == self.text) if self.cited else self.curve.labels == self.text
             if mine.any():
-                points = np.where(mine[self.rows, None], points, np.nan)
+                shown = mine[self.rows]
+                begins = np.append(False, np.isnan(points[:-1, 1]))  # a piece begins with the last point of the piece before it
+                points = np.where((shown | begins & np.append(shown[1:], False))[:, None], points, np.nan)
         path = room.to_page(points)
         spots = np.concatenate([even_points(path, _SPACING), path[np.isfinite(path).all(axis=1)][:1]])
         return spots[((spots > room.frame[:2] + 2.0) & (spots < room.frame[2:] - 2.0)).all(axis=1)]
@@ -286,7 +288,7 @@ def write_names(
     names : the most important first
     most : largest number of names
     always : names that are written before all others, and do not count
-    far : largest distance of a name from its curve; three times as far for `always` and cited names
+    far : largest distance of a name from its curve; cited names may be three times as far
     over_curves : whether `always` and cited names may cover curves if there is no other room
     radius : radius of the markers of names that belong to one point
     font : size of the names
@@ -306,10 +308,10 @@ def write_names(
         written.update(name.key for (name, _), text in zip(found, done, strict=True) if text is not None)
         return [name for (name, _), text in zip(found, done, strict=True) if text is None]
 
-    cited = [name for name in names if name.cited][:most]
-    without = write([*always, *cited], 3.0 * far)
-    if over_curves:
-        write(without, 3.0 * far, over_curves=True)
+    for some, reach in ((always, far), ([name for name in names if name.cited][:most], 3.0 * far)):
+        without = write(some, reach)
+        if over_curves:
+            write(without, reach, over_curves=True)
     room_for = most - len(written & {name.key for name in names})
     write([name for name in names if not name.cited][: _POOL * most], far, most=room_for)
     return written
