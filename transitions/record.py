@@ -36,7 +36,7 @@ _REST = 1e-13  # of the largest displacement and velocity; smaller values at the
 def require(value: Any, kind: type, what: str, example: str) -> None:
     """Raise a TypeError for a value of another type; the message has an example of an expression that makes the right one."""
     if not isinstance(value, kind):
-        raise TypeError(f"{what} is {shown(value)}, expected a {kind.__name__} such as {example}")
+        raise TypeError(f"{what}: received {shown(value)}, expected a {kind.__name__} such as {example}")
 
 
 @brief

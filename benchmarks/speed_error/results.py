@@ -283,5 +283,5 @@ def draw_growth(path: Path, rows: Sequence[Row]) -> None:
         panels[2].set_xlabel("longest quarter period")
         panels[2].set_ylabel("seconds of a discovery (orbits found)")
         panels[2].margins(y=0.2)
-        panels[0].legend(frameon=False)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
         figure.savefig(path)

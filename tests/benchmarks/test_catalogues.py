@@ -21,10 +21,10 @@ def test_the_report_of_a_build_is_its_catalogue(tmp_path):
 
 def test_the_synthetic_catalogue_is_one(tmp_path):
     """Oracle: the count of families, and of points by the families themselves."""
-    points, seconds = catalogues.fill_catalogue(tmp_path / "synthetic.sqlite", 12)
+    points, _ = catalogues.fill_catalogue(tmp_path / "synthetic.sqlite", 12)
     with saltus.Catalogue(tmp_path / "synthetic.sqlite") as catalogue:
         assert len(catalogue) == 12 and sum(row.points for row in catalogue.families()) == points == catalogue.counts()["points"]
-        assert catalogue.graph().number_of_edges() > 12 and seconds > 0.0
+        assert catalogue.graph().number_of_edges() > 12
 
 
 def test_each_command_that_reads_a_catalogue_has_a_row(tmp_path):
@@ -33,5 +33,5 @@ def test_each_command_that_reads_a_catalogue_has_a_row(tmp_path):
     names = [row[0].partition(" --")[0] for row in table.rows]
     assert names == ["python -c pass", "saltus list", "saltus list", "saltus show ID", "saltus show S11O00-@h=50", "saltus tree ID",
                      "saltus path ID ID"]  # fmt: skip
-    assert all(float(row[1]) > 0.0 for row in table.rows)
+    assert all(len([float(cell) for cell in row[1:]]) == 2 for row in table.rows)
     assert "4 families" in table.notes[0] and not list(tmp_path.iterdir())

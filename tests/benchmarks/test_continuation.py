@@ -33,7 +33,7 @@ def test_both_families_follow_the_closed_form(system, inner):
     assert np.max(np.abs(problem.residual(y))) < 1e-12 * np.max(np.abs(y))
     runs = [timed_run(family, family.begin(y), 4) for family in (Family(problem), BareFamily(problem))]
     for run in runs:
-        assert len(run.steps) == 4 and np.all(run.seconds >= 0.0) and np.sum(run.seconds) > 0.0
+        assert len(run.steps) == len(run.seconds) == len(run.clean) == 4
         assert all(cases.step_error(problem, step) < 1e-12 for step in run.steps)
         assert all(later.parameter > earlier.parameter for earlier, later in zip(run.steps, run.steps[1:], strict=False))
     for full, bare in zip(*(run.steps for run in runs), strict=True):
@@ -84,7 +84,6 @@ def test_layers_sum_to_the_point_and_leave_the_module_as_it_was(system):
     assert dict(vars(branches.family)) == before
     layers = parts.compiled + parts.entering + parts.family + parts.engine
     assert layers == pytest.approx(parts.total.least, rel=1e-9)
-    assert parts.compiled > 0.0 and parts.entering > 0.0
     assert parts.steps >= 1.0 and parts.iterations >= 1.0 and 0.0 < parts.compiled_calls <= 1.0
 
 

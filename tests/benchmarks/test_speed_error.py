@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import mpmath as mp
@@ -151,8 +152,6 @@ def test_points_of_saltus_along_a_family_are_all_right():
 
 def test_the_run_and_the_special_points_of_saltus():
     """Oracle: the run in fifty digits, here of its first 50 impacts; roots of the closed form."""
-    from dataclasses import replace
-
     short = replace(TASKS["damped"], impacts=50)
     errors = short.errors(EXACT[0].prepare(short, None).once())
     assert errors.orbit < 1e-12 and errors.energy < 1e-12
@@ -204,14 +203,14 @@ def test_collocation_comes_nearer_with_its_tolerance():
 
 @pytest.mark.skipif(Auto07p().missing() is not None, reason=f"AUTO-07p cannot be used: {Auto07p().missing()}")
 def test_auto_as_a_method():
-    """Oracle: the closed form, of orbits and of the fold; a time above nothing."""
+    """Oracle: the closed form, of orbits and of the fold."""
     method = Auto07p()
     answer = method.prepare(IN_PHASE, 2.0).once()
     errors = IN_PHASE.errors(answer)
     assert len(answer.orbits) > 2 and errors.orbit < 1e-10 and errors.energy < 1e-10 and errors.multipliers is None
     task = TASKS["located"]
     answer = method.prepare(task, 4.0).measured()
-    assert set(answer.located) == {"SN"} and task.errors(answer).located < 1e-8 and answer.seconds > 0.0
+    assert set(answer.located) == {"SN"} and task.errors(answer).located < 1e-8
 
 
 def test_errors_see_what_is_wrong():
@@ -255,9 +254,7 @@ def test_efforts_name_what_there_is():
 
 def test_the_chain_is_the_reference_system_with_more_masses():
     """Oracle: the reference system; the closed form holds for any number of masses."""
-    from bvp.system import vibro_impact_nes
-
-    two, reference = cases.chain(2), vibro_impact_nes(cases.MU, cases.SIGMA)
+    two, reference = cases.chain(2), cases.system()
     np.testing.assert_array_equal(two.stiffness, reference.stiffness)
     np.testing.assert_array_equal(two.mass, reference.mass)
     system = cases.chain(9)
@@ -273,7 +270,7 @@ def test_rows_of_growth():
     assert [(row["growth"], row["value"]) for row in rows] == [
         ("impacts", 1), ("impacts", 2), ("degrees of freedom", 2), ("degrees of freedom", 3), ("quarter period", 1.8),
     ]  # fmt: skip
-    assert all(row["seconds"] > 0.0 for row in rows) and all(row["residual"] < 1e-12 for row in rows[:-1])
+    assert all(row["residual"] < 1e-12 for row in rows[:-1])
     assert rows[-1]["complete"] and rows[-1]["orbits"] > 0
 
 
@@ -300,9 +297,9 @@ def test_a_tiny_run(tmp_path, capsys):
     ]  # fmt: skip
     own, first, second, failed, after = rows
     assert own["failed"] is None
-    assert own["errors"]["orbit"] < 1e-12 and own["layers"] and own["seconds"] > 0.0 and own["memory"] > 1e6
+    assert own["errors"]["orbit"] < 1e-12 and own["layers"] and own["memory"] > 1e6
     assert first["errors"]["energy"] == pytest.approx(1e-2) and second["errors"]["energy"] == pytest.approx(1e-4)
-    assert first["errors"]["orbit"] is None and first["first"] > 0.0 and second["first"] is None
+    assert first["errors"]["orbit"] is None and first["first"] is not None and second["first"] is None
     assert failed["failed"] == "it does not converge" and failed["seconds"] is None
     assert after["failed"] is None and after["errors"]["energy"] == pytest.approx(1e-4)
     assert sum("growth" in row for row in record["rows"]) == 5
@@ -313,8 +310,6 @@ def test_a_tiny_run(tmp_path, capsys):
 
 def test_an_endless_work_is_stopped(tmp_path, capsys):
     """Oracle: a work that sleeps: one row that says so, and no other setting of its ladder."""
-    from dataclasses import replace
-
     effort = replace(TINY, limit=20.0, start=0.0, impacts=(), degrees=(), periods=())
     assert measure(tmp_path, effort, [IN_PHASE], [Endless(), Plain()]) == 0
     rows = rows_in(tmp_path)
@@ -323,8 +318,6 @@ def test_an_endless_work_is_stopped(tmp_path, capsys):
 
 def test_an_answer_without_an_orbit_near_it_is_a_row_too(tmp_path, capsys):
     """Oracle: a start thirty times too large, from which no orbit of the sequence is found in fifty digits."""
-    from dataclasses import replace
-
     assert measure(tmp_path, replace(TINY, impacts=(), degrees=(), periods=()), [TASKS["U8353-"]], [Astray()]) == 0
     rows = rows_in(tmp_path)
     assert len(rows) == 2 and all(row["failed"].startswith("its error is unknown") for row in rows)

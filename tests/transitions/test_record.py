@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import saltus
 from transitions.record import SampledMotion
 
 
@@ -80,3 +81,23 @@ def test_a_gap_coordinate_of_another_system_is_refused():
     """Oracle: the number of entries."""
     with pytest.raises(ValueError, match="3 entries; the record has 2"):
         SampledMotion(**columns()).along((1.0, -1.0, 0.0))
+
+
+RECORD, MOTION = SampledMotion(**columns()), saltus.simulate(saltus.vibro_impact_nes(), [0, 0], [0, 1], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: saltus.stages_of("a.csv", (1, -1)), "the record: received 'a.csv', expected a SampledMotion such as saltus.sampled"),
+        (lambda: saltus.stages_of(RECORD, (1, -1), ["S13+"]), "the families: received ['S13+'], expected a Families"),
+        (lambda: saltus.stages_of(RECORD, (1, -1), start="S13+"), "the start: received 'S13+', expected a StartFamily"),
+        (lambda: saltus.write_transition(RECORD, "a.csv"), "expected a Transition such as saltus.Transition("),
+        (lambda: saltus.sampled(MOTION, None), "the sharing: received None, expected a Sharing such as saltus.sharing_of(system)"),
+    ],
+)
+def test_objects_of_another_kind_are_named(call, said):
+    """Oracle: the words, one line."""
+    with pytest.raises(TypeError) as caught:
+        call()
+    assert said in str(caught.value) and "\n" not in str(caught.value)

@@ -18,6 +18,15 @@ def plan_of(axes, **more):
     return StudyPlan(**{"system": SYSTEM, "nes": (0,), "lo": (1,), "axes": tuple(axes), "fixed": {}, "design": "grid", **more})
 
 
+def study_of(folder, plan, **results):
+    """A finished study on disk: the plan's own parameters, zero for each result that is not given."""
+    columns = {name: np.zeros(plan.count) for name in block_columns(plan)}
+    columns |= {f"given.{name}": values for name, values in plan.values(0, plan.count).items()}
+    write_plan(folder, plan, "npz", "0")
+    write_block(block_path(folder, 0, "npz"), columns | results, plan.digest, 0)
+    return Study(folder)
+
+
 def test_a_grid_has_every_combination_once_the_last_axis_fastest():
     """Oracle: itertools.product."""
     import itertools
@@ -108,25 +117,17 @@ def test_a_block_of_something_else_is_refused(tmp_path):
 def test_runs_at_the_place_of_the_best_one_are_about_it_and_itself_is_not(tmp_path, best):
     """Oracle: by hand: half of the runs of a listed parameter have the best one's value, and come first."""
     plan = plan_of([Axis("rho", values=(0.5, 0.7))], design="hypercube", runs=8, seed=1)
-    given = plan.values(0, 8)
-    columns = {name: np.zeros(8) for name in block_columns(plan)} | {"given.rho": given["rho"]}
-    columns["nes_share"][best] = 1.0
-    write_plan(tmp_path, plan, "npz", "0")
-    write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
-    found = Study(tmp_path).best("nes_share")
-    same = [run for run in np.flatnonzero(given["rho"] == given["rho"][best]).tolist() if run != best]
+    rho = plan.values(0, 8)["rho"]
+    found = study_of(tmp_path, plan, nes_share=np.eye(8)[best]).best("nes_share")
+    same = [run for run in np.flatnonzero(rho == rho[best]).tolist() if run != best]
     assert found.run == best and len(same) == 3 and found.neighbours.tolist() == same
 
 
 def test_cells_of_a_map_have_full_size_at_its_borders(tmp_path):
     """Oracle: by hand: half-way between the values of a grid, on the axis's scale, and as far beyond the first and the last."""
     axes = [Axis("energy", low=0.1, high=10.0, scale="log", points=3), Axis("rho", low=0.0, high=1.0, points=3), Axis("mu", values=(0.2,))]
-    plan = plan_of(axes)
-    write_plan(tmp_path, plan, "npz", "0")
-    columns = {name: np.zeros(9) for name in block_columns(plan)}
-    columns |= {f"given.{name}": value for name, value in plan.values(0, 9).items()}
-    write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
-    energy, rho, mu = (bins_of(Study(tmp_path), axis, 5) for axis in axes)
+    study = study_of(tmp_path, plan_of(axes))
+    energy, rho, mu = (bins_of(study, axis, 5) for axis in axes)
     assert energy.edges == pytest.approx([np.sqrt(1e-3), np.sqrt(0.1), np.sqrt(10.0), np.sqrt(1e3)], rel=1e-14)
     assert rho.edges.tolist() == [-0.25, 0.25, 0.75, 1.25]
     assert mu.edges == pytest.approx([0.19, 0.21], rel=1e-15)
@@ -137,12 +138,8 @@ def test_cells_of_a_map_have_full_size_at_its_borders(tmp_path):
 def test_bins_of_a_hypercube_end_where_the_parameter_does(tmp_path, scale):
     """Oracle: the range itself."""
     axis = Axis("energy", low=0.3, high=7.0, scale=scale)
-    plan = plan_of([axis], design="hypercube", runs=50, seed=1)
-    write_plan(tmp_path, plan, "npz", "0")
-    columns = {name: np.zeros(50) for name in block_columns(plan)} | {"given.energy": plan.values(0, 50)["energy"]}
-    write_block(block_path(tmp_path, 0, "npz"), columns, plan.digest, 0)
-    bins = bins_of(Study(tmp_path), axis, 5)
-    given = columns["given.energy"]
+    study = study_of(tmp_path, plan_of([axis], design="hypercube", runs=50, seed=1))
+    bins, given = bins_of(study, axis, 5), study.given["energy"]
     assert (bins.edges[0], bins.edges[-1]) == (0.3, 7.0)
     assert np.all((bins.edges[bins.which] <= given) & (given <= bins.edges[bins.which + 1]))
     assert np.bincount(bins.which).tolist() == [10] * 5
