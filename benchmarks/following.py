@@ -43,7 +43,6 @@ class BareFamily(Family):
         super().__init__(problem)
         self.tests = (TestFunction("SN", "crossing", False, "fold in the energy", True),)
         self._computed = 1
-        self._full = False
 
     def begin(self, y: np.ndarray) -> Step:
         return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, full=False))

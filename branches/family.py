@@ -278,7 +278,8 @@ class Family:
         beginning = Beginning(step.y, step.tangent, np.array(step.position), *before, recent.length, recent.length_before)
         direction = np.full(size + 2, math.nan) if goal.direction is None else goal.direction
         towards = GoalPlane(np.asarray(goal.step.position), direction)
-        compiled, metric = problem.compiled(), np.empty((5, size + 2))
+        # With the fold as the only test function nothing else is computed.
+        compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, size + 2))
         count, tried, ds = advance_block(compiled, _ITERATIONS, control, watched, beginning, towards, ds, metric, block)
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
