@@ -109,7 +109,13 @@ def synthetic_record(
 
 
 def record_text(times: np.ndarray, accelerations: np.ndarray, remark: str = "") -> str:
-    """A record as CSV: columns time and acceleration, to a millionth of the unit. The remark is a first line after #.
+    """A record as CSV: columns time and acceleration, to a millionth of the unit.
+
+    Parameters
+    ----------
+    times, accelerations : (j,) array_like
+    remark : str, optional
+        A first line, after #.
 
     Examples
     --------
