@@ -178,6 +178,9 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     for kind, path in files.places.items():
         if kind != "plot" and Path(path).suffix.lower() != f".{kind}":
             raise BadInput(f"--{kind} {path}: expected a file ending in .{kind}")
+    for option in ("names", "inset"):
+        if "plot" not in files.places and getattr(arguments, option):
+            raise BadInput(f"--{option} needs --plot FILE")
     insets = [parse_inset(text) for text in arguments.inset]
     if sum((bool(arguments.branches), arguments.data is not None, arguments.catalogue is not None)) > 1:
         raise BadInput("families come from one place: give one of --catalogue, --branches and --data")
@@ -207,7 +210,10 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *options.filters_of(arguments)):
             if getattr(arguments, option) not in (None, False):
                 raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
-        return rescaled(read_atlas(arguments.data), arguments.clearance, arguments.natural_frequency)
+        atlas = read_atlas(arguments.data)
+        # Data keep the units in which they were written, unless others are asked for.
+        scaled = (arguments.clearance, arguments.natural_frequency) != (1.0, 1.0)
+        return rescaled(atlas, arguments.clearance, arguments.natural_frequency) if scaled else atlas
 
     scene = options.scene_of(arguments)
     branches, everything = _families(arguments, scene)
