@@ -273,7 +273,7 @@ def test_a_family_with_several_orbits_asks_which(tmp_path, capsys):
         ('title = "small"', 'scene = "lee2010"', ["lee2010", "nearest: lee2009"]),
         ("[vary.rho]\nfrom = 0.0", "[vary.rho]\npoints = 3\nfrom = 0.0", ["points goes with"]),
         ("block = 10", "block = 0", ["block = 0"]),
-        ("title =", "title", ["no TOML"]),
+        ("title =", "title", ["as TOML"]),
     ],
 )
 def test_a_bad_file_is_refused_before_anything_starts(tmp_path, capsys, old, new, parts):
@@ -370,7 +370,7 @@ def test_what_a_map_and_lines_show(finished):
         (["--plot", "{folder}/a.png", "--best", "nes_shares"], ["nes_shares", "nearest: nes_share"]),
         (["--plot", "{folder}/a.png", "--value", "xyzzy"], ["xyzzy", "expected"]),
         (["--plot", "{folder}/a.png", "--view", "maps"], ["'maps'", "nearest: map"]),
-        (["--plot", "{folder}/a.png", "--over", "energy,roh"], ["'roh'", "nearest: rho"]),
+        (["--plot", "{folder}/a.png", "--over", "energy,roh"], ["'energy,roh'", "nearest: rho"]),
         (["--plot", "{folder}/a.png", "--over", "energy"], ["two parameters"]),
         (["--plot", "{folder}/a.png", "--over", "energy,rho", "--view", "lines"], ["--view map"]),
         ([], ["--plot"]),
