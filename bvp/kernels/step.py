@@ -303,9 +303,9 @@ def observe(segment, observed, y, ends, work, result):
                     w = row_dot(observed.rows[stop], 0, z) if end == 0 else row_dot(observed.rows[stop], 0, ends[i])
                     above = w - observed.bounds[0, stop]
                     below = observed.bounds[1, stop] - w
-                    reach = min(below, above)
-                    if reach < distance:
-                        distance = reach
+                    nearest = min(below, above)
+                    if nearest < distance:
+                        distance = nearest
                         side = 1.0 if below < above else -1.0
                         time = 0.0 if end == 0 else duration
             if distance < best:
