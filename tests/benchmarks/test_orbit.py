@@ -79,7 +79,7 @@ def test_a_tolerance_that_is_not_reached_is_reported_at_once(monkeypatch):
             raise Stagnates("shooting stagnates at a mismatch of 3e-13")
         return solve_nonsmooth_time(*given, tolerance=tolerance)
 
-    monkeypatch.setattr(task, "solve_nonsmooth_time", stagnating)
+    monkeypatch.setattr(task.paper, "solve_nonsmooth_time", stagnating)
     with pytest.raises(NotMatched, match=r"S13O00\+: shooting stagnates at a mismatch of 3e-13"):
         nonsmooth_time_orbit(orbit_at(1.7), 1e-13)
     assert asked == [TOLERANCE, 1e-13]
