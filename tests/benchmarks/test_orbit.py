@@ -89,10 +89,10 @@ def test_another_orbit_than_the_wanted_one_is_refused(monkeypatch):
     """Oracle: shooting that answers with the orbit of another quarter period, or with one more impact."""
     wanted, other = orbit_at(1.7), orbit_at(1.75)
     first, second = (nonsmooth_time_orbit(orbit, 1e-6)[0] for orbit in (wanted, other))
-    monkeypatch.setattr(task, "solve_nonsmooth_time", lambda *given, **options: second)
+    monkeypatch.setattr(task.paper, "solve_nonsmooth_time", lambda *given, **options: second)
     with pytest.raises(NotMatched, match=r"S13O00\+, from its velocities to 8 digits: this is another orbit: its impacts"):
         nonsmooth_time_orbit(wanted, 1e-6)
     object.__setattr__(first, "half", first.half * 2)
-    monkeypatch.setattr(task, "solve_nonsmooth_time", lambda *given, **options: first)
+    monkeypatch.setattr(task.paper, "solve_nonsmooth_time", lambda *given, **options: first)
     with pytest.raises(NotMatched, match="with 2 impacts in half a period instead of 1"):
         nonsmooth_time_orbit(wanted, 1e-6)
