@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from branches.family import SETTINGS, AdvancedSteps, Family
-from branches.identity import canonical_orbit, is_solved_as_it_is, pattern_of
 from branches.orbit import stacked
-from branches.presentation import symmetries
+from branches.presentation import canonical_orbit, is_solved_as_it_is, pattern_of, symmetries
 from branches.sequences import canonical_sequence, format_ends
 from bvp.checks import read_only
 from bvp.closures import cycle_of
@@ -80,8 +79,8 @@ class Piece(NamedTuple):
 class FamilyMark(NamedTuple):
     """An orbit of a family that identifies it: what kind of point it is, and numbers that no presentation changes.
 
-    kind: "GR", "SN" or "EP". h: energy. alpha: quarter period. pattern: `branches.identity.pattern_of` of the impacts in the period. At the
-    grazing of a linear mode many families begin with one energy and one period, and only their patterns differ.
+    kind: "GR", "SN" or "EP". h: energy. alpha: quarter period. pattern: `branches.presentation.pattern_of` of the impacts in the
+    period. At the grazing of a linear mode many families begin with one energy and one period, and only their patterns differ.
     """
 
     kind: str

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.export.tables import csv_cell, plain_columns
 from branches.files import is_special, write_text
 from branches.sequences import impacts_per_period
+from branches.tables import csv_cell, plain_columns
 
 if TYPE_CHECKING:
     import pandas

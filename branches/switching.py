@@ -21,9 +21,17 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent
 from branches.family import Family, scales_of
-from branches.identity import canonical_orbit
 from branches.orbit import label_at, orbit_columns
-from branches.presentation import Presentation, closed_presentation, embed, presentation_of, run_backwards, solved, symmetries
+from branches.presentation import (
+    Presentation,
+    canonical_orbit,
+    closed_presentation,
+    embed,
+    presentation_of,
+    run_backwards,
+    solved,
+    symmetries,
+)
 from branches.tracing import follow_family
 from bvp.checks import require_branch
 from bvp.closures import cycle_of

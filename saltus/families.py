@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from continuation.control import Settings
 
-__all__ = ["agreed", "discover", "family_of", "has_label", "list_orbits", "orbits_of", "select", "start_of", "trace"]
+__all__ = ["agreed", "discover", "family_named", "has_label", "list_orbits", "orbits_of", "select", "start_of", "trace"]
 
 TOLERANCE = 0.01
 """How far, relatively, a selecting value may be from the orbit that it selects."""
@@ -231,7 +231,7 @@ def agreed(text: str, key: str, said: float | None, option: str, given: float | 
     return said if given is None else given
 
 
-def family_of(name: str, scene: Scene, energy: float | None, arguments: argparse.Namespace) -> Branch:
+def family_named(name: str, scene: Scene, energy: float | None, arguments: argparse.Namespace) -> Branch:
     """The family from a catalogue; else traced over the scene's energies, or farther if the given energy is outside."""
     with catalogues.lookup(name, arguments, scene) as opened:
         if opened is not None:
@@ -271,7 +271,7 @@ def select(branch: Branch, name: Name, energy: float | None, alpha: float | None
 
 def orbits_of(branch: Branch, name: Name, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
     """The orbits of a family with an energy, or else with a quarter period, that a name can mean."""
-    from branches.identity import same_orbit
+    from branches.presentation import same_orbit
 
     found = branch.orbits_at(energy=energy) if energy is not None else branch.orbits_at(alpha=alpha)
     kept: list[Orbit] = []

@@ -32,7 +32,7 @@ from bvp.interrupts import defer_interrupts
 from saltus.errors import BAD_INPUT, DONE, FAILED, BadInput, nearest, one_line, say
 
 if TYPE_CHECKING:
-    from branches.export.tables import Table
+    from branches.tables import Table
 
 __all__ = [
     "GuardedStream",
@@ -289,7 +289,7 @@ class Outputs:
         about : callable, optional
             Returns a text that files of arrays contain in addition to the table.
         cells : bool
-            As for `branches.export.tables.write_binary`.
+            As for `branches.tables.write_binary`.
         figure : Drawing, optional
             Of the kind ``plot``.
         files : mapping of str to callable, optional
@@ -325,7 +325,7 @@ class Outputs:
                         make, data, options = figure
                         write_figure(resolve_name(make), path, data, **options)
                     elif kind in ARRAYS:
-                        from branches.export.tables import write_binary
+                        from branches.tables import write_binary
 
                         assert made is not None
                         with replacing(path) as beside, beside.open("wb") as file:
@@ -333,7 +333,7 @@ class Outputs:
                     elif kind in texts:
                         write_data(path, texts[kind]())
                     else:
-                        from branches.export.tables import csv_text
+                        from branches.tables import csv_text
 
                         assert made is not None
                         write_data(path, csv_text(made()))

@@ -17,7 +17,7 @@ import numpy as np
 
 from bvp.checks import require_branch
 from bvp.texts import brief
-from transitions.ridges import SHARE, runs
+from transitions.frequencies import SHARE, runs
 
 if TYPE_CHECKING:
     from branches.branch import Branch

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from transitions.families import NEAR, Meeting
-from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, beside, runs
+from transitions.frequencies import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, beside, runs
 
 __all__ = [
     "EQUAL_OCTAVES", "EQUAL_SHARE", "Around", "FamilyInterval", "Lines", "Match", "best_of", "family_intervals", "lasting", "lines_of",

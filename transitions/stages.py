@@ -10,8 +10,18 @@ import numpy as np
 
 from transitions.families import NEAR, Families, Meeting
 from transitions.following import EQUAL_SHARE, Around, Match, best_of, family_intervals, lasting, lines_of, partner, steady, unlike
+from transitions.frequencies import (
+    LEAST_PERIODS,
+    SHARE,
+    Ridge,
+    RidgeInterval,
+    amplitude_of_motion,
+    beside,
+    periods,
+    ridge_intervals,
+    ridges,
+)
 from transitions.record import SampledMotion, require
-from transitions.ridges import LEAST_PERIODS, SHARE, Ridge, RidgeInterval, amplitude_of_motion, beside, periods, ridge_intervals, ridges
 from transitions.spectrum import Spectrum, morlet_spectrum
 from transitions.stage import Companion, Follows, Stage, StartFamily
 

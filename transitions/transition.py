@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.export.figure_data import Layout, read_figure_data, reporting, write_figure_data
+from branches.figures.data import Layout, read_figure_data, reporting, write_figure_data
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 from transitions.record import SampledMotion, require
@@ -119,7 +119,7 @@ def write_transition(transition: Transition, path: str | os.PathLike[str]) -> No
     ------
     TypeError
         For anything but a Transition.
-    branches.export.figure_data.ExportError
+    branches.figures.data.ExportError
         For another suffix.
     branches.files.WriteFailure
         If the file cannot be written; an old file is then unchanged.
@@ -149,7 +149,7 @@ def read_transition(path: str | os.PathLike[str]) -> Transition:
 
     Raises
     ------
-    branches.export.figure_data.ExportError
+    branches.figures.data.ExportError
         With one line: the file cannot be read, or something is missing in it.
     """
     about, columns = read_figure_data(_LAYOUT, path)

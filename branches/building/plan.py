@@ -13,7 +13,7 @@ import numpy as np
 from branches.catalogue.database import CatalogueError, readable
 from branches.catalogue.members import event_orbit
 from branches.catalogue.rows import EventOrbit
-from branches.identity import canonical_orbit
+from branches.presentation import canonical_orbit
 from branches.sequences import PERIODIC, impacts_per_period
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class Seed(NamedTuple):
     as an `EventOrbit`; or a `Grazing`. plan: of the complete build. wide: whether the wider bounds of the plan hold for the family and its
     neighbours. further: how many more generations of neighbours it gives, None without a limit. Below 0 the family is not followed, only
     connected if it is known in the end. link: how the orbit's family was reached, None if it was found by itself. images: the orbit's
-    presentations (`branches.identity.presentations`), by which it is recognised; may be empty.
+    presentations (`branches.presentation.presentations`), by which it is recognised; may be empty.
     """
 
     kind: str

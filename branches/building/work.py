@@ -25,10 +25,9 @@ from branches.family import RESONANCES
 from branches.full_family import Course, longest_course
 from branches.grazing.following import leaves_upward, meetings_at
 from branches.grazing.touching import touching
-from branches.identity import first_of
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.search import Limits
-from branches.presentation import presentations, segment_images, symmetries, with_canonical_sequence
+from branches.presentation import first_of, presentations, segment_images, symmetries, with_canonical_sequence
 from branches.search.discovery import WITHOUT_ORIGIN, discover_orbits
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, emanating_families

@@ -21,10 +21,10 @@ from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.impulsive.motions import Manifold
-    from branches.impulsive.orbits import ImpulsiveOrbits
     from branches.naming.matching import ReferencePoint
     from branches.orbit import Orbit
+    from branches.search.impulsive_motions import Manifold
+    from branches.search.impulsive_orbits import ImpulsiveOrbits
     from bvp.system import ImpactSystem
 
 __all__ = ["EVENTS", "Atlas", "Bound", "AtlasCurve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
@@ -119,7 +119,7 @@ class Atlas:
     @property
     def manifold_velocities(self) -> np.ndarray:
         """(N, n) start velocities of the impulsive motions: only the primary moves, in the positive direction, with all of the energy."""
-        from branches.impulsive.motions import impulsive_state
+        from branches.search.impulsive_motions import impulsive_state
 
         if not len(self.manifold_h):
             return np.zeros((0, len(self.system.coordinates)))
@@ -168,7 +168,7 @@ def atlas_of(
         Of this system.
     reference_points : mapping of names to {"h", "alpha"}
         Names that are written first where there is no room for all; see `cited_names`.
-    manifold, impulsive : as `branches.impulsive` makes them, optional
+    manifold, impulsive : as `branches.search.impulsive_orbits` and `impulsive_motions` make them, optional
     bounds : sequence of Bound
         Bounds of regimes, as from `regime_bounds`.
     energy : (float, float), optional

@@ -11,7 +11,7 @@ import numpy as np
 from branches.branch import Branch, BranchEvent
 from branches.family import Family, unphysical
 from branches.grazing.touching import Candidate, Touching, candidate, mode_label, mode_of, touching
-from branches.identity import is_solved_as_it_is
+from branches.presentation import is_solved_as_it_is
 from branches.sequences import Ends, impacts_per_period
 from branches.tracing import follow_family
 from bvp.checks import require_branch

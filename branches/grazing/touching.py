@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.identity import pattern_of
+from branches.presentation import pattern_of
 from branches.sequences import PERIODIC, Ends, ImpactSequence
 from bvp.closures import cycle_of
 from bvp.kernels.extrema import crossing_times
@@ -103,7 +103,7 @@ class Touching:
         return float(0.5 * np.sum(weights * self.after[0] ** 2))
 
     def mark(self) -> tuple[float, float, float] | None:
-        """Energy, quarter period and pattern of all instants (`branches.identity.pattern_of`).
+        """Energy, quarter period and pattern of all instants (`branches.presentation.pattern_of`).
 
         They are the same for every family that reaches the orbit with this period. None if not all choices of the grazing instants are
         tried, and for linear motion, because each family that begins there is connected to it by itself."""

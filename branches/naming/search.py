@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.identity import same_orbit
 from branches.naming.labels import Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
-from branches.presentation import embed
+from branches.presentation import embed, same_orbit
 from branches.search.discovery import LONGEST, Found, OrbitSearch, Problems, discover_orbits, fastest_turn, judged
 from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id

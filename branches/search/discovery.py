@@ -1,8 +1,8 @@
 """All primitive symmetric orbits at one energy, within bounds: each scanned segment is solved, and each orbit is kept once.
 
 Three scans find segments. `branches.search.intervals` splits the starts at an energy into intervals until each is decided.
-`branches.search.starts` compares starts at given angles: it is fast and proves nothing. `branches.impulsive.orbits` splits a range of
-energies until each interval is decided.
+`branches.search.starts` compares starts at given angles: it is fast and proves nothing. `branches.search.impulsive_orbits` splits a
+range of energies until each interval is decided.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.identity import cover_of, same_orbit
 from branches.naming.labels import Label, most_alike
 from branches.orbit import Orbit, label_at
+from branches.presentation import cover_of, same_orbit
 from branches.search.intervals import SAME_START, Limits, Opening, segment_limits, segments
 from branches.search.starts import START_FROM_A_STATE, ScannedSegment
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period

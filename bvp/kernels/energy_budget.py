@@ -80,7 +80,7 @@ def mean_exponential(real, imaginary, end_real, end_imaginary, t):
 
 
 @kernel
-def rates(flight, t, work):
+def mode_rates(flight, t, work):
     """Rates of the two exponentials of each block and their values at t, into rows 0-3 of work (real, imaginary, value); larger blocks
     have none."""
     pairs, mean, delta, matrix = flight
@@ -298,7 +298,7 @@ def integrals(flight, products, z, t, work, out):
         if not apart:
             break
         if c == 0:
-            rates(flight, t, work)
+            mode_rates(flight, t, work)
         same = True
         for k in range(2 * pairs.shape[0]):
             same = same and work[4, k] == work[at, k] and work[5, k] == work[at + 1, k]

@@ -23,7 +23,7 @@ from bvp.kernels import two_modes as entry
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.contact_mode import kick
 from bvp.kernels.flight import copy_1, set_1
-from bvp.kernels.two_modes import changing, fraction_time, numbers, product, radii, raised, rotated_slightly, rotations, spend, turned
+from bvp.kernels.two_modes import changing, fraction_time, mode_rotations, numbers, product, radii, raised, rotated_slightly, spend, turned
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = range(4)
 """Reasons: no impact is possible any more; the duration; the most impacts; not an ordinary motion."""
@@ -238,7 +238,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
             steps += 1
             if steps % 16 == 0:
                 if steps % FAR == 0:
-                    r1, i1, r2, i2 = turned(state, rotations(rates, t))
+                    r1, i1, r2, i2 = turned(state, mode_rotations(rates, t))
                     w = r1 + r2
                 now1, now2 = radii((r1, i1, r2, i2))
                 cleared = cleared or now1 + now2 + noise < reach
@@ -251,7 +251,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
             bound = upper if side > 0 else lower
             flight = guess
             for _ in range(20):
-                way = rotations(rates, flight)
+                way = mode_rotations(rates, flight)
                 later = turned(state, way)
                 rate = changing(rates, later)
                 bent = changing(rates, rate)
@@ -282,7 +282,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
                 flight = left
         infinite = side == 0 and cleared and unbounded
         if side == 0 and not infinite:
-            way = rotations(rates, flight)
+            way = mode_rotations(rates, flight)
             later = turned(state, way)
         elif infinite:
             flight = math.inf

@@ -54,7 +54,7 @@ def rotated(m, w, t):
 
 
 @part
-def rotations(rates, t):
+def mode_rotations(rates, t):
     """e^{mt} (cos wt, sin wt) of both modes. rates: (m_1, w_1, m_2, w_2)."""
     c1, s1 = rotated(rates[0], rates[1], t)
     c2, s2 = rotated(rates[2], rates[3], t)
@@ -173,7 +173,7 @@ def spend(system, terms, state, t, rotations, taken):
 @kernel
 def taken_after(system, terms, state, t, parts):
     """(energy dissipated by the dampers until t, their power at t)."""
-    way = rotations((system[MEAN], system[FREQUENCY], system[MEAN + 1], system[FREQUENCY + 1]), t)
+    way = mode_rotations((system[MEAN], system[FREQUENCY], system[MEAN + 1], system[FREQUENCY + 1]), t)
     taken = spend(system, terms, state, t, way, parts)
     later = turned(state, way)
     power = 0.0
@@ -231,7 +231,7 @@ def climb(rates, row, third, fourth, state, length, peak):
     f0, g0, h0 = derivatives(rates, row, state)
     for _ in range(10000):
         size = min(size, length - t)
-        later = turned(state, rotations(rates, size))
+        later = turned(state, mode_rotations(rates, size))
         f1, g1, h1 = derivatives(rates, row, later)
         ends = max(abs(f0), abs(f1))
         # Equation (11): the Bezier coefficients of the cubic through both ends, widened by its error.
@@ -245,7 +245,7 @@ def climb(rates, row, third, fourth, state, length, peak):
                 low = 0.0
                 high = size
                 for _ in range(50):
-                    f, g, h = derivatives(rates, row, turned(state, rotations(rates, s)))
+                    f, g, h = derivatives(rates, row, turned(state, mode_rotations(rates, s)))
                     ends = max(ends, abs(f))
                     if g * g0 > 0.0:
                         low = s

@@ -170,7 +170,7 @@ def gather(flow, kind, tube, visit, y, dy, found, count):
 
 
 @part
-def rates(flow, kind, y):
+def state_rates(flow, kind, y):
     """Velocities (kind ORIGIN) or accelerations (REST) of both modes at the state y."""
     if kind == ORIGIN:
         return y[2], y[3]
@@ -186,19 +186,19 @@ def crossing(flow, kind, tube, visit, y, dy):
     t = nearest
     for _ in range(4):
         advance(flow.squares, t, row[:4], along, y, dy)
-        v0, v1 = rates(flow, kind, y)
+        v0, v1 = state_rates(flow, kind, y)
         square = v0 * v0 + v1 * v1
         if square == 0.0:
             return -1, t
         t = min(max(t - (y[at] * v0 + y[at + 1] * v1) / square, entered), left)
     advance(flow.squares, t, row[:4], along, y, dy)
-    v0, v1 = rates(flow, kind, y)
+    v0, v1 = state_rates(flow, kind, y)
     speed = math.hypot(v0, v1)
     a0 = -flow.squares[0] * y[at]
     a1 = -flow.squares[1] * y[at + 1]
     u0 = dy[at]
     u1 = dy[at + 1]
-    w0, w1 = rates(flow, kind, dy)
+    w0, w1 = state_rates(flow, kind, dy)
     half = max(left - t, t - entered)
     # Equation (34): residual and derivative across the velocity, at the least distance.
     residual = (v0 * y[at + 1] - v1 * y[at]) / speed
@@ -243,7 +243,7 @@ def refine_zero(search, kind, k, theta, time, bracket, record, pattern, out):
             out[2] = abs(record[k, column.RESIDUAL])
         else:
             advance(flow.squares, time, record[k, :4], record[k, 4:8], y, dy)
-            v0, v1 = rates(flow, kind, y)
+            v0, v1 = state_rates(flow, kind, y)
             # Newton's method in (theta, time): the two displacements, or velocities, vanish.
             determinant = dy[at] * v1 - dy[at + 1] * v0
             if determinant == 0.0:

@@ -65,8 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     files.report(_table(found, families, terminal_width(files.words)))
     files.report(wrapped(summary(found), terminal_width(files.words), 9))
 
-    from branches.export.tables import orbit_rows
     from branches.record import discovery_to_json
+    from branches.tables import orbit_rows
 
     ids = [family or "" for family in families or repeat(None, len(found.orbits))]
     texts = {"json": lambda: discovery_to_json(found, families)}

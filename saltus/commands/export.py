@@ -14,9 +14,9 @@ from saltus.terminal import ProgressBar, counted
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue, FamilyRow
-    from branches.export.tables import Table
     from branches.figures.atlas_data import Atlas, Bound
     from branches.orbit import Orbit
+    from branches.tables import Table
     from saltus.scene import Scene
 
 WHAT = {
@@ -65,7 +65,7 @@ def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
 
 def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Write the graph, or a table of points or orbits."""
-    from branches.export.tables import DEFAULT_COLUMNS, POINT_NAMES, points_table, table_text
+    from branches.tables import DEFAULT_COLUMNS, POINT_NAMES, points_table, table_text
 
     columns = DEFAULT_COLUMNS
     if arguments.what == "points" and arguments.columns is not None:
@@ -116,7 +116,7 @@ def _graph(catalogue: Catalogue, families: list[FamilyRow], files: outputs.Outpu
 
 def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
     """The orbits that are named, or those that the families chosen have at an energy."""
-    from branches.export.tables import orbit_rows, orbit_samples
+    from branches.tables import orbit_rows, orbit_samples
 
     found: list[tuple[str, Orbit]] = []
     filters = options.filters_of(arguments)
@@ -189,7 +189,7 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     atlas = _atlas(arguments)
 
     def write_data(path: Path) -> None:
-        from branches.export.figure_data import write_atlas
+        from branches.figures.data import write_atlas
 
         write_atlas(atlas, path)
 
@@ -205,7 +205,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     from branches.figures.atlas_data import atlas_of, regime_bounds, rescaled
 
     if arguments.data is not None:
-        from branches.export.figure_data import read_atlas
+        from branches.figures.data import read_atlas
 
         for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *options.filters_of(arguments)):
             if getattr(arguments, option) not in (None, False):
@@ -221,8 +221,8 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     curve = periodic = None
     energy = shown = arguments.energy if isinstance(arguments.energy, tuple) else None
     if arguments.impulsive:
-        from branches.impulsive.motions import impulsive_manifold
-        from branches.impulsive.orbits import impulsive_orbits
+        from branches.search.impulsive_motions import impulsive_manifold
+        from branches.search.impulsive_orbits import impulsive_orbits
 
         processes.prepare(impulsive=True)
         if energy is None:

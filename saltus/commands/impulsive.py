@@ -12,9 +12,9 @@ from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_w
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue
-    from branches.export.tables import Table
-    from branches.impulsive.motions import Manifold
-    from branches.impulsive.orbits import ImpulsiveOrbits
+    from branches.search.impulsive_motions import Manifold
+    from branches.search.impulsive_orbits import ImpulsiveOrbits
+    from branches.tables import Table
 
 SCHEMA = 2
 HEADER = ("label", "other side", "energy h", "quarter alpha", "u2_velocity", "impacts", "stable", "family")
@@ -43,8 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
         # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
         files.report(f"model  {line}" for line in explain(scene.system, "U11"))
 
-    from branches.impulsive.motions import impulsive_manifold
-    from branches.impulsive.orbits import impulsive_orbits
+    from branches.search.impulsive_motions import impulsive_manifold
+    from branches.search.impulsive_orbits import impulsive_orbits
 
     longest = arguments.max_quarter_period or scene.quarter_period
     with catalogues.given(arguments, scene) as catalogue:

@@ -10,7 +10,7 @@ from saltus import catalogues, options, outputs
 from saltus.terminal import counted, range_text, table_lines, terminal_width
 
 if TYPE_CHECKING:
-    from branches.export.tables import Table
+    from branches.tables import Table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
 from saltus.errors import BadInput
-from saltus.families import agreed, family_of, select
+from saltus.families import agreed, family_named, select
 from saltus.options import positive
 from saltus.terminal import stability_word, table_lines
 
@@ -43,12 +43,12 @@ def run(arguments: argparse.Namespace) -> int:
         from saltus.scene.model import explain
 
         files.report(f"model  {line}" for line in explain(scene.system, text))
-    branch = family_of(text, scene, energy, arguments)
+    branch = family_named(text, scene, energy, arguments)
     orbit = select(branch, name, energy, alpha)
     files.report(orbit_lines(orbit, orbit.label or branch.id))
 
-    from branches.export.tables import orbit_rows
     from branches.record import orbit_to_csv, orbit_to_json
+    from branches.tables import orbit_rows
 
     texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
     return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), figure=("branches.figures.single:orbit_figure", orbit, {}))

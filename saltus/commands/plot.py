@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     return files.write(
         table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}},
-        figure=(f"transitions.figures.study:{view}_figure", study, options),
+        figure=(f"transitions.study.figure:{view}_figure", study, options),
     )
 
 

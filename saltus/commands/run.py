@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING
 from bvp.interrupts import defer_interrupts
 from saltus import catalogues, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
-from saltus.motion import start as start_options
+from saltus.motion import simulation
 from saltus.options import positive, whole_above_zero
 from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
-    from branches.export.tables import Table
-    from saltus.motion.simulation import MotionReport
-    from saltus.motion.start import Start
+    from branches.tables import Table
+    from saltus.motion.simulation import MotionReport, Start
     from saltus.scene import Scene
-    from transitions.empirical import IntrinsicModes
+    from transitions.frequencies import IntrinsicModes
 
 SAMPLES = 2000
 MOST_IMPACTS = 10_000_000
@@ -29,7 +28,7 @@ MOST_IMPACTS = 10_000_000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    start_options.add_arguments(parser)
+    simulation.add_arguments(parser)
     parser.add_argument("--duration", metavar="T", type=positive, help="time to run (default: the length of the scene's records)")
     parser.add_argument(
         "--max-impacts",
@@ -78,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
     with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
-            start = start_options.start_of_motion(arguments, scene)
+            start = simulation.start_of_motion(arguments, scene)
             processes.report_compiling(move)
             with ProgressBar(100, "% of the motion") as bar:
                 report = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
@@ -144,7 +143,7 @@ def _write(
     if locked is not None:
         files.report(comparison(record))
 
-    from branches.export.tables import csv_text
+    from branches.tables import csv_text
 
     samples = arguments.samples or SAMPLES
     notes: list[str] = []
@@ -172,7 +171,7 @@ def _write(
         captions = [f"The motion leaves {text}." for text in of_the_start(report, record, len(impacts["time"]))]
         if report.began is not None and report.began.explained != report.began.called:
             captions.insert(0, f"The family of the start is {report.began.explained}.")
-        from transitions.figures.transition import draw_transition
+        from transitions.figure import draw_transition
         from transitions.transition import atlas_behind
 
         caption = " ".join([*filter(None, [arguments.caption]), *captions])

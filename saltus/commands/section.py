@@ -124,9 +124,9 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"note   {caption}"])
 
     named = {} if arguments.names is None else {"names": arguments.names}
-    figure = "transitions.figures.section:section_figure", views, {"colour": arguments.colour, "caption": caption, **named}
+    figure = "transitions.section.figure:section_figure", views, {"colour": arguments.colour, "caption": caption, **named}
 
-    from branches.export.tables import csv_text
+    from branches.tables import csv_text
     from transitions.section.view import SCHEMA, view_record, views_table
 
     names, plane = scene.system.coordinates, planes[0]

@@ -15,12 +15,11 @@ from saltus.options import Units
 from saltus.terminal import table_lines
 
 if TYPE_CHECKING:
-    from branches.export.tables import Table
+    from branches.tables import Table
     from bvp.motion import EnergyMark
-    from saltus.motion.simulation import ImpactTable, MotionReport
-    from saltus.motion.start import Start
+    from saltus.motion.simulation import ImpactTable, MotionReport, Start
     from saltus.scene import Scene
-    from transitions.empirical import IntrinsicModes
+    from transitions.frequencies import IntrinsicModes
 
 __all__ = ["comparison", "mode_lines", "mode_table", "motion_json", "motion_lines", "motion_record", "of_the_start", "sample_table"]
 
@@ -89,7 +88,7 @@ def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | N
     """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column.
 
     Once `hurry` is true, the impacts end after `PATIENCE` seconds. A note, which the text holds too, says where; "" where all are there."""
-    from branches.export.tables import plain_columns
+    from branches.tables import plain_columns
 
     listed, count, hurried = [], len(impacts["time"]), math.inf
     for first in range(0, count, AT_ONCE):

@@ -5,7 +5,7 @@ A scene is a TOML file. Unknown keys are refused.
 - ``[system]``: ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``; or matrices ``mass``, ``damping``, ``stiffness``.
 - ``[[stops]]``, with matrices: ``c``, ``lower``, ``upper``, ``restitution``, ``name``.
 - ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
-- ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.loads`).
+- ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.reading`).
 - ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched.
 - ``[complete]``: the same three, up to which a build finds every family.
 - ``[sections]``: ``energies`` of panels of Poincare sections; ``cited``, those that the source gives.
@@ -230,7 +230,7 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
     loads = tuple(name for name in LOADS if name in scene.content)
     forces: tuple[Force, ...] = ()
     if loads:
-        from saltus.scene.loads import read_loads
+        from saltus.scene.reading import read_loads
 
         forces = read_loads(scene, system, folder)
     return Scene(

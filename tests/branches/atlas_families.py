@@ -3,8 +3,8 @@
 from functools import cache
 
 from branches.figures.atlas_data import atlas_of, regime_bounds
-from branches.impulsive.motions import impulsive_manifold
-from branches.impulsive.orbits import impulsive_orbits
+from branches.search.impulsive_motions import impulsive_manifold
+from branches.search.impulsive_orbits import impulsive_orbits
 from branches.tracing import follow_family
 from bvp.system import vibro_impact_nes
 from tests.branches.traced import traced

@@ -14,11 +14,11 @@ from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
 from benchmarks import backbone
-from branches.export import figure_data
-from branches.export.figure_data import ExportError, read_atlas, write_atlas
+from branches.figures import data as figure_data
 from branches.figures.atlas import atlas_figure, draw_atlas, velocities_figure
 from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled, thresholds_of
 from branches.figures.curves import parse_inset
+from branches.figures.data import ExportError, read_atlas, write_atlas
 from branches.figures.room import even_points, short_name
 from branches.figures.style import legend_below, write_figure
 from branches.naming.labels import canonical_label, parse

@@ -12,8 +12,7 @@ import pytest
 
 import saltus
 from branches.full_family import BORDER, FamilyMark, digests, energy_scale
-from branches.identity import canonical_orbit, cover_of, pattern_of, same_orbit
-from branches.presentation import embed, solved, symmetries
+from branches.presentation import canonical_orbit, cover_of, embed, pattern_of, same_orbit, solved, symmetries
 from branches.sequences import PERIODIC, canonical_sequence, mirror
 from branches.tracing import follow_family
 from bvp.closures import cycle_of

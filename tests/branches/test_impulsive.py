@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.impulsive.motions import ImpulsiveMotions, Traces, impulsive_state, oscillator_period
-from branches.impulsive.orbits import impulsive_orbits, judge
 from branches.naming.labels import canonical_label, parse
+from branches.search.impulsive_motions import ImpulsiveMotions, Traces, impulsive_state, oscillator_period
+from branches.search.impulsive_orbits import impulsive_orbits, judge
 from branches.tracing import follow_family
 from bvp.kernels.shooting import TURNING, ZERO
 from bvp.simulate import simulate
@@ -277,7 +277,7 @@ def test_what_cannot_be(system, energy, said):
 
 def test_a_bracket_without_a_solution_is_reported(monkeypatch):
     """Oracle: every zero is in the list of the unpolished if Newton's method is made to fail, and the list is not complete."""
-    from branches.impulsive import orbits
+    from branches.search import impulsive_orbits as orbits
     from bvp.multipoint import NotConverged
 
     def fail(problem, y):

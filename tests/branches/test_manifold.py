@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from branches.impulsive import motions as module
-from branches.impulsive.motions import dominant_frequency, impulsive_manifold, peak_at
-from branches.impulsive.orbits import impulsive_orbits
+from branches.search import impulsive_motions as module
+from branches.search.impulsive_motions import dominant_frequency, impulsive_manifold, peak_at
+from branches.search.impulsive_orbits import impulsive_orbits
 from bvp.motion import MotionStatus
 from bvp.system import vibro_impact_nes
 

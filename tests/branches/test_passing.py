@@ -7,8 +7,7 @@ import saltus
 from branches.building.work import _followed, is_half
 from branches.catalogue.members import kept_orbit, unknowns_of
 from branches.full_family import PARTS, Course, longest_course
-from branches.identity import first_of
-from branches.presentation import embed, presentations, symmetries
+from branches.presentation import embed, first_of, presentations, symmetries
 from branches.sequences import parse_sequence
 from branches.switching import emanating_families
 from branches.tracing import SETTINGS, follow_family

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 import saltus
 from benchmarks import backbone
-from branches.identity import cover_of
+from branches.presentation import cover_of
 from branches.record import discovery_to_json
 from branches.search.discovery import CLASSES, discover_orbits, judged
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan

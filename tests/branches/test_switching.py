@@ -11,9 +11,8 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
-from branches.identity import same_orbit
 from branches.naming.labels import parse
-from branches.presentation import embed, symmetries
+from branches.presentation import embed, same_orbit, symmetries
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from tests.branches.traced import EPS, monodromy, traced

@@ -11,10 +11,10 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
-from branches.impulsive.motions import impulsive_state
 from branches.naming.labels import canonical_label, parse
 from branches.naming.search import passes
 from branches.orbit import Orbit
+from branches.search.impulsive_motions import impulsive_state
 from bvp.system import vibro_impact_nes
 from tests.branches.paper_names import NAMES, SYSTEM, event, family, found, orbit_of
 from tests.branches.traced import traced

@@ -18,7 +18,7 @@ from branches.files import WriteFailure, read_input, replacing, write_text
 from saltus.errors import BadInput
 from saltus.motion.study import read_study_file
 from saltus.outputs import check_writable, write_data
-from saltus.scene.loads import read_record
+from saltus.scene.reading import read_record
 from tests.saltus.running import run
 
 

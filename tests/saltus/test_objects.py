@@ -18,7 +18,7 @@ import pytest
 from matplotlib import pyplot
 
 import saltus
-from branches.export.tables import csv_cell, csv_text
+from branches.tables import csv_cell, csv_text
 
 
 @pytest.fixture(scope="module")

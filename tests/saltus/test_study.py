@@ -338,7 +338,7 @@ def test_the_runs_as_a_table(finished, capsys, tmp_path):
 
 def test_what_a_map_and_lines_show(finished):
     """Oracle: medians and quartiles by hand; each run is in one cell; the artists of the figure have these numbers."""
-    from transitions.figures.study import lines_figure, map_figure
+    from transitions.study.figure import lines_figure, map_figure
     from transitions.study.study import along, over
 
     study = saltus.Study(finished[1])

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from transitions.empirical import IntrinsicModes, NotInstalled, decompose
+from transitions.frequencies import IntrinsicModes, NotInstalled, decompose
 
 TIMES = 0.02 * np.arange(10_000)
 

@@ -8,7 +8,7 @@ from matplotlib.text import Text
 
 from branches.figures.style import new_figure
 from bvp.system import vibro_impact_nes
-from transitions.figures.section import ROOM, has_images, robust_limits, section_figure, with_room
+from transitions.section.figure import ROOM, has_images, robust_limits, section_figure, with_room
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations, rotations
 from transitions.section.section import section

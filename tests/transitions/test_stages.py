@@ -16,7 +16,7 @@ from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, FamilyHarmonics, Meeting, families_of, harmonics
 from transitions.following import Match, family_intervals, partner, unlike
-from transitions.ridges import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
+from transitions.frequencies import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
 from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data
 from transitions.stages import stages_of, why_another

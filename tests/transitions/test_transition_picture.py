@@ -10,8 +10,8 @@ from matplotlib.text import Text
 
 import saltus
 from branches.catalogue import Catalogue
-from branches.export.figure_data import ExportError, read_atlas, write_atlas
 from branches.figures.atlas_data import atlas_of
+from branches.figures.data import ExportError, read_atlas, write_atlas
 from branches.figures.room import short_name
 from bvp.forcing import Harmonic
 from bvp.simulate import simulate
@@ -19,7 +19,7 @@ from tests.branches.test_diagram import assert_texts_apart
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import families_of
-from transitions.figures.transition import draw_transition, gradual_energy, over_energy, shown_spectrum, transition_figure
+from transitions.figure import draw_transition, gradual_energy, over_energy, shown_spectrum, transition_figure
 from transitions.record import SampledMotion, sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet

@@ -21,8 +21,8 @@ from transitions.section.section import Section
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue
-    from branches.export.tables import Table
     from branches.orbit import Orbit
+    from branches.tables import Table
     from bvp.closures import Cycle
 
 __all__ = [

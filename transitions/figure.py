@@ -14,7 +14,7 @@ from branches.figures import style
 from branches.figures.atlas import draw_modes, frequency_curve, mode_names, runs_of
 from branches.figures.curves import FREQUENCIES, draw_curve, legend_entries
 from branches.figures.room import Named, Room, names_of, write_names
-from transitions.ridges import SHARE
+from transitions.frequencies import SHARE
 from transitions.spectrum import Spectrum, TooCoarse
 
 if TYPE_CHECKING:

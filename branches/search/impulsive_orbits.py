@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from branches.impulsive.motions import ImpulsiveMotions, Traces
 from branches.orbit import Orbit, label_at
 from branches.search.discovery import OrbitSearch, Unpolished, is_complete, judged
+from branches.search.impulsive_motions import ImpulsiveMotions, Traces
 from branches.search.starts import ScannedSegment
 from bvp.checks import checked_energy_range
 from bvp.kernels.shooting import TURNING, ZERO

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from branches.export.tables import plain_columns
 from branches.search.starts import ScannedSegment
+from branches.tables import plain_columns
 from bvp.checks import checked_energy_range, require_system
 from bvp.kernels import shooting as kernel
 from bvp.kernels.impact import work_array

@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from branches.export.tables import Table, csv_text, plain_columns, write_binary
 from branches.figures.atlas_data import Atlas, AtlasCurve, Bound
 from branches.files import one_line, read_input, reason, replacing, write_text
 from branches.naming.labels import most_alike
+from branches.tables import Table, csv_text, plain_columns, write_binary
 from bvp.texts import shown
 
 __all__ = [

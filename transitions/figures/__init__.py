@@ -1,1 +1,0 @@
-"""Figures of motions that are not periodic. matplotlib is loaded only when a figure is drawn."""
