@@ -467,7 +467,7 @@ def test_a_capture_with_a_third_harmonic_is_told_from_one_without(scenes, scene)
         assert with_it.follows.family == alone.follows.family == branch.id
         assert (with_it.follows.harmonic, with_it.follows.harmonics) == (strong, (1, 3))
         assert (alone.follows.harmonic, alone.follows.harmonics) == (strong, (strong,))
-        assert f", with {weak}" in with_it.text and "with" not in alone.text
+        assert f" with harmonic {weak}" in with_it.text and "with" not in alone.text
         assert with_it.end == pytest.approx(ends[1], abs=2.0 * pair[0].period)
         assert [change.kind for change in changes([with_it, alone])] == ["capture"]
 
