@@ -11,16 +11,8 @@ from bvp.kernels.contact_mode import restitute_state
 from bvp.kernels.flight import flow_state
 from bvp.simulate import checked_state
 
-
-class ImpactStatus(Enum):
-    """What the search for the next impact found; the value says it in words."""
-
-    NONE = "no stop is reached up to the horizon"
-    HIT = "a stop is hit"
-    TOUCH = "the gap turns within the contact tolerance of a stop and goes on without an impact"
-    PRESSED = "the motion stays pressed against the stop that it starts on"
-    OUTSIDE = "the start lies beyond a stop; start with every gap coordinate within its bounds"
-    EXHAUSTED = "the search gave up; ask for a shorter horizon"
+ImpactStatus = Enum("ImpactStatus", "NONE HIT TOUCH PRESSED OUTSIDE EXHAUSTED", start=0)
+"""What the search for the next impact found, as the kernel numbers it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +49,7 @@ def next_impact(system, u, v, horizon, leaving=None):
     state = modes.to_state @ end
     speed = float(modes.contact_side[contact] * (modes.contact_rate[contact] @ end)) if contact >= 0 else 0.0
     letter = modes.contact_letters[contact] if contact >= 0 else ""
-    return NextImpact(tuple(ImpactStatus)[status], float(time), letter, state[:n], state[n:], speed)
+    return NextImpact(ImpactStatus(status), float(time), letter, state[:n], state[n:], speed)
 
 
 def restitute(system, contact, v):

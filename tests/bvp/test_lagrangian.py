@@ -161,71 +161,49 @@ def test_a_coordinate_may_have_a_functions_name():
 
 REFUSED = [
     # nonlinear terms, by name
-    (
-        {"potential": POTENTIAL + " + u1**4/4"},
-        "the potential energy has the term u1**4/4, which is not quadratic in the coordinates",
-    ),
-    ({"potential": POTENTIAL + " + mu*(u1 - u2)**3"}, "which is not quadratic"),
-    (
-        {"potential": POTENTIAL + " + 2*cos(u1)"},
-        "the potential energy has the term 2*cos(u1), which is not quadratic in the coordinates",
-    ),
+    ({"potential": POTENTIAL + " + u1**4/4"}, "the potential energy has the term u1**4/4, which is not quadratic in the coordinates"),
+    ({"potential": POTENTIAL + " + 2*cos(u1)"}, "the potential energy has the term 2*cos(u1), which is not quadratic in the coordinates"),
     ({"potential": "sigma/u1"}, "has the term sigma/u1"),
-    ({"potential": "Abs(u1)"}, "has the term Abs(u1)"),
     ({"potential": POTENTIAL + " - mu*u1"}, "has the term -mu*u1, a constant load, which is not quadratic"),
     ({"potential": POTENTIAL + " + u1*u1_dot"}, "the potential energy has the velocity u1_dot in the term u1*u1_dot"),
     ({"kinetic": KINETIC + " + u1**2*u1_dot**2"}, "the kinetic energy has the coordinate u1 in the term u1**2*u1_dot**2"),
     ({"kinetic": KINETIC + " + u1_dot"}, "the kinetic energy has the term u1_dot, which is not quadratic in the velocities"),
-    ({"dissipation": "u1_dot**3"}, "the dissipation has the term u1_dot**3"),
     ({"gaps": [("u1 - u2**2", -1, 1)]}, "gap 1 has the term -u2**2, which is not linear in the coordinates"),
-    ({"gaps": [("u1", -1, 1), ("sin(u2)", -1, 1)]}, "gap 2 has the term sin(u2), which is not linear"),
-    ({"gaps": [("u1_dot", -1, 1)]}, "gap 1 has the velocity u1_dot"),
     ({"gaps": [("mu", -1, 1)]}, "contains no coordinate"),
     # symbols without meaning
     ({"potential": "k*u2**2"}, "the potential energy has the symbol k, which is neither a coordinate nor a velocity"),
     ({"potential": "sigm*u2**2"}, "the nearest known is sigma"),
-    ({"potential": "u3**2"}, "has the symbol u3, which is neither a coordinate nor a velocity (u1, u2, u1_dot, u2_dot)"),
     ({"potential": "t*u2**2"}, "depends on the time t"),
     ({"potential": sympy.Function("f")(sympy.Symbol("t")) ** 2}, "has f(t), which is neither a coordinate nor a velocity"),
     ({"gaps": [("u1", -1, "gap")]}, "the upper bound of gap 1 has the symbol gap"),
     ({"gaps": [("u1", "u2", 1)]}, "the lower bound of gap 1 has the coordinate u2"),
     # numbers
     ({"parameters": {"mu": math.nan, "sigma": 1, "rho": 1}}, "parameter mu is a finite real number"),
-    ({"parameters": {"mu": "0.1", "sigma": 1, "rho": 1}}, "parameter mu is a finite real number"),
     ({"parameters": {"mu": 1, "sigma": 1j, "rho": 1}}, "parameter sigma is a finite real number"),
     ({"potential": "u1**2/(mu - 1/10)", "parameters": {"mu": sympy.Rational(1, 10)}}, "is a finite real number"),
     ({"potential": "sqrt(-1)*u1**2"}, "not a finite real expression"),
     ({"potential": "u1**2/0"}, "not a finite real expression"),
-    ({"potential": math.nan}, "not a finite real expression"),
     ({"gaps": [("u1", math.nan, 1)]}, "the lower bound of gap 1 is not a finite real expression"),
     # shapes
     ({"coordinates": "u1"}, "coordinates is a list"),
-    ({"coordinates": []}, "coordinates is a list"),
     ({"coordinates": [1, 2]}, "coordinate 1 is neither a name nor a symbol"),
     ({"coordinates": ["u1", "u1"]}, "the name u1 is given twice"),
-    ({"parameters": {"u1": 1}}, "the name u1 is given twice"),
     ({"velocities": ["v1"]}, "velocities is a list of 2"),
     ({"gaps": "u1"}, "gaps is a list"),
     ({"gaps": ["u1 - u2"]}, "gap 1 is (expression, lower, upper)"),
     ({"kinetic": None}, "the kinetic energy is neither an expression, text nor a number"),
-    ({"kinetic": True}, "the kinetic energy is"),
     # text that is no arithmetic
     ({"potential": "u1**"}, 'the potential energy "u1**" cannot be read: not an expression'),
-    ({"potential": ""}, "cannot be read"),
     ({"potential": "u1^2"}, "a power is written **"),
     ({"potential": "u1.__class__"}, "attributes such as .__class__ are not allowed"),
-    ({"potential": "u1.real**2"}, "attributes such as .real are not allowed"),
     ({"potential": "__import__('os').getcwd()"}, "cannot be read"),
     ({"potential": "__builtins__*u1**2"}, "the name __builtins__ is not allowed"),
     ({"potential": "eval('1')*u1**2"}, "the functions known"),
-    ({"potential": "Integer(3)*u1**2"}, "the functions known"),
     ({"potential": "u1[0]"}, "only + - * / **"),
     ({"potential": "(lambda: 1)()"}, "cannot be read"),
-    ({"potential": "[u1 for u1 in (1, 2)]"}, "only + - * / **"),
     ({"potential": "'u1'"}, "is not a finite real number"),
     ({"potential": "1e999*u1**2"}, "is not a finite real number"),
     ({"potential": "u1**2 + 9**9**9"}, "a power is at most"),
-    ({"potential": "u1**1000"}, "a power is at most"),
     ({"potential": "(" * 500 + "u1" + ")" * 500}, "cannot be read"),
 ]
 
@@ -237,16 +215,10 @@ def test_refusals(change, message):
     assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_what_makes_no_system_is_refused_by_the_system():
-    for change in (
-        {"kinetic": "u1_dot**2 - u2_dot**2"},
-        {"gaps": [("u1", 1, -1)]},
-        {"gaps": [("u1", -1, 1, 1.5)]},
-        {"gaps": []},
-        {"primary": "u4"},
-    ):
-        with pytest.raises(InvalidSystem):
-            reference(**change)
+@pytest.mark.parametrize("change", [{"kinetic": "u1_dot**2 - u2_dot**2"}, {"gaps": [("u1", 1, -1)]}, {"gaps": []}, {"primary": "u4"}])
+def test_what_makes_no_system_is_refused_by_the_system(change):
+    with pytest.raises(InvalidSystem):
+        reference(**change)
 
 
 def test_functions_of_two_times_are_refused():

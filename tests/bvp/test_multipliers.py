@@ -236,12 +236,7 @@ def test_grazing_is_said_and_gives_no_numbers():
     assert "impact 2 of 2 grazes" in found.note
     with pytest.raises(ValueError, match="zero speed"):
         saltation_matrix(system, contact, np.zeros(4))
-
-
-def test_refusals():
-    orbit = collection()[0]
-    cycle = cycle_of(orbit.problem, orbit.solution.y)
-    smooth = Cycle(cycle.system, cycle.before[:1], cycle.after[:1], cycle.duration[:1], np.array([-1]), 0.0)
+    smooth = Cycle(system, cycle.before[:1], cycle.after[:1], cycle.duration[:1], np.array([-1]), 0.0)
     with pytest.raises(ValueError, match="without impacts"):
         saddle_point_multipliers(smooth)
 

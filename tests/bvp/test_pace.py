@@ -151,9 +151,3 @@ def test_the_work_of_a_call_follows_the_time_that_it_takes(monkeypatch):
         with pace:
             now[0] += 10.0
     assert pace.passes == 1 and first > 1
-
-
-def test_blocks_cover_everything_once():
-    """Oracle: the numbers themselves."""
-    parts = [np.arange(10_000)[part] for part in Pace().blocks(10_000)]
-    assert np.array_equal(np.concatenate(parts), np.arange(10_000)) and len(parts) > 1

