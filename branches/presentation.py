@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from functools import lru_cache, reduce
+from functools import reduce
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -188,15 +188,13 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     sizes = np.abs(cycle.after)
     time = tolerance * float(cycle.duration.max())
     state = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
-
-    def is_shifted(by: int, sign: int) -> bool:
-        """Whether the orbit is `sign` times itself so many impacts later."""
-        if (np.abs(np.roll(cycle.duration, -by) - cycle.duration) > time).any():
-            return False
-        return bool((np.abs(np.roll(cycle.after, -by, axis=0) - sign * cycle.after) <= state).all())
-
-    length = next((d for d in range(1, count) if count % d == 0 and is_shifted(d, 1)), count)
-    half = cycle.system.has_odd_symmetry and length % 2 == 0 and is_shifted(length // 2, -1)
+    # How often, and with which sign, the orbit is itself some impacts later.
+    rows, slack = np.column_stack([cycle.duration, cycle.after]), np.concatenate([[time], state])
+    shifts = (d for d in range(1, count) if count % d == 0)
+    length = next((d for d in shifts if (np.abs(np.roll(rows, -d, axis=0) - rows) <= slack).all()), count)
+    negative = np.column_stack([cycle.duration, -cycle.after])
+    opposite = bool((np.abs(np.roll(rows, -(length // 2), axis=0) - negative) <= slack).all())
+    half = cycle.system.has_odd_symmetry and length % 2 == 0 and opposite
     # The flight times exclude most reversals, all at once: row j of `index` numbers the flights from j on.
     index = (np.arange(count)[:, None] + np.arange(count)) % count
     backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= time, axis=1)
@@ -238,7 +236,7 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Present
         once = slice(len(cycle.duration) // found.cover)
         cycle = Cycle(cycle.system, cycle.before[once], cycle.after[once], cycle.duration[once], cycle.contact[once], cycle.lead)
     if not found.reversals:
-        return _closed(cycle)
+        return closed_presentations(cycle)
     kinds = []
     for instant, e in found.reversals:
         distance = np.abs((cycle.times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
@@ -250,9 +248,10 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Present
     return _with_mirrored(cycle.system, images)
 
 
-def closed_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+def closed_presentations(cycle: Cycle) -> list[Presentation]:
     """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry."""
-    return _closed(cycle_of(problem, y))
+    each = range(len(cycle.duration))
+    return _with_mirrored(cycle.system, [closed_presentation(cycle, first=i, backwards=back) for back in (False, True) for i in each])
 
 
 def segment_images(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
@@ -262,15 +261,9 @@ def segment_images(problem: MultipointProblem, y: np.ndarray) -> list[Presentati
     These are `all_presentations` of an orbit that is primitive and has no more reversals than its ends.
     """
     if problem.periodic:
-        return closed_presentations(problem, y)
+        return closed_presentations(cycle_of(problem, y))
     own = presentation_of(problem, y)
     return _with_mirrored(problem.system, [own, run_backwards(problem.system, own, problem)])
-
-
-def _closed(cycle: Cycle) -> list[Presentation]:
-    count = len(cycle.duration)
-    images = [closed_presentation(cycle, first=first, backwards=backwards) for backwards in (False, True) for first in range(count)]
-    return _with_mirrored(cycle.system, images)
 
 
 def _with_mirrored(system: ImpactSystem, images: list[Presentation]) -> list[Presentation]:
@@ -368,21 +361,15 @@ def same_orbit(
 def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    if not _may_repeat(problem.ends, problem.sequence):
+    # Only a sequence of a period that repeats a shorter one, or one and its mirror image in turn, can belong to such an orbit.
+    letters = full_sequence(problem.sequence, problem.ends)
+    count, half = len(letters), len(letters) // 2
+    repeats = any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count))
+    alternates = problem.quarters == 2 and count % 2 == 0 and letters[half:] == mirror(letters[:half])
+    if not repeats and not alternates:
         return 1
     found = symmetries(cycle_of(problem, solution.y))
     return 2 if found.cover == 1 and problem.quarters == 2 and found.half else found.cover
-
-
-@lru_cache(maxsize=4096)
-def _may_repeat(ends: Ends, sequence: ImpactSequence) -> bool:
-    """Whether the contact sequence of a period repeats a shorter sequence, or a shorter sequence and its mirror image in turn."""
-    letters = full_sequence(sequence, ends)
-    count, half = len(letters), len(letters) // 2
-    if any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count)):
-        return True
-    # Of a quarter the second half period is the image of the first in any case: its problem solves such an orbit once.
-    return segments_per_period(ends) == 2 and count % 2 == 0 and letters[half:] == mirror(letters[:half])
 
 
 def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> float:

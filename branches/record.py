@@ -20,7 +20,7 @@ import numpy as np
 
 from branches.files import is_special, write_text
 from branches.sequences import impacts_per_period
-from branches.tables import csv_cell, plain_columns
+from branches.tables import csv_cell, plain, plain_columns
 
 if TYPE_CHECKING:
     import pandas
@@ -80,14 +80,14 @@ def to_record(branch: Branch) -> dict[str, Any]:
         "branch": {
             "id": branch.id,
             "label": branch.label,
-            "aliases": _plain(branch.aliases),
+            "aliases": plain(branch.aliases),
             "ends": list(branch.ends),
             "sequence": branch.sequence,
-            "energy": _plain(branch.energy),
+            "energy": plain(branch.energy),
             "others": [{"from": _place(piece.first), "to": _place(piece.last)} for piece in branch.others],
         },
         "points": points,
-        "events": [{name: _plain(getattr(event, name)) for name in EVENT} | {"note": event.note or None} for event in branch.events],
+        "events": [{name: plain(getattr(event, name)) for name in EVENT} | {"note": event.note or None} for event in branch.events],
         "ended": [{"reason": str(end.reason), "text": end.text} for end in branch.ended],
     }
 
@@ -113,8 +113,8 @@ def _point(row: Mapping[str, Any]) -> dict[str, Any]:
 def _orbit(orbit: Orbit) -> dict[str, Any]:
     """An orbit by the names of a branch's point, and its impacts over a period."""
     u, v = orbit.sample(np.zeros(1))
-    multipliers = _plain(orbit.multipliers)
-    return _plain(
+    multipliers = plain(orbit.multipliers)
+    return plain(
         {
             "label": orbit.label,
             "ends": orbit.ends,
@@ -196,8 +196,8 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
                     "ends": list(item.ends),
                     "sequence": item.sequence,
                     "angle": item.parameter,
-                    "alpha": _plain(item.alpha),
-                    "residual": _plain(item.residual),
+                    "alpha": plain(item.alpha),
+                    "residual": plain(item.residual),
                     "reason": item.reason,
                 }
                 for item in found.unpolished
@@ -214,7 +214,7 @@ def _discovered(orbit: Orbit, family: str | None) -> dict[str, Any]:
         "ends": list(orbit.ends),
         "sequence": orbit.sequence,
         "impacts": half_period_impacts(orbit),
-        **{name: _plain(getattr(orbit, name)) for name in names},
+        **{name: plain(getattr(orbit, name)) for name in names},
     }
 
 
@@ -291,16 +291,3 @@ def _json(record: Mapping[str, Any]) -> str:
             text = "[\n    " + ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in value) + "\n  ]"
         lines.append(f"  {json.dumps(key)}: {text}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def _plain(value: Any) -> Any:
-    """A value as JSON has it: null for what is not finite, [re, im] for a complex number."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, complex):
-        return [value.real, value.imag] if math.isfinite(value.real) and math.isfinite(value.imag) else None
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -11,7 +11,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BINARY", "DEFAULT_COLUMNS", "POINT_NAMES", "TABLE_FORMATS", "Table", "csv_cell", "csv_text", "orbit_rows", "orbit_samples",
-    "plain_columns", "points_table", "table_text", "write_binary",
+    "plain", "plain_columns", "points_table", "table_text", "write_binary",
 ]  # fmt: skip
 
 TABLE_FORMATS = ("csv", "json", "npz", "mat")
@@ -70,11 +70,10 @@ def csv_text(table: Table, *, codes: bool = False) -> str:
 
 def plain_columns(table: Table, *, codes: bool = False) -> dict[str, list[Any]]:
     """The columns as JSON has them: None for what is not finite, [re, im] for a complex number."""
-    return {key: [_plain(value, "" if codes else key) for value in _listed(values)] for key, values in table.items()}
-
-
-def _listed(values: np.ndarray | list[np.ndarray]) -> list[Any]:
-    return [value.tolist() for value in values] if isinstance(values, list) else values.tolist()
+    columns = {key: plain(values) for key, values in table.items()}
+    if "stable" in columns and not codes:
+        columns["stable"] = [None if code < 0 else bool(code) for code in columns["stable"]]
+    return columns
 
 
 def _cells(name: str, values: list[Any], column: np.ndarray | list[np.ndarray]) -> dict[str, list[str]]:
@@ -123,15 +122,17 @@ def write_binary(table: Table, format: str, file: IO[bytes], *, about: str | Non
     savemat(file, arrays, do_compression=True, long_field_names=True, oned_as="column")
 
 
-def _plain(value: Any, name: str) -> Any:
-    """A value as JSON has it."""
-    if isinstance(value, list):
-        return [_plain(entry, name) for entry in value]
-    if name == "stable":
-        return None if value < 0 else bool(value)
+def plain(value: Any) -> Any:
+    """A value as JSON has it: null for what is not finite, [re, im] for a complex number."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     if isinstance(value, complex):
         return [value.real, value.imag] if math.isfinite(value.real) and math.isfinite(value.imag) else None
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return {key: plain(entry) for key, entry in value.items()} if isinstance(value, Mapping) else value
 
 
 def csv_cell(value: Any) -> str:

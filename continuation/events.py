@@ -90,7 +90,7 @@ class EventFinder:
         singular = [i for i in order["crossing"] if self._tests[i].singular]
         located += self._zeros(singular, locator, resolution, limit, before, ds)
         for index in singular:
-            resolution.exclude_start(index, self._tests[index])
+            resolution.exclude(index, self._tests[index])
         located += self._zeros([i for i in order["crossing"] if i not in singular], locator, resolution, limit, before, ds)
         for index in order["change"]:
             located += [(index, change) for change in locator.changes(index, limit)]

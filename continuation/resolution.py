@@ -127,31 +127,24 @@ class Resolution:
                 return True
         return False
 
-    def exclude(self, index: int, test: TestFunction, low: float, high: float) -> None:
-        """Make a zone around a branch point between the steps of length low and high, which its test function marked.
+    def exclude(self, index: int, test: TestFunction, low: float = 0.0, high: float = 0.0) -> None:
+        """Make a zone around a branch point between the steps of length low and high, which its test function marked; by default at the
+        start of the step, if a branch point is so near to it.
 
         Raises
         ------
         StepRefused
             The steps on its two sides are of two families.
         """
-        samples, level = self._near(index, test)
+        samples = [(place, abs(float(step.tests[index]))) for place, step in self.locator.taken]
+        level = min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
+        if high == 0.0 and (samples[0][1] >= level or any(zone.low < 0.0 < zone.high for zone in self.zones)):
+            return
         first = self._zone_end(index, [pair for pair in reversed(samples) if pair[0] <= low], level, high, -math.inf)
         last = self._zone_end(index, [pair for pair in samples if pair[0] >= high], level, low, math.inf)
         if level == test.singular and math.isfinite(last - first) and self.locator.between_families(first, last):
             raise StepRefused("a step goes over to another family")
         self.zones.append(Zone(first, last, test, []))
-
-    def exclude_start(self, index: int, test: TestFunction) -> None:
-        """Make a zone at the start of the step if a branch point is so near to it."""
-        samples, level = self._near(index, test)
-        if samples[0][1] < level and not any(zone.low < 0.0 < zone.high for zone in self.zones):
-            self.zones.append(Zone(-math.inf, self._zone_end(index, samples, level, 0.0, math.inf), test, []))
-
-    def _near(self, index: int, test: TestFunction) -> tuple[list[tuple[float, float]], float]:
-        """The samples of a test function for branch points without their signs, and the level below which a branch point is near."""
-        samples = [(place, abs(float(step.tests[index]))) for place, step in self.locator.taken]
-        return samples, min(test.singular, NEAR_BRANCH_POINT * max(value for _, value in samples))
 
     def _zone_end(self, index: int, samples: list[tuple[float, float]], level: float, last: float, beyond: float) -> float:
         """The step at which a test function for branch points reaches a level, from samples in order away from the branch point, which is

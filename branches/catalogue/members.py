@@ -271,7 +271,7 @@ def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, sequence: I
     found = seen_from(problem, y, ends, sequence)
     if found is not None:
         return found
-    closed = closed_presentations(problem, y) if ends == PERIODIC else []
+    closed = closed_presentations(cycle_of(problem, y)) if ends == PERIODIC else []
     for presentation in (*closed, *presentations(problem, y)):
         if (presentation.ends, tuple(presentation.sequence)) == (ends, tuple(sequence)):
             other = MultipointProblem(problem.system, ends, sequence)

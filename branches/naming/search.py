@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,29 +97,25 @@ class Search:
                 energies = np.exp(np.linspace(math.log(least), math.log(high), 2 * count + 1)[1::2])
             angles = density * max(1, min(4, max(self.impacts)))
             self.searched = (len(energies), angles)
-            found = [orbit for h in energies for orbit in self._at(h, angles)]
+            found = []
+            for h in energies:
+                search = OrbitSearch(self.system, self.problems)
+                for segment in (segment for sampler in self.samplers for segment in sampler.segments(h, angles)):
+                    orbit = search.add(segment, partial(MultipointProblem.solve, energy=h))
+                    if orbit is None:
+                        continue
+                    label, pattern = orbit.label, self.name.label
+                    if label is not None and pattern is not None and label.kind == "U" and label.p != label.q:
+                        # Started at its other end, Umnpq is Umnqp.
+                        if not self.fits(orbit) and matches(pattern, label):
+                            orbit = from_other_end(orbit)
+                    if self.fits(orbit):
+                        found.append(orbit)
+                    elif orbit.label is not None:
+                        self.seen.setdefault(str(canonical_label(orbit.label)), (orbit.h, orbit.alpha))
             if found:
                 return found
         return []
-
-    def _at(self, h: float, angles: int) -> list[Found]:
-        out = []
-        search = OrbitSearch(self.system, self.problems)
-        for sampler in self.samplers:
-            for segment in sampler.segments(h, angles):
-                orbit = search.add(segment, lambda problem, y: problem.solve(y, energy=h))
-                if orbit is None:
-                    continue
-                label, pattern = orbit.label, self.name.label
-                if label is not None and pattern is not None and label.kind == "U" and label.p != label.q:
-                    # Started at its other end, Umnpq is Umnqp.
-                    if not self.fits(orbit) and matches(pattern, label):
-                        orbit = from_other_end(orbit)
-                if self.fits(orbit):
-                    out.append(orbit)
-                elif orbit.label is not None:
-                    self.seen.setdefault(str(canonical_label(orbit.label)), (orbit.h, orbit.alpha))
-        return out
 
     def fits(self, orbit: Found) -> bool:
         """Whether an orbit has the name, apart from its suffix and the hash of an id."""

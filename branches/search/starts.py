@@ -27,7 +27,7 @@ from bvp.kernels.shooting import EndSet, Flow, ScanLimits, Scanned, scan_starts
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Path", "QUADRATIC", "START_FROM_A_STATE", "Sampler", "ScannedSegment", "StartCurve", "curves", "origin_starts"]
+__all__ = ["Path", "QUADRATIC", "START_FROM_A_STATE", "Sampler", "ScannedSegment", "StartCurve", "curves"]
 
 START_FROM_A_STATE = "start its families from a given state"
 """Advice if no scan can find them."""
@@ -228,15 +228,6 @@ NARROWINGS = 6
 """Steps that narrow a bracket before Newton's method takes over, by the secant and by halving."""
 
 
-def origin_starts(energy: float, angles: np.ndarray) -> np.ndarray:
-    """Modal states (M, 4) at the origin with an energy. The angle is that of the modal velocities."""
-    speed = np.sqrt(2.0 * energy)
-    out = np.zeros((angles.size, 4))
-    out[:, 2] = speed * np.cos(angles)
-    out[:, 3] = speed * np.sin(angles)
-    return out
-
-
 class Sampler:
     """Scans one system, which must be two-dof with one stop, from the origin to a far end of one kind: "origin", "rest" or "stop".
 
@@ -258,11 +249,13 @@ class Sampler:
         self.functional = np.ascontiguousarray(np.array([row, row @ modes.matrix, row @ modes.matrix @ modes.matrix]))
         self.work = work_array(4, len(modes.contact_side))
 
-    def follow(self, starts: np.ndarray, impacts: Sequence[int], nodes: bool = False) -> tuple[np.ndarray, ...]:
-        """Follow starts (M, 4) through up to K = max(impacts) impacts.
+    def follow(self, energy: float, angles: np.ndarray, impacts: Sequence[int], nodes: bool = False) -> tuple[np.ndarray, ...]:
+        """Follow starts at the origin through up to K = max(impacts) impacts. Their modal velocities have these angles (M,).
 
         Returns
         -------
+        starts : (M, 4) float
+            Modal states at the origin.
         sequences : (M, K + 1) int
             Contacts hit, -1 after the last.
         times, residuals : (M, K + 1, C) float
@@ -272,7 +265,9 @@ class Sampler:
         """
         wanted = np.zeros(max(impacts) + 1, dtype=np.int64)
         wanted[list(impacts)] = 1
-        most, count, modes = max(impacts), len(starts), self.modes
+        most, count, modes = max(impacts), len(angles), self.modes
+        speed = np.sqrt(2.0 * energy)
+        starts = np.column_stack([np.zeros((count, 2)), speed * np.cos(angles), speed * np.sin(angles)])
         crossings = 1 if self.kind == STOP else CROSSINGS
         sequences = np.full((count, most + 1), -1, dtype=np.int64)
         times = np.full((count, most + 1, crossings), np.nan)
@@ -283,7 +278,7 @@ class Sampler:
         end, limits = EndSet(self.kind, self.transverse, self.functional), ScanLimits(wanted, most, self.longest)
         found = Scanned(sequences, times, residuals, ends, status, states, instants)
         scan_starts(modes.flight, modes.contacts, end, starts, limits, found, self.work)
-        return sequences, times, residuals, states, instants
+        return starts, sequences, times, residuals, states, instants
 
     def segments(self, energy: float, angles: int | np.ndarray) -> Iterator[ScannedSegment]:
         """The segment of each change of sign between neighbouring angles (M,), in order of the impacts and angles.
@@ -291,7 +286,7 @@ class Sampler:
         A number of angles stands for as many in half a turn. The other half is its mirror image."""
         if isinstance(angles, int):
             angles = (np.arange(angles + 1) + 0.5) * (np.pi / angles)
-        sequences, _, residuals, _, _ = self.follow(origin_starts(energy, angles), self.impacts)
+        _, sequences, _, residuals, _, _ = self.follow(energy, angles, self.impacts)
         # A number for each sequence: beyond 38 impacts it needs Python's integers.
         dtype = object if sequences.shape[1] > 38 else np.int64
         code = np.cumsum((sequences + 1) * 3 ** np.arange(sequences.shape[1], dtype=dtype), axis=1)
@@ -306,7 +301,7 @@ class Sampler:
 
     def _narrowed(self, energy: float, k: int, c: int, low: float, high: float) -> ScannedSegment | None:
         """The segment of the zero of the c-th crossing after k impacts between two angles; None if it has other impacts."""
-        sequences, _, residuals, _, _ = self.follow(origin_starts(energy, np.array([low, high])), [k])
+        _, sequences, _, residuals, _, _ = self.follow(energy, np.array([low, high]), [k])
         f_low, f_high = residuals[0, k, c], residuals[1, k, c]
         hits = k + 1 if self.kind == STOP else k
         key = tuple(sequences[0, :hits])
@@ -314,7 +309,7 @@ class Sampler:
             middle = 0.5 * (low + high)
             guess = low - f_low * (high - low) / (f_high - f_low) if f_high != f_low else middle
             points = np.array(sorted({middle, min(max(guess, low), high)}))
-            sequences, _, residuals, _, _ = self.follow(origin_starts(energy, points), [k])
+            _, sequences, _, residuals, _, _ = self.follow(energy, points, [k])
             for point, sequence, f in zip(points.tolist(), sequences, residuals[:, k, c], strict=True):
                 if tuple(sequence[:hits]) != key or not np.isfinite(f) or not low <= point <= high:
                     continue
@@ -323,8 +318,7 @@ class Sampler:
                 else:
                     high, f_high = point, f
         best, residual = (low, f_low) if abs(f_low) < abs(f_high) else (high, f_high)
-        start = origin_starts(energy, np.array([best]))
-        sequences, times, _, states, instants = self.follow(start, [k], nodes=True)
+        start, sequences, times, _, states, instants = self.follow(energy, np.array([best]), [k], nodes=True)
         if -1 in sequences[0, :k] or not np.isfinite(times[0, k, c]):
             return None
         letters = [self.modes.contact_letters[contact] for contact in sequences[0]]

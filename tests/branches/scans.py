@@ -3,7 +3,7 @@
 import numpy as np
 
 from branches.search.discovery import OrbitSearch
-from branches.search.starts import Sampler, origin_starts
+from branches.search.starts import Sampler
 
 
 def sampled(system, end, quarter_period, energy, angles, impacts):
@@ -18,7 +18,7 @@ def refined(system, end, quarter_period, energy, angle, most, width, count=801):
     sampler = Sampler(system, end, quarter_period, [most])
     grid = angle + np.linspace(-width, width, count)
     for _ in range(14):
-        sequences = sampler.follow(origin_starts(energy, grid), [most])[0]
+        sequences = sampler.follow(energy, grid, [most])[1]
         change = np.any(sequences[1:] != sequences[:-1], axis=1) & (np.diff(grid) > 1e-14)
         if not change.any():
             break
