@@ -101,29 +101,19 @@ def test_a_march_is_the_run_step_by_step(case, points):
     assert points is not None or sum(marching.blocks) > 0.3 * len(alone.points)
 
 
-@pytest.mark.parametrize("number", [1, 2, 30, 64, 65, 66])
-def test_a_march_stops_where_the_condition_holds(number):
-    """Points computed ahead are not given, and not counted."""
-    runs = [
-        parts(follow(problem, np.array([0.3]), settings=SHORT, stop_when=lambda point: point.index == number))
-        for problem in (Line(GUARD), Marching(Line(GUARD)))
-    ]
-    (points, _, (end,)), (marched, _, (marched_end,)) = runs
-    same(points, marched)
-    assert end == marched_end and end.tally.accepted == points[-1].index
-
-
-def test_a_march_that_passes_its_start_with_another_tangent_goes_on():
-    start = Eight().step(np.zeros(2), np.array([1.0, 2.0]) / math.sqrt(5), 0.0)
-    runs = [parts(follow(problem, start, 0, Settings(maximum_step=0.1))) for problem in (Eight(), Marching(Eight()))]
-    same(runs[0][0], runs[1][0])
-    assert runs[0][2] == runs[1][2] and runs[0][2][0].reason.name == "CLOSED"
-
-
-def test_an_event_to_stop_at_ends_a_march():
-    runs = [
-        parts(follow(problem, np.array([0.3]), settings=SHORT, stop_at={"A"})) for problem in (Line(*EVENTS), Marching(Line(*EVENTS)))
-    ]
-    for a, b in zip(*(run[:2] for run in runs), strict=True):
-        same(a, b)
-    assert runs[0][2] == runs[1][2]
+@pytest.mark.parametrize(
+    ("make", "options"),
+    [
+        *((lambda: Line(GUARD), {"stop_when": lambda point, number=number: point.index == number}) for number in (1, 2, 30, 64, 65, 66)),
+        (lambda: Line(*EVENTS), {"stop_at": {"A"}}),
+        (Eight, {"direction": 0, "settings": Settings(maximum_step=0.1)}),  # it passes its start with another tangent
+    ],
+)
+def test_blocks_in_one_direction_are_the_run_step_by_step(make, options):
+    """Points computed ahead of a stop are not given, and not counted."""
+    start = Eight().step(np.zeros(2), np.array([1.0, 2.0]) / math.sqrt(5), 0.0) if make is Eight else np.array([0.3])
+    alone, together = (parts(follow(problem, start, **{"settings": SHORT, **options})) for problem in (make(), Marching(make())))
+    same(alone[0], together[0])
+    same(alone[1], together[1])
+    assert alone[2] == together[2] and (make is not Eight or alone[2][0].reason.name == "CLOSED")
+    assert "stop_when" not in options or alone[2][0].tally.accepted == alone[0][-1].index

@@ -89,24 +89,17 @@ def test_steps_keep_to_the_target_turn():
     assert max(middle) < 0.06 and min(middle) > 0.04
 
 
-@pytest.mark.parametrize("direction", [1, -1])
-def test_direction_is_the_sign_of_the_first_slope(direction):
-    points, _, _ = parts(follow(cubic(), np.array([2.0, 6.0]), direction, Settings(maximum_points=5)))
-    assert all(point.step.slope * direction > 0 for point in points)
-    assert (points[1].step.parameter - points[0].step.parameter) * direction > 0
-
-
-def test_at_a_fold_the_two_directions_leave_oppositely():
-    ways = [parts(follow(circle(), np.array([0.0, 1.0]), way, Settings(maximum_points=3)))[0][-1].step.y[0] for way in (1, -1)]
-    assert ways[0] * ways[1] < 0
-
-
-def test_direction_zero_keeps_the_tangent_of_a_step():
+def test_direction_is_the_sign_of_the_first_slope_or_that_of_the_start():
     problem = cubic()
     step = problem.begin(np.array([2.0, 6.0]))
-    for given_step in (step, problem.step(step.y, -step.tangent, 0.0)):
-        points, _, _ = parts(follow(problem, given_step, 0, Settings(maximum_points=2)))
-        assert float((points[1].step.y - points[0].step.y) @ given_step.tangent) > 0
+    starts = [(step.y, 1, None), (step.y, -1, None), (step, 0, step), (turned := problem.step(step.y, -step.tangent, 0.0), 0, turned)]
+    for start, direction, along in starts:
+        points, _, _ = parts(follow(problem, start, direction, Settings(maximum_points=5)))
+        assert all(point.step.slope * direction > 0 for point in points) or not direction
+        assert direction == 0 or (points[1].step.parameter - points[0].step.parameter) * direction > 0
+        assert along is None or float((points[1].step.y - points[0].step.y) @ along.tangent) > 0
+    ways = [parts(follow(circle(), np.array([0.0, 1.0]), way, Settings(maximum_points=3)))[0][-1].step.y[0] for way in (1, -1)]
+    assert ways[0] * ways[1] < 0  # at a fold
     with pytest.raises(ValueError, match=r"direction = 2: expected \+1, -1 or 0"):
         next(follow(problem, step, 2))
 

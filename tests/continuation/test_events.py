@@ -125,9 +125,28 @@ def test_jumps_and_poles_are_not_called_zeros(function, kind):
     assert (found_kind, status) == (kind, "bracketed") and before < 1.0432 < after
 
 
-def test_steep_zeros_are_zeros():
-    _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: math.tanh((s - 1.0432) / 1e-6))))
-    assert [(event.status, event.arclength) for event in events] == [("located", pytest.approx(1.0432, abs=1e-10))]
+def rounded(s):
+    """A number between -1 and 1 that changes without order from one s to the next."""
+    return math.fmod(s * 1e15 * math.pi, 2.0) - 1.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "terminal", "function", "places"),
+    [
+        ("crossing", False, lambda s: math.tanh((s - 1.0432) / 1e-6), [1.0432]),
+        ("guard", False, lambda s: math.sin(s - 1.0), [1.0 + math.pi]),  # it may rise, but not fall
+        ("guard", False, lambda s: (s - 2.05) ** 2 - 0.02**2, [2.03]),
+        ("guard", True, lambda s: (s - 2.05) ** 2 - 0.02**2, [2.03]),
+        *(("crossing", False, lambda s, place=place: (s - place) ** 2, []) for place in (2.05, 2.0, 1.987654)),
+        *(("crossing", False, lambda s, a=a: 1e10 * (s - a) ** 2 + 1e-9 * rounded(s), []) for a in (1.05, 1.0871, 2.0234)),
+        *(("crossing", True, lambda s, value=value: s + value, []) for value in (1e-17, -1e-17, 0.0)),  # at the start
+    ],
+)
+def test_one_test_function_has_its_events(kind, terminal, function, places):
+    """Oracle: the function: where it passes zero in the direction of its kind, also steeply or twice in a step, but does not touch."""
+    _, events, end = run(Line((TestFunction("A", kind, terminal=terminal), function)))
+    assert [event.arclength for event in events] == pytest.approx(places, abs=1e-10)
+    assert all(event.status == "located" for event in events) and (end.reason is EndReason.EVENT) is (terminal and places != [])
 
 
 def test_classify_may_drop_rename_and_end():
@@ -166,27 +185,16 @@ def test_a_pole_at_the_end_of_a_family_is_no_event(before):
     assert [event.code for event in events] == ["END"]
 
 
-@pytest.mark.parametrize("low", [79.0, -79.0])
+@pytest.mark.parametrize(
+    ("kind", "before_it", "behind_it"), [("crossing", -8500.0, 79.0), ("crossing", 8500.0, -79.0), ("change", 0.0, 1.0)]
+)
 @given(end=st.floats(1.05, 1.095), before=st.floats(-9e-11, 9e-11))
-def test_a_jump_to_small_values_at_the_end_of_a_family_is_no_event(low, end, before):
+def test_a_jump_within_a_bracket_of_the_end_of_a_family_is_no_event(kind, before_it, behind_it, end, before):
     """Oracle: the family ends at `end`, to the width of a bracket. In the last steps multipliers are rounding: of either sign, and small
-    beside what they grow to."""
-    guard, noise = TestFunction("END", "guard", terminal=True), TestFunction("A", "crossing")
-    _, events, _ = run(Line((noise, lambda s: low if s >= end - before else -8500.0 * math.copysign(1.0, low)), (guard, lambda s: end - s)))
+    beside what they grow to. On which side of the end a key changes is rounding too."""
+    guard = TestFunction("END", "guard", terminal=True), lambda s: end - s
+    _, events, _ = run(Line((TestFunction("A", kind), lambda s: behind_it if s >= end - before else before_it), guard))
     assert [event.code for event in events] == ["END"]
-
-
-@given(end=st.floats(1.05, 1.095), before=st.floats(-9e-11, 9e-11))
-def test_a_key_that_changes_within_a_bracket_of_the_end_is_no_event(end, before):
-    """Oracle: the family ends at `end`, to the width of a bracket; on which side of it the key changes is rounding."""
-    key, guard = TestFunction("K", "change"), TestFunction("END", "guard", terminal=True)
-    _, events, _ = run(Line((key, lambda s: float(s > end - before)), (guard, lambda s: end - s)))
-    assert [event.code for event in events] == ["END"]
-
-
-def test_guard_may_rise_but_not_fall():
-    _, events, _ = run(Line((TestFunction("G", "guard"), lambda s: math.sin(s - 1.0))))
-    assert [event.arclength for event in events] == pytest.approx([1 + math.pi], abs=1e-10)
 
 
 @pytest.mark.parametrize("value", [0.0, 1e-17, -1e-17])
@@ -199,29 +207,13 @@ def test_family_that_starts_on_its_guard_goes_inward_only(value):
     assert abs(points[-1].arclength) <= 1e-10 and events[0].residual <= 1e-10
 
 
-def test_event_on_the_start_is_not_reported_by_one_direction():
-    for value in (1e-17, -1e-17, 0.0):
-        _, events, _ = run(Line((TestFunction("A", "crossing", terminal=True), lambda s, value=value: s + value)))
-        assert events == []
-
-
-def test_coincident_events_are_one_where_a_test_absorbs_another():
-    strong = TestFunction("BP", "crossing", absorbs=("SN",))
-    for first, second in (
-        ((strong, 1.03), (TestFunction("SN", "crossing"), 1.03)),
-        ((TestFunction("SN", "crossing"), 1.03), (strong, 1.03)),
-    ):
-        problem = Line(*((test, lambda s, place=place: place - s) for test, place in (first, second)))
-        _, events, _ = run(problem)
-        assert [(event.code, event.details) for event in events] == [("BP", {"absorbed": ("SN",)})]
-
-
-def test_events_further_apart_than_the_tolerance_are_two():
-    problem = Line(
-        (TestFunction("BP", "crossing", absorbs=("SN",)), lambda s: s - 1.03), (TestFunction("SN", "crossing"), lambda s: s - 1.03001)
-    )
-    _, events, _ = run(problem)
-    assert [event.code for event in events] == ["BP", "SN"]
+@pytest.mark.parametrize(("apart", "found"), [(0.0, [("BP", {"absorbed": ("SN",)})]), (1e-5, [("BP", {}), ("SN", {})])])
+@pytest.mark.parametrize("order", [1, -1])
+def test_coincident_events_are_one_where_a_test_absorbs_another(apart, found, order):
+    strong, weak = TestFunction("BP", "crossing", absorbs=("SN",)), TestFunction("SN", "crossing")
+    tests = (strong, lambda s: 1.03 - s), (weak, lambda s: 1.03 + apart - s)
+    _, events, _ = run(Line(*tests[::order]))
+    assert [(event.code, event.details) for event in events] == found
 
 
 @given(st.floats(-3e-9, 3e-9), st.floats(-3e-9, 3e-9))
@@ -245,17 +237,6 @@ def test_two_zeros_in_one_step_are_found_where_the_test_is_a_parabola(middle, di
     problem = Line((TestFunction("A", "crossing"), lambda s: size * ((s - middle) ** 2 - distance**2)))
     _, events, _ = run(problem)
     assert [event.arclength for event in events] == pytest.approx([middle - distance, middle + distance], abs=2e-10)
-
-
-def test_guard_that_dips_below_zero_inside_a_step_ends_the_family():
-    problem = Line((TestFunction("G", "guard", terminal=True), lambda s: (s - 2.05) ** 2 - 0.02**2))
-    points, _, end = run(problem)
-    assert end.reason is EndReason.EVENT and points[-1].arclength == pytest.approx(2.03, abs=1e-10)
-
-
-def test_a_guard_that_ends_nothing_reports_its_fall_and_not_its_rise():
-    _, events, _ = run(Line((TestFunction("G", "guard"), lambda s: (s - 2.05) ** 2 - 0.02**2)))
-    assert [event.arclength for event in events] == pytest.approx([2.03], abs=1e-10)
 
 
 @given(
@@ -295,17 +276,6 @@ def test_events_do_not_depend_on_where_a_run_starts_or_how_long_its_steps_are(st
     assert found == pytest.approx(zeros, abs=2e-10)
 
 
-def test_a_function_that_touches_zero_makes_no_event():
-    for place in (2.05, 2.0, 1.987654):
-        _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s, place=place: (s - place) ** 2)))
-        assert events == []
-
-
-def rounded(s):
-    """A number between -1 and 1 that changes without order from one s to the next."""
-    return math.fmod(s * 1e15 * math.pi, 2.0) - 1.0
-
-
 @pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3])
 @pytest.mark.parametrize("place", [1.05, 1.0871, 2.0234, 3.0])
 def test_a_zero_in_rounding_is_one_event_whose_bracket_tells_the_rounding(noise, place):
@@ -314,12 +284,6 @@ def test_a_zero_in_rounding_is_one_event_whose_bracket_tells_the_rounding(noise,
     (event,) = [event for event in events if abs(event.arclength - place) < 1e-3]
     low, high = event.bracket
     assert low - 1e-6 * noise <= place <= high + 1e-6 * noise and high - low <= 4e-6 * noise + 1e-9
-
-
-@pytest.mark.parametrize("place", [1.05, 1.0871, 2.0234])
-def test_a_function_that_touches_zero_in_rounding_makes_no_event(place):
-    _, events, _ = run(Line((TestFunction("A", "crossing"), lambda s: 1e10 * (s - place) ** 2 + 1e-9 * rounded(s))))
-    assert events == []
 
 
 class Hopping(Line):
