@@ -186,17 +186,11 @@ SCHEMA = 2
 
 def family_record(row: FamilyRow) -> dict[str, Any]:
     """A family without its points."""
-    return {
-        "id": row.id,
-        "label": row.label,
-        "ends": row.ends,
-        "sequence": row.sequence,
-        "impacts": row.impacts,
+    names = ("id", "label", "ends", "sequence", "impacts", "h", "alpha", "points", "events", "stable_fraction")
+    plain = {name: getattr(row, name) for name in names}
+    return plain | {
         "h": list(row.h),
         "alpha": list(row.alpha),
-        "points": row.points,
-        "events": row.events,
-        "stable_fraction": row.stable_fraction,
         "labels": [_interval("label", part.value, part) for part in row.labels],
         "stability": [_interval("stable", None if part.value < 0 else bool(part.value), part) for part in row.stability],
         "ended": [{"reason": reason, "text": text} for reason, text in row.ended],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import re
 import shutil
 import sys
@@ -11,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
+from itertools import zip_longest
 from typing import Any, TextIO
 
 __all__ = [
@@ -55,7 +55,7 @@ def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: in
         Most characters in a line; by default any number.
     columns : str
         One letter a column: ``l`` and ``r`` give the alignment, left by default; ``t`` is text, which can wrap; ``i`` is ids of families,
-        which can be shortened. Other cells stay complete: where they do not fit, each row takes several lines.
+        which can be shortened. Other cells stay complete: columns that do not fit go to further lines of each row.
 
     Returns
     -------
@@ -73,51 +73,44 @@ def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: in
     origin-ori…:0123abcd  1.5
     """
     cells = [list(head), *map(list, rows)]
-    kinds = columns.ljust(len(head), "l")[: len(head)]
+    kinds = columns.ljust(len(head), "l")
     sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    if width is None or sum(sizes) + _GAP * (len(sizes) - 1) <= width:
-        pads = [str.rjust if kind == "r" else str.ljust for kind in kinds]
-        return [(" " * _GAP).join(pad(cell, size) for pad, cell, size in zip(pads, row, sizes, strict=True)).rstrip() for row in cells]
-    lines: list[str] = []
-    for count, flexible in [(len(head), "t"), *((count, "it") for count in range(len(head), 0, -1))]:
-        least = [min(size, _LEAST) if kind in flexible else size for kind, size in zip(kinds, sizes, strict=True)]
-        if count == 1 or sum(max(least[j::count]) for j in range(count)) + _GAP * (count - 1) <= width:
-            lines = _in_columns(cells, kinds, least, count, width)
-            if max(map(len, lines)) <= width:
-                break
-    return lines
-
-
-def _in_columns(cells: list[list[str]], kinds: str, least: list[int], count: int, width: int) -> list[str]:
-    """Lay out a table with so many columns. The other cells of a row are on further lines, indented."""
-    indent = [_GAP if j >= count else 0 for j in range(len(kinds))]
-    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    columns = range(count)
-    widths = [max(indent[j] + sizes[j] for j in range(k, len(kinds), count)) for k in columns]
-    floors = [max(indent[j] + least[j] for j in range(k, len(kinds), count)) for k in columns]
-    # The widest column that can give room gives one character at a time.
-    while sum(widths) + _GAP * (count - 1) > width and any(map(operator.gt, widths, floors)):
-        widths[max(columns, key=lambda k: widths[k] if widths[k] > floors[k] else 0)] -= 1
-    lines: list[str] = []
+    groups = [range(len(head))]
+    if width is not None:
+        groups = _groups([min(size, _LEAST) if kind in "ti" else size for kind, size in zip(kinds, sizes, strict=True)], width)
+        for indent, group in enumerate(groups):
+            room = width - _GAP * (len(group) - 1 + (indent > 0))
+            # Texts give room first, then ids. The widest gives one character at a time.
+            for flexible in "t", "ti":
+                giving = [j for j in group if kinds[j] in flexible]
+                while sum(sizes[j] for j in group) > room and any(sizes[j] > _LEAST for j in giving):
+                    sizes[max(giving, key=lambda j: sizes[j])] -= 1
+    lines = []
     for row in cells:
-        for first in range(0, len(row), count):
-            lead = " " * indent[first]
-            texts: list[str] = []
-            more: list[str] = []
-            for text, kind, size in zip(row[first : first + count], kinds[first:], widths, strict=False):
-                if len(text) > size - len(lead):
-                    text, *rest = _shortened(text, kind, size - len(lead))
-                    more += [" " * (sum(widths[: len(texts)]) + _GAP * len(texts)) + lead + part for part in rest]
-                texts.append((lead + text).ljust(size) if kind != "r" else text.rjust(size))
-            if first == 0 or any(row[first : first + count]):
-                lines += [(" " * _GAP).join(texts).rstrip(), *more]
-    return lines
+        for indent, group in enumerate(groups):
+            parts = [_cell(row[j], kinds[j], sizes[j]) for j in group]
+            for texts in zip_longest(*parts, fillvalue=""):
+                pads = (str.rjust if kinds[j] == "r" else str.ljust for j in group)
+                padded = [pad(text, sizes[j]) for pad, text, j in zip(pads, texts, group, strict=True)]
+                lines.append(" " * (_GAP * (indent > 0)) + (" " * _GAP).join(padded))
+    return [line.rstrip() for line in lines if line.strip()]
 
 
-def _shortened(text: str, kind: str, size: int) -> list[str]:
-    """The lines of a cell that is too long: texts wrap, ids are shortened."""
-    if kind == "t":
-        return textwrap.wrap(text, max(1, size), break_on_hyphens=False)
+def _groups(sizes: list[int], width: int) -> list[range]:
+    """The columns that have room on each line of a row. The further lines are indented."""
+    groups: list[range] = []
+    first = 0
+    for j in range(1, len(sizes) + 1):
+        if j == len(sizes) or sum(sizes[first : j + 1]) + _GAP * (j - first + bool(groups)) > width:
+            groups.append(range(first, j))
+            first = j
+    return groups
+
+
+def _cell(text: str, kind: str, size: int) -> list[str]:
+    """The lines of a cell: texts wrap, ids are shortened."""
+    if kind == "t" and len(text) > size:
+        return textwrap.wrap(text, size, break_on_hyphens=False)
     return [with_short_ids(text, size) if kind == "i" else text]
 
 

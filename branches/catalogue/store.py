@@ -15,9 +15,7 @@ from typing import TYPE_CHECKING, Any
 from branches.catalogue import schema2
 from branches.catalogue.database import CatalogueDamaged, CatalogueError, not_taken
 from branches.catalogue.file import CatalogueFile
-from branches.catalogue.members import KnownFamilies, presented, unknowns_of
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
-from bvp.checks import require_branch
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -320,6 +318,8 @@ def holds(branch: Branch, other: Branch) -> bool:
     branch, other : Branch
         Branches of the same system.
     """
+    from branches.catalogue.members import KnownFamilies
+
     known = KnownFamilies()
     known.add("", branch)
     # The ends come first: they are the points that a narrower branch most often lacks.
@@ -330,6 +330,8 @@ def holds(branch: Branch, other: Branch) -> bool:
 
 def widen(catalogue: CatalogueStore, branch: Branch) -> Kept:
     """Add a family, or replace a part of it that is there already: see `Catalogue.widen`."""
+    from bvp.checks import require_branch
+
     require_branch(branch)
     catalogue.require_system(branch.system.describe())
     if branch.id not in catalogue:
@@ -410,6 +412,8 @@ def _seen(orbit: EventOrbit | None, narrow: Branch, wider: Branch) -> EventOrbit
     """An edge's orbit with the ends and impact sequence of the wider branch."""
     if orbit is None or (narrow.ends, narrow.sequence) == (wider.ends, wider.sequence):
         return orbit
+    from branches.catalogue.members import presented, unknowns_of
+
     found = presented(narrow.problem, unknowns_of(narrow.problem, orbit), wider.ends, tuple(wider.problem.sequence))
     if found is None:
         raise CannotWiden("an orbit where another family meets it is not found between the ends of the new branch")

@@ -150,7 +150,6 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
 def _add_figure_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of ``fep`` and ``velocities``."""
     outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
-    parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="families, as `saltus continue --json` writes them")
     parser.add_argument(
         "--catalogue", metavar="FILE", help="families of this catalogue (default: that of the scene in the user's data folder)"

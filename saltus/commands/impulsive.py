@@ -84,22 +84,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def records(found: ImpulsiveOrbits, catalogue: Catalogue | None = None) -> list[dict[str, Any]]:
     """Return the orbits as plain data, with the ids of their families in a catalogue."""
-    return [
-        {
-            "label": orbit.label,
-            "family": None if catalogue is None else catalogue.identify(orbit.orbit),
-            "h": orbit.h,
-            "alpha": orbit.alpha,
-            "u2_velocity": orbit.velocity,
-            "impacts": orbit.impacts,
-            "other_label": orbit.other_label,
-            "stable": orbit.orbit.stable,
-            "ends": list(orbit.orbit.ends),
-            "sequence": orbit.orbit.sequence,
-            "residual": orbit.orbit.residual,
-        }
-        for orbit in found.orbits
-    ]
+    rows = [
+        (
+            item.label, None if catalogue is None else catalogue.identify(item.orbit), item.h, item.alpha, item.velocity, item.impacts,
+            item.other_label, item.orbit.stable, list(item.orbit.ends), item.orbit.sequence, item.orbit.residual,
+        )
+        for item in found.orbits
+    ]  # fmt: skip
+    return [dict(zip(COLUMNS, row, strict=True)) for row in rows]
 
 
 def remarks(found: ImpulsiveOrbits) -> list[str]:

@@ -21,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("study", metavar="STUDY", help="folder of a study, as saltus study made it")
     outputs.add_arguments(parser, "plot", **{kind: meaning.replace("all data", "the runs") for kind, meaning in _TABLES.items()})
-    parser.add_argument("--out", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument(
         "--view", metavar="VIEW", choices=VIEWS,
         help="map: in colours over two parameters; lines: against each parameter; best: about the best run "

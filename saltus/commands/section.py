@@ -42,7 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--energy", metavar="H", type=_energies, help="the energy h; with --panels also LO:HI, or H1,H2,... in rising order"
     )
     parser.add_argument("--panels", action="store_true", help="one figure with a section for each energy of the scene, or of --energy")
-    parser.add_argument("--plate", dest="panels", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     parser.add_argument(
         "--orbits", metavar="N", type=whole_above_zero, default=150, help="number of motions, spread over the section (default: 150)"
     )

@@ -21,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
     outputs.add_arguments(parser, "json", plot="draw the orbit that the suffix of NAME selects: FILE.png, FILE.pdf or FILE.svg")
-    parser.add_argument("--orbit", dest="plot", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     catalogues.add_arguments(parser)
 
 

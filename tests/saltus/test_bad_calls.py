@@ -10,7 +10,6 @@ import pickle
 import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
-from sympy import Integer
 
 import saltus
 from branches.catalogue.database import CatalogueError
@@ -67,8 +66,6 @@ CALLS = [
     (lambda branch: saltus.discover(system(), 1.0, budget=DIGITS), f"the most starts is {LONG}, expected an integer above 0"),
     (lambda branch: saltus.discover(system(), 1.0, ends=(DIGITS,)), f"unknown ends {LONG}, expected some of origin-origin"),
     (lambda branch: branch.orbit(DIGITS), f"point {LONG} does not exist: the branch has"),
-    (lambda branch: branch.orbit(Integer(DIGITS)), f"point {LONG} does not exist: the branch has"),
-    (lambda branch: branch.trace(-DIGITS), f"point {LONG} does not exist: the branch has"),
     (lambda branch: branch.orbit(0).sample([DIGITS]), "numbers; received a list with an integer beyond all floats"),
     (lambda branch: branch.orbit(0).sample(HUGE), f"times is a list of finite numbers; received {BEYOND}"),
     (lambda branch: branch.neighbours(DIGITS), f"an event is one of branch.events or its id; received {LONG}"),
@@ -84,40 +81,27 @@ CALLS = [
     (lambda branch: saltus.Stop((b"1",), 0.0), "the gap row of a stop is a list of numbers; received (b'1',)"),
     (lambda branch: saltus.ImpactSystem([[b"1"]], [["0"]], [[1.0]], [saltus.Stop((1.0,), 0.0)]), "received [[b'1']]"),
     (lambda branch: saltus.simulate(system(), [b"0", b"0"], [0, 0], 1.0), "u is a list of 2 finite numbers; received [b'0', b'0']"),
-    (lambda branch: saltus.simulate(system(), ["0", "0"], [0, 0], 1.0), "u is a list of 2 finite numbers; received ['0', '0']"),
     (lambda branch: saltus.simulate(system(), [0, 0], [0, 0], b"1"), "duration is a finite time of 0 or more; received b'1'"),
     (lambda branch: saltus.trace("S13O00+", energy=(b"1", b"2")), "energy range (b'1', b'2'): expected two numbers (LO, HI)"),
     (lambda branch: saltus.discover(system(), b"1"), "the energy is b'1', expected a finite number above 0"),
     (lambda branch: saltus.section(system(), "1"), "the energy of a section is a finite number above 0; received '1'"),
     (lambda branch: saltus.Constant([b"1"]), "load is a list of finite numbers; received [b'1']"),
-    (lambda branch: branch.orbits_at(energy=b"1"), "the energy h is a finite number above 0; received b'1'"),
     # nested lists
     (lambda branch: saltus.Stop([[1, -1]], -1.0, 1.0), "the gap row of a stop is a list of numbers; received [[1, -1]]"),
     (lambda branch: saltus.trace("S13O00+", energy=[[1, 2], [3, 4]]), "energy range [[1, 2], [3, 4]]: expected two numbers (LO, HI)"),
     # buffers and booleans for numbers
-    (lambda branch: saltus.trace("S13O00+", energy=b"12"), "energy range b'12': expected two numbers (LO, HI)"),
-    (lambda branch: saltus.trace("S13O00+", energy=(False, True)), "energy range (False, True): expected two numbers (LO, HI)"),
-    (lambda branch: saltus.Stop(b"12", -1.0, 1.0), "the gap row of a stop is a list of numbers; received b'12'"),
     (lambda branch: saltus.Stop(bytearray(b"12"), -1.0, 1.0), "the gap row of a stop is a list of numbers; received bytearray(b'12')"),
-    (lambda branch: system(mu=memoryview(b"1")), "mu, the mass ratio, is a number; received <memory at"),
-    (lambda branch: system(mu=np.array(b"1")), "mu, the mass ratio, is a number; received array(b'1'"),
     (lambda branch: system(mu=np.array(True)), "mu, the mass ratio, is a number; received array(True)"),
     (lambda branch: system(mu=array.array("b", b"1")), "mu, the mass ratio, is a number; received array('b', [49])"),
     (lambda branch: spring(b"1"), "parameter k is a finite real number; received b'1'"),
-    (lambda branch: spring(memoryview(b"1")), "parameter k is a finite real number; received <memory at"),
     (lambda branch: spring(True), "parameter k is a finite real number; received True"),
-    (lambda branch: branch.orbit(0).sample(b"12"), "times is a list of finite numbers; received b'12'"),
-    (lambda branch: branch.orbit(0).sample(memoryview(b"12")), "times is a list of finite numbers; received <memory at"),
-    (lambda branch: branch.orbit(0).sample([0.5, True]), "times is a list of finite numbers; received [0.5, True]"),
-    (lambda branch: Simulator(system()).run([False, True], [0, 0], 1.0), "u is a list of 2 finite numbers; received [False, True]"),
     (lambda branch: Simulator(system()).run([0.5, True], [0, 0], 1.0), "u is a list of 2 finite numbers; received [0.5, True]"),
-    (lambda branch: Simulator(system()).run(memoryview(b"12"), [0, 0], 1.0), "u is a list of 2 finite numbers; received <memory at"),
     (lambda branch: Simulator(system()).run([0, 0], [0, 0], 1.0, marks=b"1"), "marks is a list of finite numbers; received b'1'"),
     (lambda branch: saltus.section(system(), 1.0, starts=b"12"), "starts is an array of numbers of shape (m, 2); received b'12'"),
     (lambda branch: saltus.section(system(), 1.0, orbits=1, longest=b"1"), "longest is a finite time above 0; received b'1'"),
+    (lambda branch: saltus.discover(system(), 1.0, impacts=0), "at most 0 impacts in half a period: no orbit with impacts has so few"),
     # another kind of object
     (lambda branch: branch.neighbours(None), "an event is one of branch.events or its id; received None"),
-    (lambda branch: branch.switch(3), "an event is one of branch.events or its id; received 3"),
     (lambda branch: branch.neighbours("SB1"), "SB1 is of type SB; neighbours need an event of type GR"),
     (lambda branch: branch.neighbours("SB1", cover=0), "cover is 0, expected 1 or more"),
     (lambda branch: branch.switch("EP1"), "EP1 is of type EP; switching starts from BP, SB, PD or RT"),
@@ -129,16 +113,13 @@ CALLS = [
     (lambda branch: saltus.changes(math.nan), "the stages are nan, expected a list of those that saltus.stages_of gives"),
     (lambda branch: saltus.changes(["A"]), "the stages are ['A'], expected a list of those that saltus.stages_of gives"),
     (lambda branch: saltus.discover(system(), 1.0, ends="foo"), "the ends are 'foo', expected a list with some of origin-origin"),
-    (lambda branch: saltus.discover("x", 1.0), "the system is 'x', expected an ImpactSystem"),
     (lambda branch: saltus.write_atlas(3, "a.csv"), "the data of a figure are 3, expected an Atlas"),
     (lambda branch: saltus.Catalogue("a.sqlite", "a", scene=3), "the scene is 3, expected a Scene"),
-    (lambda branch: saltus.section("x", 1.0), "the system is 'x', expected an ImpactSystem"),
     (lambda branch: saltus.trace("S13O00+", scene=dataclasses.replace(saltus.load_scene(), loads=("forces",))), "the scene has [[forces]]"),
     (lambda branch: saltus.trace(5), "a name is text such as S13O00+ or U8353-@h=1.9; received 5"),
     (lambda branch: saltus.trace("S13O00+", 5), "the system is 5, expected an ImpactSystem"),
     (lambda branch: saltus.trace("S13O00+", scene=5), "scene 5: expected a TOML file or the name of a scene; shipped: lee2009"),
     (lambda branch: saltus.trace("S13O00+", points="a"), "points = 'a': expected an integer, at least 1"),
-    (lambda branch: saltus.trace("S13O00+", points=2.5), "points = 2.5: expected an integer, at least 1"),
     (lambda branch: saltus.trace("S13O00+", stop_when=3), "stop_when = 3: expected a function of an orbit"),
     (lambda branch: saltus.trace("S13O00+", stop_wen=len), "unexpected keyword argument 'stop_wen'"),
     (lambda branch: saltus.trace("S13O00+", reference_points=3), "reference_points = 3: expected a mapping"),
@@ -146,27 +127,21 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", stop_at="QQ"), "expected one of SN"),
     (lambda branch: saltus.trace("S13O00+", bounds={"impcts": 3}), "unknown bound 'impcts'; expected impacts"),
     (lambda branch: saltus.trace("S13O00+", energy=5), "expected two numbers"),
-    (lambda branch: saltus.trace("S13O00+", energy=(1.0,)), "expected two numbers"),
     (lambda branch: branch.trace(9999), "point 9999 does not exist: the branch has"),
-    (lambda branch: branch.orbit(-9999), "point -9999 does not exist"),
     (lambda branch: branch.trace(5, direction="left"), "expected up, down or both"),
     (lambda branch: branch.trace(5, points=0), "points = 0: expected an integer, at least 1"),
     (lambda branch: branch.trace(5, energy=(2.0, 1.0)), "empty or reversed"),
     (lambda branch: branch.trace(5, energy=(math.nan, 1.0)), "expected 0 <= LO < HI"),
     (lambda branch: branch.trace("a"), "a point is an integer; received 'a'"),
     (lambda branch: branch.orbit(2.5), "a point is an integer; received 2.5"),
-    (lambda branch: branch.orbits_at(energy="a"), "the energy h is a finite number above 0; received 'a'"),
     (lambda branch: branch.orbits_at(alpha=math.nan), "the quarter period alpha is a finite number above 0; received nan"),
     (lambda branch: branch.orbit_at(energy=-1.0), "the energy h is a finite number above 0; received -1"),
-    (lambda branch: branch.switch("PD77"), "no event 'PD77' on this branch; it has"),
     (lambda branch: branch.orbit(1).sample([0.0, math.nan, math.inf]), "times is a list of finite numbers; received [0.0, nan, inf]"),
-    (lambda branch: branch.orbit(1).sample("now"), "times is a list of finite numbers; received 'now'"),
     (lambda branch: branch.orbit(1).sample([[0.0]]), "times is a list of finite numbers; received [[0.0]]"),
     # states and files
     (lambda branch: saltus.simulate(system(), [2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: Simulator(system()).run([2.0, 0.0], [0, 0], 1.0), "the start lies beyond stop a: its gap is 2, expected -1 to 1"),
     (lambda branch: branch.save("x.mat"), "cannot save a branch as 'x.mat': expected a name that ends in .json or .csv"),
-    (lambda branch: branch.save("x"), "cannot save a branch as 'x': expected a name that ends in .json or .csv"),
 ]
 
 
@@ -182,11 +157,8 @@ def test_a_bad_call_is_one_line(branch, tmp_path, monkeypatch, call, expected):
 
 CATALOGUE_CALLS = [
     (lambda catalogue: catalogue.find(None), "a name is text such as S13O00+, U83@h=1.9 or an id; received None"),
-    (lambda catalogue: catalogue.find(b"S13O00+"), "a name is text such as S13O00+, U83@h=1.9 or an id; received b'S13O00+'"),
     (lambda catalogue: catalogue.branch(None), "a family is named by its id, such as origin-stop+::44db5a75; received None"),
-    (lambda catalogue: catalogue.points(None), "a family is named by its id, such as origin-stop+::44db5a75; received None"),
     (lambda catalogue: catalogue.events(3), "a family is named by its id, such as origin-stop+::44db5a75; received 3"),
-    (lambda catalogue: catalogue.families(energy=b"1"), "the energy of families is a finite number; received b'1'"),
     (lambda catalogue: catalogue.families(energy=math.nan), "the energy of families is a finite number; received nan"),
     (lambda catalogue: catalogue.families(label=3), "the label of families is text; received 3"),
     (lambda catalogue: catalogue.families(ends=["origin"]), "the ends of families is text; received ['origin']"),
@@ -199,7 +171,6 @@ CATALOGUE_CALLS = [
     (lambda catalogue: catalogue.add_node("L11+"), "a node is a saltus.Node; received 'L11+'"),
     (lambda catalogue: catalogue.identify(3), "an orbit is a saltus.Orbit, such as those of Branch.orbits_at; received 3"),
     (lambda catalogue: saltus.Catalogue(None), "a catalogue is the name of a file; received None"),
-    (lambda catalogue: saltus.Catalogue(3, "r"), "a catalogue is the name of a file; received 3"),
     (lambda catalogue: saltus.Catalogue(b"a.sqlite", "a"), "a catalogue is the name of a file; received b'a.sqlite'"),
 ]
 
@@ -215,29 +186,21 @@ def test_a_bad_call_of_a_catalogue_is_one_line(tmp_path, branch, call, expected)
         assert None not in catalogue and [] not in catalogue
 
 
-@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.find("S13O00+")])
+USES = [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.find("S13O00+"), lambda catalogue: catalogue.__enter__()]
+
+
+@pytest.mark.parametrize("use", USES)
 @pytest.mark.parametrize("mode", ["r", "a"])
-def test_a_catalogue_that_was_read_before_it_was_closed_says_so(tmp_path, branch, mode, use):
-    """Oracle: the state that it is in."""
+@pytest.mark.parametrize("read", [False, True])
+def test_a_closed_catalogue_says_so(tmp_path, branch, mode, use, read):
+    """Oracle: the state that it is in, also where its families were read before it was closed."""
     path = tmp_path / "a.sqlite"
     with saltus.Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
         catalogue.add(branch)
-    catalogue = saltus.Catalogue(path, mode)
-    assert catalogue.families() and catalogue.find("S13O00+")
-    catalogue.close()
+    with saltus.Catalogue(path, mode) as catalogue:
+        if read:
+            assert catalogue.families() and catalogue.find("S13O00+")
     with pytest.raises(CatalogueError, match=r"the catalogue .*a\.sqlite is closed; expected one that is open"):
-        use(catalogue)
-
-
-@pytest.mark.parametrize("use", [len, lambda catalogue: catalogue.families(), lambda catalogue: catalogue.__enter__()])
-@pytest.mark.parametrize("mode", ["r", "a"])
-def test_a_closed_catalogue_says_so(tmp_path, mode, use):
-    """Oracle: the state that it is in."""
-    path = tmp_path / "a.sqlite"
-    saltus.Catalogue(path, "a", scene=saltus.load_scene()).close()
-    catalogue = saltus.Catalogue(path, mode)
-    catalogue.close()
-    with pytest.raises(ValueError, match=r"the catalogue .*a\.sqlite is closed; expected one that is open"):
         use(catalogue)
 
 

@@ -8,7 +8,6 @@ import saltus
 from saltus.__main__ import main
 from saltus.commands.discover import summary
 from tests.branches.catalogue.families import real
-from tests.saltus.running import refused, run
 
 WORDS = ("discover", "--energy", "1", "--max-quarter-period", "2", "--max-impacts", "5")
 
@@ -73,19 +72,6 @@ def test_families_of_a_catalogue(catalogue, capsys, tmp_path):
             kept.identify(saltus.trace("S11O00-", saltus.vibro_impact_nes(mu=0.2), energy=(0.2, 0.3)).orbit(2))
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--mu", "0.2"], "belongs to another system: there mu is 0.1, not 0.2"),
-        (["--catalogue", "no/such.sqlite"], "there is no catalogue no/such.sqlite"),
-    ],
-)
-@pytest.mark.parametrize("command", [["discover", "--energy", "1"], ["impulsive", "--energy", "1:2"]])
-def test_a_catalogue_that_cannot_tell_families(catalogue, capsys, command, words, said):
-    """Oracle: exit code 2 and one line, before any search."""
-    refused(run(capsys, *command, "--catalogue", catalogue, *words), said)
-
-
 def test_all_kinds_of_ends(capsys):
     """Oracle: the words of the command and of the search are the same."""
     from branches.search.discovery import CLASSES
@@ -101,9 +87,3 @@ def test_a_search_that_is_not_complete_says_why(capsys):
     assert main([*WORDS, "--max-starts", "150"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.startswith("not complete: the starts were used up") and "--max-starts" in last
-
-
-def test_no_impacts_is_no_bound():
-    """Oracle: the words; an orbit without impacts is a linear mode."""
-    with pytest.raises(ValueError, match="at most 0 impacts .* expected 1 or more"):
-        saltus.discover(saltus.vibro_impact_nes(), 1.0, quarter_period=2.0, impacts=0)

@@ -14,7 +14,7 @@ from scipy.io import loadmat
 
 from branches.catalogue import Catalogue
 from tests.branches.catalogue.families import real
-from tests.saltus.running import refused, run
+from tests.saltus.running import run
 
 
 @pytest.fixture
@@ -148,48 +148,8 @@ def test_orbits(export):
     assert abs(data["alpha"][50] - 1.6459) < 1e-4
 
 
-def test_standard_output_carries_the_data_alone(catalogue, capsys):
-    """Oracle: the JSON that is read back."""
-    code, out, err = run(capsys, "export", "graph", "--json", "-", "--catalogue", catalogue)
-    assert code == 0 and not err and len(json.loads(out)["nodes"]) == 6
-
-
 def test_a_graph_of_some_families(export):
     """Oracle: the families kept, and the dead end only with its family."""
     nodes = json.loads(export("graph", "some.json", "--ends", "origin-origin")[0].read_text())["nodes"]
     assert [node["id"] for node in nodes if node["kind"] == "family"] == [real()[3].id]
     assert not [node for node in nodes if node["kind"] == "dead end"]
-
-
-BAD = [
-    (["export", "grph", "--json", "g.json"], "nearest: graph"),
-    (["export", "graph", "--grapml", "g.graphml"], "nearest: --graphml"),
-    (["export", "points"], "missing: --json or --csv or --npz or --mat"),
-    (["export", "points", "--csv", "p.csv", "--columns", "h,alfa"], "unknown column 'alfa' of points; nearest: alpha"),
-    (["export", "graph"], "missing: --json or --graphml or --dot (see saltus export graph --help)\n"),
-    (["export", "fep", "--csv", "data.txt"], "expected a file ending in .csv"),
-    (["export", "orbits", "L11+", "--csv", "o.csv"], "L11+ is a linear mode"),
-    (["export", "fep", "--mu", "0.2", "--plot", "f.png"], "belongs to another system: there mu is 0.1, not 0.2"),
-    (["export", "velocities", "--sigma", "0.3", "--csv", "f.csv"], "there sigma is 0.1, not 0.3"),
-    (["export", "points", "--npz", "-"], "cannot go to standard output"),
-    (["export", "orbits", "--csv", "o.csv"], "--energy H"),
-    (["export", "orbits", "S13+", "--csv", "o.csv"], "an orbit of S13+ needs"),
-    (["export", "orbits", "S13+@h=1", "--energy", "2", "--csv", "o.csv"], "names and --energy both choose orbits"),
-    (["export", "orbits", "S13+@h=1", "--label", "U8*", "--csv", "o.csv"], "names and --label both choose orbits"),
-    (["export", "orbits", "S99O00+@h=1", "--csv", "o.csv"], "nearest that exist"),
-    (["export", "graph", "--json", "g.json", "--columns", "h"], "unknown option --columns of saltus export graph"),
-    (["export", "points", "--csv", "no/such/p.csv"], "does not exist"),
-    (["export", "points", "--csv", "p.csv", "--label", "U8*"], "fits --label U8*; saltus list"),
-    (["export", "points", "S13+", "--csv", "p.csv", "--ends", "origin-origin"], "fits S13+ --ends origin-origin; saltus list"),
-    (["export", "points", "L11+", "--npz", "p.npz"], "fits L11+; saltus list"),
-    (["export", "orbits", "--csv", "o.csv", "--energy", "90"], "fits --energy 90.0; saltus list"),
-    (["export", "fep", "--plot", "f.png", "--label", "U8*"], "fits --label U8*; saltus list"),
-]
-
-
-@pytest.mark.parametrize(("words", "said"), BAD, ids=[" ".join(words) for words, _ in BAD])
-def test_bad_input_is_one_line(catalogue, capsys, words, said, tmp_path, monkeypatch):
-    """Oracle: exit code 2, the words, and no file."""
-    monkeypatch.chdir(tmp_path)
-    refused(run(capsys, *words, "--catalogue", catalogue), said)
-    assert not list(tmp_path.iterdir())

@@ -6,7 +6,7 @@ import pytest
 
 from tests.branches import atlas_families as real
 from tests.branches.catalogue.families import real as families
-from tests.saltus.running import refused, told
+from tests.saltus.running import told
 
 
 @pytest.fixture(scope="module")
@@ -77,46 +77,6 @@ def test_regimes_are_told_by_all_families(catalogue, tmp_path):
     code, out, _ = told(f"export fep --catalogue {catalogue} --csv {tmp_path}/a.csv --label S11- --regimes")
     text = (tmp_path / "a.csv").read_text()
     assert code == 0 and '"what": "SB of S13+"' in text and "S13O00+" not in text and "no bound III/IV" in out
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("export fap --plot a.png --branches 0.json", ["'fap'", "fep"]),
-        ("export fep --plot a.jpg --branches 0.json", ["jpg", "png"]),
-        ("export fep --plot a.png --branches {folder}/0.json --mu 0.2", ["0.json belongs to another system", "mu is 0.1, not 0.2"]),
-        ("export fep --plot - --branches 0.json", ["no figure format of '-'", "png, pdf or svg"]),
-        ("export fep --branches 0.json", ["--plot", "--csv"]),
-        ("export fep --plot a.png", ["there is no catalogue", "saltus continue NAME --save"]),
-        ("export fep --plot a.png --rho 0.7", ["restitution 0.7", "conservative", "saltus run"]),
-        ("export fep --plot a.png --branches 0.json --data b.npz", ["one of"]),
-        ("export fep --plot a.png --branches {folder}/none.json", ["none.json", "no such file"]),
-        ("export fep --plot a.png --data {folder}/none.csv", ["none.csv", "no such file"]),
-        ("export fep --plot a.png --data {folder}/0.json", ["0.json"]),
-        ("export fep --plot a.png --data {folder}/0.json --regimes", ["--regimes", "without --data"]),
-        ("export fep --plot a.png --branches {folder}/0.json --inset 3:1", ["3:1", "LO:HI"]),
-        ("export velocities --plot a.png --branches {folder}/0.json --inset 1:3", ["fep"]),
-        ("export fep --plot a.png --data {folder}/0.json --label U*", ["--label", "without --data"]),
-        ("export fep --plot a.png --branches {folder}/0.json --label Ux", ["character 2"]),
-        ("export fep --plot a.png --branches {folder}/0.json --label U8* --stable", ["fits --label U8* --stable"]),
-        ("export velocities --plot a.png --branches {folder}/0.json --energy 0", ["above 0"]),
-        ("export velocities --plot a.png --branches {folder}/0.json --energy 2:1", ["'2:1'", "LO < HI"]),
-        ("export fep --plot a.png --branches {folder}/0.json --ends rest-rest", ["expected one of origin-stop"]),
-        ("export fep --plot a.png --branches {folder}/0.json --impacts 5:1", ["0 <= LO <= HI"]),
-        ("export fep --plot a.png --branches {folder}/0.json --labl U8", ["nearest: --label"]),
-        ("export fep --plot a.png --branches {folder}/0.json --clearance 0", ["above 0"]),
-        ("export fep --plot a.png --branches {folder}/0.json --energy 1e7:1e8", ["nothing to draw"]),
-        ("export fep --csv a.csv --branches {folder}/0.json --names 3", ["--names", "--plot FILE"]),
-        ("export fep --npz a.npz --branches {folder}/0.json --inset 1:3", ["--inset", "--plot FILE"]),
-        ("export fep --plot no/such/a.png --branches {folder}/0.json", ["no/such", "does not exist"]),
-    ],
-)
-def test_bad_input(folder, tmp_path, monkeypatch, words, said):
-    """Oracle: exit code 2, one line with these words, no file."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "none"))
-    refused(told(words.format(folder=folder)), *said)
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_names_of_the_scene_come_first(folder, tmp_path):

@@ -5,10 +5,8 @@ import json
 from importlib import resources
 from pathlib import Path
 
-import pytest
-
 from saltus.commands.gallery import load_gallery
-from tests.saltus.running import refused, run
+from tests.saltus.running import run
 
 ROOT = Path(__file__).parents[2]
 PAPER = load_gallery("paper")["figures"]
@@ -86,27 +84,3 @@ def test_what_is_interrupted_lists_what_was_made(capsys, tmp_path, monkeypatch):
     assert code == 130 and [line.split()[0] for line in out.splitlines()] == ["fig14", "wrote"]
     page = (tmp_path / "captions.md").read_text()
     assert "fig14.json" in page and "fig16" not in page and "fig17" not in page
-
-
-WRONG = [
-    ("gallery papr --out {here}", ["unknown gallery 'papr'", "nearest: paper"]),
-    ("gallery --out {here}", ["required: NAME"]),
-    ("gallery paper", ["required: --out"]),
-    ("gallery paper --out {here} --figure fig15", ["unknown figure 'fig15'", "fig10", "nearest: fig"]),
-    ("gallery paper --out {here} --format gif", ["'gif'", "png, pdf, svg"]),
-    ("gallery paper --out {file}", ["--out", "it is a file", "expected a folder"]),
-    ("gallery paper --out {file}/figures", ["cannot make the folder"]),
-    ("gallery paper --out {taken}", ["fig14.png", "it is a directory"]),
-    ("gallery paper --out {here} --catalogue {here}.sqlite", ["here.sqlite"]),
-    ("gallery paper --out {here} --catalogue {file}", ["file"]),
-]
-
-
-@pytest.mark.parametrize(("words", "expected"), WRONG, ids=[words for words, _ in WRONG])
-def test_one_line_and_exit_code_2(capsys, tmp_path, words, expected):
-    """Oracle: the input; each message holds what was received and what was expected, and nothing is made."""
-    (tmp_path / "file").write_text("kept")
-    (tmp_path / "taken" / "fig14.png").mkdir(parents=True)
-    refused(run(capsys, *words.format(here=tmp_path / "here", file=tmp_path / "file", taken=tmp_path / "taken").split()), *expected)
-    assert (tmp_path / "file").read_text() == "kept" and not (tmp_path / "here").exists()
-    assert [path.name for path in (tmp_path / "taken").iterdir()] == ["fig14.png"]

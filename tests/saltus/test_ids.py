@@ -98,13 +98,6 @@ def test_a_part_of_an_id_names_the_family_for_every_command(capsys, scene, branc
     refused(report("rest@h=1"), "3 families have an id that begins with 'rest'", id)
 
 
-def test_a_part_of_an_id_needs_a_catalogue(capsys, scene, monkeypatch, tmp_path):
-    """Oracle: the scene has no catalogue of its own."""
-    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    for words in (("orbit", "87dd6282"), ("continue", "87dd6282"), ("run", "--duration", "1", "--on", "87dd6282")):
-        refused(run(capsys, *words, "--scene", scene), "87dd6282 is a part of an id", "expected --catalogue FILE")
-
-
 def test_orbits_without_a_label_are_listed_by_id(capsys, scene, branches, kept):
     """Oracle: the branch's quarter period at the energy, and at another one that does not exist."""
     id, branch = next((id, branch) for id, branch in branches.items() if not branch.label)

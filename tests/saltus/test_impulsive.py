@@ -6,10 +6,8 @@ import json
 from functools import cache
 
 import numpy as np
-import pytest
 
 from tests.branches.catalogue.families import real
-from tests.saltus.running import refused
 from tests.saltus.running import told as told_once
 
 NAMES = ["label", "family", "h", "alpha", "u2_velocity", "impacts"]
@@ -73,20 +71,3 @@ def test_nothing_there():
     record = json.loads(out)
     assert code == 0 and record["orbits"] == [] and record["complete"]
     assert np.ptp(record["manifold"]["frequency"]) < 1e-12
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("impulsive", ["--energy"]),
-        ("impulsive --energy 3:1", ["'3:1'", "LO < HI"]),
-        ("impulsive --energy -1:1", ["'-1:1'", "0 < LO"]),
-        ("impulsive --energy 1:2 --max-quarter-period 0", ["above 0"]),
-        ("impulsive --energy 1:2 --rho 0.7", ["restitution 0.7"]),
-        ("impulsive --energy 1:2 --max-quarter-perid 3", ["--max-quarter-perid", "nearest: --max-quarter-period"]),
-        ("impulsive --energy 1:2 --plot a.jpg", ["jpg", "png"]),
-    ],
-)
-def test_bad_input(words, said):
-    """Oracle: exit code 2, one line with these words."""
-    refused(told(words), *said)

@@ -13,7 +13,7 @@ from scipy.io import loadmat
 from bvp.motion import EventKind, MotionStatus
 from bvp.simulate import simulate as run_damped
 from bvp.system import vibro_impact_nes
-from tests.saltus.running import refused, run
+from tests.saltus.running import run
 from tests.saltus.test_scene_loads import SCENE
 
 DAMPED = ("--rho", "0.7", "--lam", "0.01")
@@ -534,47 +534,3 @@ def test_a_motion_that_ends_beyond_a_stop_is_not_told_as_its_start(capsys, monke
     record = json.loads(out)
     assert code == 1 and not err.startswith("saltus:")
     assert record["ended"]["reason"] == "PIERCED" and record["duration"] == 5.0 and "the start lies" not in record["ended"]["text"]
-
-
-WRONG = [
-    ("run --duration 5", ["where does the motion start", "--on", "--impulsive", "--state"]),
-    ("run --impulsive --duration 5", ["--energy H"]),
-    ("run --impulsive --energy 1", ["--duration is required", "sampled load"]),
-    ("run --energy 1 --impulse 2 --duration 5", ["--energy 1", "--on NAME or --impulsive"]),
-    ("run --impulse 2 --state 0,0,0,1 --duration 5", ["--state and --impulse", "one of them"]),
-    ("run --impulsive --state 0,0,0,1 --energy 2 --duration 5", ["--state and --impulsive"]),
-    ("run --state 0,0,1 --duration 5", ["3 numbers, expected 4", "u1,u2,u1',u2'"]),
-    ("run --state 0,0,a,1 --duration 5", ["'0,0,a,1'", "finite numbers"]),
-    ("run --state 0,0,inf,1 --duration 5", ["finite"]),
-    ("run --state 1.5,0,0,1 --duration 5", ["beyond stop a", "1.5", "-1 to 1"]),
-    ("run --impulse nan --duration 5", ["'nan'", "a finite number"]),
-    ("run --impulse 1 --duration -5", ["'-5'", "above 0"]),
-    ("run --impulse 1 --duration inf", ["'inf'", "above 0"]),
-    ("run --impulse 1 --duration 5 --rho 1.2", ["rho", "[0, 1]", "1.2"]),
-    ("run --impulse 1 --duration 5 --clearance 0", ["--clearance", "'0'", "above 0"]),
-    ("run --impulse 1 --duration 5 --samples 1", ["--samples 1", "2 at least"]),
-    ("run --impulse 1 --duration 5 --caption words", ["--caption", "--plot FILE"]),
-    ("run --impulse 1 --duration 5 --npz -", ["npz", "standard output"]),
-    ("run --impulse 1 --duration 5 --npz {missing}/a.npz", ["cannot write", "does not exist"]),
-    ("run --impulse 1 --duration 5 --mat {here}/a --npz {here}/a", ["--npz", "--mat", "both"]),
-    ("run --impulse 1 --duration 5 --catalogue {missing}.sqlite", ["missing.sqlite"]),
-    ("run --impulse 1 --durration 5", ["--durration", "nearest: --duration"]),
-    ("run --on S13O00+ --duration 5", ["an orbit of S13O00+ needs", "--energy H", "@alpha=A"]),
-    ("run --on S1x --energy 1 --duration 5", ["S1x", "character 3"]),
-    ("run --on S13O00+@h=2 --energy 1 --duration 5", ["h = 2", "--energy says 1"]),
-    ("run --on S13O00+ --energy 0.01 --duration 5", ["S13O00+", "0.01", "0.1185078"]),
-    ("run --on S13O00+ --impulsive --duration 5", ["S13O00+ has no impulsive orbit"]),
-    ("run --on S11O00- --energy 0.08 --duration 5", ["2 orbits of S11O00-", "@h=0.08,alpha="]),
-    ("run --scene {unmarked} --impulse 1 --duration 5", ["LO under [coordinates]", "--state"]),
-    ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --locked", ["no coordinate is marked as NES"]),
-    ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --mu 0.2", ["mu", "matrices"]),
-]
-
-
-@pytest.mark.parametrize(("words", "expected"), WRONG, ids=[words for words, _ in WRONG])
-def test_one_line_and_exit_code_2(capsys, tmp_path, words, expected):
-    """Oracle: the input; each message holds what was received and what was expected, and nothing is written."""
-    (tmp_path / "unmarked.toml").write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
-    places = {"here": tmp_path, "missing": tmp_path / "missing", "unmarked": tmp_path / "unmarked.toml"}
-    refused(run(capsys, *words.format(**places).split()), *expected)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["unmarked.toml"]

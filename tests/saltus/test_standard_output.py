@@ -55,6 +55,13 @@ def test_a_standard_error_that_fails_does_not_mix_with_data(error):
 
 
 @POSIX
+def test_a_full_standard_output_is_one_line():
+    """Oracle: exit code 2, and what the system says."""
+    done = shell(f"{SALTUS} {QUICK} >/dev/full")
+    assert (done.returncode, done.stderr) == (2, "saltus: cannot write standard output: no space is left on the device\n")
+
+
+@POSIX
 def test_pipes_are_written_by_their_path(tmp_path):
     """Oracle: the data that another program reads at the end of the pipe."""
     packed = tmp_path / "a.gz"

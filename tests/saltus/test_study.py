@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -69,9 +70,13 @@ def one_worker_is_this_process(monkeypatch):
     monkeypatch.setattr(processes, "open_executor", opened)
 
 
-def columns(folder):
-    study = saltus.Study(folder)
-    return {**{f"given {name}": values for name, values in study.given.items()}, **{name: study[name] for name in study.names}}
+def assert_same(folder, other):
+    """Both studies have the same runs and results, bit for bit."""
+    one, two = saltus.Study(folder), saltus.Study(other)
+    assert one.names == two.names and list(one.given) == list(two.given)
+    for name in one.names:
+        assert np.array_equal(one[name], two[name], equal_nan=True)
+    assert all(np.array_equal(one.given[name], two.given[name]) for name in one.given)
 
 
 def test_arrays_by_name(finished):
@@ -125,8 +130,7 @@ def test_a_cluster_gives_the_same(finished, tmp_path, capsys):
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         code, _, err = run(capsys, "study", finished[0], "--out", tmp_path / "dask", "--dask", cluster.scheduler_address)
     assert code == 0 and not err
-    for name, values in columns(tmp_path / "dask").items():
-        assert np.array_equal(values, columns(finished[1])[name], equal_nan=True)
+    assert_same(tmp_path / "dask", finished[1])
 
 
 def test_parquet_has_the_same_numbers(finished, tmp_path, capsys):
@@ -135,8 +139,7 @@ def test_parquet_has_the_same_numbers(finished, tmp_path, capsys):
     out = tmp_path / "other"
     assert run(capsys, "study", finished[0], "--out", out, "--format", "parquet", "--workers", 1)[0] == 0
     assert len(list(out.glob("block-*.parquet"))) == 6
-    for name, values in columns(out).items():
-        assert np.array_equal(values, columns(finished[1])[name], equal_nan=True)
+    assert_same(out, finished[1])
     code, text, err = run(capsys, "study", finished[0], "--out", out)
     assert code == 2 and not text and "--format parquet" in err
 
@@ -159,14 +162,11 @@ def test_a_killed_study_goes_on(finished, tmp_path, capsys):
     code, text, err = run(capsys, "study", path, "--workers", 1)
     assert code == 0 and not err and f"{len(kept)} of 6 blocks are finished" in text
     assert {name: (out / name).stat().st_mtime_ns for name in kept} == times
-    for name, values in columns(out).items():
-        assert np.array_equal(values, columns(finished[1])[name], equal_nan=True)
+    assert_same(out, finished[1])
 
 
 def test_a_damaged_block_is_told_and_done_again(finished, tmp_path, capsys):
     """Oracle: the block as it was."""
-    import shutil
-
     out = tmp_path / "copy"
     shutil.copytree(finished[1], out)
     block = out / "block-000002.npz"
@@ -179,14 +179,11 @@ def test_a_damaged_block_is_told_and_done_again(finished, tmp_path, capsys):
     (out / "study.json").write_text("{")
     code, text, err = run(capsys, "study", finished[0], "--out", out, "--workers", 1)
     assert code == 0 and not err and "DAMAGED  block-000002.npz" in text and "4 of 6 blocks are finished" in text
-    for name, values in columns(out).items():
-        assert np.array_equal(values, columns(finished[1])[name], equal_nan=True)
+    assert_same(out, finished[1])
 
 
 def test_another_study_s_folder_is_refused(finished, tmp_path, capsys):
     """Oracle: exit code 2, and every file as it was; so without its plan."""
-    import shutil
-
     other, out = written(tmp_path, SMALL.replace("seed = 4", "seed = 5")), tmp_path / "copy"
     shutil.copytree(finished[1], out)
     before = blocks(out)
