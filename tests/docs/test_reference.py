@@ -13,6 +13,7 @@ import saltus
 from branches.tracing import EVENT_TYPES
 from saltus import errors
 from saltus.__main__ import COMMANDS, OneLineParser, main
+from saltus.outputs import KINDS
 from tests.docs.pages import page, table
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +56,14 @@ def test_a_command_is_listed_with_its_options(command):
     assert set(rows + also) == options(PARSERS[command]) and len(rows + also) == len(set(rows + also))
     positional = {action.metavar for action in PARSERS[command]._actions if not action.option_strings and action.help != argparse.SUPPRESS}
     assert set(re.findall(r"^\| `([A-Z]+)`", text, re.MULTILINE)) == positional
+
+
+def test_every_command_has_one_grammar_for_its_files():
+    """Oracle: the kinds of output files. No command has another option for one of these."""
+    for command, parser in PARSERS.items():
+        files = {action.option_strings[0][2:] for action in parser._actions if action.metavar == "FILE" and action.option_strings}
+        assert files <= {*KINDS, "catalogue", "scene", "branches", "data"}, command
+        assert command in ("study", "gallery") or files & {*KINDS}
 
 
 def test_the_options_of_many_commands_are_explained():

@@ -77,7 +77,6 @@ CASES = [
     ("continue S13+ --save --json a --catalogue a", ["--json and --catalogue both go to a:"]),
     ("continue S11- --save --catalogue {text}", ["not an SQLite file"]),
     ("continue S11- --save --catalogue no/such.sqlite", ["does not exist"]),
-    ("continue S11- --save --mu 0.2 --catalogue {catalogue}", ["mu is 0.1, not 0.2"]),
     # a part of an id
     ("orbit 87dd6282", ["87dd6282 is a part of an id", "expected --catalogue FILE"]),
     ("continue 87dd6282", ["87dd6282 is a part of an id", "expected --catalogue FILE"]),
@@ -158,6 +157,10 @@ CASES = [
     ("build --workers 0 --catalogue a.sqlite", ["'0'", "above 0"]),
     ("build --catalogue none/a.sqlite", ["none", "does not exist"]),
     ("build --rho 0.7 --catalogue a.sqlite", ["restitution 0.7"]),
+    (
+        "build --workers 2 --dask tcp://127.0.0.1:8786 --catalogue a.sqlite",
+        ["--workers counts processes", "--dask tcp://127.0.0.1:8786", "expected one of them"],
+    ),
     # sections
     ("section", ["--energy H", "--panels"]),
     ("section --energy 0", ["'0'", "above 0"]),

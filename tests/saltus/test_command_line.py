@@ -19,7 +19,6 @@ from pathlib import Path
 import pytest
 
 import saltus
-from saltus.__main__ import COMMANDS
 from saltus.scene.model import explain
 from saltus.terminal import ProgressBar
 from tests.saltus.running import run
@@ -73,40 +72,6 @@ def test_the_pages_import_nothing_else():
     ours = re.compile(r"^\s*(?:from|import) (bvp|continuation|branches|transitions|saltus\.\w+)\b.*", re.MULTILINE)
     pages = [ROOT / "README.md", *(ROOT / "docs").glob("**/*.md")]
     assert len(pages) > 5 and not [(page.name, line[0]) for page in pages for line in ours.finditer(page.read_text(encoding="utf-8"))]
-
-
-OUTPUTS = {
-    "continue": "json csv npz mat plot catalogue",
-    "discover": "json csv npz mat catalogue",
-    "orbit": "json csv npz mat plot catalogue",
-    "build": "json catalogue",
-    "list": "json csv npz mat catalogue",
-    "show": "json plot catalogue",
-    "tree": "json catalogue",
-    "path": "json catalogue",
-    "check": "json catalogue",
-    "section": "json csv npz mat plot catalogue",
-    "run": "json csv npz mat plot catalogue",
-    "gallery": "catalogue",
-    "impulsive": "json csv npz mat plot catalogue",
-    "study": "",
-    "plot": "csv npz mat plot",
-    "export fep": "json csv npz mat plot catalogue",
-    "export velocities": "json csv npz mat plot catalogue",
-    "export graph": "json catalogue",
-    "export points": "json csv npz mat catalogue",
-    "export orbits": "json csv npz mat catalogue",
-}
-
-
-def test_every_command_has_one_grammar_for_its_files(capsys):
-    """Oracle: the table above. Each of these options names a file, and no command has another option for one of these."""
-    assert {words.split()[0] for words in OUTPUTS} == set(COMMANDS)
-    for words, kinds in OUTPUTS.items():
-        with pytest.raises(SystemExit):
-            run(capsys, *words.split(), "--help")
-        shown = set(re.findall(r"--(json|csv|npz|mat|plot|catalogue) FILE", capsys.readouterr().out))
-        assert shown == set(kinds.split()), words
 
 
 def test_no_command_prints_the_help(capsys):

@@ -46,13 +46,6 @@ def refused_address(address, tmp_path, capsys):
     return err
 
 
-def test_processes_and_a_cluster_are_not_both_asked_for(tmp_path, capsys):
-    """Oracle: exit code 2, both options, and no file."""
-    words = ["--workers", 2, "--dask", "tcp://127.0.0.1:8786", "--catalogue", tmp_path / "a.sqlite"]
-    refused(run(capsys, *SMALL.split(), *words), "--workers", "--dask tcp://127.0.0.1:8786", "expected one of them")
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("address", ["nonsense", "", "tcp://127.0.0.1", "post://127.0.0.1:8786"])
 def test_what_is_no_address(address, tmp_path, capsys):
     """Oracle: exit code 2 and one line that names the address and what one looks like."""

@@ -4,7 +4,13 @@ import csv
 import itertools
 import json
 import math
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -367,13 +373,6 @@ sys.exit(main(["run", "--scene", sys.argv[1], "--stages"]))
 def test_a_run_is_interrupted_while_it_computes(tmp_path):
     """Oracle: the exit code, of a run whose record would take hours: one damper is 2.5e8 times as strong. A minute is enough to see that it
     does not go on."""
-    import shutil
-    import signal
-    import subprocess
-    import sys
-    import time
-    from pathlib import Path
-
     scene = Path(__file__).parents[2] / "catalogues" / "three_storey_building.toml"
     for file in scene.parent.glob("three_storey_building*"):
         shutil.copy(file, tmp_path)

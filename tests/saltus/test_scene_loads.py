@@ -96,67 +96,41 @@ def test_the_underlying_scene_is_conservative_and_keeps_the_names(tmp_path):
 
 
 WRONG = [
-    ('[force]\non = "roof"\n', ["unknown key 'force'", "nearest: forces"]),
-    ('[[forces]]\non = "rof"\nconstant = 1\n', ["on = 'rof'", "nearest: roof", "[[forces]] number 1"]),
-    ("[[forces]]\nconstant = 1\n", ["on", "load"]),
-    ('[[forces]]\non = "roof"\nload = [1, 1, 1]\nconstant = 1\n', ["on", "load"]),
-    ('[[forces]]\non = "roof"\n', ["record, amplitude", "constant; received none"]),
-    ('[[forces]]\non = "roof"\nconstant = 1\namplitude = 1\n', ["record, amplitude", "amplitude, constant"]),
-    ('[[forces]]\non = "roof"\namplitude = 1\n', ["frequency is missing, expected a number"]),
-    ('[[forces]]\non = "roof"\namplitude = 1\nfrequency = -2\n', ["frequency = -2,", "above 0"]),
-    ('[[forces]]\non = "roof"\nconstant = 1\nscale = 2\n', ["unknown key 'scale'", "known: on, load, constant"]),
-    ('[[forces]]\non = "roof"\namplitude = 1\nfrequenc = 2\n', ["unknown key 'frequenc'", "nearest: frequency"]),
-    ("[[forces]]\nload = [1, 1]\nconstant = 1\n", ["a list of 3 numbers"]),
-    ('[[forces]]\non = "roof"\nconstant = inf\n', ["constant = inf", "finite"]),
-    ('[ground]\nrecord = "quak.csv"\n', ["quak.csv", "does not exist", "nearest: quake.csv"]),
-    ('[ground]\nrecord = "quake.csv"\ncolumn = "aceleration"\n', ["no column 'aceleration'", "nearest: acceleration"]),
-    ('[ground]\nrecord = "quake.csv"\ndirection = [1, 1]\n', ["direction", "a list of 3 numbers"]),
+    ({"loads": '[force]\non = "roof"\n'}, ["unknown key 'force'", "nearest: forces"]),
+    ({"loads": '[[forces]]\non = "rof"\nconstant = 1\n'}, ["on = 'rof'", "nearest: roof", "[[forces]] number 1"]),
+    ({"loads": "[[forces]]\nconstant = 1\n"}, ["on", "load"]),
+    ({"loads": '[[forces]]\non = "roof"\nload = [1, 1, 1]\nconstant = 1\n'}, ["on", "load"]),
+    ({"loads": '[[forces]]\non = "roof"\n'}, ["record, amplitude", "constant; received none"]),
+    ({"loads": '[[forces]]\non = "roof"\nconstant = 1\namplitude = 1\n'}, ["record, amplitude", "amplitude, constant"]),
+    ({"loads": '[[forces]]\non = "roof"\namplitude = 1\n'}, ["frequency is missing, expected a number"]),
+    ({"loads": '[[forces]]\non = "roof"\namplitude = 1\nfrequency = -2\n'}, ["frequency = -2,", "above 0"]),
+    ({"loads": '[[forces]]\non = "roof"\nconstant = 1\nscale = 2\n'}, ["unknown key 'scale'", "known: on, load, constant"]),
+    ({"loads": '[[forces]]\non = "roof"\namplitude = 1\nfrequenc = 2\n'}, ["unknown key 'frequenc'", "nearest: frequency"]),
+    ({"loads": "[[forces]]\nload = [1, 1]\nconstant = 1\n"}, ["a list of 3 numbers"]),
+    ({"loads": '[[forces]]\non = "roof"\nconstant = inf\n'}, ["constant = inf", "finite"]),
+    ({"loads": '[ground]\nrecord = "quak.csv"\n'}, ["quak.csv", "does not exist", "nearest: quake.csv"]),
+    ({"loads": '[ground]\nrecord = "quake.csv"\ncolumn = "aceleration"\n'}, ["no column 'aceleration'", "nearest: acceleration"]),
+    ({"loads": '[ground]\nrecord = "quake.csv"\ndirection = [1, 1]\n'}, ["direction", "a list of 3 numbers"]),
+    ({"record": "time,acceleration\n0,1\n1,x\n"}, ["row 2", "acceleration is no finite number"]),
+    ({"record": "time,acceleration\n0,1\n1\n"}, ["Line #3", "got 1 columns instead of 2"]),
+    ({"record": "time,acceleration\n0,1\n1,nan\n"}, ["row 2", "finite"]),
+    ({"record": "time,acceleration\n0,1\n1,2\n# a remark\n1,3\n"}, ["row 3", "time 1 after 1", "ascend"]),
+    ({"record": "time,acceleration\n0,1\n"}, ["1 rows", "2 at least"]),
+    ({"record": ""}, ["it is empty"]),
+    ({"record": "0,1\n1,2\n"}, ["no column 'time'", "0, 1"]),
+    ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["snik"]')}, ["'snik' is none of", "floor, roof, sink"]),
+    ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["snik", "sink"]')}, ["'snik' is none of", "nearest: sink"]),
+    ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["roof", "sink"]')}, ["roof", "NES", "LO"]),
+    ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["sink", "sink"]')}, ["sink is marked twice"]),
+    ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["sink", 2]')}, ["NES = ['sink', 2]", "a list of coordinates"]),
 ]
 
 
-@pytest.mark.parametrize(("loads", "words"), WRONG, ids=[str(i) for i in range(len(WRONG))])
-def test_wrong_loads_are_named(tmp_path, loads, words):
-    """Oracle: the change that was made to a scene that loads; one line."""
+@pytest.mark.parametrize(("changes", "words"), WRONG, ids=[str(i) for i in range(len(WRONG))])
+def test_wrong_loads_records_and_marks_are_named(tmp_path, changes, words):
+    """Oracle: the change that was made to a scene that loads; one line. A message about a record names its row."""
     with pytest.raises(ValueError) as caught:
-        scene_of(tmp_path, loads)
+        scene_of(tmp_path, **{"loads": '[ground]\nrecord = "quake.csv"\n', **changes})
     assert "\n" not in str(caught.value)
-    for word in words:
-        assert word in str(caught.value), str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("record", "words"),
-    [
-        ("time,acceleration\n0,1\n1,x\n", ["row 2", "acceleration is no finite number"]),
-        ("time,acceleration\n0,1\n1\n", ["Line #3", "got 1 columns instead of 2"]),
-        ("time,acceleration\n0,1\n1,nan\n", ["row 2", "finite"]),
-        ("time,acceleration\n0,1\n1,2\n# a remark\n1,3\n", ["row 3", "time 1 after 1", "ascend"]),
-        ("time,acceleration\n0,1\n", ["1 rows", "2 at least"]),
-        ("", ["it is empty"]),
-        ("0,1\n1,2\n", ["no column 'time'", "0, 1"]),
-    ],
-)
-def test_wrong_records_are_named_with_their_row(tmp_path, record, words):
-    """Oracle: the file."""
-    with pytest.raises(ValueError) as caught:
-        scene_of(tmp_path, '[ground]\nrecord = "quake.csv"\n', record)
-    for word in words:
-        assert word in str(caught.value), str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('NES = ["sink"]', 'NES = ["snik"]', ["'snik' is none of", "floor, roof, sink"]),
-        ('NES = ["sink"]', 'NES = ["snik", "sink"]', ["'snik' is none of", "nearest: sink"]),
-        ('NES = ["sink"]', 'NES = ["roof", "sink"]', ["roof", "NES", "LO"]),
-        ('NES = ["sink"]', 'NES = ["sink", "sink"]', ["sink is marked twice"]),
-        ('NES = ["sink"]', 'NES = ["sink", 2]', ["NES = ['sink', 2]", "a list of coordinates"]),
-    ],
-)
-def test_wrong_marks_are_named(tmp_path, old, new, words):
-    """Oracle: the change."""
-    with pytest.raises(ValueError) as caught:
-        scene_of(tmp_path, "", text=SCENE.replace(old, new))
     for word in words:
         assert word in str(caught.value), str(caught.value)
