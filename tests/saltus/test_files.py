@@ -97,9 +97,7 @@ def test_a_device_is_written_to_and_not_replaced():
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
 
 
-@pytest.mark.parametrize(
-    ("number", "words"), [(errno.EACCES, "permission is denied"), (errno.EROFS, "the file system is read-only")]
-)
+@pytest.mark.parametrize(("number", "words"), [(errno.EACCES, "permission is denied"), (errno.EROFS, "the file system is read-only")])
 def test_a_directory_that_takes_no_file_is_refused(tmp_path, monkeypatch, number, words):
     """Oracle: the answer of the operating system, by a stand-in, as a privileged user may write anywhere."""
 
