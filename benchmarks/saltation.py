@@ -47,9 +47,9 @@ def saltation_matrix(system: ImpactSystem, contact: int, before: np.ndarray) -> 
     """
     modes = system.modes
     before = np.asarray(before, dtype=float)
-    gap, rate = modes.contact_gap[contact], modes.contact_rate[contact]
-    restitution = 1.0 + modes.contact_restitution[contact]
-    impact = np.eye(before.size) - restitution * np.outer(modes.contact_push[contact], rate)
+    gap, rate = modes.contacts.gap[contact], modes.contacts.rate[contact]
+    restitution = 1.0 + modes.contacts.restitution[contact]
+    impact = np.eye(before.size) - restitution * np.outer(modes.contacts.push[contact], rate)
     flow_before = modes.matrix @ before
     flow_after = modes.matrix @ (impact @ before)
     if float(gap @ flow_before) == 0.0:

@@ -82,7 +82,7 @@ def _describe_grazing(problem: MultipointProblem, solution: Solution, verb: str)
     if verb == "touches":
         modes = problem.modes
         stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
-        letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contact_side[c] == side)
+        letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
         flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
         where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
         return {"stop": letter, "note": f"{where}: a new impact becomes possible"}

@@ -145,8 +145,8 @@ def energy_scale(system: ImpactSystem) -> float:
     It is the energy of a stop's effective mass that oscillates through its gap in the fastest mode, the largest of all stops. It is 1 if
     no mode has a frequency, or no stop a finite gap."""
     modes = system.modes
-    size = np.sum(modes.contact_gap[:, : system.degrees_of_freedom] ** 2, axis=1)
-    scales = 0.5 * float(np.max(modes.squares)) * modes.contact_bound**2 / size
+    size = np.sum(modes.contacts.gap[:, : system.degrees_of_freedom] ** 2, axis=1)
+    scales = 0.5 * float(np.max(modes.squares)) * modes.contacts.bound**2 / size
     return float(np.max(scales, initial=0.0)) or 1.0
 
 

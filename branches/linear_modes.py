@@ -81,9 +81,9 @@ class LinearMode:
     def amplitude(self) -> float:
         """Largest modal amplitude without an impact."""
         modes = self.system.modes
-        gap = np.abs(modes.contact_gap[:, self.index])
+        gap = np.abs(modes.contacts.gap[:, self.index])
         with np.errstate(divide="ignore"):
-            return float(np.min(np.abs(modes.contact_bound) / gap))
+            return float(np.min(np.abs(modes.contacts.bound) / gap))
 
     @property
     def energies(self) -> tuple[float, float]:
@@ -94,7 +94,7 @@ class LinearMode:
     def stops(self) -> tuple[str, ...]:
         """Letters of the contacts that it touches at its largest energy."""
         modes = self.system.modes
-        touched = np.abs(modes.contact_bound) <= np.abs(modes.contact_gap[:, self.index]) * self.amplitude * (1.0 + 1e-12)
+        touched = np.abs(modes.contacts.bound) <= np.abs(modes.contacts.gap[:, self.index]) * self.amplitude * (1.0 + 1e-12)
         return tuple(letter for letter, touches in zip(modes.contact_letters, touched, strict=True) if touches)
 
     def touching(self, cover: int = 1) -> Touching:
@@ -107,7 +107,7 @@ class LinearMode:
         """
         modes = self.system.modes
         contacts = np.array([modes.contact_letters.index(letter) for letter in self.stops], dtype=np.int64)
-        sides = np.sign(modes.contact_bound[contacts] * modes.contact_gap[contacts, self.index])
+        sides = np.sign(modes.contacts.bound[contacts] * modes.contacts.gap[contacts, self.index])
         order = np.argsort(-sides)
         contacts, sides = contacts[order], sides[order]
         if len(set(sides)) < len(sides):
@@ -142,11 +142,11 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     if reason is not None:
         raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
     modes = system.modes
-    size = np.linalg.norm(modes.contact_gap, axis=1).max()
+    size = np.linalg.norm(modes.contacts.gap, axis=1).max()
     return [
         LinearMode(system, k)
         for k, frequency in enumerate(modes.frequencies)
-        if frequency > 0.0 and np.max(np.abs(modes.contact_gap[:, k])) > _MARGIN * size
+        if frequency > 0.0 and np.max(np.abs(modes.contacts.gap[:, k])) > _MARGIN * size
     ]
 
 
@@ -161,11 +161,11 @@ def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
     modes = orbit.system.modes
     apart = (orbit.times[:, None] - orbit.times[None, :]) % orbit.period
     out = np.zeros_like(apart)
-    side = modes.contact_side[orbit.contact]
+    side = modes.contacts.side[orbit.contact]
     for k, frequency in enumerate(modes.frequencies):
         if k == mode.index:
             continue
-        participation = side * modes.contact_gap[orbit.contact, k]
+        participation = side * modes.contacts.gap[orbit.contact, k]
         if np.max(np.abs(participation)) == 0.0:
             continue
         swing = 2.0 * frequency * math.sin(0.5 * frequency * orbit.period)

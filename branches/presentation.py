@@ -385,6 +385,6 @@ def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> 
         Contacts hit (rows of the contact arrays of `Modes`).
     """
     phase = 2.0 * np.pi * parts
-    stop, side = system.modes.contact_stop[contact], system.modes.contact_side[contact]
+    stop, side = system.modes.contact_stop[contact], system.modes.contacts.side[contact]
     same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)
     return float(np.mean(same_side * np.exp(np.cos(phase[:, None] - phase))))

@@ -11,7 +11,7 @@ import numpy as np
 
 from bvp.checks import finite_numbers
 from bvp.kernels.flight import sample_flights
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, count_impacts, unfold_impacts
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, unfold_impacts
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -74,14 +74,14 @@ def end_maps(modes: Modes, kind: int, contact: int) -> tuple[np.ndarray, np.ndar
         start_map[:n] = np.eye(n)
         rows[:, n:] = np.eye(n)
     else:
-        gap = modes.contact_gap[contact, :n]
+        gap = modes.contacts.gap[contact, :n]
         normal = gap / np.linalg.norm(gap)
         basis = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:]  # orthonormal, of the complement of the normal
         start_map[:n, : n - 1] = basis
         start_map[n:, n - 1] = normal
-        offset[:n] = normal * modes.contact_bound[contact] / np.linalg.norm(gap)
+        offset[:n] = normal * modes.contacts.bound[contact] / np.linalg.norm(gap)
         rows[0, :n] = gap
-        bounds[0] = modes.contact_bound[contact]
+        bounds[0] = modes.contacts.bound[contact]
         rows[1:, n:] = basis.T
     return start_map, offset, rows, bounds
 
@@ -162,7 +162,7 @@ class Cycle:
     def speeds(self) -> np.ndarray:
         """Speeds of approach at the impacts, (P,)."""
         modes = self.system.modes
-        return modes.contact_side[self.contact] * np.einsum("ij,ij->i", modes.contact_rate[self.contact], self.before)
+        return modes.contacts.side[self.contact] * np.einsum("ij,ij->i", modes.contacts.rate[self.contact], self.before)
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (m, n) at any times (m,) from the orbit's start; at an impact the velocity is the one after it.
@@ -186,14 +186,11 @@ class Cycle:
 
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends."""
-    count = int(count_impacts(problem.segment.shape))
-    size = problem.size
-    before = np.empty((count, size))
-    after = np.empty((count, size))
-    duration = np.empty(count)
-    row = np.empty(count, dtype=np.int64)
+    most, size = 4 * (problem.inner + 1), problem.size
+    found = ImpactList(np.empty((most, size)), np.empty((most, size)), np.empty(most), np.empty(most, dtype=np.int64))
     y = np.array(y, float)
-    _, lead = unfold_impacts(problem.segment, y, problem.end_states(y), ImpactList(before, after, duration, row), np.empty((2, size)))
+    count, lead = unfold_impacts(problem.segment, y, problem.end_states(y), found, np.empty((2, size)))
+    before, after, duration, row = (array[:count].copy() for array in found)
     modes = problem.system.modes
     contact = problem.contacts[row].copy()
     mirrored = problem.segment.bound[row] * np.einsum("ij,ij->i", problem.segment.gap[row], before) < 0.0

@@ -52,7 +52,7 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     """
     n = system.degrees_of_freedom
     modes = system.modes
-    contacts = [c for c in range(len(modes.contact_side)) if sticking >> c & 1]
+    contacts = [c for c in range(len(modes.contacts.side)) if sticking >> c & 1]
     rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts]).reshape(-1, n)
     k = len(contacts)
     inverse_rows = np.linalg.solve(system.mass, rows.T)
@@ -69,7 +69,7 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     frozen = basis.T @ system.stiffness @ lift
     loads[:k, :, 0] = -np.where(np.abs(frozen) <= 8.0 * n * EPSILON * noise, 0.0, frozen).T
     frequency = np.concatenate([np.zeros(k), forcing.frequency])
-    bounds = [abs(modes.contact_bound[c]) for c in contacts]
+    bounds = [abs(modes.contacts.bound[c]) for c in contacts]
     sizes = np.concatenate([np.array([[bound, 0.0] for bound in bounds]).reshape(-1, 2), forcing.sizes])
     layout = join(system, blocks, basis, loads, frequency, sizes)
     size = len(layout.matrix)
@@ -92,9 +92,9 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     outer = np.zeros((loaded, size))
     for g, begin in enumerate(layout.load_states[k:]):
         outer[2 * g, begin] = outer[2 * g + 1, begin + 1] = 1.0
-    gap, rate = np.zeros((len(modes.contact_side), size)), np.zeros((len(modes.contact_side), size))
+    gap, rate = np.zeros((len(modes.contacts.side), size)), np.zeros((len(modes.contacts.side), size))
     acceleration = np.zeros_like(gap)
-    side, bound = modes.contact_side.copy(), modes.contact_bound.copy()
+    side, bound = modes.contacts.side.copy(), modes.contacts.bound.copy()
     repeated = repeated_contacts(system.stops)
     closed = {int(modes.contact_stop[c]) for c in contacts}
     press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
@@ -224,7 +224,7 @@ class ContactModeTable:
         return ContactModes(
             sticking=np.array(list(self.modes), dtype=np.int64),
             **stacked,
-            restitution=contacts.contact_restitution,
+            restitution=contacts.contacts.restitution,
             contact_mass=reduced[contacts.contact_stop],
             contact_stop=contacts.contact_stop,
             weight=self.terms.weight,

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from bvp.checks import real
+from bvp.checks import is_finite, real
 from bvp.texts import shown
 
 __all__ = ["FUNCTIONS", "LagrangianError", "parts_from_lagrangian"]
@@ -218,7 +218,7 @@ def _form(names: _Names, expression: Any, what: str, kind: str) -> Any:
     for powers, coefficient in _coefficients(names, expression, what, kind, "quadratic"):
         if any(powers):
             i, j = [k for k, power in enumerate(powers) for _ in range(power)]
-            matrix[i, j] = matrix[j, i] = _finite(coefficient * (2 if i == j else 1), f"a coefficient of {what}")
+            matrix[i, j] = matrix[j, i] = _exact(coefficient * (2 if i == j else 1), f"a coefficient of {what}")
     return matrix
 
 
@@ -273,18 +273,9 @@ def _exact(value: Any, what: str) -> Any:
     """A finite real number as an exact rational."""
     import sympy
 
-    number = _finite(value, what)
-    return sympy.Rational(value if isinstance(value, (int, sympy.Rational)) else number)
-
-
-def _finite(value: Any, what: str) -> float:
-    try:
-        number = real(value)
-    except (TypeError, ValueError):
-        raise LagrangianError(f"{what} is a finite real number; received {shown(value)}") from None
-    if not math.isfinite(number):
+    if not is_finite(value):
         raise LagrangianError(f"{what} is a finite real number; received {shown(value)}")
-    return number
+    return sympy.Rational(value if isinstance(value, (int, sympy.Rational)) else real(value))
 
 
 def _is_plain(name: str) -> bool:

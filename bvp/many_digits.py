@@ -279,7 +279,7 @@ class _Equations:
         self.quarter_period = None if quarter_period is None else mp.mpf(float(quarter_period))
         double = problem.modes
         self.stops = [int(double.contact_stop[contact]) if contact >= 0 else -1 for contact in problem.contacts]
-        self.bounds = [mp.mpf(float(double.contact_bound[contact])) if contact >= 0 else None for contact in problem.contacts]
+        self.bounds = [mp.mpf(float(double.contacts.bound[contact])) if contact >= 0 else None for contact in problem.contacts]
         starts = np.vstack([problem.start(y), problem.nodes(y)]) @ double.to_state.T
         times = _exact(problem.flight_times(y))
         self.x = np.array([[*modes.state(state), time] for state, time in zip(starts, times, strict=True)])

@@ -38,7 +38,7 @@ class Modes(Blocks):
     They are shared by all who ask and not to be written to; no flag says so, because the kernels would then be compiled twice.
 
     The blocks (layout of `bvp.kernels.flight`)
-        pairs (P, 2), mean (P,), delta (P,), matrix (N, N).
+        pairs (P, 2), mean (P,), delta (P,), matrix (N, N); flight: the same, as the kernels take them.
     The states
         to_state (2n, N): (u, v) = to_state z; from_state (N, 2n): its inverse.
     The undamped modes
@@ -46,47 +46,18 @@ class Modes(Blocks):
         squares (negative where the stiffness is); shapes (n, n), the columns of Phi. layout: "uncoupled" or "coupled";
         in the first z = (q_1..q_n, p_1..p_n) with pairs (k, n + k).
     The contacts, one for each finite bound of each stop, lower before upper
-        contact_gap, contact_rate, contact_acceleration, contact_push (m, N): w = gap . z, w' = rate . z, w'' = acceleration . z
-        in free flight, z+ = z - (1 + r) push (rate . z) at an impact; contact_side (m,), +1 upper and -1 lower; contact_bound,
-        contact_restitution (m,); contact_stop (m,), index of the stop; contact_opposite (m,), index of the contact on the
-        stop's other side, the contact itself where there is none; contact_letters, "-" and "+", after the stop's letter where there are
-        several stops.
+        contacts: their arrays, as the kernels take them; contact_stop (m,), index of the stop; contact_opposite (m,), index of the contact
+        on the stop's other side, the contact itself where there is none; contact_letters, "-" and "+", after the stop's letter where there
+        are several stops.
     """
 
     frequencies: np.ndarray
     squares: np.ndarray
-    contact_gap: np.ndarray
-    contact_rate: np.ndarray
-    contact_acceleration: np.ndarray
-    contact_push: np.ndarray
-    contact_side: np.ndarray
-    contact_bound: np.ndarray
-    contact_restitution: np.ndarray
+    flight: Flight
+    contacts: Contacts
     contact_stop: np.ndarray
     contact_opposite: np.ndarray
     contact_letters: tuple[str, ...]
-
-    @property
-    def flight(self) -> Flight:
-        """The blocks as the kernels take them."""
-        from bvp.kernels.flight import Flight
-
-        return Flight(self.pairs, self.mean, self.delta, self.matrix)
-
-    @property
-    def contacts(self) -> Contacts:
-        """The contacts as the kernels take them."""
-        from bvp.kernels.flight import Contacts
-
-        return Contacts(
-            self.contact_gap,
-            self.contact_rate,
-            self.contact_acceleration,
-            self.contact_side,
-            self.contact_bound,
-            self.contact_push,
-            self.contact_restitution,
-        )
 
 
 def system_modes(system: Any) -> Modes:
@@ -97,6 +68,8 @@ def system_modes(system: Any) -> Modes:
     RuntimeError
         Where an eigenvalue iteration does not converge.
     """
+    from bvp.kernels.flight import Contacts, Flight
+
     squares, shapes = undamped_modes(system.mass, system.stiffness)
     blocks = blocks_of(system, squares, shapes)
     n = len(squares)
@@ -111,24 +84,18 @@ def system_modes(system: Any) -> Modes:
         acceleration, push = rate @ blocks.matrix, balanced(blocks.from_state[:, n:] @ impulse, rate)
         for side, sign, bound in ((-1.0, "-", stop.lower), (1.0, "+", stop.upper)):
             if np.isfinite(bound):
-                contacts.append((gap, rate, acceleration, push, side, bound, stop.restitution, k, letter + sign))
-    gaps, rates, accelerations, pushes, sides, bounds, restitutions, stops, letters = zip(*contacts, strict=True)
+                contacts.append((gap, rate, acceleration, side, bound, push, stop.restitution, k, letter + sign))
+    *arrays, stops, letters = zip(*contacts, strict=True)
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
-    arrays: dict[str, Any] = {
-        **{name: values for name, values in vars(blocks).items() if name != "layout"},
-        "contact_gap": gaps,
-        "contact_rate": rates,
-        "contact_acceleration": accelerations,
-        "contact_push": pushes,
-        "contact_side": sides,
-        "contact_bound": bounds,
-        "contact_restitution": restitutions,
-    }
+    # Contiguous copies without negative zeros.
+    own = {name: np.array(values, order="C") + 0 for name, values in vars(blocks).items() if name != "layout"}
     return Modes(
-        **{name: np.array(values, order="C") + 0 for name, values in arrays.items()},  # contiguous copies without negative zeros
+        **own,
+        layout=blocks.layout,
         frequencies=np.sqrt(np.where(squares < 0.0, np.nan, squares)),
         squares=squares,
-        layout=blocks.layout,
+        flight=Flight(own["pairs"], own["mean"], own["delta"], own["matrix"]),
+        contacts=Contacts(*(np.array(values, order="C") + 0 for values in arrays)),
         contact_stop=np.array(stops, dtype=np.int64),
         contact_opposite=np.array(opposite, dtype=np.int64),
         contact_letters=letters,

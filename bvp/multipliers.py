@@ -114,7 +114,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
         return Multipliers(unbounded, math.nan, unpaired, False, np.full((dimension, dimension), math.nan), 0, note)
     free = size - int(conservative)
     width = np.where(np.roll(row, -1) < 0, free, free - 1)
-    contacts = ContactRows(modes.contact_gap, modes.contact_rate, modes.contact_push, 1.0 + modes.contact_restitution)
+    contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
     landings(modes.flight, contacts, scaled, linear)

@@ -130,8 +130,8 @@ class MultipointProblem:
         self.contacts = np.array([*inner, closing, opening])
 
         of_contacts = (
-            *(modes.contact_gap, modes.contact_rate, modes.contact_push),
-            *(1.0 + modes.contact_restitution, modes.contact_bound, modes.contact_side),
+            *(modes.contacts.gap, modes.contacts.rate, modes.contacts.push),
+            *(1.0 + modes.contacts.restitution, modes.contacts.bound, modes.contacts.side),
         )
         arrays = (
             # contact -1, where nothing is hit, picks the zeros at the end

@@ -241,8 +241,8 @@ def _shoot(system: ImpactSystem, alpha: float, slope: np.ndarray, integrator: st
         return np.concatenate([state[n:], pull @ state[:n]])
 
     modes = system.modes
-    rows = (modes.contact_gap @ modes.from_state)[:, :n] * modes.contact_side[:, None]
-    bounds = modes.contact_side * modes.contact_bound
+    rows = (modes.contacts.gap @ modes.from_state)[:, :n] * modes.contacts.side[:, None]
+    bounds = modes.contacts.side * modes.contacts.bound
 
     def distance(row: np.ndarray, bound: float) -> Callable[[float, np.ndarray], float]:
         def event(tau: float, state: np.ndarray) -> float:

@@ -367,7 +367,7 @@ def _after_impact(problem: MultipointProblem, letter: str, z: np.ndarray) -> np.
     """The state after an elastic impact, from the one before it or the other way round."""
     modes = problem.modes
     c = modes.contact_letters.index(letter)
-    return z - (1.0 + modes.contact_restitution[c]) * modes.contact_push[c] * float(modes.contact_rate[c] @ z)
+    return z - (1.0 + modes.contacts.restitution[c]) * modes.contacts.push[c] * float(modes.contacts.rate[c] @ z)
 
 
 def _linear(orbit: Touching) -> Neighbour:

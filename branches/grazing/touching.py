@@ -220,8 +220,8 @@ def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
     cycle = cycle_of(problem, y)
     modes = problem.system.modes
     speed = np.sqrt(2.0 * problem.energy(y))
-    reach = float(np.max(np.abs(modes.contact_bound[np.isfinite(modes.contact_bound)])))
-    slow = np.abs(cycle.speeds) < CONTACT * speed * float(np.max(np.linalg.norm(modes.contact_rate, axis=1)))
+    reach = float(np.max(np.abs(modes.contacts.bound[np.isfinite(modes.contacts.bound)])))
+    slow = np.abs(cycle.speeds) < CONTACT * speed * float(np.max(np.linalg.norm(modes.contacts.rate, axis=1)))
     rows = [
         (float(time % cycle.period), int(contact), before, after, bool(graze), True)
         for time, contact, before, after, graze in zip(cycle.times, cycle.contact, cycle.before, cycle.after, slow, strict=True)
@@ -249,8 +249,8 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
     """(contact, time, state) of the turning points of each gap along a flight that are at a stop."""
     modes = system.modes
     times, state = np.empty(_TURNS), np.empty(len(z))
-    for contact in range(len(modes.contact_side)):
-        gap, rate, bend = modes.contact_gap[contact], modes.contact_rate[contact], modes.contact_acceleration[contact]
+    for contact in range(len(modes.contacts.side)):
+        gap, rate, bend = modes.contacts.gap[contact], modes.contacts.rate[contact], modes.contacts.acceleration[contact]
         third = np.ascontiguousarray(bend @ modes.matrix)
         found = crossing_times(modes.flight, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
         for time in times[: min(found, _TURNS)].tolist():
@@ -260,8 +260,8 @@ def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: fl
                 if slope != 0.0:
                     time -= float(rate @ state) / slope
             flow_state(modes.flight, z, time, state)
-            distance = modes.contact_side[contact] * (modes.contact_bound[contact] - float(gap @ state))
-            if abs(distance) < tolerance and modes.contact_side[contact] * float(bend @ state) < 0.0:
+            distance = modes.contacts.side[contact] * (modes.contacts.bound[contact] - float(gap @ state))
+            if abs(distance) < tolerance and modes.contacts.side[contact] * float(bend @ state) < 0.0:
                 yield contact, time, state.copy()
 
 

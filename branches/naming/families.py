@@ -180,7 +180,7 @@ def trace_named(
 def _linear_mode(system: ImpactSystem, label: Label, has_labels: bool) -> str:
     modes = system.modes
     k = 0 if label.sign == "+" else 1
-    w, b = modes.frequencies[k], modes.contact_gap[0, k]
+    w, b = modes.frequencies[k], modes.contacts.gap[0, k]
     stop = system.stops[0]
     reach = min(abs(stop.lower), abs(stop.upper))
     expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if has_labels else _BY_ID

@@ -196,7 +196,7 @@ def least_energy(system: ImpactSystem) -> float:
     >>> round(least_energy(vibro_impact_nes(sigma=0.1)), 12), least_energy(vibro_impact_nes(sigma=0.0))
     (0.05, 0.0)
     """
-    gap = system.modes.contact_gap[0, : system.degrees_of_freedom]
+    gap = system.modes.contacts.gap[0, : system.degrees_of_freedom]
     reach = min(abs(system.stops[0].lower), abs(system.stops[0].upper))
     pairs = zip(gap, system.modes.squares, strict=True)
     compliance = sum(math.inf if w <= 0.0 and g != 0.0 else (g * g / w if g else 0.0) for g, w in pairs)

@@ -149,7 +149,7 @@ class ImpulsiveMotions:
         self.system = system
         self.longest = longest
         self.modes = modes = system.modes
-        row = modes.contact_gap[0]
+        row = modes.contacts.gap[0]
         rates = accumulate([row, *[modes.matrix] * 3], np.matmul)  # the gap coordinate and its derivatives by time
         self.functional = np.ascontiguousarray(list(rates))
         across = np.array([-row[1], row[0]]) / math.hypot(row[0], row[1])
@@ -169,7 +169,7 @@ class ImpulsiveMotions:
             shape = (len(levels), self.room)
             (time, shift), (state, change) = np.zeros((2, *shape)), np.zeros((2, *shape, 4))
             kind, count = np.zeros(shape, dtype=np.int64), np.zeros(len(levels), dtype=np.int64)
-            events, work = kernel.Events(kind, time, shift, state, change, count), work_array(4, len(modes.contact_side))
+            events, work = kernel.Events(kind, time, shift, state, change, count), work_array(4, len(modes.contacts.side))
             kernel.sensitivities(modes.flight, modes.contacts, self.functional, starts, 0.5 * starts, float(self.longest), events, work)
             if not np.any(count == kernel.FULL) or self.room >= _MOST_EVENTS:
                 return events._replace(counts=np.where(count < 0, -1, count))
@@ -199,8 +199,8 @@ class ImpulsiveMotions:
         modes, letters = self.modes, self.modes.contact_letters
         hits = np.flatnonzero(kind[:event] >= 0)
         contacts, before = kind[hits], state[hits]
-        speed = np.einsum("ij,ij->i", modes.contact_rate[contacts], before)
-        after = before - ((1.0 + modes.contact_restitution[contacts]) * speed)[:, None] * modes.contact_push[contacts]
+        speed = np.einsum("ij,ij->i", modes.contacts.rate[contacts], before)
+        after = before - ((1.0 + modes.contacts.restitution[contacts]) * speed)[:, None] * modes.contacts.push[contacts]
         stamps = np.concatenate([[0.0], time[hits], [time[event]]])
         last = int(kind[event])
         ends = ("origin", {ZERO: "origin", TURNING: "rest"}.get(last) or "stop" + letters[last])

@@ -357,7 +357,7 @@ def judge(
     w = width[:, None]
     sure, sign = certain(first.residual, last.residual, first.residual_slope, last.residual_slope, w)
     clear, _ = certain(first.crossing, last.crossing, first.crossing_slope, last.crossing_slope, w)
-    for bound in (0.0, *motions.modes.contact_bound):
+    for bound in (0.0, *motions.modes.contacts.bound):
         alone, _ = certain(first.gap - bound, last.gap - bound, first.gap_slope, last.gap_slope, w)
         clear &= (first.kind != TURNING) | alone
     return changed, ~within | sure, ~same | clear, within & sign

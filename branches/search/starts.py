@@ -129,7 +129,7 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
         return [StartCurve("origin", _flow(system, coefficients, TRIGONOMETRIC, -1), OFFSET, OFFSET + math.pi)]
     # Displacements q = w normal + s across: V = (a w^2 + 2 b w s + c s^2)/2.
     modes = system.modes
-    gap = modes.contact_gap[0, :2]
+    gap = modes.contacts.gap[0, :2]
     normal = gap / (gap @ gap)
     across = _across(gap)
     a, b, c = ((modes.squares * x) @ y for x, y in ((normal, normal), (normal, across), (across, across)))
@@ -143,16 +143,16 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
         return _rest(system, energy, stiffness, c, slide, across)
     out = []
     for contact, letter in enumerate(modes.contact_letters):
-        if system.has_odd_symmetry and modes.contact_side[contact] < 0.0:
+        if system.has_odd_symmetry and modes.contacts.side[contact] < 0.0:
             continue
-        bound = float(modes.contact_bound[contact])
+        bound = float(modes.contacts.bound[contact])
         left = energy - 0.5 * stiffness * bound * bound
         if left <= 0.0:
             continue
         coefficients = np.zeros((3, 4))
         coefficients[0, :2] = bound * slide
         coefficients[2, :2] = math.sqrt(2.0 * left / c) * across
-        coefficients[1, 2:] = -modes.contact_side[contact] * math.sqrt(2.0 * left) * gap / math.sqrt(gap @ gap)
+        coefficients[1, 2:] = -modes.contacts.side[contact] * math.sqrt(2.0 * left) * gap / math.sqrt(gap @ gap)
         flow = _flow(system, coefficients, TRIGONOMETRIC, contact)
         out.append(StartCurve("stop" + letter, flow, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
     return out
@@ -214,7 +214,7 @@ def _flow(system: ImpactSystem, coefficients: np.ndarray, shape: int, contact: i
         modes.flight,
         modes.contacts,
         np.array(modes.squares, dtype=np.float64),
-        _across(modes.contact_gap[0, :2]),
+        _across(modes.contacts.gap[0, :2]),
         np.array([system.stops[0].lower, system.stops[0].upper], dtype=np.float64),
         coefficients,
         np.array([shape, contact], dtype=np.int64),
@@ -241,13 +241,13 @@ class Sampler:
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
         self.impacts = impacts
         self.modes = modes = system.modes
-        gap = modes.contact_gap[0]
+        gap = modes.contacts.gap[0]
         across = np.array([-gap[1], gap[0]]) / np.hypot(gap[0], gap[1])
         transverse = np.concatenate([across, np.zeros(2)] if self.kind == ORIGIN else [np.zeros(2), across])
         self.transverse = np.ascontiguousarray(np.array([transverse, transverse]))
-        row = gap if self.kind == ORIGIN else modes.contact_rate[0]
+        row = gap if self.kind == ORIGIN else modes.contacts.rate[0]
         self.functional = np.ascontiguousarray(np.array([row, row @ modes.matrix, row @ modes.matrix @ modes.matrix]))
-        self.work = work_array(4, len(modes.contact_side))
+        self.work = work_array(4, len(modes.contacts.side))
 
     def follow(self, energy: float, angles: np.ndarray, impacts: Sequence[int], nodes: bool = False) -> tuple[np.ndarray, ...]:
         """Follow starts at the origin through up to K = max(impacts) impacts. Their modal velocities have these angles (M,).

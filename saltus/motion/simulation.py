@@ -267,7 +267,7 @@ def impact_table(motion: Motion, units: Units) -> ImpactTable:
         "time": motion.times[rows] * units.time,
         "stop": np.array(modes.contact_letters, dtype=str)[contacts],
         "speed": speeds,
-        "speed_after": np.asarray(modes.contact_restitution, dtype=float)[contacts] * speeds,
+        "speed_after": np.asarray(modes.contacts.restitution, dtype=float)[contacts] * speeds,
         "energy_lost": motion.losses[rows] * units.energy,
     }
 

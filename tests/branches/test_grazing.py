@@ -142,7 +142,7 @@ def test_all_impacts_vanish_at_a_linear_mode(name, h, label):
     assert only.kind == "linear mode" and only.label == label and only.branch is None
     modes = SYSTEM.modes
     k = 0 if label == "L11+" else 1
-    assert abs(only.h / (0.5 * (modes.frequencies[k] / modes.contact_gap[0, k]) ** 2) - 1.0) < 1e-10
+    assert abs(only.h / (0.5 * (modes.frequencies[k] / modes.contacts.gap[0, k]) ** 2) - 1.0) < 1e-10
 
 
 def beside(branch, event, side, most):
@@ -240,11 +240,11 @@ def at_one_instant(system, ends=("origin", "rest")):
     modes = system.modes
     problem = MultipointProblem(system, ends, ("a+", "b+"))
     a, b = (modes.contact_letters.index(letter) for letter in ("a+", "b+"))
-    rows = np.array([modes.contact_gap[a], modes.contact_gap[b]])
-    rates = np.array([modes.contact_rate[a], modes.contact_rate[b]])
+    rows = np.array([modes.contacts.gap[a], modes.contacts.gap[b]])
+    rates = np.array([modes.contacts.rate[a], modes.contacts.rate[b]])
     before = np.concatenate([np.linalg.solve(rows[:, :2], [1.0, 0.8]), np.linalg.solve(rates[:, 2:], [0.9, 0.4])])
-    between = before - 2.0 * modes.contact_push[a] * (modes.contact_rate[a] @ before)
-    after = between - 2.0 * modes.contact_push[b] * (modes.contact_rate[b] @ between)
+    between = before - 2.0 * modes.contacts.push[a] * (modes.contacts.rate[a] @ before)
+    after = between - 2.0 * modes.contacts.push[b] * (modes.contacts.rate[b] @ between)
     y = problem.pack(np.zeros(4), [between, after], [0.6, 0.0, 0.7])
     return problem, Solution(y, np.zeros(2 * len(y)), np.zeros(6), np.zeros((3, 4)), np.zeros(39)), before
 
@@ -256,7 +256,7 @@ def test_impacts_at_independent_stops_change_their_order():
     assert other.sequence == ("b+", "a+") and stops == ("a+", "b+")
     modes = problem.modes
     b = modes.contact_letters.index("b+")
-    assert np.allclose(other.nodes(y)[0], before - 2.0 * modes.contact_push[b] * (modes.contact_rate[b] @ before), atol=1e-14)
+    assert np.allclose(other.nodes(y)[0], before - 2.0 * modes.contacts.push[b] * (modes.contacts.rate[b] @ before), atol=1e-14)
     assert np.allclose(other.nodes(y)[1], problem.nodes(solution.y)[1], atol=1e-14)
     rows = other.size + 1
     assert np.allclose(other.residual(y)[rows : 2 * rows], 0.0, atol=1e-14)

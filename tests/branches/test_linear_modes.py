@@ -34,7 +34,7 @@ def test_linear_modes_are_nodes():
     """Oracle: closed form: w^2/(2 b^2), shape ratio 3.702, and the event-driven run just below and above it."""
     for mode, label in ((IN_PHASE, "L11+"), (OUT_OF_PHASE, "L11-")):
         modes = SYSTEM.modes
-        w, b = modes.frequencies[mode.index], modes.contact_gap[0, mode.index]
+        w, b = modes.frequencies[mode.index], modes.contacts.gap[0, mode.index]
         assert mode.label == label and mode.stops == ("-", "+") and mode.frequency == w
         assert mode.energies[0] == 0.0 and abs(mode.energies[1] / (0.5 * (w / b) ** 2) - 1.0) < 1e-14
         shape = modes.shapes[:, mode.index]
@@ -51,7 +51,7 @@ def gaps_allowed(mode, side):
     With c and s the cosine and sine of w T/2 of the other mode, x_{i+1} + 2 c x_i + x_{i-1} = b^2 s/w P_i."""
     other = SYSTEM.modes.frequencies[1 - mode.index]
     angle = 2.0 * other * mode.alpha
-    b = SYSTEM.modes.contact_gap[0, 1 - mode.index]
+    b = SYSTEM.modes.contacts.gap[0, 1 - mode.index]
     beta = b * b * np.sin(angle) / other
     turn = angle - np.pi
 
@@ -157,7 +157,7 @@ def test_speeds_of_first_order(cover):
     mode = IN_PHASE
     orbit = mode.touching(cover)
     matrix = response(mode, orbit)
-    b = abs(modes.contact_gap[0, mode.index])
+    b = abs(modes.contacts.gap[0, mode.index])
     checked = 0
     for item in at("L11+", cover):
         if item.event is None or item.ends[0] != "origin":
@@ -168,7 +168,7 @@ def test_speeds_of_first_order(cover):
         kept[places] = True
         impulses = np.zeros(len(kept))
         impulses[kept] = np.linalg.solve(matrix[np.ix_(kept, kept)], np.ones(int(kept.sum())))
-        slope = 0.5 * impulses * np.sum(modes.contact_gap[0, :2] ** 2) * b / (mode.frequency**2 * mode.amplitude)
+        slope = 0.5 * impulses * np.sum(modes.contacts.gap[0, :2] ** 2) * b / (mode.frequency**2 * mode.amplitude)
         ratios = []
         for change in (4e-4, 2e-4):
             h = mode.energies[1] * (1.0 + change * (1 if item.kind == "passage" else -1))

@@ -58,7 +58,7 @@ def test_an_impulsive_orbit_lies_between_the_names_of_one_family(names):
 
 def test_families_at_the_linear_modes():
     """Oracle: closed form of the grazing energies w^2/(2 b^2): Lee et al. name these from L11+ and, at Fig. 10(c), beside L11-."""
-    energies = [0.5 * (w / b) ** 2 for w, b in zip(SYSTEM.modes.frequencies, SYSTEM.modes.contact_gap[0], strict=False)]
+    energies = [0.5 * (w / b) ** 2 for w, b in zip(SYSTEM.modes.frequencies, SYSTEM.modes.contacts.gap[0], strict=False)]
     for name in ("U2201+", "U5511+", "U4421+", "S95E22-"):
         assert event(family(name), "GR", energies[0]).h == pytest.approx(energies[0], rel=1e-9)
     assert event(family("U44-"), "GR", energies[1]).h == pytest.approx(energies[1], rel=1e-9)

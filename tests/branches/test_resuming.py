@@ -47,7 +47,7 @@ class ManyDigits:
         modes = SYSTEM.modes
         self.squares = [mp.mpf(float(s)) for s in modes.squares]
         self.w = [mp.sqrt(s) for s in self.squares]
-        self.gap = [mp.mpf(float(g)) for g in modes.contact_gap[0, :2]]
+        self.gap = [mp.mpf(float(g)) for g in modes.contacts.gap[0, :2]]
         self.across = [-self.gap[1], self.gap[0]]
         self.speed = mp.sqrt(2 * mp.mpf(energy))
 

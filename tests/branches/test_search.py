@@ -202,7 +202,7 @@ def test_one_impact_a_period_on_a_one_sided_stop():
     """Oracle: closed form: an impulse P = 2 d / sum b_k^2 cot(w_k T/2)/w_k once a period, physical where it pushes away from the stop and
     the stop is not passed in between."""
     system = one_sided()
-    w, b = system.modes.frequencies, system.modes.contact_gap[0, :2]
+    w, b = system.modes.frequencies, system.modes.contacts.gap[0, :2]
     longest, energy = 4.0, 1.7
 
     def impulse(period):

@@ -41,13 +41,13 @@ def next_impact(system, u, v, horizon, leaving=None):
     modes = system.modes
     n = system.degrees_of_freedom
     z = modes.from_state @ checked_state(system, u, v)
-    work = kernels.work_array(len(z), len(modes.contact_side))
+    work = kernels.work_array(len(z), len(modes.contacts.side))
     left = -1 if leaving is None else contact_of(system, leaving)
     status, contact, time = kernels.next_impact(modes.flight, modes.contacts, left, z, float(horizon), work)
     end = np.empty_like(z)
     flow_state(modes.flight, z, time, end)
     state = modes.to_state @ end
-    speed = float(modes.contact_side[contact] * (modes.contact_rate[contact] @ end)) if contact >= 0 else 0.0
+    speed = float(modes.contacts.side[contact] * (modes.contacts.rate[contact] @ end)) if contact >= 0 else 0.0
     letter = modes.contact_letters[contact] if contact >= 0 else ""
     return NextImpact(ImpactStatus(status), float(time), letter, state[:n], state[n:], speed)
 

@@ -120,7 +120,7 @@ def test_peaks_of_linear_motion():
     system = vibro_impact_nes()
     modes = system.modes
     for k in range(2):
-        amplitude = 0.5 / abs(modes.contact_gap[0, k])
+        amplitude = 0.5 / abs(modes.contacts.gap[0, k])
         v = modes.shapes[:, k] * modes.frequencies[k] * amplitude
         found = many(system, [0.0, 0.0, *v], 50.0)
         assert found.reason[0] == CLEARED and found.impacts[0] == 0

@@ -107,7 +107,7 @@ def test_turning_points():
             w = np.zeros_like(times)
             for j in range(2):
                 o = modes.frequencies[j]
-                w += modes.contact_gap[0, j] * (row[j] * np.cos(o * times) + row[2 + j] * np.sin(o * times) / o)
+                w += modes.contacts.gap[0, j] * (row[j] * np.cos(o * times) + row[2 + j] * np.sin(o * times) / o)
             turns = np.flatnonzero((w[1:-1] - w[:-2]) * (w[2:] - w[1:-1]) < 0.0) + 1
             distances = sorted(1.0 - w[i] if w[i] > w[i - 1] else 1.0 + w[i] for i in turns)
             assert row[column.TURNING_POINTS] == len(turns)
@@ -147,8 +147,8 @@ def test_acceleration_towards_the_stop():
     for k in range(rows - 1):
         after = record[k + 1, :4]
         contact = int(record[k, column.CONTACT])
-        force = -(modes.squares * after[:2]) @ modes.contact_gap[contact, :2]
-        assert record[k, column.ACCELERATION] == pytest.approx(modes.contact_side[contact] * force, rel=1e-9, abs=1e-12)
+        force = -(modes.squares * after[:2]) @ modes.contacts.gap[contact, :2]
+        assert record[k, column.ACCELERATION] == pytest.approx(modes.contacts.side[contact] * force, rel=1e-9, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2, 3])

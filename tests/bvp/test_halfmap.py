@@ -148,7 +148,7 @@ def test_krein_signatures_of_eigenvectors():
 
 
 def test_periodic_closure_decides_by_the_trace():
-    """The same orbits closed on themselves are stable where their halves say so."""
+    """The same orbits closed on themselves: xi = 0, the period 4 alpha, and stable where their halves say so."""
     compared = 0
     for orbit in collection()[::3] + chains()[::3]:
         expected = stability(orbit.problem, orbit.solution)
@@ -158,7 +158,11 @@ def test_periodic_closure_decides_by_the_trace():
             continue
         cycle = cycle_of(orbit.problem, orbit.solution.y)
         problem = MultipointProblem(orbit.problem.system, ("periodic", "periodic"), cycle.letters)
-        solution = problem.solve(problem.pack(cycle.after[0], cycle.after[1:], cycle.duration), energy=orbit.energy)
+        y = problem.pack(cycle.after[0], cycle.after[1:], cycle.duration)
+        assert np.max(np.abs(problem.residual(y))) < 1e-13 * np.max(np.abs(y)), orbit.name
+        solution = problem.solve(y, energy=orbit.energy)
+        assert abs(solution.y[-1]) < 1e-13
+        assert abs(solution["quarter_period"] / orbit.solution["quarter_period"] - 1.0) < 1e-10
         found = stability(problem, solution)
         assert found.tau_half is None
         assert abs(np.sum(found.tau) - np.sum(expected.tau)) < 1e-7 * (1.0 + abs(np.sum(expected.tau))), orbit.name

@@ -104,21 +104,21 @@ def test_the_contacts_of_several_stops():
     modes = system.modes
     assert modes.contact_letters == ("a-", "a+", "k+")
     assert modes.contact_stop.tolist() == [0, 0, 1]
-    assert modes.contact_side.tolist() == [-1.0, 1.0, 1.0]
-    assert modes.contact_bound.tolist() == [-1.0, 2.0, 3.0]
-    assert modes.contact_restitution.tolist() == [0.9, 0.9, 0.5]
+    assert modes.contacts.side.tolist() == [-1.0, 1.0, 1.0]
+    assert modes.contacts.bound.tolist() == [-1.0, 2.0, 3.0]
+    assert modes.contacts.restitution.tolist() == [0.9, 0.9, 0.5]
     for row, k in zip(range(3), (0, 0, 1), strict=True):
         c = np.array(stops[k].gap)
         direction = np.linalg.solve(system.mass, c)
-        np.testing.assert_allclose(modes.contact_gap[row] @ modes.from_state, [*c, 0.0, 0.0], atol=1e-14)
-        np.testing.assert_allclose(modes.contact_rate[row] @ modes.from_state, [0.0, 0.0, *c], atol=1e-14)
+        np.testing.assert_allclose(modes.contacts.gap[row] @ modes.from_state, [*c, 0.0, 0.0], atol=1e-14)
+        np.testing.assert_allclose(modes.contacts.rate[row] @ modes.from_state, [0.0, 0.0, *c], atol=1e-14)
         np.testing.assert_allclose(
-            modes.contact_acceleration[row] @ modes.from_state,
+            modes.contacts.acceleration[row] @ modes.from_state,
             np.array([*c, 0.0, 0.0]) @ first_order(system) @ first_order(system),
             atol=1e-13,
         )
         np.testing.assert_allclose(
-            modes.to_state @ modes.contact_push[row], [0.0, 0.0, *direction / (c @ direction)], atol=1e-14
+            modes.to_state @ modes.contacts.push[row], [0.0, 0.0, *direction / (c @ direction)], atol=1e-14
         )
 
 

@@ -225,7 +225,7 @@ def test_grazing_is_said_and_gives_no_numbers():
     problem, y = backbone_segment(system, 1.0)
     cycle = cycle_of(problem, y)
     before, after = cycle.before.copy(), cycle.after.copy()
-    push, rate = system.modes.contact_push, system.modes.contact_rate
+    push, rate = system.modes.contacts.push, system.modes.contacts.rate
     contact = int(cycle.contact[1])
     before[1] -= push[contact] * (rate[contact] @ before[1])
     after[1] = before[1]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from benchmarks import backbone
 from branches.family import scales_of
-from bvp.closures import EndsError, cycle_of
+from bvp.closures import EndsError
 from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, NotConverged
@@ -273,24 +273,6 @@ def test_two_hundred_impacts_of_an_irregular_orbit():
     states = problem.nodes(solution.y)
     energies = 0.5 * np.sum(problem.segment.weights * states**2, axis=1)
     assert np.max(np.abs(energies / solution["energy"] - 1.0)) < 4.0 * EPS * 201
-
-
-def test_periodic_closure_of_orbits_known_from_their_halves():
-    """The same orbit closed on itself: xi = 0, the period 4 alpha, the trace of the half map."""
-    checked = 0
-    for orbit in collection()[::4]:
-        cycle = cycle_of(orbit.problem, orbit.solution.y)
-        problem = MultipointProblem(orbit.problem.system, ("periodic", "periodic"), cycle.letters)
-        y = problem.pack(cycle.after[0], cycle.after[1:], cycle.duration)
-        assert np.max(np.abs(problem.residual(y))) < 1e-13 * np.max(np.abs(y)), orbit.name
-        if abs(orbit.solution["trace"]) > 1e3:
-            continue
-        solution = problem.solve(y, energy=orbit.energy)
-        assert abs(solution.y[-1]) < 1e-13
-        assert abs(solution["quarter_period"] / orbit.solution["quarter_period"] - 1.0) < 1e-10
-        assert abs(solution["trace"] - orbit.solution["trace"]) < 1e-8 * (1.0 + abs(orbit.solution["trace"]))
-        checked += 1
-    assert checked >= 5
 
 
 def test_step_follows_the_closed_form_through_its_fold():

@@ -19,7 +19,7 @@ def test_slowest_impact_also_of_orbits_that_start_at_one():
             speeds[problem.inner + 1] = (problem.contacts[problem.inner + 1], -problem.start(y))
         for node, (contact, state) in speeds.items():
             gap = np.array(problem.system.stops[modes.contact_stop[contact]].gap)
-            speeds[node] = modes.contact_side[contact] * float(gap @ (modes.to_state[n:] @ state))
+            speeds[node] = modes.contacts.side[contact] * float(gap @ (modes.to_state[n:] @ state))
         slowest = min(speeds.values())
         assert slowest > 0.0 and abs(orbit.solution["speed"] - slowest) <= 1e-12 * max(speeds.values())
         # The last impact of a segment from stop to stop can be as slow as the first.

@@ -25,7 +25,7 @@ PAGE = page("paper.md")
 
 def grazing_energies():
     """Closed form, in phase first: w^2/(2 b^2)."""
-    return [0.5 * (w / b) ** 2 for w, b in zip(SYSTEM.modes.frequencies, SYSTEM.modes.contact_gap[0, :2], strict=True)]
+    return [0.5 * (w / b) ** 2 for w, b in zip(SYSTEM.modes.frequencies, SYSTEM.modes.contacts.gap[0, :2], strict=True)]
 
 
 def share(name, h):
@@ -61,7 +61,7 @@ def row(number):
 def first_impact():
     c = np.array([1.0, -1.0])
     least = 0.5 / (c @ np.linalg.solve(SYSTEM.stiffness, c))
-    w, b = SYSTEM.modes.frequencies, SYSTEM.modes.contact_gap[0, :2]
+    w, b = SYSTEM.modes.frequencies, SYSTEM.modes.contacts.gap[0, :2]
     speed = 1.0 / np.sum(np.abs(b * SYSTEM.modes.shapes[1] / w))
     for factor, hits in ((1.0 - 1e-6, False), (1.02, True)):
         assert (len(saltus.simulate(SYSTEM, *impulsive_state(SYSTEM, 0.5 * factor * speed**2), 2000.0).stop_events) > 0) == hits

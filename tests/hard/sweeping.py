@@ -263,7 +263,7 @@ class Verdicts:
             if begins:  # d(0) = 0 by what is told, so d/s is looked at
                 kind, place = first_event(polynomial[1:], 0, exact.number(high), 0.0)
             else:
-                sizes = np.abs(modes.contact_gap[modes.contact_letters.index(letters[c])])
+                sizes = np.abs(modes.contacts.gap[modes.contact_letters.index(letters[c])])
                 size = abs(motion.bounds[c]) + sizes @ np.abs(modes.from_state @ [as_float(x) for x in state])
                 kind, place = first_event(polynomial, exact.number(low - at), exact.number(high - at), CONTACT_TOLERANCE * size)
             if kind != "none":

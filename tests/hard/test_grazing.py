@@ -125,7 +125,7 @@ def side(sign):
     for mode in (0, 1):
         for power in range(1, 13):
             edge = math.pi / 2.0 / float(Closed(SYSTEM, 1.0).frequencies[mode])
-            b = SYSTEM.modes.contact_gap[0, :2]
+            b = SYSTEM.modes.contacts.gap[0, :2]
             alpha = edge - sign * 10.0**-power * (b[mode] / SYSTEM.modes.frequencies[mode]) ** 2 / float(np.sum(b * b))
             problem, y = backbone_segment(SYSTEM, alpha)
             yield problem.solve(y * (1.0 + 1e-7), quarter_period=alpha), problem, Closed(SYSTEM, alpha)
@@ -292,7 +292,7 @@ def test_impacts_that_merge(coupling):
         last = modes.from_state @ motion.stop_events.after[-1]
         first = last.copy()
         b = modes.contact_letters.index("b+")
-        first += 2.0 * modes.contact_push[b] * -(modes.contact_rate[b] @ first)
+        first += 2.0 * modes.contacts.push[b] * -(modes.contacts.rate[b] @ first)
         guess = problem.pack(start, [first, last], [alpha, 0.0, alpha])
         solution = problem.solve(guess * (1.0 + 1e-5 * np.cos(np.arange(len(guess)))), quarter_period=alpha)
         velocities = (modes.to_state @ problem.start(solution.y))[2:]

@@ -32,7 +32,7 @@ def test_energies_next_to_a_threshold():
     fold = next(e for e in traced("S11O00-").events if e.type == "SN")
     _, least = Backbone().where_tau_half_is(math.copysign(2.0, Backbone().tau_half(fold.alpha)), fold.alpha * 0.999, fold.alpha * 1.001)
     modes = SYSTEM.modes
-    first, last = (0.5 * (modes.frequencies[k] / modes.contact_gap[0, k]) ** 2 for k in (0, 1))
+    first, last = (0.5 * (modes.frequencies[k] / modes.contacts.gap[0, k]) ** 2 for k in (0, 1))
     worst = 0.0
     thresholds = (("S13O00+", first, 1, 1), ("S11O00-", last, -1, 2), ("S11O00-", least, 1, 2), ("S11O00-", last, 1, 1))
     for name, threshold, sign, count in thresholds:

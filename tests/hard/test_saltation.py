@@ -144,7 +144,7 @@ def pencil_trace(cycle, names):
     modes, (nodes, size) = cycle.system.modes, scaled.after.shape
     linear = pencils.Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     left, right = np.zeros((nodes, size, size)), np.zeros((nodes, size, size))
-    contacts = pencils.ContactRows(modes.contact_gap, modes.contact_rate, modes.contact_push, 1.0 + modes.contact_restitution)
+    contacts = pencils.ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     landings = next(mutants(pencils.landings, names))[1]
     landings(modes.flight, contacts, scaled, linear)
     conservative = cycle.system.is_conservative
