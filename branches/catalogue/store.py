@@ -23,13 +23,11 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.packing import PackedFamily
-    from branches.catalogue.rows import Edge, EventOrbit
+    from branches.catalogue.rows import EventOrbit
     from branches.events import BranchEvent
     from bvp.multipoint import MultipointProblem
 
-__all__ = [
-    "CannotWiden", "CatalogueStore", "Kept", "holds", "widen",
-]  # fmt: skip
+__all__ = ["CannotWiden", "CatalogueStore", "Kept", "holds", "widen"]
 
 _IGNORE = "INSERT OR IGNORE"
 
