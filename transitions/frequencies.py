@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from bvp.texts import brief, shown
-from transitions.kernels import Maxima, chains, link
+from transitions.kernels import Maxima, link
 from transitions.spectrum import Spectrum, checked
 
 __all__ = [
@@ -112,15 +112,20 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     one of their periods, or by one row of the spectrum. A gap of less than a period does not end a ridge. Maxima below the rounding of the
     transform, 1e-14 of the signal's range, are ignored.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     step = float(spectrum.times[1] - spectrum.times[0])
     columns, level, heights, shares = _strong(spectrum, times, signal)
     order = np.argsort(columns, kind="stable")  # the frequencies at each time rise, because the rows do
     columns, level, heights, shares = columns[order], level[order], heights[order], shares[order]
     reach = np.maximum(spectrum.octaves, _DRIFT * 2.0**level * step / (2.0 * math.pi))
     maxima = Maxima(columns, level, np.searchsorted(columns, np.arange(len(spectrum.times) + 1)), reach)
-    following, number = np.empty((2, len(columns)), dtype=np.int64)
-    link(maxima, spectrum.octaves, _DRIFT, step, following, np.empty(len(columns), dtype=np.bool_), number)
-    count = chains(following, number)
+    following, opened = np.empty((2, len(columns)), dtype=np.int64)
+    link(maxima, spectrum.octaves, _DRIFT, step, following, np.empty(len(columns), dtype=np.bool_), opened)
+    linked = np.flatnonzero(following >= 0)
+    links = coo_array((np.ones(len(linked)), (linked, following[linked])), shape=(len(columns),) * 2)
+    count, number = connected_components(links, directed=False)  # chains, in the order of their first maxima
     order = np.argsort(number, kind="stable")
     out: list[Ridge] = []
     for part in np.split(order, np.searchsorted(number[order], np.arange(1, count))):

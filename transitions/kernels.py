@@ -1,4 +1,4 @@
-"""Kernels of the analysis of motions: section crossings, extents, and chains of spectral maxima.
+"""Kernels of the analysis of motions: section crossings, extents, and links between spectral maxima.
 
 The section is f = row . z = 0 with f' > 0. The bounds of `bvp.kernels.extrema` give instants between which f has one zero at most: either
 it changes its sign, or it has none. The sign is carried from flight to flight, so that a crossing at an impact counts once.
@@ -35,7 +35,6 @@ __all__ = [
     "SectionStarts",
     "TIME_OVER",
     "Work",
-    "chains",
     "extents_of_motion",
     "follow_section",
     "link",
@@ -361,19 +360,3 @@ def link(maxima, spacing, drift, step, following, followed, opened):
         if chosen >= 0:
             following[end] = chosen
             followed[chosen] = True
-
-
-@kernel
-def chains(following, number):
-    """Number the chains of maxima in the order of their first ones: number (M,) gets the chain of each. `following` is the result of
-    `link`. Returns the number of chains."""
-    for i in range(number.shape[0]):
-        number[i] = -1
-    count = 0
-    for i in range(number.shape[0]):
-        if number[i] < 0:
-            number[i] = count
-            count += 1
-        if following[i] >= 0:
-            number[following[i]] = number[i]
-    return count

@@ -235,14 +235,6 @@ def trivial_processes(monkeypatch):
     monkeypatch.setattr(continuation, "PROCESSES", (("first", ("-c", "pass")), ("second", ("-c", "pass"))))
 
 
-def test_a_table_is_printed(capsys, trivial_processes):
-    """Oracle: the names of the processes, and the machine."""
-    assert main(["continuation", "--quick", "--only", "processes"]) == 0
-    out, error = capsys.readouterr()
-    assert out.startswith("Machine: ") and "first" in out and "second" in out and "Measured in" in out
-    assert error == ""
-
-
 def test_out_puts_the_tables_into_the_page(tmp_path, capsys, monkeypatch, trivial_processes):
     """Oracle: the page of the project, whose text around the marks stays; its tables are those printed."""
     source = (Path(__file__).parents[2] / "docs" / "reference" / "speed.md").read_text(encoding="utf-8")

@@ -10,8 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
-from matplotlib.lines import Line2D
 
 from benchmarks import backbone
 from branches.figures import data as figure_data
@@ -20,7 +18,7 @@ from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescale
 from branches.figures.curves import parse_inset
 from branches.figures.data import ExportError, read_atlas, write_atlas
 from branches.figures.room import even_points, short_name
-from branches.figures.style import legend_below, write_figure
+from branches.figures.style import write_figure
 from branches.naming.labels import canonical_label, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, overlapping, panels_of, text_boxes
@@ -336,24 +334,6 @@ def test_the_legend_has_the_special_points_of_the_families(figure):
     drawn = figure(data, **({"insets": [parse_inset(text) for text in INSETS]} if figure is atlas_figure else {}))
     names = {name for axes in panels_of(drawn).values() for name in lines_of(axes, "") if name and "-events-" in name}
     assert {name[-2:] for name in names} <= types_in_legend(drawn) == {kind for c in data.curves for kind in c.events.tolist()} - {""}
-
-
-@pytest.mark.parametrize(("names", "words"), [(1, 1), (4, 1), (7, 5), (12, 9)])
-def test_a_legend_lies_in_the_picture_in_as_many_rows_as_it_needs(names, words):
-    """Oracle: the renderer's box of the legend, and of one of four columns; all entries, and one legend."""
-    figure = plt.figure(figsize=(7.2, 5.0), layout="constrained")
-    entries = [Line2D([], [], label=f"{k} " + "wide " * words) for k in range(names)]
-    plain = figure.legend(handles=entries, ncols=min(4, names))
-    wide = plain.get_window_extent().width > figure.bbox.width
-    plain.remove()
-    legend = legend_below(figure, entries, 4)
-    assert figure.legends == [legend] and len(legend.get_texts()) == names
-    figure.draw_without_rendering()
-    box = legend.get_window_extent()
-    assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width and box.y0 >= 0.0
-    rows = len({round(text.get_window_extent().y0) for text in legend.get_texts()})
-    assert rows >= -(-names // 4) and (rows > -(-names // 4)) == wide == (words > 1)
-    plt.close(figure)
 
 
 def test_the_legend_of_everything_lies_in_the_picture():

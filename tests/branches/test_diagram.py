@@ -245,17 +245,6 @@ def test_each_special_point_has_a_marker_on_the_curve_and_a_name_in_each_panel(d
     assert not missing and not figure.legends[0].get_title().get_text().strip()
 
 
-def test_energy_axes_are_logarithmic_and_marked_at_the_energies_they_show(drawn):
-    branch, figure = drawn
-    for axes in figure.axes:
-        assert axes.get_xscale() == "log"
-        low, high = axes.get_xlim()
-        assert low < branch.points["h"].min() and branch.points["h"].max() < high
-        inside = [tick for tick in axes.get_xticks() if low <= tick <= high]
-        assert 2 <= len(inside) <= 15
-        assert axes.lines  # no panel is empty
-
-
 def test_points_of_each_stability_are_on_the_lines_that_say_so(drawn):
     """Oracle: membership of each (h, frequency) in the drawn data; a solid line joins stable points only."""
     branch, figure = drawn
@@ -282,26 +271,6 @@ def test_crosses_of_unstable_stretches_do_not_merge():
     at = axes.transData.transform(crosses.get_xydata()) * 72 / figure.dpi
     apart = np.hypot(*(at[:, None] - at[None]).transpose(2, 0, 1)) + 1e9 * np.eye(len(at))
     assert len(at) > 20 and apart.min() > crosses.get_markersize()
-
-
-def test_index_axis_breaks_where_m_changes_and_the_fundamental_does_not():
-    """Oracle: m = 1, 3, 2 over three intervals: three pieces of index axis, one of the fundamental. A piece begins where the one before
-    it ended, with its own m."""
-    turns = np.where(np.arange(300) < 100, 1, np.where(np.arange(300) < 180, 3, 2))
-    branch = make_branch(IN_PHASE, 1, turns=turns)
-    for frequency, key, breaks in (("index", "frequency_index", [100, 180]), ("fundamental", "frequency", [])):
-        axes = panels_of(branch_figure(branch, frequency=frequency))["frequency"]
-        (line,) = by_gid(axes, "frequency-stable")
-        pieces = np.split(line.get_ydata(), np.flatnonzero(np.isnan(line.get_ydata())))
-        expected = np.split(branch.points[key], breaks)
-        for k, at in enumerate(breaks, 1):
-            own = turns[at] * branch.points["frequency"][at - 1]
-            expected[k] = np.concatenate([[own], expected[k]])
-        assert len(pieces) == len(expected)
-        for piece, wanted in zip(pieces, expected, strict=True):
-            drawn = piece[np.isfinite(piece)]
-            assert drawn[0] == wanted[0] and drawn[-1] == wanted[-1] and np.isin(wanted, drawn).all()
-        assert ("m" in axes.get_ylabel().split("$")[1]) == (frequency == "index")
 
 
 def test_frequencies_over_decades_get_a_logarithmic_axis():
@@ -374,12 +343,6 @@ def test_files_are_of_their_format_and_the_same_each_time(tmp_path, name, magic)
         assert first.read_bytes().startswith(magic)
         assert first.read_bytes() == second.read_bytes()
         assert sorted(p.name for p in tmp_path.glob(f"*{k}*part")) == []
-
-
-def test_an_open_file_takes_the_named_format():
-    file = io.BytesIO()
-    write_figure(orbit_figure, file, make_orbit(), format="svg")
-    assert b"</svg>" in file.getvalue()
 
 
 EMPTY = make_branch([1.7])

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import sys
 
 import numpy as np
 import pytest
 
-from transitions.frequencies import IntrinsicModes, NotInstalled, decompose
+from transitions.frequencies import NotInstalled, decompose
 
 TIMES = 0.02 * np.arange(10_000)
 
@@ -57,16 +56,6 @@ def test_no_length_is_built_in(factor):
     np.testing.assert_allclose(other.functions / factor, one.functions, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(other.mean_frequencies, one.mean_frequencies, rtol=1e-9)
     assert other.orthogonality == pytest.approx(one.orthogonality, rel=1e-9)
-
-
-def test_the_index_of_orthogonality():
-    """Oracle: by hand; tones of different frequencies over whole periods are orthogonal, a part and its copy are not: 2 c^2/(2 c)^2."""
-    turn = 2.0 * math.pi * np.arange(1000) / 1000
-    parts = np.stack([np.cos(turn), np.sin(3 * turn), np.cos(turn), 0.0 * turn])
-    for one, other, index in ((0, 1, 0.0), (0, 2, 0.5), (3, 3, 0.0)):
-        modes = IntrinsicModes(turn, parts[[one]], parts[other], parts[[one]], parts[[one]])
-        assert modes.orthogonality == pytest.approx(index, abs=1e-14)
-    assert decompose(TIMES, np.cos(TIMES)).orthogonality == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_missing_package_is_told_in_one_line(monkeypatch):

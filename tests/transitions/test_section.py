@@ -12,6 +12,7 @@ from tests.branches.traced import traced
 from transitions import kernels
 from transitions.section import section as section_module
 from transitions.section.plane import SectionPlane
+from transitions.section.rotation import return_map
 from transitions.section.section import SectionEnd, follow_crossings, section
 
 
@@ -213,12 +214,7 @@ def test_the_map_keeps_areas():
     """Oracle: the determinant of the derivative of a conservative map in x and momentum is 1, at full mass matrices too."""
     for system in (vibro_impact_nes(), coupled_masses()):
         plane = SectionPlane(system, 0.4)
-        starts = plane.starts(30)
-        columns = []
-        for direction in ([1.0, 0.0], [0.0, 1.0]):
-            found = follow_crossings(plane, starts, 3, directions=np.tile(direction, (30, 1)))
-            columns.append(np.exp(found.growths[:, 2, None]) * found.tangents[:, 2])
-        derivative = np.stack(columns, axis=-1)
+        _, derivative, _ = return_map(plane, plane.starts(30))
         size = np.abs(derivative).max(axis=(1, 2)) ** 2
         assert np.abs(np.linalg.det(derivative) - 1.0).max() < 1e-11 * size.max()
 
@@ -358,32 +354,23 @@ def test_the_plane_and_its_boundary():
         assert np.allclose(plane.coordinates(u, v), starts, rtol=0, atol=1e-15)
 
 
+def plane_of(stop, stiffness=(1.0, 1.0), energy=0.1, primary=1):
+    """The section of two uncoupled masses."""
+    return SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag(stiffness), [stop], primary=primary), energy)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (
-            lambda: SectionPlane(ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0)]), 1.0),
-            "two degrees of freedom; this system has 1",
-        ),
-        (lambda: SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1, 0), -1, 1)]), 1.0), "LO = u1 or u2"),
+        (lambda: SectionPlane(ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0)]), 1.0), "this system has 1"),
+        (lambda: plane_of(Stop((1, 0), -1, 1), primary=None), "LO = u1 or u2"),
         (lambda: SectionPlane(vibro_impact_nes(), 0.0), "above 0; received 0.0"),
         (lambda: SectionPlane(vibro_impact_nes(), math.nan), "received nan"),
         (lambda: section(vibro_impact_nes(), 1.0, orbits=0), "orbits is an integer from 1 to 1000000000; received 0"),
         (lambda: section(vibro_impact_nes(), 1.0, starts=[[0.0, 99.0]]), r"inside the bounding curve .* received \[0.0, 99.0\]"),
-        (
-            lambda: SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((1, 0), 0.5, 1)], primary=1), 0.1),
-            "no motion with energy 0.1 reaches the section u2 = 0; expected an energy above 0.125",
-        ),
-        (
-            lambda: SectionPlane(ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), [Stop((0, 1), 0.5, 1)], primary=1), 0.1),
-            "no motion reaches the section u2 = 0: the stops leave no room there",
-        ),
-        (
-            lambda: SectionPlane(
-                ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([0.0, 1.0]), [Stop((1, 0), -1)], primary=1), 0.1
-            ),
-            "has no bounds",
-        ),
+        (lambda: plane_of(Stop((1, 0), 0.5, 1)), "no motion with energy 0.1 reaches the section u2 = 0; expected an energy above 0.125"),
+        (lambda: plane_of(Stop((0, 1), 0.5, 1)), "no motion reaches the section u2 = 0: the stops leave no room there"),
+        (lambda: plane_of(Stop((1, 0), -1), (0.0, 1.0)), "has no bounds"),
     ],
 )
 def test_what_has_no_section_is_refused_in_one_line(make, words):

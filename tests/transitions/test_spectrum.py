@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,19 +74,6 @@ def test_the_memory_beside_the_amplitudes_is_a_few_numbers_for_each_sample(count
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert most - amplitudes.nbytes < 160 * count
-
-
-def test_tones_of_one_amplitude_show_it_at_once():
-    """Oracle: three tones a decade apart, each with its own amplitude."""
-    times = 0.005 * np.arange(80_000)
-    signal = 0.2 * np.cos(0.5 * times) + 0.2 * np.sin(5.0 * times) + 0.05 * np.cos(50.0 * times)
-    spectrum = morlet_spectrum(times, signal, frequencies=(0.3, 80.0))
-    peaks = []
-    for tone in (0.5, 5.0, 50.0):
-        near = np.abs(np.log(spectrum.frequencies / tone)) < 0.3
-        alone = replace(spectrum, frequencies=spectrum.frequencies[near])
-        peaks.append(ridge(alone)[1][len(spectrum.times) // 2])
-    np.testing.assert_allclose(peaks, [0.2, 0.2, 0.05], rtol=1e-3)
 
 
 def test_the_response_beside_a_tone_is_that_of_the_envelope():
@@ -173,30 +159,24 @@ def test_frequencies_that_the_record_cannot_show_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("times", "signal", "options", "said"),
+    ("call", "said"),
     [
-        ([0.0, 1.0], [0.0, 1.0], {}, "8 times or more"),
-        (np.arange(20.0) ** 2, np.ones(20), {}, "equal steps"),
-        (np.arange(20.0), np.full(20, np.nan), {}, "finite"),
-        (np.arange(200.0), np.ones(200), {"frequencies": (1.0, 0.5)}, "higher"),
-        (np.arange(200.0), np.ones(200), {"per_octave": 0}, "per_octave"),
-        (np.arange(12.0), np.ones(12), {}, "more samples"),
-        (np.arange(200.0), np.ones(200), {"rate": np.ones(3)}, "for each of the 200"),
+        (lambda: morlet_spectrum([0.0, 1.0], [0.0, 1.0]), "8 times or more"),
+        (lambda: morlet_spectrum(np.arange(20.0) ** 2, np.ones(20)), "equal steps"),
+        (lambda: morlet_spectrum(np.arange(20.0), np.full(20, np.nan)), "finite"),
+        (lambda: morlet_spectrum(np.arange(200.0), np.ones(200), frequencies=(1.0, 0.5)), "higher"),
+        (lambda: morlet_spectrum(np.arange(200.0), np.ones(200), per_octave=0), "per_octave"),
+        (lambda: morlet_spectrum(np.arange(12.0), np.ones(12)), "more samples"),
+        (lambda: morlet_spectrum(np.arange(200.0), np.ones(200), np.ones(3)), "for each of the 200"),
+        (lambda: Wavelet(1.0, 0.5), "zero mean"),  # a transform of more than exp(-25/2) at frequency zero
+        (lambda: Wavelet(2.0, 0.0), "centre"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(times, signal, options, said):
+def test_bad_input_is_refused_in_one_line(call, said):
     """Oracle: the words."""
     with pytest.raises(ValueError, match=said) as caught:
-        morlet_spectrum(times, signal, **options)
+        call()
     assert "\n" not in str(caught.value)
-
-
-def test_a_wavelet_that_sees_the_mean_is_refused():
-    """Oracle: admissibility, a transform of at most exp(-25/2) at frequency zero."""
-    with pytest.raises(ValueError, match="zero mean"):
-        Wavelet(1.0, 0.5)
-    with pytest.raises(ValueError, match="centre"):
-        Wavelet(2.0, 0.0)
 
 
 def test_long_records_are_kept_within_bounds():

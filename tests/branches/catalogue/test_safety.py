@@ -208,19 +208,8 @@ def test_a_full_disk(tmp_path):
         assert count > 1 and whole(path, count)
 
 
-def test_a_file_that_may_not_grow(tmp_path):
-    """Oracle: the families that were kept before a limit on the pages was reached."""
-    path = tmp_path / "limited.sqlite"
-    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
-        catalogue._connection.execute("PRAGMA max_page_count = 60")
-        with pytest.raises(WriteFailure, match=r"no space is left on the device; what it held is complete"):
-            for k in range(100):
-                catalogue.add(renamed(real()[0], k))
-    assert k > 1 and whole(path, k)
-
-
 def test_a_limit_on_the_size_of_files(branch_file, tmp_path):
-    """Oracle: as above, with the limit set by the system in a process of its own; exit code by the class of the error."""
+    """Oracle: the families that were kept before a limit, set by the system in a process of its own, was reached."""
     path = tmp_path / "limited.sqlite"
     script = textwrap.dedent(f"""
         import resource, sys
@@ -419,11 +408,9 @@ CHANGES = {
     "DELETE FROM scene WHERE key = 'reference_points'": "reference_points is missing in the table scene",
     "DELETE FROM provenance WHERE key = 'versions'": "versions is missing in the table provenance",
     "UPDATE work SET value = '[]' WHERE key = 'b'": "'b' of the table work does not fit its checksum",
-    "UPDATE work SET value = 'null' WHERE key = 'b'": "'b' of the table work does not fit its checksum",
     "UPDATE work SET key = 'c' WHERE key = 'b'": "'c' of the table work does not fit its checksum",
     "UPDATE work SET crc = 0 WHERE key = 'b'": "'b' of the table work does not fit its checksum",
     "UPDATE progress SET value = '[]' WHERE key = 'report'": "'report' of the table progress does not fit its checksum",
-    "UPDATE progress SET value = 'null' WHERE key = 'report'": "'report' of the table progress does not fit its checksum",
 }
 
 
