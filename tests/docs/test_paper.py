@@ -282,7 +282,7 @@ def test_names(cells):
 
 
 def test_the_tables_name_all_names():
-    """Oracle: the names that the tests of resolving know, and the pins of the scene."""
+    """Oracle: the names that the tests of resolving know, and the reference points of the scene."""
     assert [cells[0] for cells in table(PAGE, "Names")] == list(NAMES)
     assert set(saltus.load_scene().reference_points) == set(NAMES) - {"S11-", "S13+"}
     assert [int(cells[0]) for cells in table(PAGE, "Statements")] == sorted(ROWS)

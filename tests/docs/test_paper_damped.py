@@ -39,7 +39,7 @@ def named_families():
 
 @pytest.fixture(scope="module", autouse=True)
 def all_families(tmp_path_factory):
-    """What stages are told by: all families with up to two impacts in half a period and a quarter period up to 4, and those that the paper
+    """What stages are named by: all families with up to two impacts in half a period and a quarter period up to 4, and those that the paper
     names."""
     path = tmp_path_factory.mktemp("few") / "few.sqlite"
     with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
@@ -76,11 +76,11 @@ class Damped:
 
     @cached_property
     def stages(self) -> tuple[Stage, ...]:
-        """Its stages, told by all families that there are here."""
-        return self.told(FAMILIES[0])
+        """Its stages, named by all families that there are here."""
+        return self.reported(FAMILIES[0])
 
-    def told(self, families) -> tuple[Stage, ...]:
-        """Its stages, told by these families."""
+    def reported(self, families) -> tuple[Stage, ...]:
+        """Its stages, named by these families."""
         record = sampled(self.motion, self.sharing)
         return tuple(stages_of(record, GAP, families))
 
@@ -145,8 +145,8 @@ def in_phase_shares():
 def in_phase_stage_a():
     motion = on("S13O00+", 10.0)
     first, second, third, after = motion.stages[:4]
-    told = [follows(stage) for stage in (first, second, third, after)]
-    assert told == [(1, "S11E11+"), (1, 3, "S11E11+"), (1, 3, "S13O00+"), (1, "S13O00+")] and first.start == 0.0
+    reported = [follows(stage) for stage in (first, second, third, after)]
+    assert reported == [(1, "S11E11+"), (1, 3, "S11E11+"), (1, 3, "S13O00+"), (1, "S13O00+")] and first.start == 0.0
     nes, lo = motion.shares(third.end)
     return [1, 1, 1, first.end, 3, second.end, third.end, nes + lo, lo, nes, nes + lo - 85]
 
@@ -217,9 +217,9 @@ def second_regime_stages():
     motion = struck(impulsive("S95E22-"))
     first, second, third, last = motion.stages
     assert [follows(stage) for stage in (first, second, third, last)] == [(1, ONE), (2, HALF), None, (1, "L11+")]
-    alone = motion.told(families_of([family("S95E22-")], GAP))[0]
+    alone = motion.reported(families_of([family("S95E22-")], GAP))[0]
     assert follows(alone) == (5, "S55E22+") and "S55E22+" in {alias["label"] for alias in family("S95E22-").aliases}
-    named = motion.told(named_families())
+    named = motion.reported(named_families())
     assert [follows(stage) for stage in named[:3]] == [(4, 7, "U4421+"), (4, "U4421+"), (2, 3, "U2201+")]
     for one, other in (("U4421+", "U5421-"), ("U2201+", "U3201-")):
         assert family(one).id == family(other).id
@@ -242,7 +242,7 @@ def third_regime_stages():
     motion = struck(impulsive("S31O11-"))
     first, second, last = motion.stages
     assert follows(second) == (2, HALF) and follows(last) == (1, "L11+")
-    alone = motion.told(families_of([family("S31O11-")], GAP))[0]
+    alone = motion.reported(families_of([family("S31O11-")], GAP))[0]
     assert follows(alone) == (1, 3, "S31O11+")
     return [first.start, first.end, 2, second.end, motion.motion.last_impact, 1, 3, alone.end]
 
@@ -253,8 +253,8 @@ def highest_regime():
     assert h > impulsive("S31O11-")
     motion = struck(h)
     first, second, third, fourth, last = motion.stages
-    told = [follows(stage) for stage in (first, second, third, fourth, last)]
-    assert told == [(1, 3, "S13O00+"), (1, "S13O00+"), (1, ONE), (2, HALF), (1, "L11+")]
+    reported = [follows(stage) for stage in (first, second, third, fourth, last)]
+    assert reported == [(1, 3, "S13O00+"), (1, "S13O00+"), (1, ONE), (2, HALF), (1, "L11+")]
     out = [h, first.end, second.end, motion.shares(second.end)[0], third.end, motion.shares(third.end)[0], fourth.end]
     out += [DURATION, motion.shares()[0]]
     for other in (10.0, 20.0, 100.0):
@@ -301,7 +301,7 @@ def test_statements(cells):
 
 
 def test_the_table_is_whole():
-    """Oracle: the functions above, and the gallery: each of its damped figures has a row, and is the motion that the row tells."""
+    """Oracle: the functions above, and the gallery: each of its damped figures has a row, and is the motion of the row."""
     rows = table(PAGE, "Statements")
     assert [int(cells[0]) for cells in rows] == sorted(ROWS)
     figures = {name: figure["words"] for name, figure in load_gallery("paper")["figures"].items() if figure["words"][0] == "run"}

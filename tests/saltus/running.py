@@ -13,7 +13,7 @@ def run(capsys, *words):
     return (code, *capsys.readouterr())
 
 
-def told(words):
+def reported(words):
     """The same of a command line, without a fixture."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -22,7 +22,7 @@ def told(words):
 
 
 def refused(result, *expected):
-    """The one line on standard error with which a command was refused: exit code 2, nothing told, every part of what was expected in it."""
+    """The line on standard error that refuses a command. The exit code is 2, standard output is empty, and the line has each part."""
     code, out, err = result
     assert code == 2, (code, err)
     assert out == "", "something was started"

@@ -181,7 +181,7 @@ CASES = [
     ("section --energy 0.06 --scene {one_sided}", ["two degrees of freedom", "this system has 1"]),
     ("section --energy 0.06 --scene {two}", ["primary", "LO = u1 or u2"]),
     ("section --energy 0.01 --scene {lo}", ["no motion with energy 0.01 reaches", "above 0.045"]),
-    ("section --panels --scene {plate}", ["[sections]", "rising energies above 0"]),
+    ("section --panels --scene {falling}", ["[sections]", "rising energies above 0"]),
     ("section --panels --scene {cited}", ["[sections]", "cited = [3.0]", "some of the energies"]),
     ("section --energy 0.06 --mu 0.2 --catalogue {catalogue}", ["mu"]),
     # impulsive orbits
@@ -309,7 +309,7 @@ def places(tmp_path_factory, catalogue):
         "twice": UNEVEN + '[coordinates]\nnames = ["x", "x"]\n',
         "two": TWO,
         "lo": TWO + MARKED,
-        "plate": TWO + MARKED + "[sections]\nenergies = [2.0, 1.0]\n",
+        "falling": TWO + MARKED + "[sections]\nenergies = [2.0, 1.0]\n",
         "cited": TWO + MARKED + "[sections]\nenergies = [1.0, 2.0]\ncited = [3.0]\n",
         "unmarked": BUILDING.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""),
     }

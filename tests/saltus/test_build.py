@@ -5,7 +5,7 @@ import multiprocessing
 
 import saltus
 from saltus.terminal import ProgressBar
-from tests.saltus.running import told
+from tests.saltus.running import reported
 
 SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"
 
@@ -13,17 +13,17 @@ SMALL = "--energy 0.06:0.4 --max-quarter-period 1.9 --max-impacts 2"
 def test_a_small_build_is_browsed(tmp_path):
     """Oracle: the catalogue's own check, and the backbones of Lee et al. 2009 in its list."""
     path = tmp_path / "small.sqlite"
-    code, out, err = told(f"build {SMALL} --workers 2 --catalogue {path} --json {tmp_path}/report.json")
+    code, out, err = reported(f"build {SMALL} --workers 2 --catalogue {path} --json {tmp_path}/report.json")
     assert (code, err) == (0, "") and "complete" in out
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["complete"] and report["bounds"]["quarter_period"] == 1.9 and report["failed"] == []
-    code, out, err = told(f"list --catalogue {path}")
+    code, out, err = reported(f"list --catalogue {path}")
     assert code == 0 and "S13O00+" in out and "S11O00-" in out
-    assert told(f"check {path}")[0] == 0
-    code, out, err = told(f"build {SMALL} --catalogue {path}")
+    assert reported(f"check {path}")[0] == 0
+    code, out, err = reported(f"build {SMALL} --catalogue {path}")
     assert code == 0 and f"done   {report['families']} families" in out
     other = SMALL.replace("impacts 2", "impacts 3")
-    code, out, err = told(f"build {other} --catalogue {path}")
+    code, out, err = reported(f"build {other} --catalogue {path}")
     assert code == 2 and not out and err.count("\n") == 1 and "up to 2 impacts" in err and "up to 3 impacts" in err
 
 
@@ -38,7 +38,7 @@ def test_the_summary_says_what_fifty_digits_cost(tmp_path, monkeypatch):
 
     monkeypatch.setattr(building, "build", build)
     bounds = "--energy 0.051:0.055 --max-quarter-period 2 --max-impacts 1"
-    code, out, err = told(f"build {bounds} --workers 1 --catalogue {tmp_path}/a.sqlite")
+    code, out, err = reported(f"build {bounds} --workers 1 --catalogue {tmp_path}/a.sqlite")
     assert (code, err) == (0, "")
     assert "12 orbits solved in fifty digits to decide stability, in 3.2 s" in out and "1 event missed" in out
 
@@ -47,20 +47,20 @@ def test_another_system_builds_just_as_well(tmp_path):
     """Oracle: the catalogue's own check; the out-of-phase backbone is there from its fold on, which is at another energy."""
     path = tmp_path / "other.sqlite"
     bounds = "--mu 0.37 --sigma 0.81 --energy 0.41:0.9 --max-quarter-period 1.5 --max-impacts 2"
-    assert told(f"build {bounds} --workers 1 --catalogue {path}")[0] == 0
-    assert told(f"check {path}")[0] == 0
-    families = json.loads(told(f"list --catalogue {path} --json -")[1])["families"]
+    assert reported(f"build {bounds} --workers 1 --catalogue {path}")[0] == 0
+    assert reported(f"check {path}")[0] == 0
+    families = json.loads(reported(f"list --catalogue {path} --json -")[1])["families"]
     fold = next(family["h"][0] for family in families if family["label"] == "S11O00-")
     expected = saltus.trace("S11O00-", saltus.vibro_impact_nes(mu=0.37, sigma=0.81), energy=(0.41, 0.9)).points["h"].min()
     assert abs(fold / expected - 1.0) < 1e-9
-    code, out, err = told(f"build --energy 0.41:0.9 --max-quarter-period 1.5 --max-impacts 2 --catalogue {path}")
+    code, out, err = reported(f"build --energy 0.41:0.9 --max-quarter-period 1.5 --max-impacts 2 --catalogue {path}")
     assert code == 2 and err.count("\n") == 1 and "mu is" in err
 
 
 def test_bounds_in_which_nothing_lies(tmp_path):
     """Oracle: sigma/2, below which nothing impacts."""
     words = f"build --energy 0.01:0.02 --max-quarter-period 2 --max-impacts 1 --workers 1 --catalogue {tmp_path}/a.sqlite"
-    code, out, err = told(words)
+    code, out, err = reported(words)
     assert code == 0 and not err and "0 families" in out
     assert "nothing lies inside the bounds; no motion reaches a stop below h = 0.05" in out
 
@@ -75,14 +75,14 @@ def test_an_interrupted_build_says_that_what_was_finished_is_kept(tmp_path, monk
 
     with monkeypatch.context() as patched:
         patched.setattr(ProgressBar, "update", interrupt)
-        code, _, err = told(f"build {SMALL} --workers 1 --catalogue {path}")
+        code, _, err = reported(f"build {SMALL} --workers 1 --catalogue {path}")
     assert code == 130 and err.count("\n") == 1 and "keeps what was finished" in err and str(path) in err
-    code, out, _ = told(f"list --catalogue {path}")
+    code, out, _ = reported(f"list --catalogue {path}")
     assert code == 0 and "2 of 2 families" in out
-    assert told(f"build {SMALL} --workers 1 --catalogue {path}")[0] == 0
+    assert reported(f"build {SMALL} --workers 1 --catalogue {path}")[0] == 0
 
 
-def test_a_worker_that_is_killed_is_told(tmp_path, monkeypatch):
+def test_a_worker_that_is_killed_is_reported(tmp_path, monkeypatch):
     """Oracle: exit code 1 and one line that says what to do; the same command ends well."""
     path = tmp_path / "small.sqlite"
     killed = []
@@ -95,6 +95,6 @@ def test_a_worker_that_is_killed_is_told(tmp_path, monkeypatch):
 
     with monkeypatch.context() as patched:
         patched.setattr(ProgressBar, "update", kill)
-        code, _, err = told(f"build {SMALL} --workers 1 --catalogue {path}")
+        code, _, err = reported(f"build {SMALL} --workers 1 --catalogue {path}")
     assert code == 1 and err.count("\n") == 1 and "a worker process was killed" in err and "the same command goes on" in err
-    assert told(f"build {SMALL} --workers 1 --catalogue {path}")[0] == 0
+    assert reported(f"build {SMALL} --workers 1 --catalogue {path}")[0] == 0

@@ -21,7 +21,7 @@ from tests.saltus.running import refused, run
 ROOT = Path(__file__).parents[2]
 
 
-def test_list_tells_the_families(catalogue, capsys):
+def test_list_reports_the_families(catalogue, capsys):
     """Oracle: the branches."""
     code, out, err = run(capsys, "list", "--catalogue", catalogue)
     assert code == 0 and not err and out.splitlines()[-1] == "4 of 4 families"
@@ -53,7 +53,7 @@ def test_list_filters(catalogue, capsys, words, kept):
         assert [part["label"] for part in families[real()[2].id]["labels"]] == [alias["label"] for alias in real()[2].aliases]
 
 
-def test_show_tells_all_of_a_family(catalogue, capsys, tmp_path):
+def test_show_reports_all_of_a_family(catalogue, capsys, tmp_path):
     """Oracle: the branch's events and ends, the neighbours that were connected."""
     branch = real()[0]
     picture, file = tmp_path / "orbit.png", tmp_path / "show.json"
@@ -78,28 +78,28 @@ def test_show_a_linear_mode(catalogue, capsys):
 
 
 def test_a_meeting_that_both_sides_tell_is_shown_once(catalogue, capsys, tmp_path):
-    """Oracle: the edges by hand: the grazing of the mode told by the family too, at the same event and at another; JSON has all."""
+    """Oracle: the edges by hand: the grazing of the mode reported by the family too, at the same event and at another; JSON has all."""
     path = tmp_path / "both.sqlite"
     path.write_bytes(catalogue.read_bytes())
     id = real()[0].id
     graze = next(event for event in real()[0].events if event.id == "GR1")
     for event, rows in (("GR1", 1), ("GR2", 2)):
         with Catalogue(path, "a") as filled:
-            filled.connect(Edge(id, event, "GR", "linear mode", "L11+", graze.h, graze.alpha, note="told by the family"))
+            filled.connect(Edge(id, event, "GR", "linear mode", "L11+", graze.h, graze.alpha, note="reported by the family"))
         code, out, _ = run(capsys, "show", "L11+", "--catalogue", path)
-        assert code == 0 and out.count(id) == rows and out.count("told by the family") == rows - 1
+        assert code == 0 and out.count(id) == rows and out.count("reported by the family") == rows - 1
         record = json.loads(run(capsys, "show", "L11+", "--catalogue", path, "--json", "-")[1])
         assert len(record["neighbours"]) == rows + 1
 
 
 @pytest.mark.parametrize("name", ["S13+@h=1", "S13+", "{id}", "S73O33-@h=7.3348,alpha=1.6459"])
 def test_show_says_which_orbit_it_drew(catalogue, capsys, tmp_path, name):
-    """Oracle: the branch: the name that is told selects one orbit, which has the energy that was asked for where one was."""
+    """Oracle: the branch: the name that is reported selects one orbit, which has the energy that was asked for where one was."""
     branch = real()[2 if name.startswith("S7") else 0]
     code, out, err = run(capsys, "show", name.format(id=branch.id), "--catalogue", catalogue, "--plot", tmp_path / "o.png")
-    told = re.search(r"^wrote  \S+o\.png: the orbit (\S+)@h=(\S+),alpha=(\S+)$", out, re.MULTILINE)
-    assert code == 0 and not err and told
-    h, alpha = float(told[2]), float(told[3])
+    reported = re.search(r"^wrote  \S+o\.png: the orbit (\S+)@h=(\S+),alpha=(\S+)$", out, re.MULTILINE)
+    assert code == 0 and not err and reported
+    h, alpha = float(reported[2]), float(reported[3])
     assert min(abs(orbit.alpha - alpha) for orbit in branch.orbits_at(energy=h)) < 1e-4
     if "@h=" in name:
         assert h == float(name.partition("@h=")[2].split(",")[0])
@@ -122,7 +122,7 @@ def test_tree_ends(catalogue, capsys):
 
 
 def test_a_tree_with_a_ring_ends(tmp_path, capsys):
-    """Oracle: three families in a ring, each told by both sides: every node is opened once, and named where it is met again."""
+    """Oracle: three families in a ring, each reported by both sides: every node is opened once, and named where it is met again."""
     ring = [renamed(real()[0], k) for k in range(3)]
     with Catalogue(tmp_path / "ring.sqlite", "a", scene=scene()) as filled:
         ids = [filled.add(branch) for branch in ring]
@@ -157,7 +157,7 @@ def test_check_says_that_all_holds(catalogue, capsys):
     assert out.startswith(f"4 families, {points} points, ") and "3 edges looked at: all hold" in out
 
 
-def test_check_tells_what_fails(catalogue, capsys, tmp_path):
+def test_check_reports_what_fails(catalogue, capsys, tmp_path):
     """Oracle: an edge whose target is no family of the catalogue, and an orbit of a mode at another energy."""
     path = tmp_path / "wrong.sqlite"
     path.write_bytes(catalogue.read_bytes())
@@ -206,7 +206,7 @@ def test_continue_saves_and_finds_again(tmp_path, capsys, monkeypatch):
 
 
 def test_continue_saves_the_wider_range(tmp_path, capsys):
-    """Oracle: the range that the catalogue tells; a run over another range, which has not all of it, is refused with both."""
+    """Oracle: the range that the catalogue has; a run over another range, which lacks a part of it, is refused with both."""
     path = tmp_path / "mine.sqlite"
 
     def save(energy):

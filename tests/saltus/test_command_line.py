@@ -117,11 +117,11 @@ def test_an_orbit(capsys, tmp_path):
     assert (tmp_path / "orbit.csv").read_text().splitlines()[0].startswith("label,")
 
 
-@pytest.mark.parametrize(("energy", "told"), [("1e11", False), ("1e13", True)])
-def test_an_orbit_beyond_the_highest_energy_of_a_family_is_doubted(capsys, energy, told):
+@pytest.mark.parametrize(("energy", "reported"), [("1e11", False), ("1e13", True)])
+def test_an_orbit_beyond_the_highest_energy_of_a_family_has_a_warning(capsys, energy, reported):
     """Oracle: the bound that docs/reference/limits.md states, 1e12."""
     code, out, _ = run(capsys, "orbit", "S11O00-", "--energy", energy)
-    assert code == 0 and ("warning  above h = 1e+12" in out) is told
+    assert code == 0 and ("warning  above h = 1e+12" in out) is reported
 
 
 def test_several_orbits_at_an_energy_are_listed(capsys):
@@ -214,7 +214,7 @@ def test_a_reader_that_leaves_is_no_traceback():
 
 @pytest.mark.skipif(os.name != "posix", reason="needs pipes that break")
 def test_a_reader_that_leaves_does_not_keep_the_files_from_being_written(tmp_path):
-    """Oracle: every file that was asked for, whole, though nobody reads a line of what is told."""
+    """Oracle: every file that was asked for, whole, though nobody reads a line of what is reported."""
     names = ("a.json", "a.csv", "a.npz")
     options = (word for name in names for word in (f"--{name[2:]}", str(tmp_path / name)))
     command = [sys.executable, "-m", "saltus", "run", "--impulse", "0.5", "--duration", "5", *options]

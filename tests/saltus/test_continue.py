@@ -18,7 +18,7 @@ from saltus.__main__ import main
 
 
 @cache
-def told(*words):
+def reported(*words):
     """Exit code, standard output, standard error of a command, and the JSON that it wrote."""
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -71,7 +71,7 @@ def types(data, *wanted):
 @pytest.mark.parametrize("name", ["S13O00+", "S11O00-"])
 def test_backbones_are_the_closed_form(name):
     """Oracle: closed form in forty digits, with the relative error 1e-12 at every point; S11O00- is followed up to h = 1e4."""
-    code, data, _ = told("continue", name)
+    code, data, _ = reported("continue", name)
     assert code == 0 and len(data["points"]) > 100 and set(column(data, "label")) == {name}
     assert largest_miss(data, Backbone()) < 1e-12
     assert name == "S13O00+" or math.isclose(column(data, "h").max(), 1e4, rel_tol=2e-10)
@@ -79,7 +79,7 @@ def test_backbones_are_the_closed_form(name):
 
 def test_in_phase_backbone_begins_at_the_grazing_of_the_linear_mode():
     """Oracle: the grazing energy w^2/(2 b^2) of the in-phase mode, 0.118507810593582, at a quarter of its period."""
-    _, data, _ = told("continue", "S13O00+")
+    _, data, _ = reported("continue", "S13O00+")
     w, _, b = Backbone().modes[0]
     first = data["events"][0]
     assert first["type"] == "GR" and data["points"][0]["h"] == first["h"]
@@ -90,7 +90,7 @@ def test_in_phase_backbone_begins_at_the_grazing_of_the_linear_mode():
 
 def test_in_phase_backbone_ends_where_the_opposite_wall_is_touched():
     """Oracle: closed form: at the last alpha the gap coordinate reaches -1 and no further; the event names that wall."""
-    _, data, _ = told("continue", "S13O00+")
+    _, data, _ = reported("continue", "S13O00+")
     last, backbone = data["events"][-1], Backbone()
     hit = "+" if data["branch"]["ends"][1] == "stop+" else "-"
     assert last["type"] == "GR" and last["stop"] == {"+": "-", "-": "+"}[hit] and f"touches stop {last['stop']}" in last["note"]
@@ -108,7 +108,7 @@ def test_in_phase_backbone_ends_where_the_opposite_wall_is_touched():
 
 def test_in_phase_backbone_has_one_change_of_stability_an_sb():
     """Oracle: tau_half of the closed form in forty digits."""
-    _, data, _ = told("continue", "S13O00+")
+    _, data, _ = reported("continue", "S13O00+")
     backbone = Backbone()
     assert stability_faults(data, backbone) == ([], [])
     (before, after) = next(iter(changes(data)))
@@ -125,7 +125,7 @@ def test_tau_half_is_that_of_the_closed_form():
     """Oracle: tau_half of the closed form in forty digits; each point, against what grazing magnifies."""
     compared = 0
     for name in "S13O00+", "S11O00-":
-        _, data, _ = told("continue", name)
+        _, data, _ = reported("continue", name)
         backbone = Backbone()
         for point in data["points"][::7]:
             if point["tau_half"] is None:
@@ -142,7 +142,7 @@ def test_a_process_of_its_own_computes_the_same():
     """Oracle: the same run inside this process."""
     command = [sys.executable, "-m", "saltus", "continue", "S13O00+", "--json", "-"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    _, data, err = told("continue", "S13O00+")
+    _, data, err = reported("continue", "S13O00+")
     assert json.loads(done.stdout) == data and done.stderr == err
 
 
@@ -156,7 +156,7 @@ def test_out_of_phase_backbone_has_one_fold():
 
     A fold is known to 1e-10 in arclength, and its energy, which is stationary there, to rounding.
     """
-    _, data, _ = told("continue", "S11O00-")
+    _, data, _ = reported("continue", "S11O00-")
     backbone = Backbone()
     with mp.workdps(40):
         alpha = mp.findroot(lambda a: mp.diff(backbone.energy, a), FOLD[0])
@@ -170,7 +170,7 @@ def test_out_of_phase_backbone_has_one_fold():
 
 def test_out_of_phase_backbone_changes_stability_at_its_fold_alone():
     """Oracle: tau_half of the closed form; unstable from the fold to the grazing end at h = 0.0864921894064179, stable above."""
-    _, data, _ = told("continue", "S11O00-")
+    _, data, _ = reported("continue", "S11O00-")
     assert stability_faults(data, Backbone()) == ([], [])
     fold = types(data, "SN")[0]
     h, alpha = column(data, "h").tolist(), column(data, "alpha").tolist()
@@ -189,7 +189,7 @@ def test_resonances_of_the_backbones_are_where_the_closed_form_has_them():
     """Oracle: tau_half^2 - 2 = 2 cos(2 pi p/q) in the closed form; period doubling where tau_half = 0."""
     count = 0
     for name in "S13O00+", "S11O00-":
-        _, data, _ = told("continue", name)
+        _, data, _ = reported("continue", name)
         for event in types(data, "RT", "PD"):
             p, q = event["p_q"] or (1, 2)
             tau_half = math.copysign(2.0 * abs(math.cos(math.pi * p / q)), Backbone().tau_half(event["alpha"]))
@@ -216,10 +216,10 @@ def test_published_families(name, energy, alpha, digits):
 
     At an IO the absorber has no velocity at an end where u = 0. At each end of the family an impact has no speed, or a stop is touched.
     """
-    code, data, _ = told("continue", name)
+    code, data, _ = reported("continue", name)
     assert code == 0 and data["branch"]["label"] == name
     assert min(abs(a - alpha) for a in at_energy(data, energy)) < digits
-    code, orbit, _ = told("orbit", name, "--energy", str(energy))
+    code, orbit, _ = reported("orbit", name, "--energy", str(energy))
     assert code == 0 and orbit["orbit"]["label"] == name and abs(orbit["orbit"]["alpha"] - alpha) < digits
     assert types(data, "IO")
     for event in types(data, "IO"):
@@ -234,28 +234,28 @@ def test_published_families(name, energy, alpha, digits):
         assert slowest > -1e-8 and ("touches" in event["note"] or slowest < 1e-8)
 
 
-def test_without_the_pin_two_families_are_listed(tmp_path):
-    """Oracle: two families carry S73O33-, near alpha = 1.646 and near 4.866; the scene's pin chooses the first."""
+def test_without_the_reference_point_two_families_are_listed(tmp_path):
+    """Oracle: two families carry S73O33-, near alpha = 1.646 and near 4.866; the reference point of the scene chooses the first."""
     scene = tmp_path / "unpinned.toml"
     system = '[system]\nmodel = "vibro_impact_nes"\nmu = 0.1\nsigma = 0.1\n'
     scene.write_text(system + "[bounds]\nenergy = [0.05, 1e4]\nquarter_period = 10.0\nimpacts = 16\n")
-    code, data, err = told("continue", "S73O33-", "--scene", str(scene))
+    code, data, err = reported("continue", "S73O33-", "--scene", str(scene))
     suffixes = re.findall(r"S73O33-@h=([0-9.e+-]+),alpha=([0-9.]+)", err)
     assert code == 2 and data is None and len(err.splitlines()) == 1 and "2 families" in err
     assert sorted(round(float(alpha), 2) for _, alpha in suffixes) == [1.65, 4.87]
     for h, alpha in suffixes:
         words = "continue", f"S73O33-@h={h},alpha={alpha}", "--scene", str(scene), "--points", "12"
-        code, data, _ = told(*words)
+        code, data, _ = reported(*words)
         assert code == 0 and min(abs(a - float(alpha)) for a in column(data, "alpha")) < 1e-3
-    assert abs(column(told("continue", "S73O33-")[1], "alpha")[0] - 1.646) < 1e-3
+    assert abs(column(reported("continue", "S73O33-")[1], "alpha")[0] - 1.646) < 1e-3
 
 
 def test_each_seventh_turn_bifurcates_where_the_closed_form_says():
     """Oracle: S73O33- leaves seven turns of S11O00- where that has tau_half = 2 cos(6 pi/7): h = 0.840488860361179.
 
-    The energy of the family is least there: the branch point is the fold, and it is told once.
+    The energy of the family is least there: the branch point is the fold, and it is reported once.
     """
-    _, data, _ = told("continue", "S73O33-")
+    _, data, _ = reported("continue", "S73O33-")
     alpha, energy = Backbone().where_tau_half_is(2 * mp.cos(6 * mp.pi / 7), 0.2351, 0.2352)
     assert abs(energy - 0.840488860361179) < 1e-14
     born = types(data, "BP", "SN")
@@ -269,7 +269,7 @@ def test_each_seventh_turn_bifurcates_where_the_closed_form_says():
 @pytest.mark.parametrize("name", ["S13O00+", "S11O00-"])
 def test_the_same_commands_on_another_system(name):
     """Oracle: closed form at mu = 0.37, sigma = 0.81: energies, velocities, stability, and one fold on each family."""
-    code, data, _ = told("continue", name, "--mu", "0.37", "--sigma", "0.81")
+    code, data, _ = reported("continue", name, "--mu", "0.37", "--sigma", "0.81")
     backbone = Backbone(0.37, 0.81)
     assert code == 0 and data["system"]["mu"] == 0.37
     assert largest_miss(data, backbone) < 1e-12
@@ -292,10 +292,10 @@ def test_random_and_extreme_systems(mu, sigma):
     """
     options = "--mu", str(mu), "--sigma", str(sigma), "--energy", "0.2:50"
     name = "S11O00-"
-    code, data, err = told("continue", name, *options)
+    code, data, err = reported("continue", name, *options)
     if code == 2:
         name = re.search(r"choose one of (\S+)", err)[1]
-        code, data, err = told("continue", name, *options)
+        code, data, err = reported("continue", name, *options)
     assert code == 0, err
     if sigma > 0.0:
         assert largest_miss(data, Backbone(mu, sigma)) < 1e-12
@@ -313,7 +313,7 @@ def test_random_and_extreme_systems(mu, sigma):
 
 def test_each_line_has_what_was_asked_for():
     """Oracle: the events of the record: point number, type, label, energy, quarter period, stability, largest multiplier."""
-    _, data, err = told("continue", "S73O33-")
+    _, data, err = reported("continue", "S73O33-")
     lines = [line.split() for line in err.splitlines() if re.match(r" *-?\d+  [A-Z]{2} ", line)]
     assert len(lines) == len(data["events"])
     words = {True: "yes", False: "no", None: "undecided"}
@@ -329,7 +329,7 @@ def test_each_line_has_what_was_asked_for():
 @pytest.mark.parametrize(("direction", "sign"), [("up", 1), ("down", -1)])
 def test_the_first_step_goes_the_way_that_was_asked_for(name, direction, sign):
     """Oracle: the energies of the start and of the first step, on both sides of a fold; the other side says that it was not asked for."""
-    code, data, _ = told("continue", name, "--direction", direction, "--points", "3")
+    code, data, _ = reported("continue", name, "--direction", direction, "--points", "3")
     h = column(data, "h")
     assert code == 0 and sign * (h[1] - h[0]) > 0.0
     assert any("not asked for" in end["text"] for end in data["ended"])
@@ -338,7 +338,7 @@ def test_the_first_step_goes_the_way_that_was_asked_for(name, direction, sign):
 @pytest.mark.parametrize("points", [1, 2, 3, 7, 50])
 def test_points_are_counted_in_total(points):
     """Oracle: the number asked for; it is the reason of the end."""
-    code, data, _ = told("continue", "S13O00+", "--points", str(points))
+    code, data, _ = reported("continue", "S13O00+", "--points", str(points))
     assert code == 0 and len(data["points"]) == points
     assert any(end["reason"] == "POINTS" for end in data["ended"])
 
@@ -347,7 +347,7 @@ def test_points_are_counted_in_total(points):
 def test_the_family_ends_on_the_bounds_of_the_energy(bounds):
     """Oracle: the bounds, to the 1e-10 in arclength to which events are located."""
     name = "S11O00-" if "e" in bounds else "S13O00+"
-    code, data, _ = told("continue", name, "--energy", bounds)
+    code, data, _ = reported("continue", name, "--energy", bounds)
     low, high = map(float, bounds.split(":"))
     h = column(data, "h")
     assert code == 0 and math.isclose(h.min(), low, rel_tol=2e-10) and math.isclose(h.max(), high, rel_tol=2e-10)
@@ -357,7 +357,7 @@ def test_the_family_ends_on_the_bounds_of_the_energy(bounds):
 
 def test_a_narrow_range_near_grazing_has_the_family():
     """Oracle: the family begins at 0.118507810593582, so it passes 0.1185079 to 0.1186."""
-    code, data, err = told("continue", "S13O00+", "--energy", "0.1185079:0.1186")
+    code, data, err = reported("continue", "S13O00+", "--energy", "0.1185079:0.1186")
     assert code == 0, err
     h = column(data, "h")
     assert math.isclose(h.min(), 0.1185079, rel_tol=2e-10) and math.isclose(h.max(), 0.1186, rel_tol=2e-10)
@@ -365,7 +365,7 @@ def test_a_narrow_range_near_grazing_has_the_family():
 
 def test_the_event_to_stop_at_is_the_last():
     """Oracle: closed form: going down the unstable part of S11O00- the fold is met before anything else."""
-    code, data, _ = told("continue", "S11O00-@h=0.08,alpha=1.29", "--direction", "down", "--stop-at", "SN")
+    code, data, _ = reported("continue", "S11O00-@h=0.08,alpha=1.29", "--direction", "down", "--stop-at", "SN")
     assert code == 0 and [event["type"] for event in data["events"]] == ["SN"]
     assert any(end["reason"] == "STOP_AT" for end in data["ended"])
     assert abs(data["events"][0]["h"] - FOLD[1]) < 1e-14
@@ -374,28 +374,28 @@ def test_the_event_to_stop_at_is_the_last():
 @pytest.mark.parametrize("name", ["S13", "U21", "S11", "S13O"])
 def test_unfinished_labels_match_all_that_fit(name):
     """Oracle: the answer is a family whose label begins so, or the list of the families that do."""
-    code, data, err = told("continue", name, "--energy", "0.05:1", "--points", "5")
+    code, data, err = reported("continue", name, "--energy", "0.05:1", "--points", "5")
     labels = [data["branch"]["label"]] if code == 0 else re.findall(r"([SU]\S+?)@h=", err.partition("choose one of")[2])
     stem = re.match(r"[SU]\d+", name)[0]
     assert labels and code in (0, 2) and all(label.startswith(stem) for label in labels), err
     assert code == 0 or len(err.splitlines()) == 1
 
 
-def test_multipliers_that_are_not_reliable_are_told(monkeypatch):
+def test_multipliers_that_are_not_reliable_are_reported(monkeypatch):
     """Oracle: the quality of the points; no point is doubtful here, so the limit is lowered for the test."""
     monkeypatch.setattr("branches.orbit.PAIRING_LIMIT", 1e-30)
-    code, data, err = told("continue", "S13O00+", "--energy", "0.2:0.3")
+    code, data, err = reported("continue", "S13O00+", "--energy", "0.2:0.3")
     doubtful = sum(not point["quality"]["reliable"] for point in data["points"])
     assert code == 0 and doubtful > 10
     assert re.search(rf"warning  the multipliers of {doubtful} of {len(data['points'])} points are not reliable", err)
-    code, _, err = told("orbit", "S13O00+", "--energy", "0.25")
+    code, _, err = reported("orbit", "S13O00+", "--energy", "0.25")
     assert code == 0 and "NOT RELIABLE" in err
 
 
-def test_lost_trivial_multipliers_are_told(monkeypatch):
+def test_lost_trivial_multipliers_are_reported(monkeypatch):
     """Oracle: the quality of the points; none is lost here, so the limit is lowered for the test."""
     monkeypatch.setattr("bvp.multipliers.TRIVIAL_LOST", 1e-30)
-    code, data, err = told("continue", "S13O00+", "--energy", "0.2:0.31")
+    code, data, err = reported("continue", "S13O00+", "--energy", "0.2:0.31")
     lost = sum(point["quality"]["trivial"] >= 1e-30 for point in data["points"])
     assert code == 0 and lost > 10
     assert f"the trivial multiplier of {lost} of {len(data['points'])} points is lost, between h = 0.2" in err
@@ -411,9 +411,9 @@ def test_absurd_systems_give_one_line_or_an_answer(words):
     assert done.returncode == 0 or len(done.stderr.splitlines()) == 1
 
 
-def test_pieces_of_a_cut_family_are_told():
+def test_pieces_of_a_cut_family_are_reported():
     """Closed form: between its fold and its grazing S11O00- has two orbits at each energy, so a range there cuts it into two pieces."""
-    code, data, said = told("continue", "S11O00-@h=0.075,alpha=0.975", "--energy", "0.072:0.08")
+    code, data, said = reported("continue", "S11O00-@h=0.075,alpha=0.975", "--energy", "0.072:0.08")
     (other,) = data["branch"]["others"]
     assert code == 0 and sorted(other[side]["h"] for side in ("from", "to")) == pytest.approx([0.072, 0.08], rel=1e-12)
     assert f"cut    the range of energies cuts {data['branch']['id']} into 2 pieces" in said

@@ -124,7 +124,7 @@ def test_points_of_some_families(export):
     assert len(export("points", "b.csv", "--ends", "origin-origin")[0].read_text().splitlines()) == len(real()[3]) + 1
 
 
-def test_one_of_a_thing_is_told_in_the_singular(export):
+def test_one_of_a_thing_is_reported_in_the_singular(export):
     """Oracle: grammar."""
     assert export("orbits", "one.csv", "S13+@h=1")[1].endswith(": 1 orbit\n")
     assert export("orbits", "two.csv", "S13+@h=1", "S13+@h=2")[1].endswith(": 2 orbits\n")

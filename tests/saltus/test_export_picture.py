@@ -6,7 +6,7 @@ import pytest
 
 from tests.branches import atlas_families as real
 from tests.branches.catalogue.families import real as families
-from tests.saltus.running import told
+from tests.saltus.running import reported
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +28,14 @@ def test_a_picture_and_the_same_from_its_data(folder, what, options):
         f"export {what} --npz {folder}/a.npz --branches {families} --energy 0.06:40 {scale}",
         f"export {what} --plot {folder}/b.svg --data {folder}/a.npz {options}",
     ):
-        code, out, err = told(words)
+        code, out, err = reported(words)
         assert code == 0 and not err and out.startswith("wrote")
     assert (folder / "a.svg").read_bytes() == (folder / "b.svg").read_bytes()
 
 
 def test_regimes_and_impulsive_motions(folder):
-    """Oracle: the data; what the families given do not tell is said."""
-    code, out, err = told(
+    """Oracle: the data; a note names what the given families do not show."""
+    code, out, err = reported(
         f"export fep --csv {folder}/r.csv --branches {folder}/0.json {folder}/1.json --energy 0.06:0.6 --regimes --impulsive "
         "--max-quarter-period 2"
     )
@@ -50,13 +50,13 @@ def test_regimes_and_impulsive_motions(folder):
 )
 def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
     """Oracle: the ids that `saltus list` gives for the same words, from a catalogue and from files of the same families."""
-    _, out, _ = told(f"list --catalogue {catalogue} --json - {filters}")
+    _, out, _ = reported(f"list --catalogue {catalogue} --json - {filters}")
     expected = {family["id"] for family in json.loads(out)["families"]}
     files = [tmp_path / f"{k}.json" for k in range(len(families()))]
     for branch, file in zip(families(), files, strict=True):
         branch.save(file)
     for source in (f"--catalogue {catalogue}", f"--branches {' '.join(map(str, files))}"):
-        code, _, err = told(f"export {what} {source} --json {tmp_path}/a.json {filters}")
+        code, _, err = reported(f"export {what} {source} --json {tmp_path}/a.json {filters}")
         assert code == 0, err
         columns = json.loads((tmp_path / "a.json").read_text())["columns"]
         assert set(columns["family"]) == expected
@@ -68,20 +68,20 @@ def test_families_without_start_velocities(tmp_path):
 
     begun = next(met for met in families_at(linear_modes(real.SYSTEM)[0], 1, 1, points=20) if "origin" not in met.ends)
     begun.branch.save(tmp_path / "rest.json")
-    code, _, err = told(f"export velocities --branches {tmp_path}/rest.json --plot {tmp_path}/a.png")
+    code, _, err = reported(f"export velocities --branches {tmp_path}/rest.json --plot {tmp_path}/a.png")
     assert code == 2 and "where no orbit of these families starts" in err and err.count("\n") == 1
 
 
-def test_regimes_are_told_by_all_families(catalogue, tmp_path):
+def test_regimes_are_reported_by_all_families(catalogue, tmp_path):
     """Oracle: the symmetry breaking of S13O00+, which the filter leaves out."""
-    code, out, _ = told(f"export fep --catalogue {catalogue} --csv {tmp_path}/a.csv --label S11- --regimes")
+    code, out, _ = reported(f"export fep --catalogue {catalogue} --csv {tmp_path}/a.csv --label S11- --regimes")
     text = (tmp_path / "a.csv").read_text()
     assert code == 0 and '"what": "SB of S13+"' in text and "S13O00+" not in text and "no bound III/IV" in out
 
 
 def test_the_names_of_the_scene_come_first(folder, tmp_path):
     """Oracle: lee2009, which names both backbones without a point, and the labels of the families."""
-    code, _, err = told(f"export fep --branches {folder}/0.json {folder}/1.json --json {tmp_path}/a.json")
+    code, _, err = reported(f"export fep --branches {folder}/0.json {folder}/1.json --json {tmp_path}/a.json")
     assert code == 0, err
     columns = json.loads((tmp_path / "a.json").read_text())["columns"]
     names = {(name, label) for name, label, cited in zip(columns["name"], columns["label"], columns["cited"], strict=True) if cited}

@@ -54,7 +54,7 @@ def test_figures_with_their_data(capsys, tmp_path):
 
 
 def test_a_catalogue_lies_behind(capsys, tmp_path, small_scene):
-    """Oracles: stages told by other families than the one that the motion starts on; a family that the catalogue lacks is said, its figure
+    """Oracles: stages named by other families than the one that the motion starts on; a family that the catalogue lacks is said, its figure
     is left out and the others are made."""
     path, _ = small_scene
     words = ("gallery", "paper", "--out", tmp_path / "figures", "--catalogue", path)

@@ -179,7 +179,7 @@ def test_an_id_that_no_family_has_is_answered_with_those_that_exist(capsys, scen
     refused(run(capsys, "continue", f"{id}@h=1,alpha=3.9", "--scene", scene), "alpha = 3.9", "@h=1,alpha=")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is told by a variable of this system")
+@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is given by a variable of this system")
 @pytest.mark.parametrize("saves", [False, True])
 def test_an_id_is_looked_up_in_the_scenes_own_catalogue(capsys, tmp_path, monkeypatch, saves):
     """Oracle: a family with an id that no search finds: only the catalogue has it."""
@@ -198,7 +198,7 @@ def test_an_id_is_looked_up_in_the_scenes_own_catalogue(capsys, tmp_path, monkey
     refused(run(capsys, "orbit", kept.id, "--energy", repr(h), "--mu", "0.11"), f"no orbit {kept.id} found")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is told by a variable of this system")
+@pytest.mark.skipif(sys.platform == "win32", reason="the data folder is given by a variable of this system")
 @pytest.mark.parametrize("part", [False, True])
 def test_a_catalogue_of_its_own_that_cannot_be_used_is_not_passed_over(capsys, tmp_path, monkeypatch, part):
     """Oracle: the words on a file that is no catalogue, on one of another system, and where there is none."""

@@ -1,4 +1,4 @@
-"""`saltus impulsive` from end to end: the fields of its files, what it tells, bad input."""
+"""`saltus impulsive` from end to end: the fields of its files, what it prints."""
 
 import csv
 import io
@@ -8,18 +8,18 @@ from functools import cache
 import numpy as np
 
 from tests.branches.catalogue.families import real
-from tests.saltus.running import told as told_once
+from tests.saltus.running import reported as reported_once
 
 NAMES = ["label", "family", "h", "alpha", "u2_velocity", "impacts"]
 
 
-told = cache(told_once)
+reported = cache(reported_once)
 
 
 def test_json_has_the_fields():
     """Oracle: the fields of the format; h and the velocity agree (mass 1); the impulsive orbit of U4122 lies on its traced family, whose
     event is at h = 2.98736731."""
-    code, out, err = told("impulsive --energy 2.5:3.5 --max-quarter-period 2 --density 5 --json -")
+    code, out, err = reported("impulsive --energy 2.5:3.5 --max-quarter-period 2 --density 5 --json -")
     record = json.loads(out)
     assert code == 0 and record["schema"] == 2 and record["complete"] is True
     (orbit,) = record["orbits"]
@@ -37,10 +37,10 @@ def test_families_of_a_catalogue(catalogue):
     expected = {round(event.h, 9): branch.id for branch in real() for event in branch.events if event.type == "IO" and 0.5 < event.h < 2.0}
     assert real()[3].id in expected.values()
     words = f"impulsive --energy 0.5:2 --max-quarter-period 2 --density 2 --catalogue {catalogue}"
-    code, out, err = told(f"{words} --json -")
+    code, out, err = reported(f"{words} --json -")
     assert code == 0
-    told_of = {round(orbit["h"], 9): orbit["family"] for orbit in json.loads(out)["orbits"]}
-    assert {h: id for h, id in told_of.items() if id is not None} == expected and None in told_of.values()
+    reported_of = {round(orbit["h"], 9): orbit["family"] for orbit in json.loads(out)["orbits"]}
+    assert {h: id for h, id in reported_of.items() if id is not None} == expected and None in reported_of.values()
     assert all(id in err for id in expected.values())
 
 
@@ -48,7 +48,7 @@ def test_files(tmp_path):
     """Oracle: CSV agrees with JSON; the picture is one."""
     paths = {kind: tmp_path / f"a.{kind}" for kind in ("json", "csv", "svg")}
     words = f"impulsive --energy 1:2 --max-quarter-period 4 --density 5 --json {paths['json']} --csv {paths['csv']} --plot {paths['svg']}"
-    code, out, err = told(words)
+    code, out, err = reported(words)
     assert code == 0 and not err and out.count("wrote") == 3
     record = json.loads(paths["json"].read_text())
     rows = list(csv.DictReader(io.StringIO(paths["csv"].read_text())))
@@ -59,15 +59,15 @@ def test_files(tmp_path):
 
 def test_bounds_and_parameters():
     """Oracle: the impacts bound leaves the orbits with so many out; another system has other orbits; --model says why."""
-    few = json.loads(told("impulsive --energy 1:2 --max-quarter-period 4 --max-impacts 3 --density 2 --json -")[1])
+    few = json.loads(reported("impulsive --energy 1:2 --max-quarter-period 4 --max-impacts 3 --density 2 --json -")[1])
     assert [orbit["impacts"] for orbit in few["orbits"]] == [3] and few["bounds"] == {"quarter_period": 4.0, "impacts": 3}
-    code, out, _ = told("impulsive --energy 1:2 --max-quarter-period 2 --mu 0.3 --sigma 0.4 --model")
+    code, out, _ = reported("impulsive --energy 1:2 --max-quarter-period 2 --mu 0.3 --sigma 0.4 --model")
     assert code == 0 and "origin" in out and "complete" in out
 
 
 def test_nothing_there():
     """Oracle: no impacts below sigma/2: an empty list, complete, exit 0."""
-    code, out, _ = told("impulsive --energy 0.01:0.05 --density 5 --json -")
+    code, out, _ = reported("impulsive --energy 0.01:0.05 --density 5 --json -")
     record = json.loads(out)
     assert code == 0 and record["orbits"] == [] and record["complete"]
     assert np.ptp(record["manifold"]["frequency"]) < 1e-12

@@ -44,7 +44,7 @@ impacts = 6
 """
 
 
-def told(capsys, *words):
+def reported(capsys, *words):
     """The JSON of a run with its stages, which standard output carries alone."""
     code, out, err = run(capsys, "run", *words, "--stages", "--json", "-")
     assert code == 0, err
@@ -129,7 +129,7 @@ def test_the_files_hold_the_same_motion(shock):
 
 def test_free_motion_in_closed_form(capsys):
     """Oracle: sigma = 0, u2 = V sin t while |u2| < 1 and the sink stays at 0; energy V^2/2 in the oscillator, peaks V at pi/2."""
-    record = told(capsys, "--impulse", "0.5", "--sigma", "0", "--duration", repr(2.0 * math.pi), "--samples", "5")
+    record = reported(capsys, "--impulse", "0.5", "--sigma", "0", "--duration", repr(2.0 * math.pi), "--samples", "5")
     assert record["initial"]["energy"] == 0.125 and record["impacts"] == [] and record["last_impact"] is None
     np.testing.assert_allclose(np.array(record["samples"]["u"])[:, 1], [0.0, 0.5, 0.0, -0.5, 0.0], atol=1e-14)
     peaks = record["peaks"]
@@ -144,14 +144,14 @@ def test_a_viscous_oscillator_loses_its_energy_in_closed_form(capsys):
     """Oracle: sigma = 0, u2 = V exp(-a t) sin(w t)/w: the energy at 2 pi/w is exp(-4 pi a/w) of the first; all of it goes to the LO."""
     a = 0.05
     w = math.sqrt(1.0 - a * a)
-    record = told(capsys, "--impulse", "0.5", "--sigma", "0", "--lam", "0.1", "--duration", repr(2.0 * math.pi / w))
+    record = reported(capsys, "--impulse", "0.5", "--sigma", "0", "--lam", "0.1", "--duration", repr(2.0 * math.pi / w))
     assert record["shares"]["lo"] == pytest.approx(1.0 - math.exp(-4.0 * math.pi * a / w), rel=1e-13)
     assert record["shares"]["nes"] == 0.0
 
 
 def test_on_an_orbit_the_undamped_motion_comes_back(capsys):
     """Oracle: the published orbit alpha = 1.7, h = 0.58875: after a period the start state; two impacts of one speed; one stage on it."""
-    record = told(capsys, "--on", "S13O00+@alpha=1.7", "--duration", "6.8", "--samples", "2")
+    record = reported(capsys, "--on", "S13O00+@alpha=1.7", "--duration", "6.8", "--samples", "2")
     initial = record["initial"]
     assert initial["kind"] == "orbit" and initial["on"]["label"] == "S13O00+" and initial["energy"] == pytest.approx(0.588748128566)
     assert initial["v"][0] / initial["v"][1] > 0.0
@@ -163,8 +163,8 @@ def test_on_an_orbit_the_undamped_motion_comes_back(capsys):
 
 def test_damping_and_restitution_do_not_change_where_the_family_is(capsys):
     """Oracle: the start of the undamped run; the damped motion then loses energy and follows its own way."""
-    plain = told(capsys, "--on", "S13O00+", "--energy", "10", "--duration", "20")
-    damped = told(capsys, "--on", "S13O00+", "--energy", "10", *DAMPED, "--duration", "20")
+    plain = reported(capsys, "--on", "S13O00+", "--energy", "10", "--duration", "20")
+    damped = reported(capsys, "--on", "S13O00+", "--energy", "10", *DAMPED, "--duration", "20")
     assert plain["initial"]["v"] == damped["initial"]["v"] and plain["initial"]["on"] == damped["initial"]["on"]
     assert damped["system"]["rho"] == 0.7 and damped["energy"] < 0.9 * plain["energy"]
 
@@ -173,19 +173,19 @@ def test_damping_and_restitution_do_not_change_where_the_family_is(capsys):
 def test_the_impulsive_orbit_of_a_family(capsys, name):
     """Oracle: it is the impulsive start of its own energy, and after its period the motion is there again. U8344- turns back on itself and
     passes its impulsive orbit twice."""
-    record = told(capsys, "--on", name, "--impulsive", "--duration", "0.001")
+    record = reported(capsys, "--on", name, "--impulsive", "--duration", "0.001")
     on = record["initial"]["on"]
     assert record["initial"]["v"] == pytest.approx([0.0, math.sqrt(2.0 * on["h"])], rel=1e-14, abs=0.0)
     period = 4.0 * on["alpha"]
-    again = told(capsys, "--impulsive", "--energy", repr(on["h"]), "--duration", repr(period), "--samples", "2")
+    again = reported(capsys, "--impulsive", "--energy", repr(on["h"]), "--duration", repr(period), "--samples", "2")
     np.testing.assert_allclose(again["samples"]["v"][-1], again["initial"]["v"], atol=1e-6)
 
 
-def test_units_scale_what_is_told_and_nothing_else(capsys):
+def test_units_scale_what_is_reported_and_nothing_else(capsys):
     """Oracle: natural units times the clearance, its square, and the natural frequency."""
     words = ("--state", "-0.1,0.2,0.3,4", *DAMPED, "--duration", "60", "--samples", "3")
-    plain = told(capsys, *words)
-    scaled = told(capsys, *words, "--clearance", "0.02", "--natural-frequency", "10")
+    plain = reported(capsys, *words)
+    scaled = reported(capsys, *words, "--clearance", "0.02", "--natural-frequency", "10")
     assert plain["initial"]["u"] == [-0.1, 0.2] and plain["initial"]["v"] == [0.3, 4.0]
     assert len(plain["impacts"]) == len(scaled["impacts"]) > 3
     for a, b in zip(plain["impacts"], scaled["impacts"], strict=True):
@@ -201,7 +201,7 @@ def test_units_scale_what_is_told_and_nothing_else(capsys):
 @pytest.mark.parametrize("rho", ["0", "0.3", "0.9", "1"])
 def test_any_restitution_ends_and_closes(capsys, rho):
     """Oracle: the balance, and losses that sum to what the stop took, chattering included. Light and stiffly forced: it chatters."""
-    record = told(capsys, "--impulse", "3", "--rho", rho, "--lam", "0.05", "--sigma", "0.6", "--mu", "0.8", "--duration", "100")
+    record = reported(capsys, "--impulse", "3", "--rho", rho, "--lam", "0.05", "--sigma", "0.6", "--mu", "0.8", "--duration", "100")
     assert record["energy_balance_error"] < 1e-12 and record["ended"]["reason"] == "DURATION_REACHED"
     lost = math.fsum(row["energy_lost"] for row in [*record["impacts"], *record["chatter"]])
     assert lost == pytest.approx(record["dissipated"]["stop a"], rel=1e-12, abs=1e-15)
@@ -217,7 +217,7 @@ def forced(tmp_path, loads):
 def test_a_forced_system_starts_at_rest(capsys, tmp_path):
     """Oracles: the balance with the work of the loads; shares are of what came in, and sum to 1 with what is left."""
     scene = forced(tmp_path, '[[forces]]\non = "floor"\namplitude = 2.0\nfrequency = 0.9\n')
-    record = told(capsys, "--scene", scene, "--duration", "60")
+    record = reported(capsys, "--scene", scene, "--duration", "60")
     assert record["initial"]["kind"] == "rest" and record["initial"]["energy"] == 0.0 and len(record["impacts"]) > 5
     assert record["energy_balance_error"] < 1e-12 and record["shares_of"]["what"] == "energy that came in"
     assert record["work"] == pytest.approx(record["shares_of"]["energy"], rel=1e-12)
@@ -230,7 +230,7 @@ def test_a_forced_system_starts_at_rest(capsys, tmp_path):
 def test_bounces_that_were_summed_are_in_the_record(capsys, tmp_path):
     """Oracles: losses of impacts and of summed bounces are what the stop took; contacts are held as long as is said; the balance."""
     scene = forced(tmp_path, '[[forces]]\non = "sink"\namplitude = 3.0\nfrequency = 0.2\n')
-    record = told(capsys, "--scene", scene, "--duration", "100", "--samples", "2001")
+    record = reported(capsys, "--scene", scene, "--duration", "100", "--samples", "2001")
     assert len(record["chatter"]) >= 3 and len(record["sticking"]) >= 3 and record["energy_balance_error"] < 1e-12
     lost = math.fsum(row["energy_lost"] for row in [*record["impacts"], *record["chatter"]])
     assert lost == pytest.approx(record["dissipated"]["stop a"], rel=1e-12)
@@ -258,7 +258,7 @@ def test_the_sink_locked_beside_it(capsys):
 
 def test_the_building(capsys):
     """Oracles: the balance; the gap within its clearance; a duration that is the record's; floors locked to each other's sides."""
-    record = told(capsys, "--scene", "three_storey_building", "--locked")
+    record = reported(capsys, "--scene", "three_storey_building", "--locked")
     assert record["duration"] == 20.0 and record["energy_balance_error"] < 1e-12 and len(record["impacts"]) > 10
     assert record["peaks"]["gaps"]["gap a"]["peak"] == pytest.approx(0.02, rel=1e-12)
     locked = record["locked"]
@@ -274,10 +274,10 @@ def test_modes_of_more_coordinates_are_in_the_picture(capsys, tmp_path):
     assert 'id="families-L1"' in (tmp_path / "building.svg").read_text()
 
 
-def test_the_table_tells_what_the_record_has(capsys):
+def test_the_table_reports_what_the_record_has(capsys):
     """Oracle: the record of the same run."""
     words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
-    record = told(capsys, *words)
+    record = reported(capsys, *words)
     code, out, err = run(capsys, "run", *words, "--model", "--stages")
     assert code == 0 and not err
     lines = out.splitlines()
@@ -290,11 +290,11 @@ def test_the_table_tells_what_the_record_has(capsys):
     assert "and " + str(len(record["impacts"]) - 12) + " more" in out
 
 
-def test_captures_and_escapes_are_told(capsys):
+def test_captures_and_escapes_are_reported(capsys):
     """Oracle: the stages: what follows a family begins with its capture and, where another stage comes, ends with its escape, in the units
     of the stages; at the end of the run nothing is left. The table has a line for each."""
     words = ("--on", "S13O00+", "--energy", "1", *DAMPED, "--duration", "250", "--natural-frequency", "2")
-    record = told(capsys, *words)
+    record = reported(capsys, *words)
     stages = [stage for stage in record["stages"] if stage["follows"] is not None]
     assert {stage["follows"]["label"] for stage in stages} == {"S13O00+", "L11+"}
     entries = [(stage["follows"]["label"], "capture", stage["start"]) for stage in stages]
@@ -310,7 +310,7 @@ def test_captures_and_escapes_are_told(capsys):
 def test_without_a_catalogue_free_motion_is_on_a_linear_mode(capsys, tmp_path):
     """Oracle: below h = 0.05 nothing impacts, so that only modes are left to follow. The picture has both, by their names."""
     words = ("--impulsive", "--energy", "0.04", *DAMPED, "--duration", "300")
-    record = told(capsys, *words)
+    record = reported(capsys, *words)
     assert not record["impacts"] and {stage["follows"]["label"] for stage in record["stages"]} == {"L11-"}
     assert run(capsys, "run", *words, "--plot", tmp_path / "modes.svg")[0] == 0
     picture = (tmp_path / "modes.svg").read_text()
@@ -318,7 +318,7 @@ def test_without_a_catalogue_free_motion_is_on_a_linear_mode(capsys, tmp_path):
 
 
 def test_no_marks_no_shares(capsys, tmp_path):
-    """Oracle: energies without shares are null; stops and gap dampers are told apart still, and the table names them, not a sink."""
+    """Oracle: energies without shares are null; stops and gap dampers are still distinguished, and the table names them, not a sink."""
     path = tmp_path / "unmarked.toml"
     path.write_text(SCENE.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""))
     words = ("--scene", path, "--state", "0,0,0,0,2,0", "--duration", "10", "--samples", "2", "--stages")
@@ -347,7 +347,7 @@ def test_stages_are_computed_where_they_are_asked_for(capsys, tmp_path, catalogu
         assert code == 0 and calls and "not computed" not in out
 
 
-def test_progress_is_told_of_the_motion_and_of_its_stages(capsys, monkeypatch):
+def test_progress_is_reported_of_the_motion_and_of_its_stages(capsys, monkeypatch):
     """Oracle: percentages that do not fall, of which the last is the whole."""
     import saltus.terminal
 
@@ -393,15 +393,15 @@ def test_a_run_is_interrupted_while_it_computes(tmp_path):
         child.communicate()
 
 
-def test_stages_of_a_long_motion_are_told_as_far_as_its_record_goes(capsys, monkeypatch):
-    """Oracle: a record that has to be four times as coarse tells the stages of a slow motion to its end; one that is too coarse for that
+def test_stages_of_a_long_motion_are_reported_as_far_as_its_record_goes(capsys, monkeypatch):
+    """Oracle: a record that has to be four times as coarse shows the stages of a slow motion to its end; one that is too coarse for that
     has the note, and stages that end before it; the other numbers are those of the whole motion."""
     words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
     monkeypatch.setattr("saltus.motion.simulation.MOST_SAMPLES", 2000)
-    record = told(capsys, *words)
+    record = reported(capsys, *words)
     assert record["stages_note"] is None and record["stages"][-1]["end"] == pytest.approx(150.0, abs=1.0)
     monkeypatch.setattr("saltus.motion.simulation.MOST_SAMPLES", 100)
-    record = told(capsys, *words)
+    record = reported(capsys, *words)
     up_to = float(record["stages_note"].split()[4].rstrip(","))
     assert up_to < 150.0 == record["duration"]
     assert record["stages"] and all(stage["end"] <= up_to for stage in record["stages"])
@@ -521,8 +521,8 @@ def test_an_outcome_that_is_not_defined_is_a_failure_with_what_was_computed(caps
     assert record["ended"]["reason"] == "SIMULTANEOUS" and record["duration"] == pytest.approx(math.asin(0.5), rel=1e-14)
 
 
-def test_a_motion_that_ends_beyond_a_stop_is_not_told_as_its_start(capsys, monkeypatch):
-    """Oracle: by hand: of a motion that rounding carries beyond a stop later on, the record so far is told, and why it ended."""
+def test_a_motion_that_ends_beyond_a_stop_is_not_reported_as_its_start(capsys, monkeypatch):
+    """Oracle: by hand: of a motion that rounding carries beyond a stop later on, the record so far is reported, and why it ended."""
     import bvp.simulate
 
     def carried_beyond(*arguments, **options):

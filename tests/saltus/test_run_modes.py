@@ -1,4 +1,4 @@
-"""`saltus run --emd`. Oracles: the modes sum to the motion itself; the ridge that the stages tell; one tone is one mode."""
+"""`saltus run --emd`. Oracles: the modes sum to the motion itself; the ridge of the stages; one tone is one mode."""
 
 import json
 import math
@@ -21,17 +21,17 @@ def test_the_modes_of_a_motion_sum_to_it(capsys, tmp_path):
     files = [word for kind in ("json", "npz", "mat") for word in (f"--{kind}", tmp_path / f"a.{kind}")]
     code, out, err = run(capsys, "run", *START, "--emd", *files)
     assert code == 0, err
-    told = json.loads((tmp_path / "a.json").read_text())["empirical"]
+    reported = json.loads((tmp_path / "a.json").read_text())["empirical"]
     arrays, matlab = np.load(tmp_path / "a.npz"), loadmat(tmp_path / "a.mat")
     u, _ = run_damped(vibro_impact_nes(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 2.0], 60.0).sample(arrays["emd_time"])
     np.testing.assert_allclose(arrays["emd_modes"].sum(axis=1) + arrays["emd_residue"], u[:, 0] - u[:, 1], rtol=0.0, atol=1e-12)
     for name in ("emd_modes", "emd_amplitudes", "emd_frequencies"):
-        assert arrays[name].shape == (len(u), len(told["modes"]))
+        assert arrays[name].shape == (len(u), len(reported["modes"]))
         np.testing.assert_array_equal(matlab[name], arrays[name])
-    sizes = [mode["rms"] for mode in told["modes"]]
+    sizes = [mode["rms"] for mode in reported["modes"]]
     np.testing.assert_allclose(sizes, np.sqrt(np.mean(arrays["emd_modes"] ** 2, axis=0)), rtol=1e-14)
-    assert f"{len(told['modes'])} empirical modes" in out
-    assert f"index of orthogonality {told['orthogonality']:.3g}" in out
+    assert f"{len(reported['modes'])} empirical modes" in out
+    assert f"index of orthogonality {reported['orthogonality']:.3g}" in out
 
 
 def test_a_tone_is_one_mode_in_its_units(capsys):
@@ -45,11 +45,11 @@ def test_a_tone_is_one_mode_in_its_units(capsys):
     units = ("--clearance", "3", "--natural-frequency", "5")
     code, out, err = run(capsys, "run", state, "--duration", repr(40.0 * math.pi / w), "--emd", *units, "--json", "-")
     assert code == 0, err
-    told = json.loads(out)["empirical"]
-    largest = max(told["modes"], key=lambda mode: mode["rms"])
+    reported = json.loads(out)["empirical"]
+    largest = max(reported["modes"], key=lambda mode: mode["rms"])
     assert largest["frequency"] == pytest.approx(5.0 * w, rel=5e-3)
     assert largest["rms"] == pytest.approx(3.0 * 0.5 / math.sqrt(2.0), rel=5e-3)
-    assert abs(told["orthogonality"]) < 0.01
+    assert abs(reported["orthogonality"]) < 0.01
 
 
 def test_without_the_option_there_are_none(capsys):
@@ -59,7 +59,7 @@ def test_without_the_option_there_are_none(capsys):
     assert json.loads(out)["empirical"] is None
 
 
-def test_a_missing_package_is_told_before_the_work(capsys, tmp_path, monkeypatch):
+def test_a_missing_package_is_reported_before_the_work(capsys, tmp_path, monkeypatch):
     """Oracle: the words."""
     monkeypatch.setitem(sys.modules, "PyEMD", None)
     refused(run(capsys, "run", *START, "--emd", "--json", tmp_path / "a.json"), 'pip install "saltus[emd]"')

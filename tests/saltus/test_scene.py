@@ -67,8 +67,8 @@ def test_each_shipped_scene_loads_and_cites_its_source():
     for name in names:
         scene = load_scene(name.removesuffix(".toml"))
         assert scene.title and scene.source
-        for pin in scene.reference_points:
-            assert parse(pin)
+        for label in scene.reference_points:
+            assert parse(label)
 
 
 def test_all_names_of_the_system_of_a_scene():
@@ -79,7 +79,7 @@ def test_all_names_of_the_system_of_a_scene():
     assert tuple(names) == scene.names and not scene.names_for(vibro_impact_nes(0.2, 0.1))
 
 
-def test_parameters_replace_those_of_the_model_and_drop_its_pins():
+def test_parameters_replace_those_of_the_model_and_drop_its_reference_points():
     """Oracle: the system made directly; a cited point says nothing about another system."""
     scene = load_scene(mu=0.37, sigma=0.81)
     assert scene.system.describe() == vibro_impact_nes(0.37, 0.81).describe()

@@ -165,7 +165,7 @@ def test_a_killed_study_goes_on(finished, tmp_path, capsys):
     assert_same(out, finished[1])
 
 
-def test_a_damaged_block_is_told_and_done_again(finished, tmp_path, capsys):
+def test_a_damaged_block_is_reported_and_done_again(finished, tmp_path, capsys):
     """Oracle: the block as it was."""
     out = tmp_path / "copy"
     shutil.copytree(finished[1], out)

@@ -1,4 +1,4 @@
-"""Tables in a terminal: nothing is left out, no number or name is cut, ids stay told apart. Oracles: the cells; the width."""
+"""Tables in a terminal: nothing is left out, no number or name is cut, ids stay distinct. Oracles: the cells; the width."""
 
 import os
 import re
