@@ -192,7 +192,7 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     count, lead = unfold_impacts(problem.segment, y, problem.end_states(y), found, np.empty((2, size)))
     before, after, duration, row = (array[:count].copy() for array in found)
     modes = problem.system.modes
-    contact = problem.contacts[row].copy()
+    contact = problem.contacts[row]
     mirrored = problem.segment.bound[row] * np.einsum("ij,ij->i", problem.segment.gap[row], before) < 0.0
     contact[mirrored] = modes.contact_opposite[contact[mirrored]]
     return Cycle(problem.system, before, after, duration, contact, float(lead))

@@ -174,7 +174,30 @@ class DigitOrbit:
         if self.problem.periodic:
             raise ValueError("a periodic closure has no half map; its trace decides its stability")
         with mp.workdps(DIGITS):
-            return self._half_map()
+            problem, modes = self.problem, self.modes
+            n, stops = modes.size, problem.modes.contact_stop
+            (start, end), (closing, opening) = problem.kinds, problem.contacts[-2:]
+            z = self.states[0]
+            zero = _exact(np.zeros((n - 1, n)))
+
+            def basis(kind: int, contact: int, at: np.ndarray) -> np.ndarray:
+                if kind == ORIGIN:
+                    return _across(at[n:])
+                return _across(-modes.rate(at)[n:] if kind == REST else modes.gaps[stops[contact]])
+
+            first = basis(start, opening, z)
+            kept, turned = (np.hstack([first, zero]), np.hstack([zero, first]))
+            if start == ORIGIN:
+                kept, turned = turned, -kept
+            if start == STOP:
+                stop = int(stops[opening])
+                slopes = first @ modes.rate(z)[n:] / modes.speed(stop, z)
+                kept[:, n:] = np.multiply.outer(slopes, modes.gaps[stop])
+            carried, final = self._carried(np.vstack([kept, turned]))
+            last = basis(end, closing, final)
+            displacements, velocities = carried[:, :n] @ last.T, carried[:, n:] @ last.T
+            phi = np.hstack([velocities, -displacements] if end == ORIGIN else [displacements, velocities])
+            return mp.matrix(phi.T.tolist())
 
     @cached_property
     def trace(self) -> Any:
@@ -208,32 +231,6 @@ class DigitOrbit:
         # Each of the four is far from 0 beside its own rounding to a double.
         nu, error, rest, rest_error = (np.array(row, dtype=complex) for row in numbers)
         return DECISION[int(verdict(nu, error.real, rest, rest_error.real))]
-
-    def _half_map(self) -> Any:
-        problem, modes = self.problem, self.modes
-        n, stops = modes.size, problem.modes.contact_stop
-        (start, end), (closing, opening) = problem.kinds, problem.contacts[-2:]
-        z = self.states[0]
-        zero = _exact(np.zeros((n - 1, n)))
-
-        def basis(kind: int, contact: int, at: np.ndarray) -> np.ndarray:
-            if kind == ORIGIN:
-                return _across(at[n:])
-            return _across(-modes.rate(at)[n:] if kind == REST else modes.gaps[stops[contact]])
-
-        first = basis(start, opening, z)
-        kept, turned = (np.hstack([first, zero]), np.hstack([zero, first]))
-        if start == ORIGIN:
-            kept, turned = turned, -kept
-        if start == STOP:
-            stop = int(stops[opening])
-            slopes = first @ modes.rate(z)[n:] / modes.speed(stop, z)
-            kept[:, n:] = np.multiply.outer(slopes, modes.gaps[stop])
-        carried, final = self._carried(np.vstack([kept, turned]))
-        last = basis(end, closing, final)
-        displacements, velocities = carried[:, :n] @ last.T, carried[:, n:] @ last.T
-        phi = np.hstack([velocities, -displacements] if end == ORIGIN else [displacements, velocities])
-        return mp.matrix(phi.T.tolist())
 
     def _carried(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Perturbations (m, 2 n) at the start, carried to the far end: through saltation matrices; at a stop there onto the stop along the
