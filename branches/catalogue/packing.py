@@ -207,18 +207,6 @@ def _predicted(name: str, columns: Columns, problem: MultipointProblem) -> np.nd
     return np.where(np.isfinite(predicted), predicted, 0.0)
 
 
-def _frequency(columns: Columns, problem: MultipointProblem) -> np.ndarray:
-    return 2.0 * np.pi / (4.0 * columns["alpha"])
-
-
-def _frequency_index(columns: Columns, problem: MultipointProblem) -> np.ndarray:
-    return columns["half_waves"] * _frequency(columns, problem)
-
-
-def _velocities(columns: Columns, problem: MultipointProblem) -> np.ndarray:
-    return columns["start_v"] if problem.ends[0] == "origin" else np.full(columns["start_v"].shape, np.nan)
-
-
 def _multipliers(columns: Columns, problem: MultipointProblem) -> np.ndarray:
     """The pair of multipliers with product 1 and sum tau, (N, 2) complex."""
     half = 0.5 * columns["tau"]
@@ -263,9 +251,9 @@ def _flown(problem: MultipointProblem, states: np.ndarray, times: np.ndarray) ->
 
 
 PREDICTIONS: dict[str, Callable[[Columns, MultipointProblem], np.ndarray]] = {
-    "frequency": _frequency,
-    "frequency_index": _frequency_index,
-    "velocities": _velocities,
+    "frequency": lambda columns, _: 2.0 * np.pi / (4.0 * columns["alpha"]),
+    "frequency_index": lambda columns, _: columns["half_waves"] * (2.0 * np.pi / (4.0 * columns["alpha"])),
+    "velocities": lambda columns, problem: columns["start_v"] if problem.ends[0] == "origin" else np.full(columns["start_v"].shape, np.nan),
     "multipliers": _multipliers,
     "impact_speeds": _speeds,
 }

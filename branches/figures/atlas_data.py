@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from branches.search.impulsive_orbits import ImpulsiveOrbits
     from bvp.system import ImpactSystem
 
-__all__ = ["EVENTS", "Atlas", "Bound", "AtlasCurve", "Threshold", "atlas_of", "regime_bounds", "rescaled", "thresholds_of"]
+__all__ = ["EVENTS", "Atlas", "Bound", "AtlasCurve", "Threshold", "atlas_of", "regime_bounds", "rescaled"]
 
 _NO_POINTS: Mapping[str, ReferencePoint] = MappingProxyType({})
 
@@ -129,24 +129,13 @@ class Atlas:
     @property
     def thresholds(self) -> list[Threshold]:
         """The linear modes that are shown, in the units of the scale."""
+        from branches.linear_modes import linear_modes
+
         found = [
-            Threshold(mode.label, mode.frequency * self.natural_frequency, mode.h * self.energy_unit) for mode in thresholds_of(self.system)
+            Threshold(mode.name, mode.frequency * self.natural_frequency, mode.energies[1] * self.energy_unit)
+            for mode in linear_modes(self.system)
         ]
         return [mode for mode in found if self.energy is None or mode.h >= self.energy[0]]
-
-
-def thresholds_of(system: ImpactSystem) -> list[Threshold]:
-    """The modes of free flight, each with the energy at which it first touches a stop.
-
-    Examples
-    --------
-    >>> from bvp.system import vibro_impact_nes
-    >>> [(mode.label, round(mode.frequency, 6), round(mode.h, 6)) for mode in thresholds_of(vibro_impact_nes())]
-    [('L11+', 0.854309, 0.118508), ('L11-', 1.170537, 0.086492)]
-    """
-    from branches.linear_modes import linear_modes
-
-    return [Threshold(mode.name, mode.frequency, mode.energies[1]) for mode in linear_modes(system)]
 
 
 def atlas_of(
@@ -357,7 +346,7 @@ def regime_bounds(system: ImpactSystem, branches: Iterable[Branch]) -> tuple[tup
         What could not be found, as messages.
     """
     bounds, missing = [], []
-    mode = next((mode for mode in thresholds_of(system) if mode.label == "L11-"), None)
+    mode = next((mode for mode in Atlas(system).thresholds if mode.label == "L11-"), None)
     if mode is not None:
         bounds.append(Bound("I", "II", mode.h, "L11- grazes"))
     else:

@@ -14,7 +14,7 @@ import pytest
 from benchmarks import backbone
 from branches.figures import data as figure_data
 from branches.figures.atlas import atlas_figure, draw_atlas, velocities_figure
-from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled, thresholds_of
+from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled
 from branches.figures.curves import parse_inset
 from branches.figures.data import ExportError, read_atlas, write_atlas
 from branches.figures.room import even_points, short_name
@@ -111,7 +111,7 @@ def test_linear_modes_end_in_bullets_where_they_graze():
         (line,), (bullet,) = by_gid(axes, f"frequency-{label}"), by_gid(axes, f"frequency-{label}-grazing")
         np.testing.assert_allclose(line.get_xydata(), [[axes.get_xlim()[0], frequency], [energy, frequency]], rtol=1e-12)
         np.testing.assert_allclose(bullet.get_xydata(), [[energy, frequency]], rtol=1e-12)
-        mode = thresholds_of(real.SYSTEM)[k]
+        mode = real.atlas().thresholds[k]
         assert mode.label == label and abs(mode.h / energy - 1.0) < 1e-12
 
 
@@ -406,7 +406,7 @@ def test_bounds_of_regimes():
     third = next(b for b in real.families() if any(alias["label"] == "S31O11+" for alias in b.aliases))
     impulsive = next(event.h for event in third.events if event.type == "IO")
     assert not missing
-    np.testing.assert_allclose([bound.h for bound in bounds], [thresholds_of(real.SYSTEM)[1].h, breaking, impulsive], rtol=1e-14)
+    np.testing.assert_allclose([bound.h for bound in bounds], [real.atlas().thresholds[1].h, breaking, impulsive], rtol=1e-14)
     assert [(bound.below, bound.above) for bound in bounds] == [("I", "II"), ("II", "III"), ("III", "IV")]
     figure = atlas_figure(real.atlas())
     (legend,) = figure.legends
