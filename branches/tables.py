@@ -22,13 +22,9 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
 
 __all__ = [
-    "BINARY", "DEFAULT_COLUMNS", "POINT_NAMES", "TABLE_FORMATS", "Table", "csv_cell", "csv_text", "orbit_rows", "orbit_samples",
+    "DEFAULT_COLUMNS", "POINT_NAMES", "Table", "csv_cell", "csv_text", "orbit_rows", "orbit_samples",
     "plain", "plain_columns", "points_table", "table_text", "write_binary",
 ]  # fmt: skip
-
-TABLE_FORMATS = ("csv", "json", "npz", "mat")
-
-BINARY = ("npz", "mat")
 
 _PLAIN = str.maketrans({",": ";", '"': "'", "#": "no. ", "\n": " "})
 

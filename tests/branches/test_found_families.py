@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
 from branches.naming.families import trace_named
-from branches.reading import branch_of_record
-from branches.record import to_record
 from bvp.system import vibro_impact_nes
 
 SYSTEM = vibro_impact_nes()
@@ -65,14 +61,6 @@ def test_the_published_fold_energy_itself_has_its_orbit():
     """An energy that is the fold's to all digits printed is answered with the orbit there."""
     branch = trace_named("S11O00-", SYSTEM, energy=(0.06, 1.0))
     assert any(abs(orbit.alpha - 1.13584395619551) < 1e-5 for orbit in branch.orbits_at(energy=FOLD))
-
-
-def test_a_saved_branch_whose_sequence_was_changed_is_refused():
-    """The sequence fixes the number of flights."""
-    record = json.loads(json.dumps(to_record(trace_named("S13O00+", SYSTEM, energy=(0.4, 0.6)))))
-    record["branch"]["sequence"] = "+-"
-    with pytest.raises(ValueError, match="makes 3 flights"):
-        branch_of_record(record)
 
 
 def test_every_orbit_of_a_branch_can_be_had_also_at_its_branch_points():

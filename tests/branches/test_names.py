@@ -24,13 +24,6 @@ def found(text, energy=(0.05, 1e4), pins=None, system=SYSTEM, limits=None):
     return resolve(text, system, reference_points=pins or {}, limits=limits or Limits(), energy=energy)
 
 
-def test_short_names_are_the_backbones():
-    """Oracle: the published short names S11- = S11O00- and S13+ = S13O00+."""
-    for short, long in (("S11-", "S11O00-"), ("S13+", "S13O00+")):
-        orbit, _ = found(short)
-        assert str(orbit.label) == long and orbit.problem.sequence == ()
-
-
 @pytest.mark.parametrize("h", [0.12, 0.3, 5.0, 14.5])
 def test_a_suffix_selects_the_orbit(h):
     """Oracle: the energy that was asked for, and the closed form's quarter period through it."""
@@ -70,15 +63,6 @@ def test_a_pin_chooses_and_never_invents():
     plain, _ = found("S13O00+")
     pinned, _ = found("S13O00+", pins={"S13O00+": {"h": 3.0, "alpha": 3.0}})
     assert plain.h == pinned.h and plain.alpha == pinned.alpha
-
-
-def test_the_id_of_a_family_is_a_name():
-    """Oracle: the id that tracing gives."""
-    branch = traced("S13O00+")
-    again = saltus.trace(branch.id, SYSTEM)
-    assert again.id == branch.id
-    with pytest.raises(NameNotFound):
-        found(branch.id[:-1] + ("0" if branch.id[-1] != "0" else "1"))
 
 
 @pytest.mark.parametrize(
