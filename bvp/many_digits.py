@@ -8,6 +8,7 @@ left bounds the error of the orbit.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -55,6 +56,8 @@ class DigitModes:
         Mass-normalised, one a column.
     gaps : (S, n) ndarray of mpf
         c . phi_k for each stop.
+    kicks : (S, n) ndarray of mpf
+        Change of the velocities at an impact of rate -1.
     """
 
     def __init__(self, system: ImpactSystem) -> None:
@@ -70,7 +73,15 @@ class DigitModes:
             self.squares = np.where(system.modes.squares == 0.0, mp.mpf(0), np.array(list(squares)))
             self.shapes = _array(inverse.T * vectors)
             self.gaps = _exact([stop.gap for stop in system.stops]) @ self.shapes
+            self.kicks = np.array([2 * b / (b @ b) for b in self.gaps])
             self.weights = self.shapes.T @ _array(mass)
+
+    @cached_property
+    def in_double(self) -> DigitModes:
+        """The same modes in double precision, for derivatives. Its flights start from those in many digits."""
+        double = copy(self)
+        double.squares, double.gaps, double.kicks = (part.astype(float) for part in (self.squares, self.gaps, self.kicks))
+        return double
 
     def state(self, physical: np.ndarray) -> np.ndarray:
         """Modal state with displacements and velocities (2 n,)."""
@@ -115,8 +126,7 @@ class DigitModes:
 
     def impact(self, stop: int, z: np.ndarray) -> np.ndarray:
         """States after an elastic impact."""
-        b = self.gaps[stop]
-        kick = np.multiply.outer(2 * self.speed(stop, z) / (b @ b), b)
+        kick = np.multiply.outer(self.speed(stop, z), self.kicks[stop])
         return np.concatenate([z[..., : self.size], z[..., self.size :] - kick], axis=-1)
 
 
@@ -321,7 +331,7 @@ class _Equations:
 
     def jacobian(self) -> np.ndarray:
         """Derivative of the residual in double precision."""
-        modes, inner, size = self.modes, self.problem.inner, 2 * self.n
+        modes, inner, size = self.modes.in_double, self.problem.inner, 2 * self.n
         unit, count = np.eye(size), len(self.x)
         out: list[np.ndarray] = []
 
@@ -333,15 +343,15 @@ class _Equations:
 
         rows(len(self.first[0]), (0, self.first[0]))
         for i, stop in enumerate(self.stops[: inner + 1]):
-            flight = modes.flight(self.x[i, -1])
-            arrival = modes.flow(self.x[i, :-1], flight)
+            flight = self.modes.flight(self.x[i, -1]).astype(float)
+            arrival = modes.flow(self.x[i, :-1].astype(float), flight)
             landing = np.vstack([modes.flow(unit, flight), modes.rate(arrival)])
             if i < inner:
                 rows(size, (i, modes.impact(stop, landing).T), (i + 1, -unit))
                 rows(1, (i + 1, modes.gaps[stop]))
             elif self.problem.periodic:
                 rows(size - 1, (i, modes.impact(stop, landing).T[self.kept]), (0, -unit[self.kept]))
-        rows(len(self.last[0]), (inner, self.last[0] @ landing.T))
+        rows(len(self.last[0]), (inner, self.last[0].astype(float) @ landing.T))
         if self.quarter_period is not None:
             rows(1)
             out[-1][:, :, -1] = 1.0
