@@ -5,6 +5,7 @@ singular value decomposition for the null vector, slogdet for the determinant's 
 """
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,8 +14,11 @@ from bvp.kernels.newton import apply_reflectors, eliminate, forward
 EPS = np.finfo(float).eps
 
 
-def random_problem(rng, flights, half, periodic):
-    """Factor arrays of a random Jacobian with the pattern of a multipoint problem, and that Jacobian dense."""
+def random_problem(rng, flights, half, periodic, growth=None):
+    """Factor arrays of a random Jacobian with the pattern of a multipoint problem, and that Jacobian dense.
+
+    growth: each flight magnifies half of the directions by it and shrinks the others, as unstable orbits do.
+    """
     rows = 2 * half + 1
     start = 2 * half + 1 if periodic else half + 1
     closers = 2 * half + 1 if periodic else half
@@ -22,8 +26,17 @@ def random_problem(rng, flights, half, periodic):
     assert unknowns == flights * rows + closers + 1
     jacobian = np.zeros((unknowns - 1, unknowns))
     edges = [0] + [start + i * rows for i in range(flights + 1)]
+    frame = np.linalg.qr(rng.normal(size=(2 * half, 2 * half)))[0]
     for i in range(flights):
-        jacobian[i * rows : (i + 1) * rows, edges[i] : edges[i + 2]] = rng.normal(size=(rows, edges[i + 2] - edges[i]))
+        block = jacobian[i * rows : (i + 1) * rows, edges[i] : edges[i + 2]]
+        block[:] = rng.normal(size=block.shape)
+        if growth is not None:
+            width = edges[i + 1] - edges[i]
+            flow = frame @ np.diag([growth] * half + [1.0 / growth] * half) @ frame.T
+            block[:-1, : width - 1] = flow if i > 0 or periodic else flow @ frame @ rng.normal(size=(2 * half, half))
+            block[:-1, width:-1] = -np.eye(2 * half)
+            block[:, width - 1] *= 0.1
+            block[-1, :width] = 0.0
     first = flights * rows
     jacobian[first:, edges[flights] : edges[flights + 1]] = rng.normal(size=(closers, edges[flights + 1] - edges[flights]))
     if periodic:
@@ -100,6 +113,23 @@ def test_factors_and_solutions_of_random_patterns(flights, half, periodic, seed)
     expected = np.linalg.lstsq(jacobian, right, rcond=None)[0]
     solution = least_norm(jacobian, right, flights, rows, start, window, closing, diagonal, factor)
     assert np.linalg.norm(solution - expected) < 100 * unknowns * EPS * np.linalg.cond(jacobian) * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("growth", [None, 50.0])
+def test_two_hundred_flights(periodic, growth):
+    """Oracle: the Jacobian itself: residuals of solution and null vector stay at rounding, without pivots, however the flights grow."""
+    rng = np.random.default_rng(5)
+    rows, start, window, closing, jacobian = random_problem(rng, 200, 2, periodic, growth)
+    assert np.linalg.cond(jacobian) < 1e6
+    diagonal, factor, _ = eliminated(200, periodic, rows, start, window, closing)
+    right = rng.normal(size=jacobian.shape[0])
+    solution = least_norm(jacobian, right, 200, rows, start, window, closing, diagonal, factor)
+    assert np.max(np.abs(jacobian @ solution - right)) < 1e-13 * np.max(np.abs(jacobian) @ np.abs(solution) + np.abs(right))
+    null = np.eye(1, len(solution), len(solution) - 1)[0]
+    apply_reflectors(200, rows, start, window, closing, factor, null)
+    assert abs(np.linalg.norm(null) - 1.0) < 1e-13
+    assert np.max(np.abs(jacobian @ null)) < 1e-13 * np.linalg.norm(jacobian, np.inf)
 
 
 def test_a_rank_deficient_jacobian_shows_on_the_diagonal():

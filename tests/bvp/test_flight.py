@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bvp.kernels.flight import block_product, circular, flow_block, flow_matrix, flow_state
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
-from tests.bvp.test_modes import exceptional_point
+from tests.bvp.test_modes import exceptional_point, nearly_equal
 from tests.bvp.twins import chain, exact_flow_matrix, first_order, flow
 
 EPSILON = np.finfo(float).eps
@@ -36,13 +36,6 @@ def flow_error(system, t):
 def one(c, k):
     """u'' + c u' + k u = 0."""
     return ImpactSystem([[1.0]], [[c]], [[k]], (Stop((1.0,), -1.0, 1.0),))
-
-
-def nearly_equal():
-    """w1 - w2 = 1e-10, shapes turned by 53 degrees."""
-    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
-    stiffness = turn @ np.diag([1.0, (1.0 + 1e-10) ** 2]) @ turn.T
-    return ImpactSystem(np.eye(2), np.zeros((2, 2)), 0.5 * (stiffness + stiffness.T), (Stop((1.0, 0.0), -1.0, 1.0),))
 
 
 OFFSETS = (-0.5, -1e-4, -1e-8, -1e-12, -1e-15, 0.0, 1e-15, 1e-12, 1e-8, 1e-4, 0.5)

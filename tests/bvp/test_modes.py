@@ -88,6 +88,20 @@ def test_a_full_mass_matrix_and_a_repeated_frequency():
     np.testing.assert_allclose(shapes.T @ mass @ shapes, np.eye(3), atol=1e-14)
 
 
+def nearly_equal():
+    """w1 - w2 = 1e-10, shapes turned by 53 degrees."""
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    stiffness = turn @ np.diag([1.0, (1.0 + 1e-10) ** 2]) @ turn.T
+    return ImpactSystem(np.eye(2), np.zeros((2, 2)), 0.5 * (stiffness + stiffness.T), (Stop((1.0, 0.0), -1.0, 1.0),))
+
+
+def test_frequencies_that_differ_by_1e_10_are_told_apart():
+    system = nearly_equal()
+    squares, shapes = undamped_modes(system.mass, system.stiffness)
+    assert abs(np.sqrt(squares[1]) - np.sqrt(squares[0]) - 1e-10) < 1e-15
+    np.testing.assert_allclose(shapes.T @ shapes, np.eye(2), atol=1e-15)
+
+
 def test_an_indefinite_stiffness_has_a_hyperbolic_pair():
     system = ImpactSystem(np.diag([1.0, 2.0]), np.zeros((2, 2)), np.diag([-4.0, 2.0]), (Stop((1.0, 0.0), -1.0, 1.0),))
     modes = system.modes
