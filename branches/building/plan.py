@@ -27,6 +27,7 @@ __all__ = [
     "refuse_other_plan", "saved_seed",
 ]  # fmt: skip
 
+
 @dataclass(frozen=True)
 class Bounds:
     """Limits of a catalogue.

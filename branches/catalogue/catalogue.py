@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Catalogue", "FLATTENED", "GRAPH_FORMATS", "graph_of", "graph_text"]
 
+
 @brief
 class Catalogue(CatalogueStore):
     """The families of one system, in one file.

@@ -20,8 +20,9 @@ from bvp.texts import shown
 
 __all__ = [
     "KEYED", "SCHEMA", "CatalogueDamaged", "CatalogueError", "CatalogueInUse", "WriterLock", "checksum", "close_settled",
-    "create_tables", "not_taken", "open_to_read", "open_to_write", "readable", "refuse_special", "schema_of", "translated",
+    "create_tables", "log_commits", "not_taken", "open_to_read", "open_to_write", "readable", "refuse_special", "schema_of", "translated",
 ]  # fmt: skip
+
 
 class CatalogueError(ValueError):
     """A file that cannot be used as a catalogue, or a wrong argument."""
@@ -321,25 +322,23 @@ def open_to_read(path: Path) -> sqlite3.Connection:
 
 
 def open_to_write(path: Path) -> sqlite3.Connection:
-    """A connection for the one writer. The file is made if it does not exist.
-
-    A file of something else or of another schema stays as it is.
+    """A connection for the one writer, which changes nothing before `log_commits`. An empty file is made if there is none.
 
     Raises
     ------
     CatalogueError, WriteFailure
     """
     with translated(path):
-        connection = _connect(path, "mode=rwc", "PRAGMA foreign_keys = ON")
-        try:
-            if schema_of(connection, path) in (None, SCHEMA):
-                # Commits go to a log beside the file: readers need not wait, and a killed process loses nothing that was committed.
-                connection.execute("PRAGMA journal_mode = WAL").fetchone()
-                connection.execute("PRAGMA synchronous = NORMAL")
-        except BaseException:
-            connection.close()
-            raise
-    return connection
+        return _connect(path, "mode=rwc", "PRAGMA foreign_keys = ON")
+
+
+def log_commits(connection: sqlite3.Connection) -> None:
+    """Write commits to a log beside the file: readers need not wait, and a killed process loses nothing that was committed.
+
+    This changes bytes of the file, so the caller makes sure before that the file is a catalogue of its system.
+    """
+    connection.execute("PRAGMA journal_mode = WAL").fetchone()
+    connection.execute("PRAGMA synchronous = NORMAL")
 
 
 def close_settled(connection: sqlite3.Connection) -> None:

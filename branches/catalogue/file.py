@@ -6,7 +6,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +23,7 @@ from branches.catalogue.database import (
     checksum,
     close_settled,
     create_tables,
+    log_commits,
     not_taken,
     open_to_read,
     open_to_write,
@@ -74,8 +75,14 @@ class CatalogueFile:
                     schema2.add_views(self._connection)
             if record is not None:
                 self.require_system(record.system)
+            if self._lock is not None:
+                with translated(self.path):
+                    log_commits(self._connection)
         except BaseException:
-            self.close()
+            # A file that is refused stays as it is.
+            self._connection.close()
+            if self._lock is not None:
+                self._lock.release()
             raise
 
     def __enter__(self) -> Self:
@@ -216,13 +223,10 @@ class CatalogueFile:
             raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
         self._lock = WriterLock(self.path)
         try:
-            connection = open_to_write(self.path)
-            with translated(self.path):
+            with closing(open_to_write(self.path)) as connection, translated(self.path):
                 schema = schema_of(connection, self.path)
-            if schema is None or schema == SCHEMA:
-                return connection
-            connection.close()
-            schema2.convert(self.path, type(self), scene)
+            if schema is not None and schema < SCHEMA:
+                schema2.convert(self.path, type(self), scene)
             return open_to_write(self.path)
         except BaseException:
             self._lock.release()

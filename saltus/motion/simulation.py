@@ -39,6 +39,7 @@ __all__ = [
     "run_locked", "run_scene", "start_of_motion", "with_stages",
 ]  # fmt: skip
 
+
 @dataclass(frozen=True, eq=False)
 class Start:
     """The state at time 0."""

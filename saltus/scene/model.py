@@ -127,4 +127,8 @@ def explain_section(system: ImpactSystem) -> list[str]:
 
 def _of_system(system: ImpactSystem) -> list[str]:
     """The computations that an undamped elastic system does not need."""
-    return [_UNDAMPED, *([_RIGID] if (system.modes.frequencies == 0.0).any() else []), _ELASTIC]
+    from bvp.modes import undamped_modes
+
+    # Not `system.modes`, which needs the kernels: `saltus show` loads none.
+    squares, _ = undamped_modes(system.mass, system.stiffness)
+    return [_UNDAMPED, *([_RIGID] if (squares == 0.0).any() else []), _ELASTIC]

@@ -272,6 +272,8 @@ OF_A_CATALOGUE = [
     ("continue S13+ --energy 50:60", ["outside the energy range 50:60"]),
     ("orbit S13+ --energy 50", ["no orbit of S13O00+ has h = 50"]),
     ("continue S13+ --mu 0.2", ["mu is 0.1, not 0.2"]),
+    ("continue S13+ --mu 0.2 --save", ["belongs to another system: there mu is 0.1, not 0.2"]),
+    ("build --mu 0.2", ["belongs to another system: there mu is 0.1, not 0.2"]),
     # exports
     ("export grph --json g.json", ["nearest: graph"]),
     ("export graph --grapml g.graphml", ["nearest: --graphml"]),
