@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -185,16 +185,8 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
         Relative difference of states and flight times that counts as none.
     """
     count, dof = len(cycle.duration), cycle.after.shape[1] // 2
-    sizes = np.abs(cycle.after)
-    time = tolerance * float(cycle.duration.max())
-    state = tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
-    # How often, and with which sign, the orbit is itself some impacts later.
-    rows, slack = np.column_stack([cycle.duration, cycle.after]), np.concatenate([[time], state])
-    shifts = (d for d in range(1, count) if count % d == 0)
-    length = next((d for d in shifts if (np.abs(np.roll(rows, -d, axis=0) - rows) <= slack).all()), count)
-    negative = np.column_stack([cycle.duration, -cycle.after])
-    opposite = bool((np.abs(np.roll(rows, -(length // 2), axis=0) - negative) <= slack).all())
-    half = cycle.system.has_odd_symmetry and length % 2 == 0 and opposite
+    length, half = _shifts(cycle, tolerance)
+    time, state = _differences(cycle, tolerance)
     # The flight times exclude most reversals, all at once: row j of `index` numbers the flights from j on.
     index = (np.arange(count)[:, None] + np.arange(count)) % count
     backwards = np.all(np.abs(cycle.duration[index] - cycle.duration[::-1]) <= time, axis=1)
@@ -210,6 +202,29 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     # An instant at the very start may come out at the end of the period by rounding.
     found = sorted((0.0 if period - c < SLACK * period else c, e) for c, e in found)
     return Symmetries(count // length, half, tuple(found))
+
+
+def _differences(cycle: Cycle, tolerance: float) -> tuple[float, np.ndarray]:
+    """Differences of flight times, and of the entries of a state (N,), that count as none."""
+    dof = cycle.after.shape[1] // 2
+    sizes = np.abs(cycle.after)
+    return tolerance * float(cycle.duration.max()), tolerance * np.repeat([sizes[:, :dof].max(), sizes[:, dof:].max()], dof)
+
+
+def _shifts(cycle: Cycle, tolerance: float = SAME) -> tuple[int, bool]:
+    """How many impacts the primitive orbit has, and whether it has u(t + T/2) = -u(t)."""
+    count = len(cycle.duration)
+    time, state = _differences(cycle, tolerance)
+
+    def is_itself(by: int, sign: float) -> bool:
+        """Whether the orbit is `sign` times itself so many impacts later."""
+        later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
+        if (np.abs(later - cycle.duration) > time).any():
+            return False
+        return bool((np.abs(np.concatenate([cycle.after[by:], cycle.after[:by]]) - sign * cycle.after) <= state).all())
+
+    length = next((d for d in range(1, count) if count % d == 0 and is_itself(d, 1.0)), count)
+    return length, cycle.system.has_odd_symmetry and length % 2 == 0 and is_itself(length // 2, -1.0)
 
 
 def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
@@ -361,15 +376,23 @@ def same_orbit(
 def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    # Only a sequence of a period that repeats a shorter one, or one and its mirror image in turn, can belong to such an orbit.
-    letters = full_sequence(problem.sequence, problem.ends)
-    count, half = len(letters), len(letters) // 2
-    repeats = any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count))
-    alternates = problem.quarters == 2 and count % 2 == 0 and letters[half:] == mirror(letters[:half])
-    if not repeats and not alternates:
+    if not _may_repeat(problem.ends, problem.sequence):
         return 1
-    found = symmetries(cycle_of(problem, solution.y))
-    return 2 if found.cover == 1 and problem.quarters == 2 and found.half else found.cover
+    cycle = cycle_of(problem, solution.y)
+    length, half = _shifts(cycle)
+    cover = len(cycle.duration) // length
+    return 2 if cover == 1 and problem.quarters == 2 and half else cover
+
+
+@lru_cache(maxsize=4096)
+def _may_repeat(ends: Ends, sequence: ImpactSequence) -> bool:
+    """Whether the impacts of a period, by their contacts alone, repeat those of a shorter one, or alternate with their mirror image."""
+    letters = full_sequence(sequence, ends)
+    count, half = len(letters), len(letters) // 2
+    if any(count % d == 0 and letters[d:] + letters[:d] == letters for d in range(1, count)):
+        return True
+    # For a quarter, the second half period is the mirror image of the first in any case.
+    return segments_per_period(ends) == 2 and count % 2 == 0 and letters[half:] == mirror(letters[:half])
 
 
 def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> float:

@@ -24,6 +24,13 @@ def found(text, energy=(0.05, 1e4), pins=None, system=SYSTEM, limits=None):
     return resolve(text, system, reference_points=pins or {}, limits=limits or Limits(), energy=energy)
 
 
+@pytest.mark.parametrize(("short", "whole"), [("S11-", "S11O00-"), ("S13+", "S13O00+")])
+def test_short_names_are_the_backbones(short, whole):
+    """Oracle: the published short names."""
+    orbit, _ = found(short)
+    assert str(orbit.label) == whole and orbit.problem.sequence == ()
+
+
 @pytest.mark.parametrize("h", [0.12, 0.3, 5.0, 14.5])
 def test_a_suffix_selects_the_orbit(h):
     """Oracle: the energy that was asked for, and the closed form's quarter period through it."""
@@ -63,6 +70,14 @@ def test_a_pin_chooses_and_never_invents():
     plain, _ = found("S13O00+")
     pinned, _ = found("S13O00+", pins={"S13O00+": {"h": 3.0, "alpha": 3.0}})
     assert plain.h == pinned.h and plain.alpha == pinned.alpha
+
+
+def test_the_id_of_a_family_is_a_name():
+    """Oracle: the id that tracing gives; no family has another hash."""
+    family = traced("S13O00+").id
+    assert saltus.trace(family, SYSTEM).id == family
+    with pytest.raises(NameNotFound):
+        found(family[:-1] + ("0" if family[-1] != "0" else "1"))
 
 
 @pytest.mark.parametrize(

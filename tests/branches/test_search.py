@@ -13,6 +13,8 @@ from scipy.optimize import brentq
 
 import saltus
 from benchmarks import backbone
+from branches.naming.labels import parse
+from branches.orbit import Orbit
 from branches.presentation import cover_of
 from branches.record import discovery_to_json
 from branches.search.discovery import CLASSES, discover_orbits, judged
@@ -63,17 +65,24 @@ def test_published_orbits():
     assert found.complete and any(orbit.label == "U8335-" and abs(orbit.alpha - 4.9065) < 2e-4 for orbit in found.orbits)
 
 
+def check(orbit, energy):
+    """Compare with the energy, the residual, dense samples inside the gap, the label's own parse, and one turn."""
+    assert abs(orbit.h / energy - 1.0) < 1e-12 and orbit.residual < 1e-12
+    u, _ = orbit.sample(np.linspace(0.0, orbit.period, 3001))
+    assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12 and orbit.impacts
+    assert not orbit.label or str(parse(orbit.label)) == orbit.label
+    assert cover_of(orbit.problem, orbit.solution) == 1
+
+
 @pytest.mark.parametrize(("energy", "ends"), [(0.3, ALL), (6.0, ("origin-origin",)), (20.0, ALL)])
 def test_each_orbit_is_one(energy, ends):
-    """Oracle: the energy, residual, dense samples inside the gap, the bounds, and that no two are one."""
+    """Oracle: `check`, the bounds, and that no two are one."""
     found = discover_orbits(SYSTEM, energy, quarter_period=4.0, impacts=6, ends=ends)
     assert found.complete and len(found.orbits) == found.counts["orbits"] > 5
     seen = set()
     for orbit in found.orbits:
-        assert abs(orbit.h / energy - 1.0) < 1e-12 and orbit.residual < 1e-12
+        check(orbit, energy)
         assert orbit.alpha <= 4.0 and impacts_per_period(orbit.problem.sequence, orbit.ends) <= 12
-        u, _ = orbit.sample(np.linspace(0.0, orbit.period, 3001))
-        assert np.max(np.abs(u[:, 0] - u[:, 1])) < 1.0 + 1e-12
         seen.add((orbit.ends, orbit.sequence, round(orbit.alpha, 9), *np.round(np.abs(orbit.problem.start(orbit.solution.y)), 7)))
     assert len(seen) == len(found.orbits)
 
@@ -162,6 +171,32 @@ def test_what_a_scan_in_numpy_finds_is_found():
         if not any(abs(alpha / other.solution["quarter_period"] - 1.0) < 1e-8 for alpha in alphas):
             missing.append(other.name)
     assert not missing and mine
+
+
+@pytest.mark.parametrize(("sigma", "energy", "longest"), [(0.1, 0.3, 2.0), (0.1, 3.0, 2.0), (0.1, 12.0, 2.0), (0.0, 0.55, 6.0)])
+def test_a_scan_of_given_angles_finds_the_backbones(sigma, energy, longest):
+    """Oracle: closed form: every orbit with one impact a half period, and nothing else of this kind."""
+    system = saltus.vibro_impact_nes(0.1, sigma)
+    found = {round(orbit.alpha, 10) for orbit in sampled(system, "stop", longest, energy, 1000, [0])}
+    assert found and np.allclose(sorted(found), backbone.orbits_at(system, energy, longest), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("end", "energy"), [("stop", 1.0), ("rest", 3.0), ("origin", 0.3)])
+def test_each_orbit_of_a_scan_of_given_angles(end, energy):
+    """Oracle: `check`."""
+    found = sampled(SYSTEM, end, 6.0, energy, 1500, range(5))
+    assert found
+    for orbit in found:
+        check(Orbit(orbit.problem, orbit.solution), energy)
+
+
+def test_a_denser_scan_finds_nothing_less():
+    """Oracle: a scan of four times the angles."""
+    coarse, fine = (sampled(SYSTEM, "stop", 4.0, 0.6, angles, [0, 1]) for angles in (500, 2000))
+    assert coarse
+    for orbit in coarse:
+        alike = [other.solution.y for other in fine if other.canonical == orbit.canonical and other.problem.ends == orbit.problem.ends]
+        assert any(np.allclose(orbit.solution.y, y, rtol=1e-7, atol=1e-9) for y in alike)
 
 
 def test_several_turns_are_counted():

@@ -4,6 +4,8 @@ import dataclasses
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from continuation import Settings, SettingsError
 
@@ -41,3 +43,9 @@ def test_refuses_contradictions_and_names_all_fields_of_it(values, names):
 def test_is_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Settings().initial_step = 1.0
+
+
+@given(st.floats(1e-6, 1.0), st.floats(1.0, 10.0), st.floats(1.0, 10.0))
+def test_accepts_steps_in_order(minimum, first, second):
+    settings = Settings(minimum_step=minimum, initial_step=minimum * first, maximum_step=minimum * first * second)
+    assert settings.minimum_step <= settings.initial_step <= settings.maximum_step
