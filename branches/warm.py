@@ -20,9 +20,8 @@ def kept(*, discovery: bool = False, impulsive: bool = False) -> bool:
     kernels = [advance_block, orbit_stability, scan_interval if discovery else scan_starts]
     if impulsive:
         from bvp.kernels.motion import move
-        from bvp.kernels.shooting import sensitivities
 
-        kernels += [sensitivities, move]
+        kernels += [scan_interval, move]
     return all(map(stored, kernels))
 
 

@@ -1,8 +1,7 @@
 """Impulsive motions: at the start nothing is displaced, and only the oscillator (the primary mass) moves.
 
-At one energy the impulsive motion is one trajectory. `ImpulsiveMotions` follows it event by event, with all derivatives with respect to
-log h. `impulsive_manifold` gives the curve of all impulsive motions, periodic and quasiperiodic: the dominant frequency of the relative
-motion against energy.
+At one energy the impulsive motion is one trajectory. `impulsive_manifold` gives the curve of all impulsive motions, periodic and
+quasiperiodic: the dominant frequency of the relative motion against energy.
 """
 
 from __future__ import annotations
@@ -10,18 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import accumulate
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 
-from branches.search.starts import ScannedSegment
 from branches.tables import plain_columns
 from bvp.checks import checked_energy_range, require_system
-from bvp.kernels import shooting as kernel
-from bvp.kernels.impact import work_array
-from bvp.kernels.shooting import TURNING, ZERO
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
 from bvp.texts import brief
@@ -30,12 +24,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "ImpulsiveMotions", "Manifold", "PERIODS", "Traces", "WINDOW", "check_system", "dominant_frequency", "impulsive_manifold",
-    "impulsive_state", "oscillator_period",
+    "Manifold", "PERIODS", "WINDOW", "check_system", "dominant_frequency", "impulsive_manifold", "impulsive_state", "oscillator_period",
 ]  # fmt: skip
-
-_MOST_EVENTS = 1 << 20
-"""Most events of one motion."""
 
 
 def check_system(system: ImpactSystem) -> tuple[int, int]:
@@ -82,131 +72,6 @@ def oscillator_period(system: ImpactSystem) -> float:
         return 2.0 * math.pi * math.sqrt(float(system.mass[primary, primary]) / ground)
     frequencies = system.modes.frequencies
     return 2.0 * math.pi / float(np.min(frequencies[frequencies > 0.0]))
-
-
-class Traces(NamedTuple):
-    """Events of M motions, at most E each. Columns beyond `number` are empty.
-
-    Parameters
-    ----------
-    number : (M,) int
-        Events; -1 if the motion could not be followed.
-    kind : (M, E) int
-        The contact hit, `bvp.kernels.shooting.ZERO` (the gap coordinate is zero) or `TURNING` (its velocity is zero).
-    time, time_slope : (M, E) float
-        As all slopes, a derivative with respect to log h.
-    residual, residual_slope : (M, E) float
-        The state transverse to the end set, along the stop: the displacement at a ZERO (end origin), else the velocity (rest, stop).
-    gap, gap_slope : (M, E) float
-        The gap coordinate.
-    crossing, crossing_slope : (M, E) float
-        Square of the rate at which the event's own function crosses zero. It vanishes if two events of a kind meet, such as an impact and
-        a turning point at grazing.
-    """
-
-    number: np.ndarray
-    kind: np.ndarray
-    time: np.ndarray
-    time_slope: np.ndarray
-    residual: np.ndarray
-    residual_slope: np.ndarray
-    gap: np.ndarray
-    gap_slope: np.ndarray
-    crossing: np.ndarray
-    crossing_slope: np.ndarray
-
-    def rows(self, which: np.ndarray | slice) -> Traces:
-        """Those of some of the motions."""
-        return Traces(*(values[which] for values in self))
-
-    def joined(self, other: Traces) -> Traces:
-        """Those of both, with columns for the larger number of events."""
-        size = max(self.kind.shape[1], other.kind.shape[1])
-        wide = (Traces(one.number, *(np.pad(v, ((0, 0), (0, size - v.shape[1]))) for v in one[1:])) for one in (self, other))
-        return Traces(*(np.concatenate(pair) for pair in zip(*wide, strict=True)))
-
-
-class ImpulsiveMotions:
-    """Follows the impulsive start of a system for a time.
-
-    Parameters
-    ----------
-    system : ImpactSystem
-        Two degrees of freedom, one stop with equal gaps on both sides, undamped and elastic, absorber and primary named.
-    longest : float
-
-    Raises
-    ------
-    ValueError
-        For another system.
-    """
-
-    def __init__(self, system: ImpactSystem, longest: float):
-        check_system(system)
-        require_system(system, two_dof="periodic impulsive orbits are found by one scan over energy on")
-        if not system.has_odd_symmetry:
-            raise ValueError("periodic impulsive orbits need one stop with equal gaps on both sides: they pass through the origin")
-        self.system = system
-        self.longest = longest
-        self.modes = modes = system.modes
-        row = modes.contacts.gap[0]
-        rates = accumulate([row, *[modes.matrix] * 3], np.matmul)  # the gap coordinate and its derivatives by time
-        self.functional = np.ascontiguousarray(list(rates))
-        across = np.array([-row[1], row[0]]) / math.hypot(row[0], row[1])
-        self.across_displacement = np.concatenate([across, np.zeros(2)])
-        self.across_velocity = np.concatenate([np.zeros(2), across])
-        self.room = 64
-
-    def start(self, energy: float) -> np.ndarray:
-        """Start state of the modes (4,)."""
-        return self.modes.from_state @ np.concatenate(impulsive_state(self.system, energy))
-
-    def _follow(self, levels: np.ndarray) -> kernel.Events:
-        """The events of the motions at log h = `levels`, and their derivatives; a count of -1 if a motion could not be followed."""
-        modes = self.modes
-        starts = np.exp(0.5 * levels)[:, None] * self.start(1.0)
-        while True:
-            shape = (len(levels), self.room)
-            (time, shift), (state, change) = np.zeros((2, *shape)), np.zeros((2, *shape, 4))
-            kind, count = np.zeros(shape, dtype=np.int64), np.zeros(len(levels), dtype=np.int64)
-            events, work = kernel.Events(kind, time, shift, state, change, count), work_array(4, len(modes.contacts.side))
-            kernel.sensitivities(modes.flight, modes.contacts, self.functional, starts, 0.5 * starts, float(self.longest), events, work)
-            if not np.any(count == kernel.FULL) or self.room >= _MOST_EVENTS:
-                return events._replace(counts=np.where(count < 0, -1, count))
-            self.room *= 2
-
-    def at(self, levels: np.ndarray) -> Traces:
-        """The motions at log h = `levels` (M,)."""
-        events = self._follow(levels)
-        rows = np.array([self.across_displacement, self.across_velocity, *self.functional[:3]])
-        values, slopes = events.states @ rows.T, events.state_changes @ rows.T
-
-        def picked(which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            first, second = (np.take_along_axis(part, which[..., None], axis=2)[..., 0] for part in (values, slopes))
-            return first, second
-
-        residual = picked(np.where(events.kinds == ZERO, 0, 1))
-        rate, rate_slope = picked(np.where(events.kinds == TURNING, 4, 3))
-        gap = values[..., 2], slopes[..., 2]
-        return Traces(events.counts, events.kinds, events.times, events.shifts, *residual, *gap, rate**2, 2.0 * rate * rate_slope)
-
-    def segment(self, level: float, event: int, low: float, high: float) -> ScannedSegment:
-        """The motion at log h = `level` up to an event. The zero of the residual lies between low and high."""
-        found = self._follow(np.array([level]))
-        kind, time, state = found.kinds[0], found.times[0], found.states[0]
-        if found.counts[0] <= event:
-            raise ValueError(f"the motion has {found.counts[0]} events; there is no event {event}")
-        modes, letters = self.modes, self.modes.contact_letters
-        hits = np.flatnonzero(kind[:event] >= 0)
-        contacts, before = kind[hits], state[hits]
-        speed = np.einsum("ij,ij->i", modes.contacts.rate[contacts], before)
-        after = before - ((1.0 + modes.contacts.restitution[contacts]) * speed)[:, None] * modes.contacts.push[contacts]
-        stamps = np.concatenate([[0.0], time[hits], [time[event]]])
-        last = int(kind[event])
-        ends = ("origin", {ZERO: "origin", TURNING: "rest"}.get(last) or "stop" + letters[last])
-        residual = abs(float((self.across_displacement if last == ZERO else self.across_velocity) @ state[event]))
-        sequence = tuple(letters[c] for c in contacts)
-        return ScannedSegment(ends, sequence, self.start(math.exp(level)), after, np.diff(stamps), level, low, high, residual)
 
 
 PERIODS = 200

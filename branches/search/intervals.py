@@ -1,4 +1,4 @@
-"""The complete scan of the starts at an energy (`bvp.kernels.intervals`): all crossings of a far end, and the undecided intervals.
+"""The complete scan of a curve of starts (`bvp.kernels.intervals`): all crossings of a far end, and the undecided intervals.
 
 An interval of starts can be as narrow as rounding and still be undecided at one of its flights. The flights before that one are decided,
 so the states after their impacts are a short smooth curve. `resumed` returns this curve, which is scanned in place of the interval. Its
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve, curves
+from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve
 from branches.sequences import impacts_per_period, mirror, segments_per_period, unfolded_sequence
 from bvp.interrupts import Pace
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
@@ -35,9 +35,6 @@ PIECES, PIECES_RESUMED = 32, 2
 
 DEPTH = 100
 """Halvings of one interval, most of them in the square root of the distance to a grazing."""
-
-MOST_IMPACTS = 200
-"""Impacts that one start is followed through where no bound is given."""
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP}
 
@@ -84,9 +81,9 @@ class Opening(NamedTuple):
 
 
 def segments(
-    system: ImpactSystem, start: str, energy: float, limits: Limits, budget: int, counts: Counter[str], openings: list[Opening]
+    system: ImpactSystem, curves: list[StartCurve], limits: Limits, budget: int, counts: Counter[str], openings: list[Opening]
 ) -> Iterator[tuple[ScannedSegment, bool]]:
-    """All segments from one end set ("origin", "rest" or "stop") to the far ends at an energy.
+    """All segments from the starts of some curves to the far ends.
 
     The search stops when it has followed `budget` starts, including those in `counts`. It adds its numbers to `counts`, and to `openings`
     the intervals that it could not decide.
@@ -99,7 +96,7 @@ def segments(
         Whether following the start finds all impacts of the segment.
     """
     longest = max(time for time, _ in limits.values())
-    left = deque(curves(system, start, energy))
+    left = deque(curves)
     while left:
         curve = left.popleft()
         crossings, opened, of_scan = scan(curve, limits, max(1, budget - counts["starts"]))
@@ -136,7 +133,7 @@ def _segment(system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, pat
         is_complete = is_complete and len(path.contacts) > crossing.impacts
         far += letters[path.contacts[crossing.impacts]] if len(path.contacts) > crossing.impacts else "+"
     ends, sign = (curve.end, far), 1.0
-    if system.has_odd_symmetry and (mirror(ends), mirror(sequence)) < (ends, sequence):
+    if curve.has_mirror and system.has_odd_symmetry and (mirror(ends), mirror(sequence)) < (ends, sequence):
         (first, last), sequence, sign = mirror(ends), mirror(sequence), -1.0
         ends = first, last
     times = np.append(path.durations, crossing.flight)
@@ -150,12 +147,12 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
     At most `budget` starts are followed. The intervals left then stay open.
     """
     gone, since = _lead(curve)
-    most = max((MOST_IMPACTS if impacts is None else impacts for _, impacts in limits.values()), default=0) - gone
+    most = max((curve.most_impacts if impacts is None else impacts for _, impacts in limits.values()), default=0) - gone
     times = np.full(3, -1.0)
     impacts = np.zeros(3, dtype=np.int64)
     for end, (time, count) in limits.items():
         # Without a bound there is always one impact more to follow, so that a start with too many of them is left open, not dropped.
-        left_of_them = (MOST_IMPACTS + 1 if count is None else count) - gone
+        left_of_them = (curve.most_impacts + 1 if count is None else count) - gone
         times[KINDS[end]] = time - since if left_of_them >= 0 else -1.0
         impacts[KINDS[end]] = left_of_them
     longest = float(times.max())

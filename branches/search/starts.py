@@ -27,7 +27,9 @@ from bvp.kernels.shooting import EndSet, Flow, ScanLimits, Scanned, scan_starts
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["Path", "QUADRATIC", "START_FROM_A_STATE", "Sampler", "ScannedSegment", "StartCurve", "curves"]
+__all__ = [
+    "MOST_IMPACTS", "Path", "QUADRATIC", "START_FROM_A_STATE", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
+]  # fmt: skip
 
 START_FROM_A_STATE = "start its families from a given state"
 """Advice if no scan can find them."""
@@ -36,6 +38,9 @@ TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3
 
 INSET = 1e-11
 """How far from a curve's end at a stop the scan begins. Nearer, the speed of the first impact is lost in rounding."""
+
+MOST_IMPACTS = 200
+"""Impacts that one start is followed through where no bound is given."""
 
 OFFSET = 0.3
 """Parameter at which the full circle is cut. No symmetry singles it out."""
@@ -81,7 +86,7 @@ class ScannedSegment(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StartCurve:
-    """Starts of one kind at one energy, parametrised over an interval.
+    """Starts of one kind, parametrised over an interval: at one energy, or with one direction over a range of energies.
 
     Parameters
     ----------
@@ -98,6 +103,10 @@ class StartCurve:
         and including the impact after which this curve starts.
     piece : (float, float)
         With `before`: middle of the piece, and its derivative by this curve's parameter. Else (0, 1).
+    has_mirror : bool
+        Whether a start stands for its mirror image too, in a system with odd symmetry.
+    most_impacts : int
+        Impacts that one start is followed through where no bound is given.
     """
 
     end: str
@@ -107,6 +116,8 @@ class StartCurve:
     singular: tuple[bool, bool] = (False, False)
     before: Path | None = None
     piece: tuple[float, float] = (0.0, 1.0)
+    has_mirror: bool = True
+    most_impacts: int = MOST_IMPACTS
 
     def angle(self, parameter: float) -> float:
         """Parameter of the start on the curve of starts that this one is an image of, or lies on."""
@@ -156,6 +167,21 @@ def curves(system: ImpactSystem, end: str, energy: float) -> list[StartCurve]:
         flow = _flow(system, coefficients, TRIGONOMETRIC, contact)
         out.append(StartCurve("stop" + letter, flow, -0.5 * math.pi, 0.5 * math.pi, (True, True)))
     return out
+
+
+def curve_over_energy(system: ImpactSystem, start: np.ndarray, energy: tuple[float, float], longest: float) -> StartCurve:
+    """The multiples of a modal state at the origin, over a range of energies h. The parameter is half of log h, from 0.
+
+    start (4,) has energy 1. longest: time that each start is followed. `StartCurve.angle` is log h."""
+    coefficients = np.zeros((3, 4))
+    # cosh and sinh together are the exponential function; there is no cancellation from 0 on.
+    coefficients[1:] = math.sqrt(energy[0]) * start
+    gap, stop = system.modes.contacts.gap[0, :2], system.stops[0]
+    passages = longest * math.sqrt(2.0 * energy[1] * float(gap @ gap)) / (stop.upper - stop.lower)
+    return StartCurve(
+        "origin", _flow(system, coefficients, HYPERBOLIC, -1), 0.0, 0.5 * math.log(energy[1] / energy[0]),
+        piece=(math.log(energy[0]), 2.0), has_mirror=False, most_impacts=MOST_IMPACTS + 2 * math.ceil(passages),
+    )  # fmt: skip
 
 
 def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, slide: np.ndarray, across: np.ndarray) -> list[StartCurve]:

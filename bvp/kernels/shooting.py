@@ -319,15 +319,6 @@ def scan_starts(flight, contacts, end, starts, limits, found, work):
         ends[m] = elapsed
 
 
-ZERO, TURNING = -1, -2
-"""Kinds of event besides impacts, whose kind is the contact hit: the gap coordinate passes zero; its velocity does."""
-
-FAILED, FULL = -1, -2
-"""Counts of a motion that could not be followed (it sticks, or a search gave up), and of one with more events than there is room."""
-
-CROSSING_ROOM = 256
-
-
 @kernel
 def event(flight, rows, c, z, change, time, state, state_change, velocity):
     """The state (N,) after `time` from z, and its derivative along rows[c] . state = constant where `change` is that of z. Returns the
@@ -337,83 +328,3 @@ def event(flight, rows, c, z, change, time, state, state_change, velocity):
     flow_state(flight, change, time, state_change)
     block_product(flight.pairs, flight.matrix, state, velocity)
     return arrive(rows, c, velocity, state_change)
-
-
-class Events(NamedTuple):
-    """The events of M motions, up to E of each, in order of time."""
-
-    kinds: np.ndarray  # (M, E) int64 contact hit, ZERO or TURNING
-    times: np.ndarray  # (M, E)
-    shifts: np.ndarray  # (M, E) derivatives of the times
-    states: np.ndarray  # (M, E, N) state there, before the impact where there is one
-    state_changes: np.ndarray  # (M, E, N) its derivative
-    counts: np.ndarray  # (M,) int64 events, or FAILED or FULL
-
-
-@allocating
-def sensitivities(flight, contacts, functional, starts, changes, longest, events, work):
-    """Follow each row of `starts` (M, N), whose derivative is that of `changes`, for the time `longest`.
-
-    functional (4, N): the rows of the gap coordinate and of its first three derivatives. work: of `impact.work_array`."""
-    kinds, times, shifts, states, state_changes, counts = events
-    size = starts.shape[1]
-    room = kinds.shape[1]
-    z, change, begin = np.empty(size), np.empty(size), np.empty(size)
-    state, state_change, velocity = np.empty(size), np.empty(size), np.empty(size)
-    zeros, turning = np.empty(CROSSING_ROOM), np.empty(CROSSING_ROOM)
-    for m in range(starts.shape[0]):
-        copy_1(starts[m], z)
-        copy_1(changes[m], change)
-        leaving = int64(-1)
-        elapsed = 0.0
-        lag = 0.0
-        count = 0
-        while True:
-            copy_1(z, begin)
-            found, contact, duration = next_hit(flight, contacts, leaving, z, longest - elapsed, work, state)
-            if found != HIT and found != NONE:
-                count = FAILED
-                break
-            first = crossing_times(flight, functional[0], functional[1], functional[2], begin, duration, zeros, state)
-            second = crossing_times(flight, functional[1], functional[2], functional[3], begin, duration, turning, state)
-            if first < 0 or second < 0 or first > CROSSING_ROOM or second > CROSSING_ROOM:
-                count = FAILED
-                break
-            last = 1 if found == HIT else 0
-            if count + first + second + last > room:
-                count = FULL
-                break
-            i = 0
-            j = 0
-            while i < first or j < second:
-                if j == second or (i < first and zeros[i] <= turning[j]):
-                    kind = ZERO
-                    time = zeros[i]
-                    i += 1
-                else:
-                    kind = TURNING
-                    time = turning[j]
-                    j += 1
-                shift = event(flight, functional, 0 if kind == ZERO else 1, begin, change, time, state, state_change, velocity)
-                kinds[m, count] = kind
-                times[m, count] = elapsed + time
-                shifts[m, count] = lag + shift
-                copy_1(state, states[m, count])
-                copy_1(state_change, state_changes[m, count])
-                count += 1
-            if found == NONE:
-                break
-            shift = event(flight, contacts.gap, contact, begin, change, duration, state, state_change, velocity)
-            elapsed += duration
-            lag += shift
-            kinds[m, count] = contact
-            times[m, count] = elapsed
-            shifts[m, count] = lag
-            copy_1(state, states[m, count])
-            copy_1(state_change, state_changes[m, count])
-            count += 1
-            restitute_state(contacts, contact, state, z)
-            # Restitution is linear, so it maps the derivative as it maps the state. The next flight begins at the impact.
-            restitute_state(contacts, contact, state_change, change)
-            leaving = contact
-        counts[m] = count

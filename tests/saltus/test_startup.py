@@ -45,14 +45,14 @@ def test_cold_kernels_start_the_compiling_process(monkeypatch):
     assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)
 
 
-@pytest.mark.parametrize("missing", ["advance_block", "sensitivities", "move", "scan_interval"])
+@pytest.mark.parametrize("missing", ["advance_block", "move", "scan_interval"])
 def test_what_a_command_needs_is_looked_for(monkeypatch, missing):
     """Oracle: one kernel is taken for not compiled; who needs it says so, and no other does."""
     from branches.warm import kept
 
     monkeypatch.setattr("bvp.kernels.compiled.stored", lambda kernel: kernel.py_func.__name__ != missing)
     assert kept() is (missing != "advance_block")
-    assert kept(impulsive=True) is (missing not in ("advance_block", "sensitivities", "move"))
+    assert not kept(impulsive=True)
     assert kept(discovery=True) is (missing not in ("advance_block", "scan_interval"))
 
 
