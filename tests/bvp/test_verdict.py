@@ -1,5 +1,7 @@
 """Verdicts on an interval of starts. Oracles: dense samples of the interval; straight lines past the origin; counts of impacts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -120,10 +122,10 @@ def test_the_tube_holds_the_gap_and_grows_from_the_impact_on(system, window):
             assert wide[1] == pytest.approx(MARGIN * abs(speed) * window, rel=0.02 * (1.0 + force / abs(speed)))
 
 
-def test_more_impacts_than_are_followed_leave_the_interval_open(monkeypatch):
+def test_more_impacts_than_are_followed_leave_the_interval_open():
     """Without a bound of impacts a motion is followed through so many; one that has more in its time is not decided."""
     (curve,) = curves(saltus.vibro_impact_nes(), "origin", 20.0)
-    monkeypatch.setattr(scanning, "MOST_IMPACTS", 3)
+    curve = replace(curve, most_impacts=3)
     passages, openings, counts = scanning.scan(curve, {"origin": (4.0, None)}, 100_000)
     assert counts["open"] == len(openings) > 0 and {opening.reason for opening in openings} == {ENDLESS}
     assert max(passage.impacts for passage in passages) <= 3
