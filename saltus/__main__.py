@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 from saltus import __version__
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, one_line, say
@@ -16,7 +18,7 @@ from saltus.options import SHELLS, OneLineParser, completion_script
 from saltus.outputs import GuardedStream
 from saltus.processes import one_thread
 
-__all__ = ["main"]
+__all__ = ["main", "program"]
 
 COMMANDS = {
     "continue": "follow the family with a name, and print its events",
@@ -68,16 +70,35 @@ def main(argv: Sequence[str] | None = None) -> int:
         except BrokenPipeError:
             code = FAILED
         except Exception as error:
-            known = exit_code(error)
+            # Python 3.11 wraps an interrupt that comes while a class is made, as in an import.
+            interrupted = isinstance(error.__cause__, KeyboardInterrupt)
+            known = INTERRUPTED if interrupted else exit_code(error)
             if known is None:
                 raise
             code = known
-            if str(error) != output.failure:
+            if interrupted:
+                say("interrupted; nothing more is written")
+            elif str(error) != output.failure:
                 say(one_line(error))
         if output.failure is not None:
             say(output.failure)
             code = max(code, BAD_INPUT)
     return code
+
+
+def program() -> NoReturn:
+    """Run the command line as a process. Its exit code stays, whatever comes after the work; an interrupt ends the process with 130."""
+    codes: list[int] = []
+    # Registered first, this is called last: other libraries have done their work at exit. Python's own end is left out. It takes
+    # a tenth of a second, and an interrupt would change the exit code or print a traceback.
+    atexit.register(lambda: [os._exit(code) for code in codes])
+    try:
+        codes.append(main())
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+    except KeyboardInterrupt:
+        codes[:] = [INTERRUPTED]
+    sys.exit(codes[0])
 
 
 def _command(words: list[str]) -> int:
@@ -112,4 +133,4 @@ def _command(words: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

@@ -227,6 +227,27 @@ def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
 
 
 @POSIX
+def test_an_interrupt_at_exit_ends_with_130():
+    """Oracle: the exit code, where the interrupt comes after the work, in what a library does at exit."""
+    code = "import atexit, os, signal, sys, saltus.__main__ as m\n"
+    code += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code += "m._command = lambda words: atexit.register(lambda: (os.kill(os.getpid(), signal.SIGINT), print('late'))) and 0\nm.program()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+
+
+def test_an_interrupt_while_a_class_is_made_is_one_line(capsys, monkeypatch):
+    """Oracle: Python itself, which wraps an interrupt in `__set_name__` up to version 3.11."""
+
+    class Interrupted:
+        def __set_name__(self, owner, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("saltus.commands.list.run", lambda arguments: type("Made", (), {"part": Interrupted()}))
+    assert run(capsys, "list") == (130, "", "saltus: interrupted; nothing more is written\n")
+
+
+@POSIX
 def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, monkeypatch):
     """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
     monkeypatch.setattr("saltus.processes.report_compiling", lambda kernel: None)
