@@ -23,8 +23,8 @@ from branches.search.intervals import SAME_START, Limits, Opening, segment_limit
 from branches.search.starts import START_FROM_A_STATE, ScannedSegment, StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.checks import is_finite, require_system
+from bvp.kernels.extrema import STEP_LIMIT
 from bvp.kernels.multipoint import STOP
-from bvp.kernels.shooting import STEP_LIMIT
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
 from bvp.texts import brief, listed, shown
 
@@ -55,7 +55,7 @@ BUDGET = 1_000_000
 LONG = 100.0
 """Angle of the fastest mode within the longest segment (rad) above which fewer starts are followed, because each takes longer."""
 
-LONGEST = 0.5 * STEP_LIMIT
+LONGEST = 0.1 * STEP_LIMIT
 """Largest angle of the fastest mode within the longest segment (rad). A flight is searched in a limited number of steps."""
 
 MOST_BOUND = 10_000

@@ -15,7 +15,7 @@ import numpy as np
 from numba import int64
 
 from bvp.kernels.compiled import inlined, kernel, part
-from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, inner, row_dot
+from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, inner, row_dot
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 STEP_LIMIT = 100000
@@ -105,27 +105,14 @@ def look(track, t):
 
 
 @part
-def free(f, slope, bound):
-    """Longest step in which f has no zero, for a given bound of its second derivative."""
-    # Equation (26), second term.
-    root = math.sqrt(slope * slope + 2.0 * bound * abs(f))
-    away = slope if f >= 0.0 else -slope
-    if away >= 0.0:
-        step = (away + root) / bound
-    else:
-        step = 2.0 * abs(f) / (root - away)
-    return step
-
-
-@part
 def safe_step(f, slope, bend, curvature, jerk):
     """Longest step in which f has no zero or is monotone. `curvature`, `jerk`: bounds of |f''| and |f'''| (0: none known)."""
     step = math.inf
     # Equation (26) for f; and for f', which is monotone or keeps its sign over the last one.
     if curvature > 0.0:
-        step = max(abs(slope) / curvature, free(f, slope, curvature))
+        step = max(abs(slope) / curvature, free_step(abs(f), slope if f >= 0.0 else -slope, curvature))
         if jerk > 0.0:
-            step = max(step, free(slope, bend, jerk))
+            step = max(step, free_step(abs(slope), bend if slope >= 0.0 else -bend, jerk))
     return step
 
 

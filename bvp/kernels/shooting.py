@@ -18,7 +18,7 @@ from numba import int64
 
 from bvp.kernels.compiled import allocating, kernel
 from bvp.kernels.contact_mode import arrive, restitute_state
-from bvp.kernels.extrema import Track, crossing_times, refine, safe_step
+from bvp.kernels.extrema import crossing_times, next_sign_change, refine, track_of
 from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
 from bvp.kernels.impact import HIT, NONE, next_hit
 from bvp.kernels.multipoint import STOP
@@ -33,9 +33,6 @@ has two entries, the second one is the derivative by the parameter."""
 
 FREE, STUCK = -1.0, -2.0
 """In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
-
-STEP_LIMIT = 20000
-"""Steps in which the turning points of one flight are looked for."""
 
 
 class Flow(NamedTuple):
@@ -175,7 +172,6 @@ def find_clearance(flow, row, longest, work):
     y = work[7, :4]
     dy = work[8, :4]
     rows = work[9:13]
-    w_bound = 0.0
     for r in range(2):
         # w, w', w'', w''' as rows: each derivative maps (a, b) to (-w^2 b, a).
         rows[0, r] = flow.contacts.gap[0, r]
@@ -185,35 +181,20 @@ def find_clearance(flow, row, longest, work):
             rows[order, r] = -flow.squares[r] * rows[order - 1, r + 2]
             rows[order, r + 2] = rows[order - 1, r]
     duration = min(row[DURATION], horizon)
-    for r in range(2):
-        w_bound += abs(flow.contacts.gap[0, r]) * abs(flow.squares[r]) * amplitude(flow.squares[r], z[r], z[r + 2], duration, int64(1))
-    w_bound *= 1.0 + 1e-12
-    track = Track(flow.flight, rows[1, :4], rows[2, :4], rows[3, :4], z, work[13, :4], False, 0.0, w_bound, 0.0, duration)
+    track = track_of(flow.flight, rows[1, :4], rows[2, :4], rows[3, :4], z, duration, work[13, :4])
     best = math.inf
     second = math.inf
     best_time = 0.0
     best_side = 0.0
     count = 0
-    t = 0.0
-    floor = 1e-13 * duration
-    # w' is of the velocities alone, and w'' of the displacements.
-    f = rows[1, 2] * z[2] + rows[1, 3] * z[3]
-    slope = rows[2, 0] * z[0] + rows[2, 1] * z[1]
-    sign = 1 if f > 0.0 else -1 if f < 0.0 else 0
-    for _ in range(STEP_LIMIT):
-        if t >= duration:
+    sign = 0
+    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    while True:
+        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
+        if not found:
             break
-        # Equation (26) for w'.
-        after = min(duration, t + max(safe_step(f, slope, 0.0, w_bound, 0.0), floor))
-        f_after = 0.0
-        slope = 0.0
-        for r in range(2):
-            c, s = circular(-flow.squares[r], after)
-            f_after += rows[1, r + 2] * (-flow.squares[r] * s * z[r] + c * z[r + 2])
-            slope += rows[2, r] * (c * z[r] + s * z[r + 2])
-        now = 1 if f_after > 0.0 else -1 if f_after < 0.0 else sign
-        if sign * now < 0:
-            turn = refine(track, t, f, after, f_after, 1e-10 * duration)
+        if sign != 0:
+            turn = refine(track, before, f_before, here, f, 1e-10 * duration)
             advance(flow.squares, turn, z, dz, y, dy)
             w = inner(rows[0, :4], y)
             distance = flow.limits[1] - w if sign > 0 else w - flow.limits[0]
@@ -225,10 +206,8 @@ def find_clearance(flow, row, longest, work):
                 best_side = 1.0 if sign > 0 else -1.0
             elif distance < second:
                 second = distance
-        t = after
-        f = f_after
-        sign = now
-    if t < duration:  # there are more than were looked for: nothing is known of the rest
+        sign = 1 if f > 0.0 else -1
+    if t < math.inf:  # there are more than were looked for: nothing is known of the rest
         best = -math.inf
         second = -math.inf
         count = 0
