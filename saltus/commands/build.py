@@ -88,8 +88,6 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
 
 def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     """The lines that say what a build has found, and how complete it is."""
-    from branches.naming.search import least_energy
-
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     new = report["levels"][-1]["new"]
     complete = "not complete" if new else "complete"
@@ -117,5 +115,32 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
         lost = counted(len(report["lost"]), "bifurcation")
         lines.append(f"       at {lost} no new family was found (dead ends of the graph, which say why)")
     if not report["families"]:
-        lines.append(f"       nothing lies inside the bounds; no motion reaches a stop below h = {least_energy(scene.system):.6g}")
+        lines.append(f"       nothing lies inside the bounds: {_nearest_outside(scene, bounds)}")
     return lines
+
+
+def _nearest_outside(scene: Scene, bounds: Bounds) -> str:
+    """The orbit with the shortest quarter period at the lowest and the highest energy of bounds that contain no family."""
+    from branches.building.work import ends_of
+    from branches.naming.search import least_energy
+    from branches.search.discovery import discover_orbits
+
+    system, quarter_period = scene.system, bounds.quarter_period
+    least = least_energy(system)
+    if bounds.energy[1] <= least:
+        return f"no motion reaches a stop below h = {least:.6g}"
+    while quarter_period < scene.quarter_period:
+        quarter_period = min(2.0 * quarter_period, scene.quarter_period)
+        found = [
+            (orbit.alpha, energy, orbit.label or "-".join(orbit.ends))
+            for energy in bounds.energy
+            for orbit in discover_orbits(
+                system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)
+            ).orbits
+        ]
+        if found:
+            alpha, energy, name = min(found)
+            shortest = f"the shortest at their lowest and highest energy is {alpha:.6g} ({name}, h = {energy:g})"
+            return f"no orbit has so short a quarter period; {shortest}"
+    energies = " and at ".join(f"h = {energy:g}" for energy in bounds.energy)
+    return f"at {energies} no orbit within the impacts has a quarter period up to {quarter_period:g}"

@@ -3,7 +3,10 @@
 import json
 import multiprocessing
 
+import pytest
+
 import saltus
+from benchmarks.backbone import Backbone
 from saltus.terminal import ProgressBar
 from tests.saltus.running import reported
 
@@ -57,12 +60,24 @@ def test_another_system_builds_just_as_well(tmp_path):
     assert code == 2 and err.count("\n") == 1 and "mu is" in err
 
 
-def test_bounds_in_which_nothing_lies(tmp_path):
-    """Oracle: sigma/2, below which nothing impacts."""
-    words = f"build --energy 0.01:0.02 --max-quarter-period 2 --max-impacts 1 --workers 1 --catalogue {tmp_path}/a.sqlite"
-    code, out, err = reported(words)
+@pytest.mark.parametrize(
+    ("bounds", "expected"),
+    [
+        ("--energy 0.5:4 --max-quarter-period 1e-3 --max-impacts 3", "no orbit has so short a quarter period; the shortest"),
+        ("--energy 0.051:0.055 --max-quarter-period 2 --max-impacts 1", "at h = 0.051 and at h = 0.055 no orbit within the impacts"),
+        ("--energy 0.01:0.02 --max-quarter-period 2 --max-impacts 1", "no motion reaches a stop below h = 0.05"),
+    ],
+)
+def test_bounds_in_which_nothing_lies(tmp_path, bounds, expected):
+    """Oracle: sigma/2, below which nothing impacts; U44-, the lowest family known, from h = 0.0585 on; and the closed form of S11O00-,
+    the orbit with the shortest quarter period, at the highest energy."""
+    code, out, err = reported(f"build {bounds} --workers 1 --catalogue {tmp_path}/a.sqlite")
     assert code == 0 and not err and "0 families" in out
-    assert "nothing lies inside the bounds; no motion reaches a stop below h = 0.05" in out
+    assert f"nothing lies inside the bounds: {expected}" in out
+    if "4 " in bounds:
+        alpha = float(out.rpartition("energy is ")[2].partition(" ")[0])
+        assert "(S11O00-, h = 4)" in out and abs(Backbone().energy(alpha) / 4.0 - 1.0) < 1e-4
+
 
 
 def test_an_interrupted_build_says_that_what_was_finished_is_kept(tmp_path, monkeypatch):
