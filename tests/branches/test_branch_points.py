@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import saltus
+from branches import switching
 from branches.family import Family
 from branches.presentation import symmetries
 from branches.switching import _crossing, emanating_families, switch
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from continuation.switching import SwitchError, branch_directions, refine_branch_point
+from tests.branches.traced import traced
 
 SYSTEM = saltus.vibro_impact_nes()
 
@@ -59,7 +61,46 @@ def test_a_family_of_5_fold_covers_breaks_no_reversal_at_its_crossing():
     assert crossed
 
 
-def test_orbits_without_a_reversal_triple():
+def fail(*arguments):
+    """Stands in for a search of directions."""
+    raise SwitchError("made to fail")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "changes", "made", "words"),
+    [
+        ("S13O00+", "SB", {"point": 8}, {}, "SB1 is no bifurcation of the wider problem: its smallest singular value is 9.0e-03"),
+        ("S73O33-", "BP", {"point": 8}, {}, "no second family at BP1: no branch point"),
+        ("S73O33-", "BP", {}, {"branch_directions": fail}, "no second family at BP1: made to fail"),
+        ("S73O33-", "BP", {}, {"_firsts": lambda *arguments: ()}, "no orbit of a new family was found next to BP1"),
+        ("S11O00-", "RT", {}, {"branch_directions": fail}, "no family of 3-fold orbits at RT.*: made to fail"),
+    ],
+)
+def test_switching_says_why_it_fails(monkeypatch, name, kind, changes, made, words):
+    """Oracle: points beside the event, and steps that are made to fail."""
+    branch = traced(name)
+    event = next(e for e in branch.events if e.type == kind and (kind != "RT" or e.p_q[1] == 3))
+    for function, other in made.items():
+        monkeypatch.setattr(switching, function, other)
+    with pytest.raises(RuntimeError, match=words):
+        switch(branch, event._replace(point=event.point + changes.get("point", 0)))
+
+
+def test_sides_that_are_not_found_are_reported(monkeypatch):
+    """Oracle: the ends of the family; an RT without its fraction."""
+    branch = traced("S13O00+")
+    event = next(e for e in branch.events if e.type == "SB")
+    with pytest.raises(ValueError, match="SB1: its p/q is not known"):
+        emanating_families(branch, event._replace(type="RT"))
+    monkeypatch.setattr(switching, "_firsts", lambda *arguments: ())
+    with (
+        pytest.raises(RuntimeError, match="no orbit of a new family was found next to SB1"),
+        pytest.warns(RuntimeWarning, match="SB1: no orbit found of a family between the ends origin, origin"),
+    ):
+        emanating_families(branch, event)
+
+
+def test_orbits_without_a_reversal_triple(monkeypatch):
     """Oracle: Arnold's normal form: at 1/3 orbits of three times the period cross on both sides, as far as the energy is; both sides are
     one family, and three starts of them are one orbit."""
     found = saltus.discover(SYSTEM, 9.7, quarter_period=1.7, impacts=3, ends=("rest-rest", "rest-stop", "stop-stop"))
@@ -83,6 +124,9 @@ def test_orbits_without_a_reversal_triple():
     other = next(event for event in born.events if event.type == "RT" and event.p_q[1] != 3)
     with pytest.raises(ValueError, match="q is 3 at most"):
         emanating_families(born, other)
+    monkeypatch.setattr(switching, "tripling_direction", fail)
+    with pytest.raises(RuntimeError, match="no family of 3-fold orbits at RT.*: made to fail"):
+        emanating_families(born, tripling)
 
 
 def test_a_fold_beside_a_tripling_is_found():

@@ -4,6 +4,7 @@ Oracles: both problems have the grazing orbit as a solution, sampled over the pe
 grazing orbit, by scanning angles beside it; the event-driven run; hand-made simultaneous impacts.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from branches.grazing.following import CannotMerge, merged, neighbours
 from branches.grazing.touching import candidate, touching
+from branches.linear_modes import linear_modes
 from branches.orbit import Orbit
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
@@ -262,8 +264,21 @@ def test_impacts_at_independent_stops_change_their_order():
     assert np.allclose(other.residual(y)[rows : 2 * rows], 0.0, atol=1e-14)
 
 
-def test_impacts_that_interact_do_not_merge():
-    """Oracle: the impulse at b changes the speed at a."""
-    problem, solution, _ = at_one_instant(two_stops(True))
-    with pytest.raises(CannotMerge, match="act on each other"):
-        merged(problem, solution.y)
+@pytest.mark.parametrize(
+    ("mixed", "times", "words"),
+    [(True, [0.6, 0.0, 0.7], "act on each other"), (False, [0.0, 0.6, 0.7], "comes to an end of the solved segment")],
+)
+def test_impacts_that_interact_or_come_to_an_end_do_not_merge(mixed, times, words):
+    """Oracle: the impulse at b changes the speed at a; the first flight has vanished."""
+    problem, solution, _ = at_one_instant(two_stops(mixed))
+    with pytest.raises(CannotMerge, match=words):
+        merged(problem, problem.pack(problem.start(solution.y), problem.nodes(solution.y), times))
+
+
+def test_a_motion_without_impacts_and_reversals_solves_no_problem():
+    """Oracle: a grazing of both modes at different phases, which no symmetry keeps."""
+    mode = linear_modes(SYSTEM)[0].touching(1)
+    state = mode.after[:1] + [0.0, 0.0, 0.0, 0.1]
+    mixed = replace(mode, times=mode.times[:1], contact=mode.contact[:1], before=state, after=state, grazing=mode.grazing[:1])
+    with pytest.raises(ValueError, match="without impacts and without a reversal"):
+        candidate(mixed, 0)

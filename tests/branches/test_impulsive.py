@@ -10,8 +10,9 @@ import pytest
 
 from branches.naming.labels import canonical_label, parse
 from branches.search.impulsive_motions import impulsive_state, oscillator_period
-from branches.search.impulsive_orbits import impulsive_orbits
+from branches.search.impulsive_orbits import impulsive_orbits, solve_impulsive
 from branches.tracing import follow_family
+from bvp.multipoint import NotConverged
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.control import Settings
@@ -224,10 +225,33 @@ def test_what_cannot_be(system, energy, said):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ({"quarter_period": 0.0}, "quarter_period = 0: expected a number above 0"),
+        ({"quarter_period": 2.0, "impacts": -1}, "impacts = -1: expected 0 or more"),
+    ],
+)
+def test_bounds_that_cannot_be(bounds, said):
+    """Oracle: the words of the message."""
+    with pytest.raises(ValueError, match=said):
+        impulsive_orbits(SYSTEM, (1.0, 2.0), **bounds)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(np.nan, "corrections diverged"), (10.0, "corrections did not converge .residual"), (1e8, "corrections did not converge$")],
+)
+def test_newtons_method_says_why_it_fails(factor, said):
+    """Oracle: starts far from any orbit."""
+    orbit = listed(2.5, 3.5, 2.0).orbits[0].orbit
+    with pytest.raises(NotConverged, match=said):
+        solve_impulsive(orbit.problem, factor * orbit.solution.y)
+
+
 def test_a_bracket_without_a_solution_is_reported(monkeypatch):
     """Oracle: every zero is in the list of the unpolished if Newton's method is made to fail, and the list is not complete."""
     from branches.search import impulsive_orbits as orbits
-    from bvp.multipoint import NotConverged
 
     def fail(problem, y):
         raise NotConverged("made to fail")

@@ -363,7 +363,11 @@ CASES = [
     (dict(ends=("origin-sop",)), "unknown ends 'origin-sop'.*nearest: origin-stop"),
     (dict(ends=()), r"the ends are \(\), expected a list"),
     (dict(system=saltus.vibro_impact_nes(rho=0.5)), "restitution 0.5"),
-    (dict(system=one_sided(), ends=("origin-origin",)), "odd symmetry"),
+    (dict(system=one_sided(), ends=("origin-origin",)), "the ends origin-origin need odd symmetry"),
+    (
+        dict(system=ImpactSystem(np.eye(2), np.zeros((2, 2)), [[1.0, -1.0], [-1.0, 1.0]], SYSTEM.stops), ends=("rest-rest",)),
+        "need a positive stiffness along the stop; received 0",
+    ),
     (dict(system=ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))), "two degrees of freedom; this system has 1"),
     (
         dict(system=ImpactSystem(np.eye(2), np.zeros((2, 2)), np.eye(2), (Stop((1.0, 0.0), -1, 1), Stop((0.0, 1.0), -1, 1)))),

@@ -60,7 +60,8 @@ def test_family_id_round_trip(sequence, ends, digest):
     [
         (parse_sequence, ("+x-", "+a-", "a", "a++"), 'impact sequence "{}": expected + and -'),
         (parse_ends, ("origin", "origin-wall+", "origin:stop+", "stop-origin", "origin-periodic", ""), "origin-stop"),
-        (split_family_id, ("origin-stop+:+-", "origin-stop+:+-:xyzw", "origin-stop+:+-:", "a:b:c:d"), "{}"),
+        (split_family_id, ("origin-stop+:+-", "a:b:c:d"), 'family id "{}": expected ends:sequence:hash'),
+        (split_family_id, ("origin-stop+:+-:xyzw", "origin-stop+:+-:"), 'family id "{}": the hash "'),
     ],
 )
 def test_bad_texts(read, texts, words):

@@ -11,6 +11,7 @@ import pytest
 
 import saltus
 from benchmarks.saltation import monodromy as saltation_monodromy
+from branches.branch import Ended
 from branches.naming.labels import Label
 from branches.tracing import HIGHEST, cut_branch, follow_family
 from bvp.closures import cycle_of
@@ -226,7 +227,7 @@ def test_an_interrupted_run_keeps_what_it_has():
         follow_family(full.problem, full.unknowns(full.start), energy=full.energy, on_point=interrupt)
     kept = caught.value.branch
     assert 149 <= len(kept) <= 151 and np.all(np.diff(kept.points["arclength"]) > 0.0)
-    assert kept.ended[0].reason == "INTERRUPTED"
+    assert set(kept.ended) == {Ended("INTERRUPTED", "the run was interrupted here; trace on from this point")}
     assert np.allclose(kept.points["h"], full.points["h"][full.start - kept.start :][: len(kept)], rtol=1e-10)
     with pytest.raises(KeyboardInterrupt) as caught:
         saltus.trace("S13O00+", on_point=interrupt)
@@ -240,6 +241,13 @@ def test_callbacks_get_what_the_branch_has():
     found, kept = (sorted((e.type, e.number, e.h, e.label, e.note) for e in some) for some in (events, branch.events))
     assert found == kept
     assert tuple(ends) == branch.ended and counts[-1] == len(branch)
+
+
+def test_a_start_far_from_any_orbit_is_refused():
+    """Oracle: ten times a solution."""
+    branch = traced("S13O00+")
+    with pytest.raises(RuntimeError, match="the family could not be followed: the start could not be corrected onto a family"):
+        follow_family(branch.problem, 10.0 * branch.unknowns(5))
 
 
 def test_the_identity_does_not_depend_on_the_way():
