@@ -202,6 +202,11 @@ class Branch:
     def orbits_at(self, *, energy: float | None = None, alpha: float | None = None) -> list[Orbit]:
         """All orbits of the branch at an energy or at a quarter period, in order of arclength.
 
+        Parameters
+        ----------
+        energy, alpha : float, optional
+            The energy h or the quarter period alpha, one of them.
+
         Returns
         -------
         list of Orbit
@@ -234,7 +239,7 @@ class Branch:
         return out
 
     def orbit_at(self, *, energy: float | None = None, alpha: float | None = None) -> Orbit:
-        """The one orbit at an energy or a quarter period.
+        """The one orbit at an energy or a quarter period; `energy` and `alpha` as for `orbits_at`.
 
         Raises
         ------

@@ -101,7 +101,8 @@ class Simulator:
         marks: Sequence[float] = (0.5, 0.85, 0.9, 0.99),
         on_progress: Callable[[float], object] | None = None,
     ) -> Motion:
-        """The motion from (u, v); see `bvp.simulate.simulate`. A start beyond a stop raises `BeyondStop`."""
+        """The motion from (u, v). `duration`, `max_impacts`, `leaving`, `marks` and `on_progress` are as for `simulate`. A start beyond
+        a stop raises `BeyondStop`."""
         system, start = self.system, checked_state(self.system, u, v)
         fractions = _checked(duration, max_impacts, marks)
         contact = -1 if leaving is None else contact_of(system, leaving)

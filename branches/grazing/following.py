@@ -109,7 +109,7 @@ class Neighbour:
     beside: SolvedProblem | None = None
 
     def followed(self, **options: Any) -> Neighbour:
-        """This neighbour with its family followed, if there is one; options as for `branches.tracing.follow_family`."""
+        """This neighbour with its family followed, if there is one. `**options` are those of `saltus.trace`: points, stop_at, ..."""
         if self.beside is None or self.there is None:
             return self
         branch = follow_family(self.beside.problem, self.beside.y, direction="both", **options)

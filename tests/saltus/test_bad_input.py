@@ -1,5 +1,6 @@
 """Bad input: one line on standard error that says what was wrong and what was expected, exit code 2, nothing started."""
 
+import os
 import subprocess
 import sys
 
@@ -104,11 +105,17 @@ CASES = [
     ("continue S13O00+ --json missing/a.json", ["cannot write", "directory", "does not exist"]),
     ("continue S13O00+ --csv {here}", ["cannot write", "is a directory"]),
     ("continue S13O00+ --plot {here}/a", ["no figure format", "png, pdf or svg"]),
+    ("continue S13O00+ --plot {here}/a.pgn", ["unknown figure format 'pgn'", "nearest: png"]),
+    ("continue S13O00+ --plot -", ["no figure format of '-'"]),
+    ("continue S13O00+ --plot missing/a.png", ["cannot write missing/a.png: the directory missing does not exist"]),
     ("continue S13O00+ --json - --csv -", ["--json", "--csv", "standard output"]),
     ("continue S13O00+ --json {here}/a --csv {here}/a", ["--json", "--csv", "both"]),
     # scenes
     ("continue S13O00+ --scene {unknown}", ["unknown key 'stifness'", "nearest known: stiffness"]),
     ("continue S13O00+ --scene=", ["scene", "it is a directory"]),
+    ("continue S13O00+ --scene {text}", ["cannot read scene", "as TOML", "line 1", "column"]),
+    ("continue S13O00+ --scene {indefinite}", ["mass must be positive definite"]),
+    ("continue S13O00+ --scene {asymmetric}", ["mass must be symmetric", "(1, 2) is 2 and (2, 1) is 0.5"]),
     ("continue S13O00+ --scene {here}", ["cannot read scene", "it is a directory"]),
     ("continue S13O00+ --scene {here}/gone.toml", ["gone.toml", "does not exist"]),
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
@@ -140,12 +147,14 @@ CASES = [
     ("build --max-impacts 200000 --catalogue {here}/a.sqlite", ["200000", "from 0 to 10000"]),
     ("discover --energy 1 --max-impacts 2.5", ["--max-impacts", "'2.5'", "integer"]),
     ("discover --energy 1 --ends rest-sop", ["'rest-sop'", "nearest: rest-stop"]),
+    ("discover --energy 1 --ends origin-origin,", ["unknown ends ''"]),
     ("discover --energy 1 --rho 0.7", ["restitution 0.7", "stop a"]),
     ("discover --energy 1 --scene {one_sided}", ["two degrees of freedom", "this system has 1"]),
     ("discover --energy 1 --ends origin-origin --scene {uneven}", ["origin-origin", "odd symmetry", "rest-rest"]),
     # words of the command line
     ("contnue S13O00+", ["'contnue'", "nearest: continue"]),
     ("continue", ["NAME"]),
+    ("continue S13O00+ more", ["unexpected argument 'more'"]),
     ("continue S13O00+ --points 0", ["--points", "'0'", "above 0"]),
     ("continue S13O00+ --direction upp", ["--direction", "'upp'", "nearest: up"]),
     ("continue S13O00+ --frequency indexx", ["--frequency", "nearest: index"]),
@@ -303,6 +312,8 @@ def places(tmp_path_factory, catalogue):
         "unknown": ONE_SIDED.replace("stiffness", "stifness"),
         "text": "h,alpha\n",
         "one_sided": ONE_SIDED,
+        "indefinite": UNEVEN.replace("mass = [[1.0, 0.0], [0.0, 1.0]]", "mass = [[1.0, 2.0], [2.0, 1.0]]"),
+        "asymmetric": UNEVEN.replace("mass = [[1.0, 0.0], [0.0, 1.0]]", "mass = [[1.0, 2.0], [0.5, 1.0]]"),
         "damped": DAMPED,
         "uneven": UNEVEN,
         "forced": FORCED,
@@ -368,3 +379,9 @@ def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
     monkeypatch.setattr("saltus.families.trace", fail)
     with pytest.raises(KeyError):
         main(["continue", "S13O00+"])
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="there is no directory that allows files and takes none")
+def test_a_directory_that_takes_no_file_is_found_before_the_work(capsys):
+    """Oracle: exit code 2, and nothing of the table."""
+    refused(run(capsys, "continue", "S13O00+", "--json", "/proc/branch.json"), "cannot write /proc/branch.json")
