@@ -12,6 +12,7 @@ import gc
 import tempfile
 import time
 import tracemalloc
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -19,17 +20,21 @@ import numpy as np
 
 import saltus
 from benchmarks import cases
-from benchmarks.following import timed_runs
-from benchmarks.measure import run_python, spread, timed
+from benchmarks.following import least_time, timed_runs
+from benchmarks.measure import least_times, run_python, spread, timed
 from benchmarks.points import FULL, QUICK, Scope, layers, microseconds, points
 from benchmarks.report import Table, check_page, machine, number, progress, show, write_page
 from branches.branch import Branch
 from branches.family import Family
+from branches.search.intervals import segment_limits, segments
+from branches.search.starts import Sampler, curves
 from branches.tracing import SETTINGS, follow_family
+from bvp.fast_path import fast_path_numbers, run_fast_path
 from bvp.multipoint import MultipointProblem
+from bvp.system import vibro_impact_nes
 from saltus.errors import DONE, BadInput, nearest
 
-__all__ = ["SECTIONS", "Held", "add_arguments", "families", "held", "memory", "processes", "run", "time_process"]
+__all__ = ["SECTIONS", "Held", "add_arguments", "families", "held", "memory", "paths", "processes", "run", "time_process"]
 
 PROCESSES = (
     ("python -c pass", ("-c", "pass")),
@@ -186,6 +191,52 @@ def memory(scope: Scope) -> Table:
     )  # fmt: skip
 
 
+def paths(scope: Scope) -> Table:
+    """The special paths, each beside the general one that does the same."""
+    system = cases.system()
+    problem, y = cases.segment(system, 2)
+    general = MultipointProblem(system, problem.ends, problem.sequence)
+    general._two_dof = False
+    damped = vibro_impact_nes(lam=0.01, rho=0.7)
+    numbers = fast_path_numbers(damped)
+    assert numbers is not None
+    starts = np.zeros((50, 4))
+    starts[:, 3] = np.sqrt(2.0 * np.geomspace(0.06, 10.0, len(starts)))  # impulsive starts
+    which, energies = np.zeros(len(starts), dtype=np.int64), 0.5 * starts[:, 3] ** 2
+    found, limits = Sampler(system, "origin", 10.0, [8]), {"origin": segment_limits("origin", "origin", 10.0, 9)}
+
+    def complete() -> None:
+        list(segments(system, curves(system, "origin", 1.0), limits, 1_000_000, Counter(), []))
+
+    works: dict[str, dict[str, Callable[[], object]]] = {
+        "50 damped motions: the simulator of studies, the one of runs": {
+            "special": lambda: run_fast_path(
+                numbers[None], which, starts, energies, duration=100.0, to_rest=False, max_impacts=100_000, fractions=()
+            ),
+            "general": lambda: [saltus.simulate(damped, state[:2], state[2:], 100.0) for state in starts],
+        },
+        "starts at h = 1 for a name with 8 inner impacts: the fast scan, the complete one": {
+            "special": lambda: list(found.segments(1.0, 512)),
+            "general": complete,
+        },
+    }  # fmt: skip
+    seconds = 0.02 * scope.repeats
+    blocks, steps = Family(problem), Family(general)
+    steps.advance = None
+    point = {
+        kind: least_time(family, y, scope.points, SETTINGS, seconds)[1] for kind, family in (("special", blocks), ("general", steps))
+    }  # fmt: skip
+    times = {"a point of a family with 2 inner impacts: blocks for two degrees of freedom, steps for any number": point}
+    times |= {name: least_times(pair, seconds) for name, pair in works.items()}
+    rows = [(name, *(number(1e6 * t) for t in pair.values()), number(pair["general"] / pair["special"])) for name, pair in times.items()]
+    return Table(
+        "Special paths, microseconds",
+        ("work: special path, general path", "special", "general", "ratio"),
+        rows,
+        ("Least processor time. The tests compare the results of each pair.",),
+    )
+
+
 def time_process(arguments: tuple[str, ...], repeats: int, cold: bool) -> list[float]:
     """Seconds of a process with an empty folder for compiled code, and of so many repeats with the code that it left there.
 
@@ -224,6 +275,6 @@ def processes(scope: Scope) -> Table:
 
 
 SECTIONS: dict[str, Callable[[Scope], Table]] = {
-    "points": points, "layers": layers, "families": families, "memory": memory, "processes": processes,
+    "points": points, "layers": layers, "families": families, "memory": memory, "paths": paths, "processes": processes,
 }  # fmt: skip
 """The tables in the order in which they are measured."""

@@ -133,6 +133,14 @@ def test_tables_of_a_point(system, monkeypatch):
     assert [row[0] for row in table.rows] == ["0", "2"] and all(len(row) == len(table.columns) for row in table.rows)
 
 
+def test_each_special_path_is_measured_beside_the_general_one():
+    """Oracle: a time of each path of each pair, and their ratio."""
+    table = continuation.paths(dataclasses.replace(QUICK, points=4, repeats=1))
+    assert len(table.rows) == 3
+    for _, special, general, ratio in table.rows:
+        assert float(ratio) == pytest.approx(float(general) / float(special), rel=0.02)
+
+
 def test_a_scope_has_each_number_of_impacts():
     """Oracle: the numbers of impacts that are measured."""
     for scope in (FULL, QUICK):
