@@ -87,15 +87,20 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
     name, symbol = FREQUENCIES[frequency]
     manifold = np.stack([atlas.manifold_h, atlas.manifold_frequency], axis=1)
     stars = _stars(atlas, "frequency" if frequency == "fundamental" else "frequency_index")
-    points = np.concatenate([*(curve.path for curve in curves), manifold, stars])
+    # A chaotic impulsive motion may have its frequency far below those of all families.
+    framing = [*(curve.path for curve in curves), stars, *([] if curves else [manifold])]
+    points = np.concatenate(framing)
     if not len(points):
         raise ValueError(_NOTHING)
+    energies = np.append(points[:, 0], manifold[:, 0])
     modes = atlas.thresholds
-    x_limits = style.limits_of(np.append(points[:, 0], [mode.h for mode in modes if mode.h < points[:, 0].max()]), 0.04, log=True)
+    x_limits = style.limits_of(np.append(energies, [mode.h for mode in modes if mode.h < energies.max()]), 0.04, log=True)
     values = np.append(points[:, 1], [mode.frequency for mode in modes if mode.h > x_limits[0]])
     log = bool(np.nanmax(values) > MANY_FOLD * np.nanmin(values) > 0.0)
+    y_limits = style.limits_of(values, 0.04, log=log)
+    outside = int(np.count_nonzero((manifold[:, 1] < y_limits[0]) | (manifold[:, 1] > y_limits[1])))
     of_modes = mode_names(x_limits[0], modes)
-    ranges = [inset_ranges(inset, [*(curve.path for curve in (*curves, *of_modes)), manifold], log=log) for inset in insets]
+    ranges = [inset_ranges(inset, [*framing, *(mode.path for mode in of_modes)], log=log) for inset in insets]
     drawn = curves, runs_of(curves), manifold, atlas.manifold_joined, stars, modes
     with style.figure_settings():
         figure = style.new_figure(max(5.6, 1.5 + _INSET_HEIGHT * len(insets)))
@@ -107,13 +112,13 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         axes = panels["frequency"]
         _energy_axis(axes, atlas, x_limits)
         unit = "" if atlas.natural_frequency == 1.0 else " (rad/s)"
-        style.set_axis(axes, "y", style.limits_of(values, 0.04, log=log), 7, name + unit, symbol, log=log)
+        style.set_axis(axes, "y", y_limits, 7, name + unit, symbol, log=log)
         for label, (energies, frequencies) in zip(labels, ranges, strict=True):
             panels[label].set_title(f"({label[-1]})", loc="left", pad=3)
             panels[label].tick_params(axis="x", pad=6.0)  # below the text of a tick of the other axis in the corner
             style.set_axis(panels[label], "x", energies, 4, "", _energy_symbol(atlas), log=True)
             style.set_axis(panels[label], "y", frequencies, 4, "", symbol, log=log)
-        legend = _legend(figure, drawn[1], curves, _other_entries(atlas, modes, len(stars) > 0))
+        legend = _legend(figure, drawn[1], curves, _other_entries(atlas, modes, len(stars) > 0, outside))
         room = _draw(axes, *drawn)
         _draw_bounds(room, atlas)
         for label in labels:
@@ -396,12 +401,14 @@ def _entry(label: str, look: dict[str, Any], **more: Any) -> Any:
     return Line2D([], [], label=label, **{**look, **more})
 
 
-def _other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool) -> list[Any]:
+def _other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool, outside: int) -> list[Any]:
+    """Legend entries besides families; `outside` is the number of impulsive motions with a frequency outside the axis."""
     entries = []
     if modes:
         entries.append(_entry("linear modes, to where they graze", _MODE, marker="o", markersize=5.0))
     if len(atlas.manifold_h):
-        text = f"impulsive motions ({atlas.manifold_window} window, {atlas.manifold_periods} periods)"
+        left_out = f"; {outside} of {len(atlas.manifold_h)} are outside" if outside else ""
+        text = f"impulsive motions ({atlas.manifold_window} window, {atlas.manifold_periods} periods{left_out})"
         entries.append(_entry(text, _MANIFOLD, markersize=3.5))
     if stars:
         entries.append(_entry("periodic impulsive orbits", _STAR))

@@ -50,6 +50,9 @@ def run(arguments: argparse.Namespace) -> int:
             raise BadInput(f"{option} {name}: no such result{nearest(name, study.names) or '; expected ' + ', '.join(study.names)}")
     numeric = [axis.name for axis in numeric_axes(study)]
     view = arguments.view or ("map" if len(numeric) >= 2 else "lines")
+    if view == "map" and len(numeric) < 2:
+        varied = ", ".join(study.plan.names)
+        raise BadInput(f"--view map needs two parameters that are numbers; {study.path} varies {varied}: expected --view lines")
     options: dict[str, Any] = {"best": best, "value": value}
     if arguments.over is not None:
         if view != "map":

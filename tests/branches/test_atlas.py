@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.lines import Line2D
 
 from benchmarks import backbone
 from branches.figures import data as figure_data
@@ -18,7 +19,7 @@ from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescale
 from branches.figures.curves import parse_inset
 from branches.figures.data import ExportError, read_atlas, write_atlas
 from branches.figures.room import even_points, short_name
-from branches.figures.style import write_figure
+from branches.figures.style import legend_below, new_figure, write_figure
 from branches.naming.labels import canonical_label, parse
 from tests.branches import atlas_families as real
 from tests.branches.test_diagram import assert_texts_apart, by_gid, overlapping, panels_of, text_boxes
@@ -336,6 +337,36 @@ def test_the_legend_has_the_special_points_of_the_families(figure):
     assert {name[-2:] for name in names} <= types_in_legend(drawn) == {kind for c in data.curves for kind in c.events.tolist()} - {""}
 
 
+@pytest.mark.parametrize(("names", "words"), [(1, 1), (4, 1), (7, 5), (12, 9)])
+def test_a_legend_has_no_more_columns_than_the_figure_has_room_for(names, words):
+    """Oracle: the renderer's boxes of the legend, and of one of four columns."""
+    figure = new_figure(5.0)
+    entries = [Line2D([], [], label=f"{k} " + "wide " * words) for k in range(names)]
+    plain = figure.legend(handles=entries, ncols=min(4, names))
+    wide = plain.get_window_extent().width > figure.bbox.width
+    plain.remove()
+    legend = legend_below(figure, entries, 4)
+    box = legend.get_window_extent()
+    rows = {round(text.get_window_extent().y0) for text in legend.get_texts()}
+    assert figure.legends == [legend] and len(legend.get_texts()) == names
+    assert 0.0 <= box.x0 and box.x1 <= figure.bbox.width and box.y0 >= 0.0
+    assert (len(rows) > -(-names // 4)) == wide == (words > 1)
+
+
+@pytest.mark.parametrize("families", [True, False])
+def test_families_frame_the_frequencies_and_an_impulsive_motion_far_below_is_counted(families):
+    """Oracle: the axis of the figure without the impulsive motions; a figure without families shows all of them."""
+    curves = real.atlas().curves[:2] if families else ()
+    data = replace(real.atlas(), curves=curves, manifold_frequency=np.append(real.atlas().manifold_frequency[:-1], 0.01))
+    bare = replace(data, manifold_h=np.zeros(0), manifold_frequency=np.zeros(0), manifold_joined=np.zeros(0, dtype=bool))
+    figure, other = atlas_figure(data, frequency="fundamental"), atlas_figure(bare, frequency="fundamental")
+    low, high = panels_of(figure)["frequency"].get_ylim()
+    outside = np.count_nonzero((data.manifold_frequency < low) | (data.manifold_frequency > high))
+    (entry,) = [text.get_text() for text in figure.legends[0].get_texts() if text.get_text().startswith("impulsive motions")]
+    assert ((low, high) == panels_of(other)["frequency"].get_ylim()) == families
+    assert (outside > 0) == families == (f"{outside} of {len(data.manifold_h)} are outside" in entry)
+
+
 def test_the_legend_of_everything_lies_in_the_picture():
     """Oracle: the renderer's box, with the regimes, the impulsive motions, and all types of special points."""
     curve = next(curve for curve in real.atlas().curves if curve.labels[-1] == "S11O00-")
@@ -604,6 +635,9 @@ def test_files_that_cannot_be_read(tmp_path):
     refused("d.json", json.dumps({**record, "columns": {k: v for k, v in record["columns"].items() if k != "alpha"}}), "alpha")
     refused("e.json", json.dumps({**record, "columns": {**record["columns"], "h": [1.0]}}), "different lengths")
     refused("f.json", "[]")
+    kinds = ["x" for _ in record["columns"]["kind"]]
+    refused("k.json", json.dumps({**record, "columns": {**record["columns"], "kind": kinds}}), "unknown kind 'x'")
+    refused("l.csv", "# {}\nh,alpha\n1\n", "different numbers of cells")
     refused("g.csv", "h,alpha\n1,2\n", "first line")
     refused("h.npz", b"nothing")
     refused("i.mat", b"nothing at all")

@@ -245,6 +245,32 @@ def test_each_special_point_has_a_marker_on_the_curve_and_a_name_in_each_panel(d
     assert not missing and not figure.legends[0].get_title().get_text().strip()
 
 
+def test_each_panel_shows_all_energies_on_a_logarithmic_axis_with_ticks(drawn):
+    """Oracle: the branch's own energies; no panel is empty."""
+    branch, figure = drawn
+    for axes in figure.axes:
+        low, high = axes.get_xlim()
+        ticks = [tick for tick in axes.get_xticks() if low <= tick <= high]
+        assert axes.get_xscale() == "log" and low < branch.points["h"].min() and branch.points["h"].max() < high
+        assert 2 <= len(ticks) <= 15 and axes.lines
+
+
+def test_the_index_breaks_where_m_changes_and_the_fundamental_does_not():
+    """Oracle: m = 1, 3, 2 by hand: a piece begins at the last point of the one before, with its own m."""
+    turns = np.repeat([1, 3, 2], [100, 80, 120])
+    branch = make_branch(IN_PHASE, turns=turns)
+    single = branch.points["frequency"]
+    for frequency, pieces in (
+        ("index", [(single[0], single[99]), (3 * single[99], 3 * single[179]), (2 * single[179], 2 * single[299])]),
+        ("fundamental", [(single[0], single[299])]),
+    ):
+        axes = panels_of(branch_figure(branch, frequency=frequency))["frequency"]
+        (line,) = by_gid(axes, "frequency-stable")
+        drawn = np.split(line.get_ydata(), np.flatnonzero(np.isnan(line.get_ydata())))
+        np.testing.assert_allclose([piece[np.isfinite(piece)][[0, -1]] for piece in drawn], pieces, rtol=1e-13)
+        assert ("m" in axes.get_ylabel().split("$")[1]) == (frequency == "index")
+
+
 def test_points_of_each_stability_are_on_the_lines_that_say_so(drawn):
     """Oracle: membership of each (h, frequency) in the drawn data; a solid line joins stable points only."""
     branch, figure = drawn

@@ -96,6 +96,8 @@ def test_plots_draw_on_the_axes_that_are_given(branch, motion, catalogue):
         branch.plot(frequency="both")
     with pytest.raises(ValueError, match="nothing to plot"):
         catalogue.plot(label="S73O33-")
+    with pytest.raises(TypeError, match="^ax is 3, expected matplotlib axes$"):
+        branch.plot(3)
 
 
 def test_the_table_of_a_branch_is_that_of_its_csv(branch, tmp_path):

@@ -36,6 +36,18 @@ to = 1.0
 until = 60.0
 """
 
+LARGE = """
+design = "grid"
+[vary.energy]
+from = 0.1
+to = 1.0
+points = 1000000
+[vary.rho]
+from = 0.0
+to = 1.0
+points = 100000
+"""
+
 
 def written(folder, text, name="a.toml"):
     path = folder / name
@@ -192,6 +204,7 @@ def test_another_study_s_folder_is_refused(finished, tmp_path, capsys):
     code, text, err = run(capsys, "study", other, "--out", out, "--workers", 1)
     assert code == 2 and err.count("\n") == 1 and "another study" in err
     assert blocks(out) == before and not (out / "study.json").exists()
+    refused(run(capsys, "study", finished[0], "--out", other), "a.toml is a file; expected a folder for the study's blocks")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
     code, _, err = run(capsys, "study", finished[0], "--out", tmp_path / "mine")
@@ -226,6 +239,8 @@ def test_starting_families(tmp_path, capsys):
     assert (tmp_path / "a.study" / "starts.npz").exists()
     again = run(capsys, "study", tmp_path / "a.toml", "--workers", 1)
     assert again[0] == 0 and "1 of 1 blocks are finished" in again[1]
+    drawn = run(capsys, "plot", tmp_path / "a.study", "--view", "map", "--plot", tmp_path / "a.png")
+    refused(drawn, "--view map needs two parameters that are numbers", "varies family, energy")
     best = study.best()
     assert best.given["family"] == "S11O00-" and best.value == np.nanmax(study["nes_share"])
 
@@ -258,10 +273,17 @@ def test_a_family_with_several_orbits_asks_which(tmp_path, capsys):
         ("to = 1.0\n", "to = 1.5\n", ["to = 1.5", "0 to 1"]),
         ("to = 10.0", "to = 0.01", ["to = 0.01", "above from"]),
         ("from = 0.06", "from = -1", ["from = -1", "above 0"]),
+        ("to = 1.0\n", 'to = 1.0\nscale = "log"\n', ["from = 0", "logarithmic scale"]),
+        ("from = 0.0\nto = 1.0", "values = [0.5, 0.5]", ["values = [0.5, 0.5]", "each of them once"]),
+        ("from = 0.0\nto = 1.0", "values = [0.5, 2.0]", ["values = 2", "rho 0 to 1"]),
+        (SMALL, 'design = "grid"\nruns = 5\n[vary.rho]\nvalues = [0.5]\n[fixed]\nenergy = 1.0', ["runs goes with design = 'hypercube'"]),
+        (SMALL, 'design = "grid"\n[vary]\n[fixed]\nenergy = 1.0', ["nothing is varied", "mu, sigma"]),
+        (SMALL, LARGE, ["the grid has 100000000000 runs", "expected 100000000 at most"]),
         ("lam = 0.01", "rho = 0.5", ["rho is both varied and fixed"]),
         ("lam = 0.01", "impulse = 1.0", ["energy and impulse"]),
         ("lam = 0.01", 'family = "X13O00"', ["X13O00"]),
         ("lam = 0.01", 'family = "S13O00+@h=1"', ["names an energy"]),
+        ("lam = 0.01\n[vary.energy]", 'family = "S13O00+"\n[vary.impulse]', ["a family's orbit is chosen by its energy"]),
         ("lam = 0.01", 'scene = "x"', ["unknown key 'scene'"]),
         ("until = 60.0", 'until = "cleared"', ["'cleared'", "nearest: clear"]),
         ("until = 60.0", "until = -1.0", ["until = -1", "above 0"]),

@@ -88,6 +88,14 @@ def test_names_on_points_have_a_ground_and_a_readable_sign():
     assert box.x0 < text.x0 and box.y1 > text.y1 and box.x1 > text.x1
 
 
+def test_what_cannot_be_drawn_is_refused():
+    """Oracle: the words."""
+    with pytest.raises(ValueError, match="nothing to draw: no section"):
+        section_figure([])
+    with pytest.raises(ValueError, match="unknown colour 'red': expected none, energy, lyapunov, rotation"):
+        section_figure([SectionView(section(vibro_impact_nes(), 0.06, orbits=1, crossings=2))], colour="red")
+
+
 def axes_of_points():
     """Axes whose data coordinates are points of type."""
     figure = new_figure(3.0)

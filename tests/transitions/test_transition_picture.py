@@ -79,7 +79,7 @@ def test_what_a_load_brings_in_is_dissipated_within_the_panel(speed, words):
 
 
 def test_lines_show_the_record(drawn):
-    """Oracle: the columns of the record."""
+    """Oracle: the columns of the record; the line of a sum lies below those of its parts and is twice as wide."""
     transition, _, figure = drawn
     record = transition.record
     for k, name in enumerate(("u1", "u2")):
@@ -88,6 +88,9 @@ def test_lines_show_the_record(drawn):
     start = record.energy[0]
     both = by_gid(figure, "lost-both")
     assert both.get_ydata()[-1] == pytest.approx(100.0 * (record.dissipated_nes[-1] + record.dissipated_lo[-1]) / start, abs=0.1)
+    parts = [by_gid(figure, f"lost-{name}") for name in ("sink", "oscillator")]
+    # Edges of the sum show where one part is all of it.
+    assert all(both.get_linewidth() >= 2.0 * part.get_linewidth() and both.get_zorder() <= part.get_zorder() for part in parts)
     assert by_gid(figure, "share-nes").get_ydata()[0] == pytest.approx(100.0 * record.nes_energy[0] / start)
     assert by_gid(figure, "families-stable") is not None and by_gid(figure, "spectrum-cone") is not None
 

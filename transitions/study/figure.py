@@ -55,12 +55,12 @@ def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", 
     Raises
     ------
     ValueError
-        Where the study does not vary two such parameters, or no run has the result.
+        If no finished run has the result.
     """
     from matplotlib.colors import Normalize
 
     numeric = {axis.name: axis for axis in numeric_axes(study)}
-    x, y = axes if axes is not None else tuple(numeric)[:2] if len(numeric) >= 2 else _refuse_map(study)
+    x, y = axes if axes is not None else tuple(numeric)[:2]
     found = over(study, numeric[x], numeric[y], _values(study, value))
     top = study.best(best)
     with style.figure_settings():
@@ -193,11 +193,6 @@ def _against_each(study: Study, value: str, draw: Callable[[Axes, Axis], list[np
             style.set_axis(panel, "y", limits, 5, *words_of(value))
         style.legend_below(figure, list(entries.values()), 4)
     return figure
-
-
-def _refuse_map(study: Study) -> tuple[str, str]:
-    names = ", ".join(study.plan.names)
-    raise ValueError(f"a map needs two parameters that are numbers; {study.path} varies {names}: expected --view lines")
 
 
 def _values(study: Study, name: str) -> np.ndarray:

@@ -163,14 +163,17 @@ def test_a_reader_is_not_in_the_way_of_a_writer(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def full(path, families):
-    """Add families until the disk is full; how many were kept."""
+def full(path, families, pages=None):
+    """Add families until the disk is full, or the file has so many pages; how many were kept."""
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
+        if pages is not None:
+            catalogue._connection.execute(f"PRAGMA max_page_count = {pages}")
         for k in range(families):
             try:
                 catalogue.add(renamed(real()[0], k))
             except WriteFailure as failure:
-                assert "no space" in str(failure) or f"no file may be larger than {LIMIT} bytes here (ulimit -f)" in str(failure)
+                of_limit = f"no file may be larger than {LIMIT} bytes here (ulimit -f)"
+                assert "no space is left on the device; what it held is complete" in str(failure) or of_limit in str(failure)
                 assert "\n" not in str(failure) and str(path) in str(failure)
                 break
         else:
@@ -206,6 +209,13 @@ def test_a_full_disk(tmp_path):
         path = tmp_path / "small" / "full.sqlite"
         count = full(path, 200)
         assert count > 1 and whole(path, count)
+
+
+def test_a_limit_on_the_pages_of_the_file(tmp_path):
+    """Oracle: the families that were kept before SQLite's own limit, which it reports as a full disk, was reached."""
+    path = tmp_path / "limited.sqlite"
+    count = full(path, 100, pages=60)
+    assert count > 1 and whole(path, count)
 
 
 def test_a_limit_on_the_size_of_files(branch_file, tmp_path):
@@ -327,8 +337,12 @@ def test_what_is_no_catalogue_is_refused(good, tmp_path):
     assert "not an SQLite file" in refused(path)
     path.write_bytes(b"")
     assert "empty" in refused(path)
+    with pytest.raises(CatalogueError, match="is empty; expected a scene to make a catalogue for"):
+        saltus.Catalogue(path, "a")
     path.unlink()
     assert refused(path) == f"there is no catalogue {path}"
+    with pytest.raises(CatalogueError, match="^there is no catalogue .*; expected a scene to make one for$"):
+        saltus.Catalogue(path, "a")
     assert "directory" in refused(tmp_path)
     sql(path, "CREATE TABLE t (x)")
     assert "something else" in refused(path)
