@@ -91,7 +91,7 @@ def program() -> NoReturn:
     codes: list[int] = []
     # Registered first, this is called last: other libraries have done their work at exit. Python's own end is left out. It takes
     # a tenth of a second, and an interrupt would change the exit code or print a traceback.
-    atexit.register(lambda: [os._exit(code) for code in codes])
+    atexit.register(_leave, codes)
     try:
         codes.append(main())
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -99,6 +99,15 @@ def program() -> NoReturn:
     except KeyboardInterrupt:
         codes[:] = [INTERRUPTED]
     sys.exit(codes[0])
+
+
+def _leave(codes: Sequence[int]) -> None:
+    """End the process with its exit code. After a fault of the program there is none, and Python ends the process."""
+    for code in codes:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError, AttributeError):
+                stream.flush()
+        os._exit(code)
 
 
 def _command(words: list[str]) -> int:
