@@ -17,9 +17,10 @@ from branches.naming.labels import parse
 from branches.orbit import Orbit
 from branches.presentation import cover_of
 from branches.record import discovery_to_json
-from branches.search.discovery import CLASSES, discover_orbits, judged
+from branches.search import discovery
+from branches.search.discovery import CLASSES, OrbitSearch, _strayed, discover_orbits, judged
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
-from branches.search.starts import curves
+from branches.search.starts import ScannedSegment, curves
 from branches.sequences import impacts_per_period
 from bvp.kernels.verdict import GRAZED
 from bvp.multipoint import MultipointProblem, NotConverged
@@ -305,6 +306,36 @@ def test_no_bound_of_impacts():
     bounded = discover_orbits(SYSTEM, 0.4, quarter_period=3.0, impacts=60)
     assert found.complete and alphas(found) == alphas(bounded) and len(found.orbits) > 5
     assert found.impacts is None
+
+
+class Made(dict):
+    """A solution with results that are given."""
+
+    def __init__(self, **changes):
+        self.problem, self.y = orbits_by_numpy.backbone_segment(SYSTEM, 1.7, 2)
+        super().__init__({"residual": 1e-15, "clearance": 0.1, "speed": 1.0, "flight": 1.0, **changes})
+
+
+@pytest.mark.parametrize(
+    ("moved", "changes", "reason"),
+    [
+        (1e-3, {}, "Newton's method moved away from it"),
+        (0.0, {"residual": 1e-11}, "its residual stays at 1.0e-11"),
+        (0.0, {"speed": -1e-13}, "it grazes a stop within rounding"),
+        (0.0, {}, None),
+    ],
+)
+def test_segments_that_are_not_solved_are_set_aside(monkeypatch, moved, changes, reason):
+    """Oracle: a start beside the solution's, and results of a solution."""
+    made = Made(**changes)
+    problem, y = made.problem, made.y
+    parts = problem.start(y) + moved, problem.nodes(y), problem.flight_times(y)
+    segment = ScannedSegment(problem.ends, problem.sequence, *parts, 0.5, 0.4, 0.6, 0.0)
+    assert _strayed(segment, problem, made) == reason
+    monkeypatch.setattr(discovery, "segments", lambda *arguments: [(segment, False)])
+    search = OrbitSearch(SYSTEM)
+    search.scan([], {}, 1, MultipointProblem.solve)
+    assert [found.reason for found in search.unpolished] == ["its impacts were not found again"] and not search.found
 
 
 def test_smaller_bounds_give_a_part():
