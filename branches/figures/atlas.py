@@ -92,9 +92,9 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
     points = np.concatenate(framing)
     if not len(points):
         raise ValueError(_NOTHING)
-    energies = np.append(points[:, 0], manifold[:, 0])
+    reached = np.append(points[:, 0], manifold[:, 0])
     modes = atlas.thresholds
-    x_limits = style.limits_of(np.append(energies, [mode.h for mode in modes if mode.h < energies.max()]), 0.04, log=True)
+    x_limits = style.limits_of(np.append(reached, [mode.h for mode in modes if mode.h < reached.max()]), 0.04, log=True)
     values = np.append(points[:, 1], [mode.frequency for mode in modes if mode.h > x_limits[0]])
     log = bool(np.nanmax(values) > MANY_FOLD * np.nanmin(values) > 0.0)
     y_limits = style.limits_of(values, 0.04, log=log)
