@@ -13,7 +13,6 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -183,6 +182,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
     families : sequence of (str or None), optional
         Of each orbit; by default those of the catalogue.
     """
+    families = families or found.families or [None] * len(found.orbits)
     return _json(
         {
             "schema": SCHEMA,
@@ -190,7 +190,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
             "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
             "complete": found.complete,
             "counts": found.counts,
-            "orbits": [_discovered(*item) for item in zip(found.orbits, families or found.families or repeat(None), strict=False)],
+            "orbits": [_discovered(orbit, family) for orbit, family in zip(found.orbits, families, strict=True)],
             "unpolished": [
                 {
                     "ends": list(item.ends),
