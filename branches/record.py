@@ -182,7 +182,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
     families : sequence of (str or None), optional
         Of each orbit; by default those of the catalogue.
     """
-    families = families or found.families or [None] * len(found.orbits)
+    ids: Sequence[str | None] = families or found.families or [None] * len(found.orbits)
     return _json(
         {
             "schema": SCHEMA,
@@ -190,7 +190,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
             "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
             "complete": found.complete,
             "counts": found.counts,
-            "orbits": [_discovered(orbit, family) for orbit, family in zip(found.orbits, families, strict=True)],
+            "orbits": [_discovered(orbit, family) for orbit, family in zip(found.orbits, ids, strict=True)],
             "unpolished": [
                 {
                     "ends": list(item.ends),
