@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.report import Table, number
 from benchmarks.speed_error.methods import OWN, OWN_SHORT, Task
-from branches.figures.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, figure_settings, new_figure
+from branches.figures.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, figure_settings, new_figure, set_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -250,8 +250,6 @@ def _panel(panel: Axes, rows: Sequence[Row], task: Task, names: Sequence[str]) -
 def draw_growth(path: Path, rows: Sequence[Row]) -> None:
     """Three panels: a point against impacts, a point against degrees of freedom, a discovery against its period bound."""
     with figure_settings():
-        from matplotlib.ticker import NullFormatter
-
         figure = new_figure(2.6)
         panels = figure.subplots(1, 3)
         for panel, against in zip(panels, ("impacts", "degrees of freedom"), strict=False):
@@ -270,9 +268,7 @@ def draw_growth(path: Path, rows: Sequence[Row]) -> None:
                     values, [1e6 * last["seconds"] * value / last["value"] for value in values], color=BLACK, linestyle=":", linewidth=0.7,
                     label="linear",
                 )  # fmt: skip
-            panel.xaxis.set_minor_formatter(NullFormatter())
-            panel.set_xticks(*2 * [[value for value in (1, 2, 5, 10, 20, 50, 100, 1000) if values and values[0] <= value <= values[-1]]])
-            panel.set_xlabel(f"{'inner ' * (against == 'impacts')}{against}")
+            set_axis(panel, "x", panel.get_xlim(), 7, f"{'inner ' * (against == 'impacts')}{against}", "", log=True)
             panel.set_ylabel("microseconds a point")
         own = [row for row in rows if row.get("growth") == "quarter period"]
         panels[2].semilogy([row["value"] for row in own], [row["seconds"] for row in own], color=BLUE, marker="o", markersize=3.5)

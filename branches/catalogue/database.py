@@ -47,6 +47,7 @@ _MESSAGES: tuple[tuple[str, type[Exception], str], ...] = (
     ),
     ("SQLITE_NOTADB", CatalogueDamaged, "{path} is not a catalogue: it is not an SQLite file"),
     ("SQLITE_CANTOPEN", CatalogueError, "cannot open {path}, or the files -wal and -shm beside it"),
+    ("SQLITE_CONSTRAINT", CatalogueDamaged, "{path} is damaged: {error}"),
     ("SQLITE_CORRUPT", CatalogueDamaged, "{path} is damaged or cut short: {error}"),
     ("SQLITE_IOERR", CatalogueDamaged, "{path} is damaged: {error}"),
     (".*closed database", CatalogueError, "the catalogue {path} is closed; expected one that is open"),

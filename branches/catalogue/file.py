@@ -210,10 +210,7 @@ class CatalogueFile:
         """Add a row with its checksum in the open transaction; False if it was ignored."""
         row = tuple(row)
         marks = ", ".join("?" * (len(row) + 1))
-        try:
-            return self._connection.execute(f"{verb} INTO {table} VALUES ({marks})", (*row, checksum(row))).rowcount > 0
-        except sqlite3.IntegrityError as error:
-            raise CatalogueError(f"{self.path}: {error}") from error
+        return self._connection.execute(f"{verb} INTO {table} VALUES ({marks})", (*row, checksum(row))).rowcount > 0
 
     # -- inside ---------------------------------------------------------------------------------------------------------------
 

@@ -494,6 +494,15 @@ def test_flipped_bytes_are_noticed(good):
     assert noticed > 30
 
 
+def test_rows_that_a_family_left_are_damage(good):
+    """Oracle: the table that holds them when a family takes the number of the one that is gone; the file keeps what it held."""
+    sql(good, "DELETE FROM families WHERE number = 4")
+    with saltus.Catalogue(good, "a") as catalogue:
+        with pytest.raises(CatalogueDamaged, match=f"{good.name} is damaged: .*points.family"):
+            catalogue.add(real()[3])
+        assert len(catalogue) == 3
+
+
 def test_text_that_is_none_is_damage(good):
     """Oracle: bytes that no text has, over a label wherever it stands, and over what a build noted."""
     data = good.read_bytes()

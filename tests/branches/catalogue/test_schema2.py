@@ -3,6 +3,7 @@
 import os
 import random
 import shutil
+import sqlite3
 import subprocess
 import sys
 import time
@@ -126,6 +127,19 @@ def test_a_catalogue_of_another_system_is_not_converted(path):
     with pytest.raises(CatalogueError, match=r"another system: there mu is 0\.1, not 0\.2"):
         Catalogue(path, "a", scene=saltus.load_scene(mu=0.2))
     assert path.read_bytes() == before and [entry.name for entry in path.parent.iterdir()] == [path.name]
+
+
+def test_an_old_file_with_an_open_log_is_not_converted(path):
+    """Oracle: the words; what was read before, and after a conversion without the other program."""
+    before, other = content(path), sqlite3.connect(path)
+    other.execute("PRAGMA journal_mode = WAL")
+    assert other.execute("SELECT count(*) FROM families").fetchone()[0] > 0
+    with pytest.raises(CatalogueInUse, match="is being read by another program; try again when it has finished"):
+        Catalogue(path, "a")
+    assert content(path)[1:] == before[1:]
+    other.close()
+    Catalogue(path, "a").close()
+    assert content(path)[1:] == before[1:]
 
 
 def test_a_reader_of_the_old_file_is_not_disturbed(path):
