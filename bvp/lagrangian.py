@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
 
@@ -24,6 +26,12 @@ FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", 
 LARGEST_POWER = 20
 """Largest number in an exponent given as text: what is above can only be a slip, or take for ever to multiply out."""
 
+MOST_TERMS = 20_000
+"""Terms of an expression that is multiplied out: springs between all pairs of 100 coordinates give 14,850."""
+
+MOST_BITS = 4096
+"""Bits of a number in an expression: no float has more than 1,024 before or 1,074 behind its point."""
+
 ARITHMETIC = (
     (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Load) + (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow) + (ast.UAdd, ast.USub)
 )
@@ -34,6 +42,16 @@ class LagrangianError(ValueError):
     """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
 
 
+@contextmanager
+def _not_too_deep() -> Iterator[None]:
+    """Within it, expressions that sympy cannot follow to their innermost part are refused."""
+    try:
+        yield
+    except RecursionError:
+        raise LagrangianError("an expression of the system is nested too deeply to be read") from None
+
+
+@_not_too_deep()
 def parts_from_lagrangian(
     kinetic: Any,
     potential: Any,
@@ -170,6 +188,9 @@ class _Names:
         from sympy.core.function import AppliedUndef
 
         if isinstance(expression, str):
+            with sympy.evaluate(False):
+                unevaluated = _parsed(expression, what)
+            self.require_small(unevaluated, what)
             expression = _parsed(expression, what)
         try:
             expression = sympy.sympify(expression, strict=True)
@@ -185,7 +206,9 @@ class _Names:
         unknown = sorted(map(str, expression.atoms(sympy.Derivative) or expression.atoms(AppliedUndef)))
         if unknown:
             raise LagrangianError(f"{what} has {unknown[0]}, which is neither a coordinate nor a velocity ({described})")
-        expression = sympy.expand(expression.xreplace({symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols}))
+        expression = expression.xreplace({symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols})
+        self.require_small(expression, what)
+        expression = sympy.expand(expression)
         for name in sorted({symbol.name for symbol in expression.free_symbols} - {*self.values, *allowed}):
             if name in self.coordinates or name in self.velocities:
                 kind = "coordinate" if name in self.coordinates else "velocity"
@@ -201,12 +224,52 @@ class _Names:
             )
         return expression
 
+    def require_small(self, expression: Any, what: str) -> None:
+        """Refuse an expression, evaluated or not, on which sympy could spend hours: multiplied out, or as a number."""
+        import sympy
+
+        values = {sympy.Symbol(name): value for name, value in self.values.items()}
+        parts = [expression]
+        for part in parts:
+            parts.extend(part.args)
+        sizes: dict[int, tuple[int, float]] = {}
+        for part in reversed(parts):
+            terms, bits = sizes[id(part)] = _size(part, [sizes[id(argument)] for argument in part.args], values)
+            if terms > MOST_TERMS or bits > MOST_BITS:
+                raise LagrangianError(
+                    f"{what} is too large, expected at most {MOST_TERMS} terms when multiplied out, and numbers that floats can hold, "
+                    f"of at most {MOST_BITS} bits"
+                )
+
     def substitute(self, expression: Any) -> Any:
         """The expression with the parameters' exact values and exact rationals for its decimal numbers."""
         import sympy
 
         expression = expression.xreplace({sympy.Symbol(name): value for name, value in self.values.items()})
         return expression.xreplace({number: sympy.Rational(number) for number in expression.atoms(sympy.Float)})
+
+
+def _size(part: Any, inner: Sequence[tuple[int, float]], values: Mapping[Any, Any]) -> tuple[int, float]:
+    """At most so many terms of an expression that is multiplied out, and bits of its numbers, from those of its arguments."""
+    terms, bits = [size[0] for size in inner], [size[1] for size in inner]
+    if part.is_Rational:
+        return 1, part.p.bit_length() + part.q.bit_length()
+    if part.is_Add:
+        return sum(terms), max(bits) + len(bits)
+    if part.is_Mul:
+        return math.prod(terms), sum(bits)
+    if part.is_Pow:
+        exponent = part.exp.xreplace(values).doit()
+        if exponent.is_Rational or exponent.is_Float:
+            k, count = math.ceil(abs(exponent)), terms[0]
+            # where there are too many terms, their exact number takes long itself
+            return math.comb(count + k - 1, k) if count == 1 or k * count <= MOST_TERMS else k * count, k * bits[0]
+    if part.is_Function:
+        number = part.xreplace(values)
+        value = number if number.free_symbols else number.evalf()
+        if value.is_Float and abs(value) > sys.float_info.max:
+            return 1, math.inf
+    return 1, 1 if part.is_Symbol and part not in values else 64
 
 
 def _form(names: _Names, expression: Any, what: str, kind: str) -> Any:
@@ -228,7 +291,7 @@ def _coefficients(names: _Names, expression: Any, what: str, kind: str, degree: 
 
     variables = getattr(names, kind)
     symbols = [sympy.Symbol(name) for name in variables]
-    collected: dict[tuple[int, ...], Any] = {}
+    collected: dict[tuple[int, ...], list[Any]] = {}
     for term in sympy.Add.make_args(names.read(expression, what, variables)):
         valued = term
         if not term.is_polynomial(*symbols):
@@ -236,10 +299,11 @@ def _coefficients(names: _Names, expression: Any, what: str, kind: str, degree: 
         if not valued.is_polynomial(*symbols):
             raise LagrangianError(f"{what} has the term {term}, which is not {degree} in the {kind}")
         for powers, coefficient in sympy.Poly(valued, *symbols).terms():
-            collected[powers] = collected.get(powers, 0) + coefficient
+            collected.setdefault(powers, []).append(coefficient)
     found = []
-    for powers, coefficient in collected.items():
-        value = _exact(names.substitute(coefficient), f"the coefficient {coefficient} of {what}")
+    for powers, coefficients in collected.items():
+        coefficient = sympy.Add(*coefficients)
+        value = _exact(names.substitute(coefficient), f"the coefficient {shown(coefficient)} of {what}")
         if value == 0:
             continue
         if sum(powers) not in ((0, 1) if degree == "linear" else (0, 2)):

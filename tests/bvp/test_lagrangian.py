@@ -192,6 +192,9 @@ REFUSED = [
     ({"gaps": "u1"}, "gaps is a list"),
     ({"gaps": ["u1 - u2"]}, "gap 1 is (expression, lower, upper)"),
     ({"kinetic": None}, "the kinetic energy is neither an expression, text nor a number"),
+    ({"parameters": {"mu": 10**400, "sigma": 1, "rho": 1}}, "parameter mu is a finite real number; received an integer of 1329 bits"),
+    ({"potential": "(10**20)**20*u1**2"}, "of the potential energy is a finite real number; received 1000"),
+    ({"potential": "u1*sin(" * 90 + "1" + ")" * 90}, "an expression of the system is nested too deeply to be read"),
     # text that is no arithmetic
     ({"potential": "u1**"}, 'the potential energy "u1**" cannot be read: not an expression'),
     ({"potential": "u1^2"}, "a power is written **"),
@@ -213,6 +216,42 @@ def test_refusals(change, message):
     with pytest.raises(LagrangianError) as caught:
         reference(**change)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+U1, U2, MU = sympy.symbols("u1 u2 mu")
+TOO_LARGE = [
+    "((((2**20)**20)**20)**20)*u1**2",
+    "((1.5**20)**20)*(((3/2)**20)**20)**20*u1**2",
+    "((u1+u2+1)**20)**20",
+    "(u1+u2+1)**20*(u1-u2+1)**20",
+    "((u1+u2+1)**20.0)**20.0",
+    "exp(exp(20))*u1**2",
+    "sin(exp(exp(20)))*u1**2",
+    "sin(exp(exp(mu)))*u1**2",
+    "(u1+u2)**lam",
+    "u1**2*1.00001**lam",
+    U1**2 * sympy.sin(sympy.exp(sympy.exp(20))),
+    U1**2 * (U1 + U2 + MU) ** 400,
+    U1**2 * sympy.Pow(7, 2000),
+    U1**2 * sympy.Pow(sympy.Rational(1001, 1000), 1000),
+]
+
+
+@pytest.mark.parametrize("potential", TOO_LARGE)
+def test_an_expression_on_which_sympy_could_spend_hours_is_refused(potential):
+    """Oracle: by hand: bits of the powers, binomial coefficients, e^(e^20) = 10^(2.1e8)."""
+    said = r"^the potential energy is too large, expected at most 20000 terms when multiplied out, and numbers .* of at most 4096 bits$"
+    with pytest.raises(LagrangianError, match=said):
+        reference(potential=potential, parameters={"mu": 20, "sigma": 1, "rho": 1, "lam": 10**6})
+
+
+def test_a_large_energy_is_read():
+    """Oracle: the stiffness of springs between all pairs of 20 masses."""
+    names = [f"q{k}" for k in range(20)]
+    springs = " + ".join(f"({a} - {b})**2/2" for k, a in enumerate(names) for b in names[:k])
+    kinetic = " + ".join(f"{name}_dot**2/2" for name in names)
+    system = reference(kinetic, springs, names, gaps=[("q0 - q1", -1, 1)], parameters={})
+    np.testing.assert_array_equal(system.stiffness, 20.0 * np.eye(20) - 1.0)
 
 
 @pytest.mark.parametrize("change", [{"kinetic": "u1_dot**2 - u2_dot**2"}, {"gaps": [("u1", 1, -1)]}, {"gaps": []}, {"primary": "u4"}])
