@@ -116,6 +116,7 @@ CASES = [
     ("continue S13O00+ --scene {text}", ["cannot read scene", "as TOML", "line 1", "column"]),
     ("continue S13O00+ --scene {indefinite}", ["mass must be positive definite"]),
     ("continue S13O00+ --scene {asymmetric}", ["mass must be symmetric", "(1, 2) is 2 and (2, 1) is 0.5"]),
+    ("continue S13O00+ --scene {deep}", ["cannot read scene", "nested too deeply"]),
     ("continue S13O00+ --scene {here}", ["cannot read scene", "it is a directory"]),
     ("continue S13O00+ --scene {here}/gone.toml", ["gone.toml", "does not exist"]),
     ("continue S13O00+ --scene {one_sided} --mu 0.1", ["mu", "matrices"]),
@@ -190,6 +191,8 @@ CASES = [
     ("section --energy 0.06 --scene {one_sided}", ["two degrees of freedom", "this system has 1"]),
     ("section --energy 0.06 --scene {two}", ["primary", "LO = u1 or u2"]),
     ("section --energy 0.01 --scene {lo}", ["no motion with energy 0.01 reaches", "above 0.045"]),
+    ("section --panels --scene {lo}", ["the scene gives no [sections] energies for panels"]),
+    (f"section --panels --energy {','.join(map(str, range(1, 28)))}", ["--energy gives 27 energies", "26 at most"]),
     ("section --panels --scene {falling}", ["[sections]", "rising energies above 0"]),
     ("section --panels --scene {cited}", ["[sections]", "cited = [3.0]", "some of the energies"]),
     ("section --energy 0.06 --mu 0.2 --catalogue {catalogue}", ["mu"]),
@@ -292,6 +295,7 @@ OF_A_CATALOGUE = [
     ("export fep --csv data.txt", ["expected a file ending in .csv"]),
     ("export orbits L11+ --csv o.csv", ["L11+ is a linear mode"]),
     ("export fep --mu 0.2 --plot f.png", ["belongs to another system: there mu is 0.1, not 0.2"]),
+    ("export orbits --csv o.csv", ["orbits need names such as S13O00+@h=1", "--energy H"]),
     ("export orbits S13+ --csv o.csv", ["an orbit of S13+ needs"]),
     ("export orbits S13+@h=1 --energy 2 --csv o.csv", ["names and --energy both choose orbits"]),
     ("export orbits S13+@h=1 --label U8* --csv o.csv", ["names and --label both choose orbits"]),
@@ -311,6 +315,7 @@ def places(tmp_path_factory, catalogue):
     texts = {
         "unknown": ONE_SIDED.replace("stiffness", "stifness"),
         "text": "h,alpha\n",
+        "deep": f"deep = {5000 * '['}{5000 * ']'}",
         "one_sided": ONE_SIDED,
         "indefinite": UNEVEN.replace("mass = [[1.0, 0.0], [0.0, 1.0]]", "mass = [[1.0, 2.0], [2.0, 1.0]]"),
         "asymmetric": UNEVEN.replace("mass = [[1.0, 0.0], [0.0, 1.0]]", "mass = [[1.0, 2.0], [0.5, 1.0]]"),
@@ -385,3 +390,25 @@ def test_a_fault_of_the_program_is_not_called_bad_input(monkeypatch):
 def test_a_directory_that_takes_no_file_is_found_before_the_work(capsys):
     """Oracle: exit code 2, and nothing of the table."""
     refused(run(capsys, "continue", "S13O00+", "--json", "/proc/branch.json"), "cannot write /proc/branch.json")
+
+
+def test_a_data_folder_that_cannot_be_made(capsys, tmp_path, monkeypatch):
+    """Oracle: a file where the user's data folder would be."""
+    (tmp_path / "file").write_text("kept")
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "file"))
+    refused(run(capsys, "continue", "S13+", "--save"), f"cannot make the directory {tmp_path}/file/saltus")
+
+
+@pytest.mark.parametrize(
+    ("package", "words"),
+    [("distributed", "build --dask tcp://127.0.0.1:8786 --catalogue a.sqlite"), ("pyarrow", "study a.toml --format parquet")],
+)
+def test_a_package_that_is_not_installed(capsys, tmp_path, monkeypatch, package, words):
+    """Oracle: Python's own mark of a module that cannot be imported; the package's extra of setup.cfg."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    (tmp_path / "a.toml").write_text('design = "grid"\n[vary.rho]\nvalues = [0.5]\n[fixed]\nenergy = 1.0\n')
+    extra = {"distributed": "dask", "pyarrow": "parquet"}[package]
+    refused(run(capsys, *words.split()), f"needs the package {package}, which is not installed", f"pip install 'saltus[{extra}]'")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.toml"]
