@@ -86,7 +86,8 @@ def reals(value: Any, *, flat: bool = False) -> np.ndarray:
     Traceback (most recent call last):
     ValueError: expected a list of numbers that is not nested; received [[1, 2]]
     """
-    if isinstance(value, bytearray | memoryview):  # numpy would read their bytes as numbers
+    rows = value if isinstance(value, list | tuple) else ()
+    if any(isinstance(part, bytearray | memoryview) for part in (value, *rows)):  # numpy would read their bytes as numbers
         raise TypeError(f"expected numbers; received {shown(value)}")
     array = value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
     if array.dtype.kind not in "iufO":
