@@ -23,12 +23,12 @@ from benchmarks.peers.collocation import Collocation
 from benchmarks.peers.integrators import INTEGRATORS, Integrator, PeriodShooting
 from benchmarks.peers.nonsmooth_time import NonsmoothTime
 from benchmarks.report import BEGIN, END, check_page
-from benchmarks.speed_error.command import DATA, FILES, GROWTH, PRECISION, ROWS, fill, measure, read_results
+from benchmarks.speed_error.command import DATA, FILES, GROWTH, METHODS, PRECISION, ROWS, fill, measure, read_results
 from benchmarks.speed_error.exact import EXACT
 from benchmarks.speed_error.methods import SHORT_STEP, Answer, OrbitAnswer
 from benchmarks.speed_error.references import reference_orbit, reference_run
 from benchmarks.speed_error.results import best_rows, tables
-from benchmarks.speed_error.rows import Effort, RowFile, growth
+from benchmarks.speed_error.rows import FULL, QUICK, Effort, RowFile, growth
 from benchmarks.speed_error.tasks import IN_PHASE, OUT_OF_PHASE, TASKS, OrbitTask, multiplier_error
 from saltus.errors import BadInput
 from saltus.outputs import WriteFailure
@@ -68,7 +68,7 @@ def test_orbits_in_digits_are_those_of_single_shooting(task):
     assert abs(float(abs(mp.re(sum(exact.multipliers))) - 2 - other.margin)) < 1e-8
 
 
-def test_an_reference_orbit_sees_wrong_equations():
+def test_a_reference_orbit_sees_wrong_equations():
     """Oracle: a start from which Newton's corrections settle on no orbit of the sequence is refused, and other ends are."""
     problem, y = IN_PHASE.problem, IN_PHASE.unknowns()
     with pytest.raises(ArithmeticError, match="did not settle"):
@@ -228,6 +228,12 @@ def test_errors_see_what_is_wrong():
         for orbits in ((good, wrong), (wrong, good)):
             with pytest.raises(ArithmeticError, match="not a number"):
                 IN_PHASE.errors(Answer(orbits=orbits))
+
+
+def test_an_effort_names_what_there_is():
+    """Oracle: the tasks and methods; a name of none would be passed over in silence."""
+    for effort in (QUICK, FULL):
+        assert set(effort.tasks or ()) <= set(TASKS) and set(effort.methods or ()) <= set(METHODS)
 
 
 # -- growth -----------------------------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse,
 
 
 class Marching:
-    """Any problem with a advance in plain Python, by the functions that the contract names."""
+    """Any problem with an advance in plain Python, by the functions that the contract names."""
 
     def __init__(self, problem):
         self.problem = problem
