@@ -62,7 +62,7 @@ _SECTIONS = {
 _POINT = {"h": POSITIVE._replace(default=None), "alpha": POSITIVE._replace(default=None)}
 _MARK = Kind(
     "a coordinate, or a list of coordinates",
-    lambda value: isinstance(value, str) or TEXTS.fits(value),
+    lambda value: isinstance(value, str) or (value != [] and TEXTS.fits(value)),
     lambda value: (value,) if isinstance(value, str) else tuple(value),
     default=(),
 )

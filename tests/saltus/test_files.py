@@ -97,6 +97,14 @@ def test_a_device_is_written_to_and_not_replaced():
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs the device that is always full")
+def test_a_full_device_is_said_in_words():
+    """Oracle: /dev/full, which refuses every byte; it stays a device."""
+    with pytest.raises(WriteFailure, match="^cannot write /dev/full: no space is left on the device$"):
+        write_text("/dev/full", "text")
+    assert stat.S_ISCHR(os.stat("/dev/full").st_mode)
+
+
 @pytest.mark.parametrize(("number", "words"), [(errno.EACCES, "permission is denied"), (errno.EROFS, "the file system is read-only")])
 def test_a_directory_that_takes_no_file_is_refused(tmp_path, monkeypatch, number, words):
     """Oracle: the answer of the operating system, by a stand-in, as a privileged user may write anywhere."""

@@ -122,6 +122,7 @@ WRONG = [
     ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["snik", "sink"]')}, ["'snik' is none of", "nearest: sink"]),
     ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["roof", "sink"]')}, ["roof", "NES", "LO"]),
     ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["sink", "sink"]')}, ["sink is marked twice"]),
+    ({"text": SCENE.replace('NES = ["sink"]', "NES = []")}, ["NES = []", "a list of coordinates"]),
     ({"text": SCENE.replace('NES = ["sink"]', 'NES = ["sink", 2]')}, ["NES = ['sink', 2]", "a list of coordinates"]),
 ]
 
