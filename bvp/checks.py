@@ -86,9 +86,6 @@ def reals(value: Any, *, flat: bool = False) -> np.ndarray:
     Traceback (most recent call last):
     ValueError: expected a list of numbers that is not nested; received [[1, 2]]
     """
-    rows = value if isinstance(value, list | tuple) else ()
-    if any(isinstance(part, bytearray | memoryview) for part in (value, *rows)):  # numpy would read their bytes as numbers
-        raise TypeError(f"expected numbers; received {shown(value)}")
     array = value if isinstance(value, np.ndarray) else np.array(value, dtype=object)
     if array.dtype.kind not in "iufO":
         raise TypeError(f"expected numbers; received {shown(value)}")
@@ -97,9 +94,18 @@ def reals(value: Any, *, flat: bool = False) -> np.ndarray:
             array = np.array([real(entry) for entry in array.ravel()], dtype=float).reshape(array.shape)
         except TypeError:
             raise TypeError(f"expected numbers; received {shown(value)}") from None
+    if _holds_bytes(value):
+        raise TypeError(f"expected numbers; received {shown(value)}")
     if flat and array.ndim != 1:
         raise ValueError(f"expected a list of numbers that is not nested; received {shown(value)}")
     return np.array(array, dtype=float)
+
+
+def _holds_bytes(value: Any) -> bool:
+    """Whether there are bytes, which numpy reads as numbers, at any depth of lists."""
+    if isinstance(value, list | tuple):
+        return any(type(entry) is not float and _holds_bytes(entry) for entry in value)
+    return isinstance(value, bytearray | memoryview) or getattr(value, "typecode", "") in ("b", "B")
 
 
 def finite_numbers(value: Any, what: str, *shape: int | None) -> np.ndarray:

@@ -91,6 +91,8 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", energy=[[1, 2], [3, 4]]), "energy range [[1, 2], [3, 4]]: expected two numbers (LO, HI)"),
     # buffers and booleans for numbers
     (lambda branch: saltus.Stop(bytearray(b"12"), -1.0, 1.0), "the gap row of a stop is a list of numbers; received bytearray(b'12')"),
+    (lambda branch: saltus.Stop(array.array("b", b"12"), -1.0, 1.0), "is a list of numbers; received array('b', [49, 50])"),
+    (lambda branch: saltus.ImpactSystem([bytearray(b"1")], [[0]], [[1]], [saltus.Stop((1,), 0)]), "received [bytearray(b'1')]"),
     (lambda branch: system(mu=np.array(True)), "mu, the mass ratio, is a number; received array(True)"),
     (lambda branch: system(mu=array.array("b", b"1")), "mu, the mass ratio, is a number; received array('b', [49])"),
     (lambda branch: spring(b"1"), "parameter k is a finite real number; received b'1'"),
