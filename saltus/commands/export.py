@@ -69,8 +69,10 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
     columns = DEFAULT_COLUMNS
     if arguments.what == "points" and arguments.columns is not None:
-        columns = tuple(dict.fromkeys(name.strip() for name in arguments.columns.split(",")))
+        columns = tuple(name.strip() for name in arguments.columns.split(","))
         for name in columns:
+            if columns.count(name) > 1:
+                raise BadInput(f"column {name!r} is given {columns.count(name)} times; expected each column once")
             if name not in POINT_NAMES:
                 hint = nearest(name, POINT_NAMES) or f", expected some of {', '.join(POINT_NAMES)}"
                 raise BadInput(f"unknown column {name!r} of points{hint}")

@@ -291,6 +291,7 @@ OF_A_CATALOGUE = [
     ("export graph --grapml g.graphml", ["nearest: --graphml"]),
     ("export points", ["missing: --json or --csv or --npz or --mat"]),
     ("export points --csv p.csv --columns h,alfa", ["unknown column 'alfa' of points; nearest: alpha"]),
+    ("export points --csv p.csv --columns h,alpha,h", ["column 'h' is given 2 times; expected each column once"]),
     ("export graph", ["missing: --json or --graphml or --dot (see saltus export graph --help)\n"]),
     ("export fep --csv data.txt", ["expected a file ending in .csv"]),
     ("export orbits L11+ --csv o.csv", ["L11+ is a linear mode"]),
