@@ -13,7 +13,7 @@ from benchmarks.__main__ import TASKS, main
 from benchmarks.continuation import held, time_process
 from benchmarks.following import BareFamily, RecordedFamily, compiled_calls, layers_of, timed_run
 from benchmarks.measure import least_times, processor_time, run_python, spread, timed
-from benchmarks.peers.shooting import PlainShooting, ShotOrbit
+from benchmarks.peers.shooting import PlainShooting, ShootingError, ShotOrbit
 from benchmarks.points import FULL, QUICK, layers, points
 from benchmarks.report import BEGIN, END, Table, check_page, show, write_page
 from branches.family import Family
@@ -67,6 +67,22 @@ def test_shooting_agrees_with_the_closed_form_to_its_tolerance(system, inner):
     assert errors[1] < 0.01 * errors[0]
 
 
+@pytest.mark.parametrize(
+    ("start", "name", "value", "said"),
+    [
+        ([0.0, 1e-3], "rtol", 1e-6, "no impact in a time of 100"),
+        ([1.4, 1.0], "flight", lambda x: (1.0, x**2 + 1.0, True), r"15 corrections do not converge \(the last is \S+\)"),
+    ],
+)
+def test_shooting_that_fails_says_why(monkeypatch, start, name, value, said):
+    """Oracles: a start that reaches no stop; a momentum at impacts that is above zero for any start."""
+    method = PlainShooting(cases.MU, cases.SIGMA, 0, 1e-6)
+    monkeypatch.setattr(method, name, value)
+    monkeypatch.setattr(method, "gradient", lambda velocities, value: np.array([1.0, 1e3]))
+    with pytest.raises(ShootingError, match=f"^{said}$"):
+        method.correct(np.array(start), np.array([1.0, 0.0]))
+
+
 def test_multipliers_of_shooting_are_those_of_the_orbit(system):
     """Oracle: the trace of the reduced period map from the half map, and a determinant of 1."""
     problem, y = cases.segment(system, 0)
@@ -101,6 +117,8 @@ def test_compiled_calls_are_seen_and_do_the_same_again(system):
     for function, arguments in calls:
         function(*arguments)
     np.testing.assert_array_equal(found[0].y, expected[0].y)
+    with pytest.raises(RuntimeError, match="none of 1 points came from a block of steps; ask for more points"):
+        layers_of(problem, y, 1, 1)
 
 
 def test_memory_counts_the_arrays_and_grows_with_points(system):

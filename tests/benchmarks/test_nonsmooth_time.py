@@ -1,12 +1,13 @@
 """The paper's own method: shooting in nonsmooth time, against the closed form and against the orbits of the multipoint problem."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks import backbone
-from benchmarks.peers.nonsmooth_time import TOLERANCE, NotMatched, Stagnates, solve_nonsmooth_time
+from benchmarks.peers.nonsmooth_time import TOLERANCE, NotMatched, Shot, Stagnates, solve_nonsmooth_time
 from bvp.closures import cycle_of
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import chain, collection
@@ -136,3 +137,30 @@ def test_an_integrator_that_passes_a_stop_is_told(gap, words, monkeypatch):
     monkeypatch.setattr(integrate, "solve_ivp", blind)
     with pytest.raises(NotMatched, match=f"{words}.*smaller tolerance"):
         solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [30.0, 1.0])
+
+
+def ends_at(*end):
+    """A shot with an end that the start has no influence on."""
+    return lambda *given: Shot(np.array(end), [], 0.0)
+
+
+def no_step(*given, **options):
+    """An integrator that stops."""
+    return SimpleNamespace(success=False, message="no step")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("scipy.integrate.solve_ivp", no_step, "the integrator failed: no step"),
+        ("benchmarks.peers.nonsmooth_time._FLIGHTS", 0, "more than 0 impacts in half a period"),
+        ("benchmarks.peers.nonsmooth_time._shoot", ends_at(1.0, 1.0), "mismatch of 1.0e[+]00: the end does not depend on the start"),
+        ("benchmarks.peers.nonsmooth_time._shoot", ends_at(np.inf, 1.0), "shooting diverged from a mismatch of inf"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_shooting_that_fails_says_why(monkeypatch, name, value, said):
+    """Oracle: what is put in place of a part of it."""
+    monkeypatch.setattr(name, value)
+    with pytest.raises(NotMatched, match=f"{said}$"):
+        solve_nonsmooth_time(vibro_impact_nes(), ALPHA, [1.4, 1.0])

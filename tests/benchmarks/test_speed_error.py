@@ -9,6 +9,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import mpmath as mp
 import numpy as np
@@ -22,6 +23,7 @@ from benchmarks.peers.auto import Auto07p
 from benchmarks.peers.collocation import Collocation
 from benchmarks.peers.integrators import INTEGRATORS, Integrator, PeriodShooting
 from benchmarks.peers.nonsmooth_time import NonsmoothTime
+from benchmarks.peers.shooting import ShootingError
 from benchmarks.report import BEGIN, END, check_page
 from benchmarks.speed_error.command import DATA, FILES, GROWTH, METHODS, PRECISION, ROWS, fill, measure, read_results
 from benchmarks.speed_error.exact import EXACT
@@ -179,6 +181,29 @@ def test_shooting_finds_a_wrong_saltation_matrix():
         matrix = PeriodShooting(integrator, "origin", 8).monodromy(velocities, 4.0 * task.alpha)
         errors.append(abs(np.trace(matrix) - 2.0 - float(sum(task.exact().multipliers))))
     assert errors[0] < 1e-6 < 1.0 < errors[1]
+
+
+def failing(*given, **options):
+    """An integrator that stops, in place of scipy's."""
+    return SimpleNamespace(success=False, message="the step is too small")
+
+
+@pytest.mark.parametrize(
+    ("velocities", "alpha", "replaced", "said"),
+    [
+        ([0.0, 1e-3], 1.65, {}, "no impact in a time of 100"),
+        ([30.0, 1.0], 1e-3, {}, "the impacts come too late"),
+        ([30.0, 1.0], 1.65, {"benchmarks.peers.integrators.solve_ivp": failing}, "the integration failed: the step is too small"),
+        ([30.0, 1.0], 1.65, {"benchmarks.peers.integrators.CORRECTIONS": 1}, r"1 corrections do not converge \(the last is \S+\)"),
+    ],
+)
+def test_shooting_over_a_period_that_fails_says_why(monkeypatch, velocities, alpha, replaced, said):
+    """Oracles: a start that reaches no stop, and one that reaches it after the end; what is put in place of the integrator."""
+    for name, value in replaced.items():
+        monkeypatch.setattr(name, value)
+    shooting = PeriodShooting(Integrator(IN_PHASE.system, "DOP853", 1e-8), "stop+", 1)
+    with pytest.raises(ShootingError, match=f"^{said}$"):
+        shooting.solve(np.array(velocities), alpha)
 
 
 @pytest.mark.parametrize(
