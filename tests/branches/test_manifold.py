@@ -50,6 +50,13 @@ def test_what_does_not_vary():
     assert dominant_frequency(np.full(100, 3.7), 0.1) == 0.0
 
 
+@pytest.mark.parametrize("energy", [(0.0, 1.0), (1.0, math.inf), (2.0, 1.0)])
+def test_a_range_that_cannot_be_followed(energy):
+    """Oracle: the message has the range."""
+    with pytest.raises(ValueError, match="energy range {:g}:{:g}.*expected 0 < LO < HI < inf".format(*energy)):
+        impulsive_manifold(SYSTEM, energy)
+
+
 @pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.4, 0.9)])
 def test_without_impacts_it_is_the_linear_spectrum(mu, sigma):
     """Oracle: w = sum b_k phi_k v sin(w_k t)/w_k: the mode with the larger amplitude, below h = sigma/2 where nothing hits."""
