@@ -357,7 +357,7 @@ def _parsed(text: str, what: str) -> Any:
     try:
         parts = list(ast.walk(ast.parse(text, mode="eval")))
     except SyntaxError as error:
-        raise LagrangianError(f"{unread}: not an expression at character {error.offset}") from None
+        raise LagrangianError(f"{unread}: not an expression at character {error.offset or 1}") from None
     except (ValueError, RecursionError, MemoryError):
         raise LagrangianError(f"{unread}: too long, or no text") from None
     for node in parts:

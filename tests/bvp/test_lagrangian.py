@@ -191,6 +191,7 @@ REFUSED = [
     ({"velocities": ["v1"]}, "velocities is a list of 2"),
     ({"gaps": "u1"}, "gaps is a list"),
     ({"gaps": ["u1 - u2"]}, "gap 1 is (expression, lower, upper)"),
+    ({"kinetic": True}, "the kinetic energy is not an expression; received True"),
     ({"kinetic": None}, "the kinetic energy is neither an expression, text nor a number"),
     ({"parameters": {"mu": 10**400, "sigma": 1, "rho": 1}}, "parameter mu is a finite real number; received an integer of 1329 bits"),
     ({"potential": "(10**20)**20*u1**2"}, "of the potential energy is a finite real number; received 1000"),
@@ -208,6 +209,9 @@ REFUSED = [
     ({"potential": "1e999*u1**2"}, "is not a finite real number"),
     ({"potential": "u1**2 + 9**9**9"}, "a power is at most"),
     ({"potential": "(" * 500 + "u1" + ")" * 500}, "cannot be read"),
+    ({"potential": "u1+" * 20_000 + "u1"}, "cannot be read: too long, or no text"),
+    ({"potential": "sin*sin(1)*u1**2"}, "cannot be read: unsupported operand"),
+    ({"potential": "\0"}, "cannot be read: not an expression at character 1"),
 ]
 
 

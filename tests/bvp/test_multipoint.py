@@ -6,6 +6,8 @@ closed forms of one-impact orbits; the numpy event-driven flow; refinement to 60
 
 import pickle
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -312,12 +314,15 @@ def test_refusals(system, ends, sequence, words):
         MultipointProblem(system, ends, sequence)
 
 
-def test_no_orbit_is_said_so():
-    """There is no impacting orbit below h = sigma/2 (energy needed to reach the stop): Newton must not claim one."""
-    system = vibro_impact_nes()
-    problem, y = backbone_segment(system, 1.0)
-    with pytest.raises(NotConverged):
-        problem.solve(y, energy=0.9 * 0.05)
+@pytest.mark.parametrize(
+    ("factor", "energy", "words"),
+    [(1.0, 0.045, "grow"), (1.5, 0.045, "grow|did not settle in 30 steps"), (math.nan, 0.045, "diverged"), (0.1, None, "did not settle$")],
+)
+def test_no_orbit_is_said_so(factor, energy, words):
+    """There is no impacting orbit below h = sigma/2 (energy needed to reach the stop), and none so fast: Newton must not claim one."""
+    problem, y = backbone_segment(vibro_impact_nes(), 1.0)
+    with pytest.raises(NotConverged, match=words):
+        problem.solve(factor * y, energy=energy)
 
 
 def test_a_problem_that_has_been_followed_goes_to_another_process():

@@ -24,6 +24,7 @@ MATRICES = [
     ({"mass": [1.0, 2.0]}, "mass is a square matrix"),
     ({"stops": (Stop((1.0,), 0.0, 1.0),)}, "gap row of stop a has 1 entries; the system has 2 coordinates"),
     ({"stops": ()}, "at least one Stop"),
+    ({"stops": (Stop((1.0, 0.0), 0.0, 1.0),) * 27}, "at most 26 stops can be named a to z; received 27"),
     ({"stops": (Stop((1.0, 0.0), 0.0, 1.0, name="b"), Stop((0.0, 1.0), 0.0, 1.0, name="b"))}, "different names"),
     ({"coordinates": ("x", "x")}, r"coordinates have different names that are not empty; received \('x', 'x'\)"),
     ({"coordinates": 5}, "coordinates is a list of 2 names; received 5"),
