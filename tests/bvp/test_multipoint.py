@@ -4,9 +4,8 @@ Oracles: the same equations written again in numpy with complex numbers, differe
 closed forms of one-impact orbits; the numpy event-driven flow; refinement to 60 digits.
 """
 
-import pickle
-
 import math
+import pickle
 
 import numpy as np
 import pytest
