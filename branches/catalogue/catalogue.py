@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from branches.catalogue.store import Kept
     from branches.orbit import Orbit
 
-__all__ = ["Catalogue", "FLATTENED", "GRAPH_FORMATS", "graph_of", "graph_text"]
+__all__ = ["Catalogue", "FLATTENED", "graph_of", "graph_text"]
 
 
 @brief
@@ -166,8 +166,6 @@ class Catalogue(CatalogueStore):
         return widen(self, branch)
 
 
-GRAPH_FORMATS = ("json", "graphml", "dot")
-
 FLATTENED = "{} holds neither lists nor null: labels are joined by spaces, attributes without a value are left out"
 """The remark for a format that cannot hold every attribute."""
 
@@ -216,17 +214,8 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
 
 
 def graph_text(graph: networkx.MultiDiGraph, format: str) -> str:
-    """The graph in one of `GRAPH_FORMATS`: node-link JSON, GraphML or Graphviz DOT. `FLATTENED` says what the last two cannot hold.
-
-    Raises
-    ------
-    ValueError
-        For another format.
-    """
-    writers = {"json": _node_link, "graphml": _graphml, "dot": _dot}
-    if format not in writers:
-        raise ValueError(f"unknown format {format!r} of a graph, expected {', '.join(GRAPH_FORMATS)}")
-    return writers[format](graph)
+    """The graph as node-link JSON ("json"), "graphml" or Graphviz "dot". `FLATTENED` says what the last two cannot hold."""
+    return {"json": _node_link, "graphml": _graphml, "dot": _dot}[format](graph)
 
 
 def _node_link(graph: networkx.MultiDiGraph) -> str:

@@ -523,8 +523,11 @@ def test_a_range_of_energies_leaves_points_out_and_ends_families_at_its_bounds()
         assert len(shown) == len(wanted)
         order, other = np.lexsort(shown.T), np.lexsort(wanted.T)
         np.testing.assert_allclose(shown[order], wanted[other], rtol=1e-12)
-    with pytest.raises(ValueError, match="nothing to draw"):
+    with pytest.raises(ValueError, match="nothing to draw: no family, no impulsive orbit has a point in the range"):
         atlas_figure(atlas_of(real.SYSTEM, real.families(), energy=(1e7, 1e8)))
+    from_rest = replace(data.curves[0], velocities=np.full_like(data.curves[0].velocities, np.nan))
+    with pytest.raises(ValueError, match="nothing to draw: velocities are those at zero displacement"):
+        velocities_figure(replace(data, curves=(from_rest,)))
 
 
 @pytest.mark.parametrize(("number", "steepest"), [(0, np.argmax), (1, np.argmin)])

@@ -226,6 +226,7 @@ values = [0.05, 0.8]
 def test_starting_families(tmp_path, capsys):
     """Oracle: the orbit of the family at the energy, and the general run from it; below the family's fold there is no orbit (h = 0.069)."""
     from bvp.simulate import simulate as damped
+    from transitions.study.figure import lines_figure
     from transitions.study.runs import Ending
 
     code, text, err = run(capsys, "study", written(tmp_path, FAMILIES), "--workers", 1)
@@ -243,6 +244,10 @@ def test_starting_families(tmp_path, capsys):
     refused(drawn, "--view map needs two parameters that are numbers", "varies family, energy")
     best = study.best()
     assert best.given["family"] == "S11O00-" and best.value == np.nanmax(study["nes_share"])
+    study["nes_share"][:] = np.nan
+    for asked in (study.best, lambda: lines_figure(study)):
+        with pytest.raises(ValueError, match="no finished run of .*a.study has nes_share"):
+            asked()
 
 
 def test_a_family_with_several_orbits_asks_which(tmp_path, capsys):
