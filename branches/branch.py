@@ -131,12 +131,12 @@ class Branch:
         return self.full_family.ids[0]
 
     def known_within(self, wider: Branch) -> Branch:
-        """A copy that knows a wider branch of its family. Its id is found without following the family again."""
+        """This branch, with a wider branch of its family known. Its id is then found without following the family again."""
         self.__dict__["wider"] = wider
         return self
 
     def known_as(self, id: str) -> Branch:
-        """A copy that knows the id of its family. The family is not followed for it."""
+        """This branch, with the id of its family known. The family is not followed for it."""
         self.__dict__["id"] = id
         return self
 
