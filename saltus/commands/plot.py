@@ -11,10 +11,11 @@ from saltus.errors import BadInput, nearest
 from saltus.terminal import table_lines, terminal_width
 
 if TYPE_CHECKING:
+    from branches.tables import Table
     from transitions.study.study import Best, Study
 
 VIEWS = ("map", "lines", "best")
-_TABLES = {kind: outputs.KINDS[kind] for kind in ("csv", "npz", "mat")}
+_TABLES = {kind: outputs.KINDS[kind] for kind in ("json", "csv", "npz", "mat")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     if not files.places:
-        raise BadInput("missing: --plot, --csv, --npz or --mat (see saltus plot --help)")
+        raise BadInput("missing: --plot, --json, --csv, --npz or --mat (see saltus plot --help)")
 
     from transitions.study.study import Study, numeric_axes
 
@@ -65,8 +66,14 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"{len(study)} of {study.plan.count} runs are finished"])
     files.report(best_lines(study, study.best(best), best))
 
+    def table() -> Table:
+        return {"run": study.runs, **study.given, **{name: study[name] for name in study.names}}
+
+    from branches.tables import table_text
+
     return files.write(
-        table=lambda: {"run": study.runs, **study.given, **{name: study[name] for name in study.names}},
+        {"json": lambda: table_text(table(), "json", "runs")},
+        table=table,
         figure=(f"transitions.study.figure:{view}_figure", study, options),
     )
 

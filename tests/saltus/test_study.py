@@ -1,6 +1,7 @@
 """`saltus study` and `saltus plot`: files that are checked, blocks that are kept, pictures drawn from them."""
 
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -348,15 +349,16 @@ def test_the_best_run_and_those_about_it(finished, capsys, tmp_path):
 def test_the_runs_as_a_table(finished, capsys, tmp_path):
     """Oracle: the study's arrays; the same numbers in each kind of file."""
     study = saltus.Study(finished[1])
-    code, _, _ = run(capsys, "plot", finished[1], "--csv", tmp_path / "a.csv", "--npz", tmp_path / "a.npz", "--mat", tmp_path / "a.mat")
-    assert code == 0
+    kinds = ("json", "csv", "npz", "mat")
+    assert run(capsys, "plot", finished[1], *(word for kind in kinds for word in (f"--{kind}", tmp_path / f"a.{kind}")))[0] == 0
+    listed = json.loads((tmp_path / "a.json").read_text())["runs"]
     rows = np.genfromtxt(tmp_path / "a.csv", names=True, delimiter=",")
     arrays, matlab = np.load(tmp_path / "a.npz"), loadmat(tmp_path / "a.mat")
     assert set(arrays) == {"run", *study.given, *study.names} and len(rows) == 60
     for name in ("run", "rho", "nes_share", "last_impact"):
         wanted = {"run": study.runs, "rho": study.given["rho"]}.get(name)
         wanted = study[name] if wanted is None else wanted
-        for values in (rows[name], arrays[name], matlab[name][:, 0]):
+        for values in (rows[name], arrays[name], matlab[name][:, 0], np.array([row[name] for row in listed], dtype=float)):
             assert np.array_equal(values, wanted, equal_nan=True)
 
 
