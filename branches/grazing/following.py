@@ -249,7 +249,8 @@ def _meet(
             # The corrector can fall from a far probe onto a multiple cover of a shorter orbit, or one of more symmetry, that is near.
             own = [closure for closure in inside if is_solved_as_it_is(problem, closure.y)] or inside
             return neighbour(kind, there=there, beside=own[-1] if own else None)
-    return neighbour("dead end", reason="; ".join(dict.fromkeys(sides)), there=there)
+    reason = "; ".join(dict.fromkeys(sides)) or "several families cross there, and their directions were not found"
+    return neighbour("dead end", reason=reason, there=there)
 
 
 def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float, list[np.ndarray]]:

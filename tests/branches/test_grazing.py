@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from branches.grazing import following
 from branches.grazing.following import CannotMerge, merged, neighbours
 from branches.grazing.touching import candidate, touching
 from branches.linear_modes import linear_modes
@@ -273,6 +274,22 @@ def test_impacts_that_interact_or_come_to_an_end_do_not_merge(mixed, times, word
     problem, solution, _ = at_one_instant(two_stops(mixed))
     with pytest.raises(CannotMerge, match=words):
         merged(problem, problem.pack(problem.start(solution.y), problem.nodes(solution.y), times))
+
+
+@pytest.mark.parametrize(
+    ("solved", "words"),
+    [
+        (lambda problem, y: (y, 0.0, []), "several families cross there, and their directions were not found"),
+        (lambda problem, y: (y, 1e-11, []), "the grazing orbit does not solve this problem"),
+        (lambda problem, y: (y, 0.0, [np.zeros(len(y))]), "the orbit does not change with the first impulses"),
+    ],
+)
+def test_a_dead_end_has_its_reason(monkeypatch, solved, words):
+    """Oracle: solutions at the grazing orbit that are made up."""
+    monkeypatch.setattr(following, "_solve", solved)
+    branch, event = grazing("S13O00+", 14.5537)
+    found = branch.neighbours(event)
+    assert found and all((item.kind, item.reason, item.branch) == ("dead end", words, None) for item in found)
 
 
 def test_a_motion_without_impacts_and_reversals_solves_no_problem():
