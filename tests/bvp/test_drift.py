@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from bvp.fast_path import DECLINED
+from bvp.fast_path import DECLINED, FULL_COUNT
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_fast_path import impulsive, many
@@ -35,11 +35,12 @@ def systems(seed, count):
 
 
 def test_of_two_masses():
-    """Oracle: initial energy = dissipated + present, over 10,000 impacts of 150 systems."""
+    """Oracle: initial energy = dissipated + present, over 10,000 impacts of 150 systems; a conservative one dissipates exactly 0."""
     full = 0
     for system, energy in systems(1, 150):
         motion = simulate(system, [0.0, 0.0], [0.0, math.sqrt(2.0 * energy)], 1e5, max_impacts=10_000)
         assert motion.balance_error < limit(motion.impacts), (system, energy, motion.impacts)
+        assert not motion.totals.any() or system.why_not_conservative()
         full += motion.impacts == 10_000
     assert full > 50
 
@@ -51,6 +52,8 @@ def test_of_two_masses_on_the_fast_path():
         found = many(system, impulsive([energy]), 1e9, max_impacts=10_000)
         if found.reason[0] != DECLINED:
             assert abs(found.balance[0]) < limit(found.impacts[0]) * energy, (system, energy, found.impacts[0])
+            assert not found.dissipated.any() or system.why_not_conservative()
+            assert (found.impacts[0] == 10_000) == (found.reason[0] == FULL_COUNT)
             full += found.impacts[0] == 10_000
     assert full > 100
 

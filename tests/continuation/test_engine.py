@@ -1,6 +1,7 @@
 """Following curves: step control, refusal, closure, ends. Oracles: circles and ellipses, the exact geometry of each curve."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -129,6 +130,14 @@ def test_steps_that_turn_contract_badly_or_go_astray_are_halved_and_counted():
     assert end.tally.slow == 1
     points, _, (end,) = parts(follow(Line(broken=lambda s: 0.95 < s < 1.04), np.array([0.0]), settings=SHORT))
     assert end.tally.not_converged == 1 and end.reason is EndReason.POINTS
+
+
+@pytest.mark.parametrize("number", [1, 2, 7])
+def test_points_limit_counts_all_points(number):
+    """Oracle: the limit, where about every third point is an event."""
+    problem = Line((TestFunction("A", "crossing"), lambda s: math.sin(20 * s + 1)))
+    points, _, (end,) = parts(follow(problem, np.array([0.0]), settings=replace(SHORT, maximum_points=number)))
+    assert len(points) == number and end.reason is EndReason.POINTS
 
 
 def test_a_point_far_from_its_prediction_is_refused():
