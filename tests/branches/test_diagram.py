@@ -555,6 +555,13 @@ def test_names_overlap_nothing(points, squeezed):
         assert not inside.any()
 
 
+def test_even_points_and_thinning():
+    """Oracle: two sides of a square, measured; the gap between them is not crossed."""
+    path = np.array([[0.0, 0.0], [10.0, 0.0], [np.nan, np.nan], [100.0, 0.0], [100.0, 10.0]])
+    np.testing.assert_allclose(even_points(path, 4.0), [[2, 0], [6, 0], [100, 0], [100, 4], [100, 8]], atol=1e-12)
+    assert thinned(np.array([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0], [3.5, 2.0]]), 2.5).tolist() == [True, False, True, False]
+
+
 def test_a_name_without_any_room_is_left_out(capsys):
     """Oracle: a panel smaller than the name; nothing is printed."""
     with figure_settings():

@@ -15,8 +15,9 @@ from branches.catalogue import Catalogue
 from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import NEAR, FamilyHarmonics, Meeting, families_of, harmonics
-from transitions.following import Match, family_intervals, partner, unlike
+from transitions.following import Around, Match, family_intervals, partner, steady, unlike
 from transitions.frequencies import LEAST_PERIODS, SHARE, amplitude_of_motion, ridge_intervals, ridges
+from transitions.kernels import Maxima, link
 from transitions.spectrum import Wavelet, morlet_spectrum
 from transitions.stage import Follows, Stage, StartFamily, changes, stages_as_data
 from transitions.stages import stages_of, why_another
@@ -514,3 +515,31 @@ def test_why_a_stage_does_not_follow_the_family_of_the_start():
     assert why(unlike=0.1, others=()) == "this one fits better than S13O00+"
     assert why(others=(branch.id,)) == "S13O00+ fits as well, this one is simpler"
     assert why_another(replace(start, family="a:b:c"), families, None, plain, times, times, 0.3) == ""
+
+
+def test_maxima_are_linked_to_their_nearest():
+    """Oracle: by hand: two that go on, one that is nobody's nearest, and one that is lost for a column."""
+    columns, bounds = np.array([0, 0, 1, 1, 1, 2, 3, 3]), np.array([0, 2, 5, 6, 8])
+    level = np.array([0.0, 1.0, 0.01, 0.5, 0.98, 1.0, 0.02, 1.01])
+    following, opened = np.empty((2, 8), dtype=np.int64)
+    link(Maxima(columns, level, bounds, np.full(8, 0.05)), 0.05, 0.25, 1.0, following, np.empty(8, dtype=np.bool_), opened)
+    assert following.tolist() == [2, 4, 6, -1, 5, 7, -1, -1]
+
+
+def test_means_are_over_three_periods():
+    """Oracle: the integral of a parabola, which is zero outside of a part of the columns."""
+    cycles = np.linspace(0.0, 12.0, 4001)
+    around = Around(cycles, np.array([0, 1500, 2000, 4000]))
+    low, high = np.clip(cycles[around.places] - 1.5, 0.0, 12.0), np.clip(cycles[around.places] + 1.5, 0.0, 12.0)
+    for first, stop, accuracy in ((0, 4001, 5e-6), (1600, 2400, 1e-6)):
+        a, b = (np.clip(edge, cycles[first], cycles[stop - 1]) for edge in (low, high))
+        means = around.mean(cycles[first:stop] ** 2, first)
+        np.testing.assert_allclose(means, (b**3 - a**3) / 3.0 / (high - low), rtol=accuracy, atol=1e-12)
+    assert around.reached(1600, 2400) == slice(1, 3)
+
+
+def test_a_harmonic_that_comes_for_less_than_three_periods_does_not_count():
+    """Oracle: by hand."""
+    cycles = 0.5 * np.arange(40)
+    row = (cycles >= 10.0) | ((cycles >= 4.0) & (cycles < 5.0))
+    assert steady(np.stack([row, np.ones(40, dtype=bool), np.zeros(40, dtype=bool)]), cycles) == [(0, 19, (1,)), (20, 39, (0, 1))]
