@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch, BranchEvent, Ended
     from branches.catalogue import Catalogue
+    from branches.catalogue.find import NameMatch
     from branches.naming.labels import Name
     from branches.orbit import Orbit
     from branches.search.discovery import Discovery
@@ -153,9 +154,7 @@ def _follow_kept(
     from branches.tracing import extend
 
     match = catalogue.find(name, reference_points=reference_points)
-    if match.kind != "family":
-        raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
-    branch = catalogue.branch(match.id)
+    branch = _branch_of(match, name, catalogue)
     h, alpha = branch.points["h"], branch.points["alpha"]
     inside = np.flatnonzero((h >= energy[0]) & (h <= energy[1]))
     if not len(inside):
@@ -166,6 +165,13 @@ def _follow_kept(
     if on_start is not None:
         on_start(f"{branch.points['label'][i] or match.id}: point {i} of {match.id} in {catalogue.path}, from h = {h[i]:.10g}")
     return extend(branch, i, energy=energy, rising=bool(h[0] <= h[-1]), **options)
+
+
+def _branch_of(match: NameMatch, name: str, catalogue: Catalogue) -> Branch:
+    """The family that a name means in a catalogue. A linear mode has no impacts and is refused."""
+    if match.kind != "family":
+        raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
+    return catalogue.branch(match.id)
 
 
 def discover(
@@ -235,10 +241,7 @@ def family_named(name: str, scene: Scene, energy: float | None, arguments: argpa
     """The family from a catalogue; else traced over the scene's energies, or farther if the given energy is outside."""
     with catalogues.lookup(name, arguments, scene) as opened:
         if opened is not None:
-            match = opened.find(name)
-            if match.kind != "family":
-                raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
-            return opened.branch(match.id)
+            return _branch_of(opened.find(name), name, opened)
 
     processes.prepare()
     low, high = scene.energy
