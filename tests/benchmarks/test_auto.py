@@ -71,7 +71,7 @@ def test_a_stored_run_is_read():
         (2, lambda points: points.replace("8.8726748", "8.8726749"), "h = 0.08872674874 of AUTO's table"),
     ],
 )
-def test_a_run_that_failed_is_told(part, change, words):
+def test_a_run_that_failed_is_reported(part, change, words):
     """Oracle: the stored run, with what failed in it."""
     parts = stored()
     parts[part] = change(parts[part])
@@ -116,7 +116,7 @@ def test_what_is_missing_is_named(monkeypatch, tmp_path):
     assert "gfortran" in missing()
 
 
-def test_a_program_that_does_nothing_is_told(monkeypatch, tmp_path):
+def test_a_program_that_does_nothing_is_reported(monkeypatch, tmp_path):
     """Oracle: a program of that name which says something and writes no table; one that hangs."""
     for name, text in (("gfortran", ":"), ("auto", "echo no equations; exit 3")):
         (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n", encoding="ascii")

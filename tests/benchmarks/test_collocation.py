@@ -118,7 +118,7 @@ def test_what_it_cannot_do_is_refused(change, words):
         solve_collocation(given.pop("problem"), y, **given)
 
 
-def test_a_tolerance_that_is_not_reached_is_told():
+def test_a_tolerance_that_is_not_reached_is_reported():
     """Oracle: more nodes than are allowed; an energy below that of any impact, sigma/2."""
     problem, y = backbone_segment(vibro_impact_nes(), 1.7)
     with pytest.raises(CollocationError, match=r"tolerance 1.0e-09: The maximum number of mesh nodes is exceeded. \(\d+ nodes\)"):

@@ -107,7 +107,7 @@ def test_shooting_that_stands_still_ends(monkeypatch):
 
 
 @pytest.mark.rounding
-def test_shooting_that_does_not_arrive_is_told():
+def test_shooting_that_does_not_arrive_is_reported():
     """Oracle: the motion at rest satisfies both ends, and is no orbit that impacts; and the message has the mismatch that stays, whose
     digits are those of an iteration that does not converge, on any one machine."""
     with pytest.raises(NotMatched, match="without impacts"):
@@ -121,7 +121,7 @@ def test_shooting_that_does_not_arrive_is_told():
     ("gap", "words"),
     [(lambda begin, tau: 1.0, r"penetrated a stop by \S+ between two steps"), (lambda begin, tau: begin - tau, "missed a flight")],
 )
-def test_an_integrator_that_passes_a_stop_is_told(gap, words, monkeypatch):
+def test_an_integrator_that_passes_a_stop_is_reported(gap, words, monkeypatch):
     """Oracle: events that see no impact at all, and events that see one where the flight begins, in place of the integrator's."""
     from scipy import integrate
 

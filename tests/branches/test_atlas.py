@@ -130,7 +130,7 @@ def test_the_manifold_is_dots_joined_where_it_does_not_jump():
     assert curve.breaks.any() and dots.get_marker() == "."
 
 
-def test_names_are_counted_and_pinned_ones_come_first():
+def test_names_are_counted_and_cited_ones_come_first():
     """Oracle: the texts in the picture; with room for three, both cited families and the one with the longest range of energies."""
     data = real.atlas()
     total = len({curve.family for curve in data.curves})
@@ -160,7 +160,7 @@ PINS = {
 }
 
 
-def test_a_pin_marks_its_family_at_its_place():
+def test_a_reference_point_marks_its_family_at_its_place():
     """Oracle: the scene's own pins. U11+ and U21- are labels of the family that leaves S13+, U21+ is the literature's name of a point
     that counts as U1101+; S31O11- counts as S33O11- there; a pin of a family that is not there, and one where no orbit is, mark nothing."""
     data = atlas_of(real.SYSTEM, real.families(), reference_points=PINS)
@@ -196,7 +196,7 @@ def test_cited_names_are_written_as_the_scene_writes_them(figure):
     assert r"$\mathrm{U1101}^{+}$" not in texts and note.startswith("3 of 3 families named")
 
 
-def test_a_pin_outside_the_energies_shown_marks_nothing():
+def test_a_reference_point_outside_the_energies_shown_marks_nothing():
     """Oracle: the range."""
     data = atlas_of(real.SYSTEM, real.families(), reference_points=PINS, energy=(0.56, 1.4))
     assert {name for curve in data.curves for name in curve.names[curve.cited]} == {"U21-", "S11-"}
@@ -304,7 +304,7 @@ def test_no_marker_stands_where_many_families_run_together():
     assert alone and not many
 
 
-def test_equal_names_are_told_apart_and_families_without_a_label_have_a_short_id():
+def test_equal_names_are_distinguished_and_families_without_a_label_have_a_short_id():
     """Oracle: the texts of the picture: one plain name, and the first digits of the hashes that tell the ids apart."""
     data = real.atlas()
     blank = np.full(len(data.curves[0].h), "")

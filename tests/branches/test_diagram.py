@@ -290,7 +290,7 @@ def test_points_of_each_stability_are_on_the_lines_that_say_so(drawn):
         assert code != 0 or point not in on[1]
 
 
-def test_crosses_of_unstable_stretches_do_not_merge():
+def test_crosses_of_unstable_intervals_do_not_merge():
     figure = branch_figure(make_branch(np.concatenate([IN_PHASE, IN_PHASE[::-1]]), 0))
     axes = panels_of(figure)["frequency"]
     (crosses,) = by_gid(axes, "frequency-unstable-crosses")

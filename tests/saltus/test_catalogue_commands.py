@@ -77,7 +77,7 @@ def test_show_a_linear_mode(catalogue, capsys):
     assert code == 0 and "linear mode  L11+" in out and "0.1185078106" in out and real()[0].id in out
 
 
-def test_a_meeting_that_both_sides_tell_is_shown_once(catalogue, capsys, tmp_path):
+def test_a_meeting_that_both_sides_report_is_shown_once(catalogue, capsys, tmp_path):
     """Oracle: the edges by hand: the grazing of the mode reported by the family too, at the same event and at another; JSON has all."""
     path = tmp_path / "both.sqlite"
     path.write_bytes(catalogue.read_bytes())

@@ -61,7 +61,7 @@ def test_the_table_and_all_files_say_the_same(tmp_path, families):
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_panels_of_the_scene_says_which_energies_are_cited(tmp_path):
+def test_panels_of_the_scene_say_which_energies_are_cited(tmp_path):
     """Oracle: the scene: two energies are the paper's, six are not."""
     code, out, err = reported(f"section --panels {SMALL} --plot {tmp_path}/p.svg --json {tmp_path}/p.json")
     assert code == 0 and not err
@@ -74,7 +74,7 @@ def test_panels_of_the_scene_says_which_energies_are_cited(tmp_path):
     assert code == 0 and "note   the energies are our choice" in out
 
 
-def test_panels_of_a_range_has_eight_energies(tmp_path):
+def test_panels_of_a_range_have_eight_energies(tmp_path):
     """Oracle: a geometric sequence."""
     code, out, _ = reported(f"section --panels --energy 0.06:6 {SMALL}")
     found = [float(line.split()[0]) for line in out.splitlines()[1:9]]

@@ -58,7 +58,7 @@ def test_no_length_is_built_in(factor):
     assert other.orthogonality == pytest.approx(one.orthogonality, rel=1e-9)
 
 
-def test_a_missing_package_is_told_in_one_line(monkeypatch):
+def test_a_missing_package_is_reported_in_one_line(monkeypatch):
     """Oracle: the words."""
     monkeypatch.setitem(sys.modules, "PyEMD", None)
     with pytest.raises(NotInstalled, match=r'pip install "saltus\[emd\]"') as caught:

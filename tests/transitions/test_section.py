@@ -319,7 +319,7 @@ def test_the_length_of_the_blocks_does_not_change_a_section(monkeypatch, rho, en
 
 
 @pytest.mark.parametrize("rho", [0.3, 1.0])
-def test_the_colour_bar_tells_of_orbits_without_an_exponent(rho):
+def test_the_colour_bar_reports_orbits_without_an_exponent(rho):
     """Oracle: the exponents: orbits that stick have none, elastic ones never stick."""
     from transitions.section.figure import section_figure
     from transitions.section.view import SectionView

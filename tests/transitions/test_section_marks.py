@@ -180,7 +180,7 @@ def test_points_that_come_and_go_round_a_bend_do_not_go_round_its_middle():
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_of_several_points_an_orbit_is_told_about_the_one_that_it_goes_round_most_evenly(first):
+def test_of_several_points_an_orbit_is_reported_about_the_one_that_it_goes_round_most_evenly(first):
     """Oracle: a circle, evenly gone round, about its middle."""
     turn = 2.0 * math.pi * 0.217 * math.sqrt(2.0) * np.arange(600)
     both = [centre(0.0, 0.0), centre(0.2, 0.0)]

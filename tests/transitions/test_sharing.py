@@ -68,7 +68,7 @@ def test_one_oscillator_named_keeps_the_springs_to_others():
     assert u @ shared.stiffness @ u == pytest.approx(0.5 * 0.7**2, rel=1e-14)
 
 
-def test_without_marks_the_gaps_are_told_apart_still():
+def test_without_marks_the_gaps_are_still_distinguished():
     shared = sharing_of(chain())
     assert shared.mass is None and not shared.sink and shared.nes_parts == {"gaps", "stop a", "stop b", "stop c"}
     motion = simulate(chain(), np.zeros(4), [0.0, 1.0, 0.0, 0.0], 3.0, dampers=shared.dampers)

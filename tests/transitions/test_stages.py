@@ -40,7 +40,7 @@ def joined(*pieces):
 @pytest.mark.parametrize("reverse", [False, True])
 @pytest.mark.parametrize("offset", [0.0, 0.4])
 @pytest.mark.parametrize("decades", [3, 7, 12])
-def test_a_faint_end_is_held_as_far_as_the_record_goes(decades, offset, reverse):
+def test_a_faint_end_goes_on_as_far_as_the_record_goes(decades, offset, reverse):
     """Oracle: the signal: a tone that falls by so many decades until time 300, with a rest position that falls as it does, and a slower one
     of that amplitude, to the end of the record; forwards and backwards."""
     times = np.linspace(0.0, 600.0, 30_001)
@@ -382,7 +382,7 @@ def test_the_cut_is_the_cheapest_of_all():
         ]
 
 
-def test_lines_without_a_partner_count_whole():
+def test_lines_without_a_partner_count_in_full():
     """Oracle: by hand."""
     orbit = np.array([[0.7, 0.0, 0.3, 0.0]])
     for harmonic, lines, expected in (
@@ -445,7 +445,7 @@ def test_a_ridge_is_cut_where_the_family_that_it_follows_changes(scenes, scene):
 
 
 @pytest.mark.parametrize("scene", ["light", "heavy"])
-def test_a_capture_with_a_third_harmonic_is_told_from_one_without(scenes, scene):
+def test_a_capture_with_a_third_harmonic_is_distinguished_from_one_without(scenes, scene):
     """Oracle: the orbits' own harmonics: on the backbone the first is the stronger, on the tongue the third; the weaker one carries a
     fifth of the amplitude in the first orbit of each pair, and not in the second."""
     catalogue, families = scenes[scene]

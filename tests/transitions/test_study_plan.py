@@ -62,7 +62,7 @@ def test_a_hypercube_shares_listed_values_equally():
     assert np.ptp(np.bincount(values["family"].astype(int))) <= 1 and np.ptp(np.unique(values["mu"], return_counts=True)[1]) == 0
 
 
-def test_a_plan_is_told_by_its_digest_and_read_back():
+def test_a_plan_is_known_by_its_digest_and_read_back():
     """Oracle: equality; every field changes it, but for the title."""
     plan = plan_of([Axis("energy", low=0.1, high=1.0, points=3)], title="one")
     assert StudyPlan.from_plain(json.loads(json.dumps(plan.plain()))) == plan

@@ -154,7 +154,7 @@ def test_a_conservative_motion_and_one_without_families_are_drawn():
     assert by_gid(figure, "families-spectrum") is not None and not figure.legends[0].get_texts()
 
 
-def test_what_cannot_be_drawn_or_read_is_told_in_one_line(drawn, tmp_path):
+def test_what_cannot_be_drawn_or_read_is_reported_in_one_line(drawn, tmp_path):
     """Oracle: the words."""
     transition, atlas, _ = drawn
     heavy = saltus.vibro_impact_nes(mu=0.2, sigma=0.1)

@@ -28,7 +28,7 @@ def test_energies_beside_the_outermost_are_inside_the_bounds(place, monkeypatch)
 
 
 @pytest.mark.parametrize(("half", "halves", "failed"), [((), 0, 2), ((0,), 1, 1), ((1,), 1, 1), ((0, 1), 1, 0)])
-def test_an_end_that_is_cut_is_told_unless_the_image_goes_on_there(half, halves, failed, monkeypatch):
+def test_an_end_that_is_cut_is_reported_unless_the_image_goes_on_there(half, halves, failed, monkeypatch):
     """Oracle: the ends themselves. That the image goes on at one end says nothing of the other."""
     branch = saltus.trace("S13O00+", energy=(0.3, 0.4))
     cut = tuple(end._replace(reason="MINIMUM_STEP") for end in branch.ended)

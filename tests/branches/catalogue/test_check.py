@@ -111,7 +111,7 @@ def test_an_edge_that_does_not_close_is_found(tmp_path):
         assert any(words in failure.text for failure in failures), (words, failures)
 
 
-def test_two_different_orbits_at_one_energy_are_told_apart(tmp_path):
+def test_two_different_orbits_at_one_energy_are_distinguished(tmp_path):
     """Oracle: an orbit of S11O00- at the energy of the SB of S13O00+ solves its own problem, but is not the orbit of that event."""
     backbone, other, *_ = real()
     event = next(event for event in backbone.events if event.id == "SB1")

@@ -155,7 +155,7 @@ def test_a_suffix_chooses_among_several(twins):
         catalogue.find("S73O33-@h=5")
 
 
-def test_a_pin_chooses_for_a_bare_name_only(twins):
+def test_a_reference_point_chooses_for_a_bare_name_only(twins):
     """Oracle: the scene pins S73O33- to alpha = 1.6459; other pins choose the other family; other names are not helped."""
     catalogue, twisted, other = twins
     assert catalogue.find("S73O33-").id == twisted.id
@@ -166,7 +166,7 @@ def test_a_pin_chooses_for_a_bare_name_only(twins):
         catalogue.find("S73O33-", reference_points={"S73O33-": {"h": 7.3348, "alpha": 9.0}})
 
 
-def test_a_pin_finds_a_label_that_is_counted_otherwise(catalogue):
+def test_a_reference_point_finds_a_label_that_is_counted_otherwise(catalogue):
     """Oracle: the orbit at the pin: S53O33+ at h = 15 under a name with its impacts but other half-waves, as the literature has some;
     a name with other impacts is not helped, nor is one without a pin."""
     pins = {"S93O33-": {"h": 15.0, "alpha": 1.64594}, "S93O22-": {"h": 15.0, "alpha": 1.64594}}

@@ -98,7 +98,7 @@ def test_a_writer_killed_while_it_makes_the_file(branch_file, tmp_path):
             assert len(catalogue) == 0
 
 
-def test_a_second_writer_is_told_of_the_first(branch_file, tmp_path):
+def test_a_second_writer_reads_who_the_first_one_is(branch_file, tmp_path):
     """Oracle: the first's process number; and that readers are let in meanwhile."""
     path = tmp_path / "used.sqlite"
     process = writer(branch_file, path)
@@ -456,7 +456,7 @@ def test_every_flipped_bit_of_the_work_is_noticed(good):
             raise AssertionError(f"bit {bit} is not noticed")
 
 
-def test_all_that_is_damaged_is_told(good):
+def test_all_that_is_damaged_is_reported(good):
     """Oracle: the rows that were changed, in six tables; the family that was left alone is looked at."""
     sql(
         good,

@@ -94,7 +94,7 @@ def test_columns_can_be_asked_for_in_sql(path):
     assert (low, high, stable) == (points["h"].min(), points["h"].max(), np.sum(points["stable"] == 1))
 
 
-def test_rows_tell_ranges_and_intervals(path):
+def test_rows_have_ranges_and_intervals(path):
     """Oracle: numpy on the branch: each point lies in an interval with its own label, and stability where that is decided."""
     with saltus.Catalogue(path) as catalogue:
         for branch in real():
@@ -198,7 +198,7 @@ def test_work_is_done_once(tmp_path):
         assert catalogue.progress("settled") == {"energy": [0.05, 1.0]} and catalogue.progress("nothing") is None
 
 
-def test_a_transaction_is_whole_or_nothing(tmp_path):
+def test_a_transaction_is_all_or_nothing(tmp_path):
     """Oracle: the families before it."""
     path = tmp_path / "half.sqlite"
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
