@@ -186,6 +186,7 @@ REFUSED = [
     ({"gaps": [("u1", math.nan, 1)]}, "the lower bound of gap 1 is not a finite real expression"),
     # shapes
     ({"coordinates": "u1"}, "coordinates is a list"),
+    ({"coordinates": []}, "coordinates is a list of at least one name or symbol; received none"),
     ({"coordinates": [1, 2]}, "coordinate 1 is neither a name nor a symbol"),
     ({"coordinates": ["u1", "u1"]}, "the name u1 is given twice"),
     ({"velocities": ["v1"]}, "velocities is a list of 2"),

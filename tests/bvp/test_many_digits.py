@@ -105,6 +105,11 @@ def test_a_periodic_closure():
             _ = exact.half_map
 
 
+def test_a_dissipative_system_is_refused():
+    with pytest.raises(ValueError, match="periodic orbits in many digits need a conservative system: "):
+        digit_modes(vibro_impact_nes(lam=0.1))
+
+
 def test_what_is_no_orbit_does_not_settle():
     """Oracle: the corrections are refused that settle nowhere."""
     problem, y = backbone_segment(vibro_impact_nes(), FOLD)

@@ -132,10 +132,13 @@ def test_refuses_points_without_two_branches_that_cross(function, jacobian, word
         branch_directions(GenericProblem(function, jacobian), np.zeros(size), np.eye(size)[-1])
 
 
-def test_refuses_a_distance_that_is_not_positive():
+def test_refuses_a_distance_at_which_there_can_be_no_point():
     (event,) = follow_both_ways(pitchfork(), np.array([0.0, -1.0]), Settings(maximum_points=100)).events
     with pytest.raises(ValueError, match="distance = 0"):
         other_branch_starts(pitchfork(), event, distance=0.0)
+    # A parabola turns more than that at every distance.
+    with pytest.raises(SwitchError, match="no point of the other branch could be corrected within 0.1 of the branch point"):
+        other_branch_starts(pitchfork(), event, Settings(maximum_turn=1e-9, target_turn=1e-10), distance=0.1)
 
 
 @pytest.mark.parametrize("offset", [1e-3, 1e-5, 1e-7])
