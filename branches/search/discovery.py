@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "CLASSES", "Discovery", "Found", "OrbitSearch", "Unpolished", "WITHOUT_ORIGIN", "check", "check_turn", "default_budget",
-    "discover_orbits", "fastest_turn", "is_complete", "judged",
+    "CLASSES", "Discovery", "Found", "OrbitSearch", "Unpolished", "WITHOUT_ORIGIN", "check", "check_bounds",
+    "default_budget", "discover_orbits", "fastest_turn", "is_complete", "judged",
 ]  # fmt: skip
 
 CLASSES = {
@@ -380,15 +380,25 @@ def check_turn(system: ImpactSystem, quarter_period: float) -> None:
         )
 
 
-def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
-    """Raise ValueError if the system or the bounds of `discover_orbits` cannot be searched."""
-    require_system(system, conservative="families of periodic orbits", two_dof="orbits are discovered for", advice=START_FROM_A_STATE)
-    for what, value in (("energy", energy), ("longest quarter period", quarter_period)):
-        if not (is_finite(value) and value > 0.0):
-            raise ValueError(f"the {what} is {shown(value)}, expected a finite number above 0")
+def _check_positive(value: Any, what: str) -> None:
+    """Raise ValueError for what is not a finite number above 0."""
+    if not (is_finite(value) and value > 0.0):
+        raise ValueError(f"the {what} is {shown(value)}, expected a finite number above 0")
+
+
+def check_bounds(system: ImpactSystem, quarter_period: float, impacts: int | None) -> None:
+    """Raise ValueError if the longest quarter period or the most impacts cannot bound a search."""
+    _check_positive(quarter_period, "longest quarter period")
     check_turn(system, quarter_period)
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or not 0 <= impacts <= MOST_BOUND):
         raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected an integer from 0 to {MOST_BOUND}, or no bound")
+
+
+def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
+    """Raise ValueError if the system or the bounds of `discover_orbits` cannot be searched."""
+    require_system(system, conservative="families of periodic orbits", two_dof="orbits are discovered for", advice=START_FROM_A_STATE)
+    _check_positive(energy, "energy")
+    check_bounds(system, quarter_period, impacts)
     if ends is not None and (not ends or isinstance(ends, str)):
         raise ValueError(f"the ends are {shown(ends)}, expected a list with some of {', '.join(CLASSES)}")
     for name in ends or ():

@@ -18,7 +18,7 @@ from branches.tables import plain_columns
 from bvp.checks import checked_energy_range, require_system
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
-from bvp.texts import brief
+from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -149,8 +149,16 @@ def impulsive_manifold(
     -------
     Manifold
         A jump is a change by more than a power law of exponent one allows, and by more than one line of the spectrum.
+
+    Raises
+    ------
+    ValueError
+        For another system, an empty or reversed range, and a density or number of periods below 1.
     """
     check_system(system)
+    for name, value in (("density", density), ("periods", periods)):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+            raise ValueError(f"{name} = {shown(value)}: expected an integer, at least 1")
     low, high = checked_energy_range(energy, positive=True)
     levels = np.geomspace(low, high, max(2, math.ceil(density * math.log10(high / low)) + 1))
     frequency, rate = np.full(len(levels), np.nan), np.full(len(levels), np.nan)

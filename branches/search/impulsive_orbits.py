@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.orbit import Orbit, label_at
-from branches.search.discovery import OrbitSearch, Unpolished, check_turn, default_budget, is_complete
+from branches.search.discovery import OrbitSearch, Unpolished, check_bounds, default_budget, is_complete
 from branches.search.impulsive_motions import check_system, impulsive_state
 from branches.search.intervals import segment_limits
 from branches.search.starts import curve_over_energy
@@ -29,6 +29,9 @@ __all__ = ["ImpulsiveOrbit", "ImpulsiveOrbits", "impulsive_orbits"]
 
 _ASIDE = 1e-6
 """Arclength to the orbit beside an impulsive one whose label it is given."""
+
+_MOST_IMPACTS = 100_000
+"""Most impacts of one start. The scan has room in memory for as many at each depth of its intervals."""
 
 _STAGES = {
     "starts": "starts", "grazings": "grazings", "crossings": "zeros", "without_impacts": "linear", "repeated": "repeated",
@@ -101,7 +104,7 @@ class ImpulsiveOrbits:
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         closed = "complete" if self.complete else "not complete"
-        title = f"ImpulsiveOrbits, h = {self.energy[0]:g} to {self.energy[1]:g}: {len(self.orbits)} orbits, {closed}"
+        title = f"ImpulsiveOrbits, h = {self.energy[0]:.10g} to {self.energy[1]:.10g}: {len(self.orbits)} orbits, {closed}"
         return title, [("orbits", listed([orbit.label for orbit in self.orbits]))]
 
     @property
@@ -142,18 +145,19 @@ def impulsive_orbits(
     ([('U4122-', 2.987367315)], True)
     """
     low, high = checked_energy_range(energy, positive=True)
-    if not 0.0 < quarter_period < math.inf:
-        raise ValueError(f"quarter_period = {quarter_period:g}: expected a number above 0")
-    if impacts is not None and impacts < 0:
-        raise ValueError(f"impacts = {impacts}: expected 0 or more")
     check_system(system)
     require_system(system, two_dof="periodic impulsive orbits are found by one scan over energy on")
     if not system.has_odd_symmetry:
         raise ValueError("periodic impulsive orbits need one stop with equal gaps on both sides: they pass through the origin")
-    check_turn(system, quarter_period)
+    check_bounds(system, quarter_period, impacts)
     start = system.modes.from_state @ np.concatenate(impulsive_state(system, 1.0))
     limits = {far: segment_limits("origin", far, quarter_period, impacts) for far in ("origin", "rest", "stop")}
     curve = curve_over_energy(system, start, (low, high), 2.0 * quarter_period)
+    if impacts is None and curve.most_impacts > _MOST_IMPACTS:
+        raise ValueError(
+            f"a motion with energy {high:g} can have {curve.most_impacts} impacts within half of the longest period searched, expected "
+            f"{_MOST_IMPACTS} or less: give a lower energy, a shorter quarter period or the most impacts"
+        )
     search = OrbitSearch(system)
     search.scan([curve], limits, default_budget(system, quarter_period), solve_impulsive)
     found = [orbit for orbit in search.orbits(quarter_period, impacts) if low <= orbit.h <= high]

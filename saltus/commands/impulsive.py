@@ -99,7 +99,7 @@ def remarks(found: ImpulsiveOrbits) -> list[str]:
     counts = ", ".join(f"{count} {name}" for name, count in found.counts.items())
     bound = f"quarter period up to {found.quarter_period:g}" + ("" if found.impacts is None else f", up to {found.impacts} impacts")
     state = "complete" if found.complete else "NOT complete"
-    lines = [f"{state}  energies {found.energy[0]:g} to {found.energy[1]:g}, {bound}: {counts}"]
+    lines = [f"{state}  energies {found.energy[0]:.10g} to {found.energy[1]:.10g}, {bound}: {counts}"]
     for gone in found.unpolished:
         lines.append(f"unpolished  between h = {gone.low:.15g} and {gone.high:.15g}, {'-'.join(gone.ends)}: {gone.reason}")
     lines += [f"open  the scan did not close the energies {low:.15g} to {high:.15g}" for low, high in found.open[:10]]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from branches.naming.labels import canonical_label, parse
-from branches.search.impulsive_motions import impulsive_state, oscillator_period
+from branches.search.impulsive_motions import impulsive_manifold, impulsive_state, oscillator_period
 from branches.search.impulsive_orbits import impulsive_orbits, solve_impulsive
 from branches.tracing import follow_family
 from bvp.multipoint import NotConverged
@@ -228,14 +228,30 @@ def test_what_cannot_be(system, energy, said):
 @pytest.mark.parametrize(
     ("bounds", "said"),
     [
-        ({"quarter_period": 0.0}, "quarter_period = 0: expected a number above 0"),
-        ({"quarter_period": 2.0, "impacts": -1}, "impacts = -1: expected 0 or more"),
+        ({"quarter_period": 0.0}, "the longest quarter period is 0.0, expected a finite number above 0"),
+        ({"quarter_period": "2"}, "the longest quarter period is '2', expected a finite number above 0"),
+        ({"quarter_period": 2.0, "impacts": -1}, "the most impacts of half a period is -1, expected an integer from 0 to 10000"),
+        ({"quarter_period": 2.0, "impacts": 0.5}, "the most impacts of half a period is 0.5, expected an integer from 0 to 10000"),
+        ({"quarter_period": 2.0, "impacts": 10**9}, "the most impacts of half a period is 1000000000, expected an integer from 0 to 10000"),
     ],
 )
 def test_bounds_that_cannot_be(bounds, said):
     """Oracle: the words of the message."""
     with pytest.raises(ValueError, match=said):
         impulsive_orbits(SYSTEM, (1.0, 2.0), **bounds)
+
+
+def test_more_impacts_than_memory_holds_are_refused():
+    """Oracle: at energy 1e20 the gap closes in less than 1e-9 of time, so half a period has more than a billion impacts."""
+    with pytest.raises(ValueError, match=r"with energy 1e\+20 can have \d{11,} impacts .* the most impacts$"):
+        impulsive_orbits(SYSTEM, (1e19, 1e20), quarter_period=2.0)
+
+
+@pytest.mark.parametrize(("name", "value"), [("density", 0), ("density", "a"), ("density", 2.5), ("periods", 0), ("periods", True)])
+def test_a_manifold_needs_whole_numbers(name, value):
+    """Oracle: the words of the message."""
+    with pytest.raises(ValueError, match=rf"^{name} = {value!r}: expected an integer, at least 1$"):
+        impulsive_manifold(SYSTEM, (1.0, 1.1), **{name: value})
 
 
 @pytest.mark.parametrize(
