@@ -210,8 +210,8 @@ def switch(branch: Branch, event: BranchEvent | str, **options: Any) -> list[Bra
     out = []
     for emanating in emanating_families(branch, branch.event(event)):
         if emanating.cover:
-            met = follow_family(emanating.problem, emanating.step, **{"direction": "both", **options})
-            out.append(replace(met, cover=emanating.cover))
+            primitive = follow_family(emanating.problem, emanating.step, **{"direction": "both", **options})
+            out.append(replace(primitive, cover=emanating.cover))
             continue
         side = follow_family(emanating.problem, emanating.step, direction="along", **options)
         out.append(side)

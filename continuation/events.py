@@ -326,6 +326,7 @@ class EventFinder:
         s = location.s + apart
         low, high = location.between
         near = self._settings.coincidence_tolerance
+        # The equations may have led to another event: outside this step, or outside the bracket of the jump.
         if not 0.0 < s < ds or (location.kind == "jump" and not low - near < s < high + near):
             return location
         margin = self._settings.location_tolerance

@@ -1,4 +1,4 @@
-"""`saltus discover --energy H`: every primitive symmetric orbit at an energy, within bounds."""
+"""`saltus discover --energy H`: every primitive orbit with a reversal at an energy, within bounds."""
 
 from __future__ import annotations
 

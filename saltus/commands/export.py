@@ -203,6 +203,7 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
 
 def _atlas(arguments: argparse.Namespace) -> Atlas:
+    """The data of the figure: read from `--data`, or collected from the chosen families and, on request, the impulsive motions."""
     from branches.figures.atlas_data import atlas_of, regime_bounds, rescaled
 
     if arguments.data is not None:
