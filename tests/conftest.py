@@ -1,6 +1,7 @@
 """Settings of the whole test suite: no timed property tests, no window for pictures; and the small scene that many tests read."""
 
 import os
+import signal
 
 import hypothesis
 import pytest
@@ -9,6 +10,9 @@ from saltus.processes import one_thread
 
 one_thread()
 os.environ.setdefault("MPLBACKEND", "Agg")
+
+# A job in the background of a shell ignores Ctrl-C, and so do its children. The tests of interrupts need Python's handler.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The first call of a compiled kernel takes seconds and later ones microseconds, so no example is timed.
 hypothesis.settings.register_profile("saltus", deadline=None, print_blob=True)
