@@ -21,6 +21,7 @@ import branches.family
 from benchmarks.measure import Spread, processor_time, spread
 from branches.family import Family
 from branches.tracing import SETTINGS
+from bvp.kernels.compiled import Direct
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from continuation.control import Settings
 from continuation.engine import Allowance, first_step, follow_in_blocks
@@ -274,7 +275,7 @@ def compiled_calls() -> Iterator[list[Call]]:
     """Record the calls of compiled functions that `branches.family` makes by name, in order."""
     calls: list[Call] = []
     module = branches.family
-    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher)}
+    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher | Direct)}
 
     def recording(function: Callable[..., Any]) -> Callable[..., Any]:
         def recorded(*arguments: Any) -> Any:

@@ -28,6 +28,7 @@ from branches.kernels import (
     two_dof_tests,
 )
 from branches.orbit import label_at
+from bvp.kernels.compiled import Direct
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
@@ -48,6 +49,7 @@ SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, ta
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
 _ITERATIONS = 12  # most of a correction
+_take_block = Direct(advance_block)
 
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
@@ -230,6 +232,8 @@ class Family:
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
         self._limits = low, high, longest
         self._targets = [level for _, _, level in self._resonant]
+        singular = np.array([test.singular for test in self.tests], dtype=float)
+        self._watched = WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets, dtype=float))
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
@@ -272,15 +276,17 @@ class Family:
             np.empty((rows, self._computed)),
             np.empty((rows, 2)),
         )
-        singular = np.array([test.singular for test in self.tests])
-        watched = WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets))
-        step, before = recent.step, (np.array(recent.tests), np.array(recent.older), np.array(recent.oldest))
-        beginning = Beginning(step.y, step.tangent, np.array(step.position), *before, recent.length, recent.length_before)
-        direction = np.full(size + 2, math.nan) if goal.direction is None else goal.direction
-        towards = GoalPlane(np.asarray(goal.step.position), direction)
+        # The compiled code does not look at types: all arrays are contiguous float64.
+        step, direction = recent.step, np.full(size + 2, math.nan) if goal.direction is None else goal.direction
+        y, tangent, position, target, along = (
+            np.ascontiguousarray(part, dtype=float) for part in (step.y, step.tangent, step.position, goal.step.position, direction)
+        )
+        tests, older, oldest = (np.array(values, dtype=float) for values in (recent.tests, recent.older, recent.oldest))
+        beginning = Beginning(y, tangent, position, tests, older, oldest, float(recent.length), float(recent.length_before))
+        towards = GoalPlane(target, along)
         # With the fold as the only test function nothing else is computed.
         compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, size + 2))
-        count, tried, ds = advance_block(compiled, _ITERATIONS, control, watched, beginning, towards, ds, metric, block)
+        count, tried, ds = _take_block(compiled, _ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block)
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None
@@ -289,7 +295,8 @@ class Family:
                 Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
             )
         taken = Block(*(array[:count] for array in block))
-        taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
+        if self._computed > len(self.tests):
+            taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
     def _general(self, solution: Solution) -> list[float]:

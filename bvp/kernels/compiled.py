@@ -208,6 +208,19 @@ def compiled_for(function: Any, arguments: tuple[Any, ...]) -> tuple[Any, int]:
     return entry_point, _get_wrapper_address(function, function.overloads[types].signature)
 
 
+class Direct:
+    """A kernel that Python calls without a check of the arguments, as `compiled_for` makes it: their types are those of the first call."""
+
+    def __init__(self, function: Any):
+        self._function = function
+        self._entry_point: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        if self._entry_point is None:
+            self._entry_point, _ = compiled_for(self._function, arguments)
+        return self._entry_point(*arguments)
+
+
 def _calling(result: Any) -> Any:
     def call(typing_context, address, arguments):
         """Call, inside a kernel, another kernel at a given address. The tuple must have the argument types that it was compiled for.
