@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -232,8 +233,11 @@ class Family:
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
         self._limits = low, high, longest
         self._targets = [level for _, _, level in self._resonant]
+
+    @cached_property
+    def _watched(self) -> WatchedTests:
         singular = np.array([test.singular for test in self.tests], dtype=float)
-        self._watched = WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets, dtype=float))
+        return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets, dtype=float))
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
