@@ -15,6 +15,7 @@ import sys
 import time
 import warnings
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -208,17 +209,17 @@ def compiled_for(function: Any, arguments: tuple[Any, ...]) -> tuple[Any, int]:
     return entry_point, _get_wrapper_address(function, function.overloads[types].signature)
 
 
+@dataclass(eq=False)
 class Direct:
     """A kernel that Python calls without a check of the arguments, as `compiled_for` makes it: their types are those of the first call."""
 
-    def __init__(self, function: Any):
-        self._function = function
-        self._entry_point: Any = None
+    function: Any
+    entry_point: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
-        if self._entry_point is None:
-            self._entry_point, _ = compiled_for(self._function, arguments)
-        return self._entry_point(*arguments)
+        if self.entry_point is None:
+            self.entry_point, _ = compiled_for(self.function, arguments)
+        return self.entry_point(*arguments)
 
 
 def _calling(result: Any) -> Any:
