@@ -335,6 +335,11 @@ class Family:
         """F'(y), for switching."""
         return self.problem.jacobian(y)
 
+    @property
+    def curvature_blocks(self) -> list[np.ndarray]:
+        """See `continuation.switching.Equations`."""
+        return self.problem.curvature_blocks
+
     def refined(self, index: int, at: Step) -> Step | None:
         """See `continuation.Problem`. At branch points the equations are singular, and steps nearby fall onto the other family."""
         if index != _BRANCHING:

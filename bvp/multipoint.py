@@ -231,12 +231,21 @@ class MultipointProblem:
         fill(self.segment, y, factor)
         rows = self.size + 1
         out = np.zeros((self.unknowns - 1, self.unknowns))
-        for j in range(self.inner * rows):
-            base = max(0, (j // rows - 1) * rows)
+        for i in range(self.inner):
+            base = max(0, (i - 1) * rows)
             width = min(factor.window.shape[1], self.unknowns - base)
-            out[j, base : base + width] = factor.window[j, :width]
+            out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
         out[self.inner * rows :] = factor.closing
         return out
+
+    @property
+    def curvature_blocks(self) -> list[np.ndarray]:
+        """Indices of the unknowns of each flight, (k + 1) arrays: the state where it starts, and its time.
+
+        The equations are sums over the flights, so no second derivative is by unknowns of two flights. A periodic orbit is one block: its
+        unfolding parameter acts on all flights."""
+        every = np.arange(self.unknowns)
+        return [every] if self.periodic else np.split(every, self.parameters + 1 + (self.size + 1) * np.arange(self.inner))
 
     # -- solution and step ----------------------------------------------------------------------------------------------------
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Protocol
 
 import numpy as np
@@ -165,7 +167,11 @@ def other_branch_starts(
 
 
 class Equations(Protocol):
-    """n equations in n + 1 unknowns: F(y), (n,), and F'(y), (n, n + 1)."""
+    """n equations in n + 1 unknowns: F(y), (n,), and F'(y), (n, n + 1).
+
+    Optional, found by name: ``curvature_blocks``, index arrays that together have all unknowns. No second derivative of F is by unknowns
+    of two blocks, so that one difference of F' serves a column of each block.
+    """
 
     def residual(self, y: np.ndarray) -> np.ndarray: ...
 
@@ -183,7 +189,7 @@ def refine_branch_point(
         F(y) + m psi = 0,    F'(y)^T psi = 0,    psi . psi = 1
 
     has a simple branch point as a regular solution, with m = 0. Newton's method on it takes psi . F'' from differences of the Jacobian,
-    and keeps it while the steps shrink.
+    and keeps it while the steps shrink. For equations with ``curvature_blocks`` it needs as many as the largest block has unknowns.
 
     `scale`: sizes of the unknowns (n + 1,), by default 1. The result is None if the iteration does not converge, converges to no solution
     of F = 0, or goes more than `farthest` away, in units of the sizes.
@@ -204,18 +210,27 @@ def refine_branch_point(
     psi = np.linalg.svd(np.asarray(equations.jacobian(place), dtype=float) * scale)[0][:, -1]
     n = psi.size
     excess, last, length = 0.0, math.inf, 0.0
+    blocks: Sequence[np.ndarray] = getattr(equations, "curvature_blocks", (np.arange(n + 1),))
     matrix = np.zeros((2 * n + 2, 2 * n + 2))
     for _ in range(_ROUNDS):
-        jacobian = np.asarray(equations.jacobian(place), dtype=float) * scale
+        plain = np.asarray(equations.jacobian(place), dtype=float)
+        jacobian = plain * scale
         matrix[:n, : n + 1] = jacobian
         matrix[:n, n + 1 : -1] = excess * np.eye(n)
         matrix[:n, -1] = psi
         if not 0.0 < length <= _SHRUNK * last:
-            for j, size in enumerate(scale):  # psi . F'', column by column
+            slope = psi @ jacobian
+            unchanged = scale * (psi @ plain) - slope  # rounding
+            for members in zip_longest(*blocks):  # psi . F'', a column of each block
                 apart = np.zeros(n + 1)
-                apart[j] = _NEWTON_DIFFERENCE * size
-                column = scale * (psi @ np.asarray(equations.jacobian(place + apart))) - psi @ jacobian
-                matrix[n : 2 * n + 1, j] = column / _NEWTON_DIFFERENCE
+                moved = [j for j in members if j is not None]
+                apart[moved] = _NEWTON_DIFFERENCE * scale[moved]
+                change = scale * (psi @ np.asarray(equations.jacobian(place + apart))) - slope
+                for j, block in zip(members, blocks, strict=True):
+                    if j is not None:
+                        column = unchanged.copy()
+                        column[block] = change[block]
+                        matrix[n : 2 * n + 1, j] = column / _NEWTON_DIFFERENCE
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
         residual = np.concatenate(

@@ -125,6 +125,22 @@ def test_residual_and_jacobian_against_complex_steps(case):
     assert np.max(np.abs(jacobian - jacobian_twin(problem, y))) < 1e-13 * size**2
 
 
+@settings(max_examples=60)
+@given(problems())
+def test_no_second_derivative_is_by_unknowns_of_two_flights(case):
+    """Oracle: the Jacobian at displaced unknowns, which changes in the columns of one block alone."""
+    problem, y = case
+    base, blocks = problem.jacobian(y), problem.curvature_blocks
+    assert np.array_equal(np.concatenate(blocks), np.arange(problem.unknowns))
+    assert len(blocks) == (1 if problem.periodic else problem.inner + 1)
+    for block in blocks:
+        for j in block:
+            apart = np.zeros(problem.unknowns)
+            apart[j] = 0.3
+            changed = np.flatnonzero((problem.jacobian(y + apart) != base).any(axis=0))
+            assert set(changed) <= set(block)
+
+
 @pytest.mark.parametrize("signs", [{"restitution": -1.0}, {"pull": -1.0}])
 @pytest.mark.parametrize("ends", [("origin", "stop+"), ("rest", "origin"), ("periodic", "periodic")])
 def test_a_flipped_sign_is_noticed(ends, signs):

@@ -157,6 +157,40 @@ def test_a_branch_point_is_refined_to_rounding(offset):
     assert np.linalg.svd(jacobian(found), compute_uv=False)[-1] < 1e-14
 
 
+class CrossingLines:
+    """F = ((x - 1)(y - 2), v^3 + x - 1, w^2 + y - 4), whose second derivatives are by x and y, by v, and by w."""
+
+    def residual(self, at):
+        x, y, v, w = at
+        return np.array([(x - 1.0) * (y - 2.0), v**3 - 8.0 + x - 1.0, w * w - 9.0 + y - 2.0])
+
+    def jacobian(self, at):
+        x, y, v, w = at
+        return np.array([[y - 2.0, x - 1.0, 0.0, 0.0], [1.0, 0.0, 3.0 * v * v, 0.0], [0.0, 1.0, 0.0, 2.0 * w]])
+
+
+class InBlocks(CrossingLines):
+    """The same equations with their blocks, one shorter than the longest."""
+
+    curvature_blocks = (np.array([0, 1]), np.array([2]), np.array([3]))
+
+
+class WrongBlocks(CrossingLines):
+    """Blocks that part x from y."""
+
+    curvature_blocks = (np.array([0, 2]), np.array([1, 3]))
+
+
+def test_one_difference_serves_a_column_of_each_block():
+    """Oracle: the place in closed form, and the differences column by column, to the bit. Wrong blocks are noticed."""
+    near = np.array([1.001, 1.999, 2.0005, 2.9995])
+    found = refine_branch_point(InBlocks(), near)
+    assert found is not None and np.max(np.abs(found - [1.0, 2.0, 2.0, 3.0])) < 1e-13
+    assert np.array_equal(found, refine_branch_point(CrossingLines(), near))
+    wrong = refine_branch_point(WrongBlocks(), near)
+    assert wrong is None or not np.array_equal(found, wrong)
+
+
 def test_where_no_branch_point_is_near_none_is_refined():
     """Oracle: a circle has none; lines that cross farther away than asked for are left alone."""
     circle_problem = GenericProblem(lambda y: np.array([y @ y - 1.0]), lambda y: 2.0 * y[None, :])
