@@ -23,6 +23,7 @@ from bvp.checks import require_system
 from bvp.kernels.impact import work_array
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import EndSet, Flow, ScanLimits, Scanned, scan_starts
+from bvp.kernels.two_mode_hit import step_table
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -244,6 +245,7 @@ def _flow(system: ImpactSystem, coefficients: np.ndarray, shape: int, contact: i
         np.array([system.stops[0].lower, system.stops[0].upper], dtype=np.float64),
         coefficients,
         np.array([shape, contact], dtype=np.int64),
+        step_table(modes.squares),
     )
 
 

@@ -23,7 +23,20 @@ from bvp.kernels import two_modes as entry
 from bvp.kernels.compiled import kernel, part
 from bvp.kernels.contact_mode import kick
 from bvp.kernels.flight import copy_1, set_1
-from bvp.kernels.two_modes import changing, fraction_time, mode_rotations, numbers, product, radii, raised, rotated_slightly, spend, turned
+from bvp.kernels.two_modes import (
+    changing,
+    fraction_time,
+    mode_rotations,
+    moves_away,
+    numbers,
+    product,
+    radii,
+    raised,
+    rotated_slightly,
+    spend,
+    turned,
+    zero_in_step,
+)
 
 CLEARED, TIMED, FULL_COUNT, DECLINED = range(4)
 """Reasons: no impact is possible any more; the duration; the most impacts; not an ordinary motion."""
@@ -181,10 +194,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
                         + m2 * (m2 * m2 - 3.0 * w2 * w2) * r2 + w2 * (3.0 * m2 * m2 - w2 * w2) * i2
                     )  # fmt: skip
                     slope = away * v
-                    off = (
-                        slope > 0.0 and slope + bend * h / 6.0 > 0.0 and slope + bend * h / 3.0 + jerk * h * h / 18.0 > 0.0
-                        and slope + bend * h / 2.0 + jerk * h * h / 6.0 - fourth * h * h * h / 24.0 > 0.0
-                    )  # fmt: skip
+                    off = moves_away(slope, bend, jerk, fourth, h)
                     if leaving > 0:
                         safe = off and min(first, second, wn) - error > lower
                     else:
@@ -203,16 +213,7 @@ def fast_path_run(system, terms, start, initial, limits, fractions, taken, out):
                         bound = lower
                     if ahead != 0 and v * vn > 0.0 and min(abs(v), abs(vn)) > third * (h * h * 0.125):
                         side = ahead
-                        # Zero of the cubic with the values and slopes of both ends.
-                        s = (bound - w) / (wn - w)
-                        ca = v * h
-                        cc = vn * h
-                        rise = wn - w
-                        for _ in range(3):
-                            value = w + s * (ca + s * ((3.0 * rise - 2.0 * ca - cc) + s * (ca + cc - 2.0 * rise))) - bound
-                            slope = ca + s * (2.0 * (3.0 * rise - 2.0 * ca - cc) + 3.0 * s * (ca + cc - 2.0 * rise))
-                            s = min(max(s - value / slope, 0.0), 1.0) if slope != 0.0 else s
-                        guess = t + s * h
+                        guess = t + zero_in_step(w, v, wn, vn, h, bound) * h
                         break
                     level += 1
                     if level >= entry.LEVELS:

@@ -14,14 +14,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
-from bvp.kernels.compiled import allocating, kernel
+from bvp.kernels.compiled import allocating, kernel, sized
 from bvp.kernels.contact_mode import arrive, restitute_state
 from bvp.kernels.extrema import crossing_times, next_sign_change, refine, track_of
 from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
 from bvp.kernels.impact import HIT, NONE, next_hit
 from bvp.kernels.multipoint import STOP
+from bvp.kernels.two_mode_hit import DECLINED, two_mode_hit
 
 STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNING_POINTS, THIRD, COLUMNS = (
     0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
@@ -46,6 +47,7 @@ class Flow(NamedTuple):
     start: np.ndarray  # (3, 4): z = start[0] + first(theta) start[1] + second(theta) start[2]
     # (2,) int64: 0 cosine and sine, 1 constant and linear, 2 hyperbolic, 3 linear and quadratic; contact that the start leaves, -1 for none
     shape: np.ndarray
+    table: np.ndarray  # of `bvp.kernels.two_mode_hit.step_table`
 
 
 @kernel
@@ -113,18 +115,21 @@ def amplitude(square, q, p, horizon, order):
 @kernel
 def follow_impacts(flow, theta, longest, most, record, work):
     """Follow one start up to `most` impacts and a little past the time `longest`, filling rows of `record`. Returns the rows filled."""
-    z = work[5, :4]
-    dz = work[6, :4]
-    y = work[7, :4]
-    dy = work[8, :4]
-    begin = work[9, :4]
-    velocity = work[10, :4]
-    contacts = flow.contacts
+    z = sized(work[5, :4], 4)
+    dz = sized(work[6, :4], 4)
+    y = sized(work[7, :4], 4)
+    dy = sized(work[8, :4], 4)
+    begin = sized(work[9, :4], 4)
+    velocity = sized(work[10, :4], 4)
+    gap, rate, acceleration, side, bound, push, restitution = flow.contacts
+    contacts = Contacts(sized(gap, 4), sized(rate, 4), sized(acceleration, 4), side, bound, sized(push, 4), restitution)
     slack = 0.05 * longest
     start_at(flow, theta, z, dz)
     time = 0.0
     time_rate = 0.0
     leaving = flow.shape[1]
+    left = contacts.side[leaving] if leaving >= 0 else 0.0
+    oscillates = flow.table.shape[0] > 0
     for k in range(most + 1):
         copy_1(z, record[k, :4])
         copy_1(dz, record[k, 4:8])
@@ -132,7 +137,17 @@ def follow_impacts(flow, theta, longest, most, record, work):
         record[k, TIME] = time
         record[k, TIME + 1] = time_rate
         record[k, CLEARANCE] = math.nan
-        found, contact, duration = next_hit(flow.flight, contacts, leaving, z, longest - time + 2.0 * slack, work, y)
+        horizon = longest - time + 2.0 * slack
+        found = int64(DECLINED)
+        contact = int64(-1)
+        duration = 0.0
+        if oscillates:
+            found, hit, duration = two_mode_hit(flow.table, flow.squares, contacts.gap, flow.limits, z, left, horizon)
+            for c in range(contacts.side.shape[0]):
+                if contacts.side[c] == hit:
+                    contact = int64(c)
+        if found == DECLINED:
+            found, contact, duration = next_hit(flow.flight, contacts, leaving, z, horizon, work, y)
         if found != HIT:
             record[k, DURATION] = math.inf
             record[k, CONTACT] = FREE if found == NONE else STUCK
@@ -158,6 +173,7 @@ def follow_impacts(flow, theta, longest, most, record, work):
         restitute_state(contacts, contact, y, z)
         restitute_state(contacts, contact, dy, dz)
         leaving = int64(contact)
+        left = contacts.side[contact]
     return most + 1
 
 

@@ -214,6 +214,31 @@ def fraction_time(system, terms, state, length, total, wanted, parts):
 
 
 @part
+def moves_away(slope, bend, jerk, fourth, h):
+    """Whether a distance that is 0 stays positive over a step of h, by its three derivatives at the begin and a bound of the fourth: the
+    Bezier coefficients of the distance over the time, a cubic, are positive."""
+    return (
+        slope > 0.0 and slope + bend * h / 6.0 > 0.0 and slope + bend * h / 3.0 + jerk * h * h / 18.0 > 0.0
+        and slope + bend * h / 2.0 + jerk * h * h / 6.0 - fourth * h * h * h / 24.0 > 0.0
+    )  # fmt: skip
+
+
+@part
+def zero_in_step(w, v, wn, vn, h, bound):
+    """The part of a step of h at which the cubic with the values and slopes (w, v) and (wn, vn) of its ends passes a bound, by Newton's
+    method from the secant."""
+    s = (bound - w) / (wn - w)
+    ca = v * h
+    cc = vn * h
+    rise = wn - w
+    for _ in range(3):
+        value = w + s * (ca + s * ((3.0 * rise - 2.0 * ca - cc) + s * (ca + cc - 2.0 * rise))) - bound
+        slope = ca + s * (2.0 * (3.0 * rise - 2.0 * ca - cc) + 3.0 * s * (ca + cc - 2.0 * rise))
+        s = min(max(s - value / slope, 0.0), 1.0) if slope != 0.0 else s
+    return s
+
+
+@part
 def derivatives(rates, row, state):
     """f, f' and f'' of f = `product` of row and state."""
     rate = changing(rates, state)

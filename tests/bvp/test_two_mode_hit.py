@@ -1,0 +1,137 @@
+"""The next impact of two oscillating modes in fixed steps. Oracles: the general search for impacts; dense samples; fifty digits."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import saltus
+from bvp.kernels.flight import flow_state
+from bvp.kernels.impact import HIT, NONE, next_hit, work_array
+from bvp.kernels.two_mode_hit import DECLINED, LEVELS, STEP, step_table, two_mode_hit
+from bvp.system import ImpactSystem, Stop
+
+HORIZON = 9.0
+
+
+def one_sided():
+    """A stop on one side, whose other bound is infinite."""
+    return ImpactSystem(np.diag([0.4, 1.0]), np.zeros((2, 2)), [[0.9, -0.3], [-0.3, 1.3]], (Stop((1.0, -1.0), upper=0.7),))
+
+
+SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltus.vibro_impact_nes(0.02, 3.0), one_sided()]
+
+
+def limits_of(system):
+    return np.array([system.stops[0].lower, system.stops[0].upper], dtype=float)
+
+
+def found_both_ways(system, z, contact, horizon=HORIZON):
+    """(status, contact, time) in fixed steps, and by the general search; the contact is -1 for none."""
+    modes = system.modes
+    side = modes.contacts.side
+    squares, left = np.ascontiguousarray(modes.squares), float(side[contact]) if contact >= 0 else 0.0
+    status, hit, time = two_mode_hit(step_table(squares), squares, modes.contacts.gap, limits_of(system), z, left, horizon)
+    mine = status, int(np.flatnonzero(side == hit)[0]) if status == HIT else -1, time
+    return mine, next_hit(modes.flight, modes.contacts, contact, z.copy(), horizon, work_array(4, len(side)), np.zeros(4))
+
+
+def random_start(system, rng):
+    """A state inside the stops, or leaving one of them, and the contact that it leaves."""
+    modes = system.modes
+    gap, rate = modes.contacts.gap[0], modes.contacts.rate[0]
+    z = rng.normal(size=4) * 10.0 ** rng.uniform(-1.0, 2.0)
+    contact = int(rng.integers(-1, len(modes.contacts.side)))
+    low, high = np.clip(limits_of(system), -3.0, 3.0)
+    wanted = modes.contacts.bound[contact] if contact >= 0 else rng.uniform(low + 1e-3, high - 1e-3)
+    z += (wanted - gap @ z) / (gap @ gap) * gap
+    if contact >= 0 and modes.contacts.side[contact] * (rate @ z) > 0.0:
+        z[2:] *= -1.0
+    return z, contact
+
+
+@settings(max_examples=300)
+@given(st.integers(0, 2**32 - 1))
+def test_an_impact_is_that_of_the_general_search(seed):
+    """Oracle: `next_hit`; what is declined is rare."""
+    rng = np.random.default_rng(seed)
+    declined = 0
+    for system in SYSTEMS:
+        for _ in range(10):
+            z, contact = random_start(system, rng)
+            mine, general = found_both_ways(system, z, contact)
+            if mine[0] == DECLINED:
+                declined += 1
+                continue
+            assert mine[:2] == general[:2]
+            if mine[0] == HIT:
+                state = np.zeros(4)
+                flow_state(system.modes.flight, z, mine[2], state)
+                speed = abs(system.modes.contacts.rate[mine[1]] @ state)
+                assert abs(mine[2] - general[2]) < 1e-14 * (1.0 + np.abs(z).max() / speed) + 1e-15 * mine[2]
+    assert declined < 10
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_no_earlier_impact_is_passed_over(system):
+    """Oracle: the gap coordinate at dense samples, and the bound at the impact in fifty digits."""
+    rng = np.random.default_rng(5)
+    low, high = limits_of(system)
+    gap, squares = system.modes.contacts.gap[0], system.modes.squares
+    hits = 0
+    for _ in range(300):
+        z, contact = random_start(system, rng)
+        (status, hit, time), _ = found_both_ways(system, z, contact)
+        if status == DECLINED:
+            continue
+        rates, t = np.sqrt(squares), np.linspace(0.0, time, 400)[1:-1, None]
+        w = (np.cos(rates * t) * z[:2] + np.sin(rates * t) * z[2:] / rates) @ gap[:2]
+        rounding = 1e-13 * (1.0 + np.abs(z).max())
+        assert np.all(w < high + rounding) and np.all(w > low - rounding)
+        if status == HIT:
+            hits += 1
+            with mp.workdps(50):
+                terms = []
+                for k in range(2):
+                    rate = mp.sqrt(mp.mpf(float(squares[k])))
+                    c, s = mp.cos_sin(rate * mp.mpf(time))
+                    terms.append(mp.mpf(float(gap[k])) * (c * mp.mpf(float(z[k])) + s / rate * mp.mpf(float(z[k + 2]))))
+                assert abs(float(sum(terms) - mp.mpf(float(system.modes.contacts.bound[hit])))) < rounding * (1.0 + time)
+    assert hits > 100
+
+
+@pytest.mark.parametrize("above", [-1e-9, 1e-9])
+def test_what_nearly_grazes_is_declined(above):
+    """Oracle: the largest |w| of a motion, at dense samples refined by a parabola, scaled to the bound but for a part of 1e-9."""
+    system = saltus.vibro_impact_nes()
+    gap, rates = system.modes.contacts.gap[0], np.sqrt(system.modes.squares)
+    z = np.array([0.2, 0.1, -0.4, 0.7])
+    t = np.linspace(0.0, HORIZON, 200_001)[:, None]
+    w = np.abs((np.cos(rates * t) * z[:2] + np.sin(rates * t) * z[2:] / rates) @ gap[:2])
+    peak = int(np.argmax(w))
+    assert 0 < peak < len(w) - 1
+    largest = w[peak] + (w[peak + 1] - w[peak - 1]) ** 2 / (16.0 * w[peak] - 8.0 * (w[peak + 1] + w[peak - 1]))
+    mine, general = found_both_ways(system, (1.0 + above) / largest * z, -1)
+    assert mine[0] == DECLINED and general[0] == (HIT if above > 0.0 else NONE)
+
+
+def test_motion_that_reaches_no_stop():
+    """Oracle: amplitudes below the bound; and a horizon that ends before the impact."""
+    system = saltus.vibro_impact_nes()
+    gap = system.modes.contacts.gap[0]
+    z = np.zeros(4)
+    z[1] = 0.9 / gap[1]
+    assert found_both_ways(system, z, -1)[0] == (NONE, -1, HORIZON)
+    z[3] = 40.0
+    (status, _, time), _ = found_both_ways(system, z, -1)
+    assert status == HIT and found_both_ways(system, z, -1, 0.9 * time)[0] == (NONE, -1, 0.9 * time)
+
+
+def test_steps():
+    """Oracle: angles of the faster mode; a mode that does not oscillate has no steps."""
+    table = step_table(np.array([4.0, 0.25]))
+    assert table.shape == (LEVELS, 5) and np.allclose(2.0 * table[:, 0], STEP * 0.5 ** np.arange(LEVELS))
+    assert np.allclose(np.arctan2(table[:, 2], table[:, 1]), 2.0 * table[:, 0])
+    assert np.allclose(np.arctan2(table[:, 4], table[:, 3]), 0.5 * table[:, 0])
+    assert step_table(np.array([0.0, 1.0])).shape == (0, 5)
