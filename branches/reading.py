@@ -20,7 +20,7 @@ from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem
 from bvp.texts import shown
 
-__all__ = ["RecordError", "branch_of_record", "points_of", "read_branch", "read_orbit"]
+__all__ = ["RecordError", "branch_of_record", "points_of", "read_branch", "read_orbit", "read_start"]
 
 
 class RecordError(ValueError):
@@ -147,11 +147,7 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
         A `ValueError` with one line: the file cannot be read, is no JSON, is truncated, has another schema, lacks a key, or
         holds something of another type.
     """
-    record = _record(path, "a branch")
-    try:
-        return branch_of_record(record)
-    except ValueError as error:
-        raise RecordError(f"{path} is not a readable branch file: {one_line(error)}") from error
+    return _branch_of_file(path, _record(path, "a branch"))
 
 
 def read_orbit(path: str | os.PathLike[str]) -> Orbit:
@@ -167,7 +163,31 @@ def read_orbit(path: str | os.PathLike[str]) -> Orbit:
     RecordError
         A `ValueError` with one line: the file cannot be read, or its orbit does not solve its equations.
     """
-    record = _record(path, "an orbit")
+    return _orbit_of_file(path, _record(path, "an orbit"))
+
+
+def read_start(path: str | os.PathLike[str]) -> Branch | Orbit:
+    """Read the branch or the orbit that a JSON file holds.
+
+    Raises
+    ------
+    RecordError
+        As in `read_branch` and `read_orbit`.
+    """
+    record = _record(path, "a branch or an orbit")
+    if not isinstance(record, dict) or not {"branch", "orbit"} & set(record):
+        raise RecordError(f"{path} holds neither a branch nor an orbit; expected a file of saltus continue --json or saltus orbit --json")
+    return _branch_of_file(path, record) if "branch" in record else _orbit_of_file(path, record)
+
+
+def _branch_of_file(path: str | os.PathLike[str], record: Any) -> Branch:
+    try:
+        return branch_of_record(record)
+    except ValueError as error:
+        raise RecordError(f"{path} is not a readable branch file: {one_line(error)}") from error
+
+
+def _orbit_of_file(path: str | os.PathLike[str], record: Any) -> Orbit:
     try:
         orbit = record["orbit"]
         first, last = orbit["ends"]

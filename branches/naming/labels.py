@@ -28,7 +28,10 @@ from dataclasses import dataclass
 from branches.sequences import SequenceSyntaxError, split_family_id
 from bvp.texts import shown
 
-__all__ = ["ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name"]
+__all__ = [
+    "ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name",
+    "parse_suffix",
+]  # fmt: skip
 
 
 class ImpossibleLabelError(ValueError):
@@ -259,12 +262,24 @@ def parse_name(text: str) -> Name:
     else:
         fields = reader.fields()
         reader.after = reader.after.replace("the end of the label", "@ or the end of the name").replace("or @", "@")
-    chosen: dict[str, float] = {}
-    while reader.take(("@" if family else "[@,]") if not chosen else "," if len(chosen) == 1 else r"(?!)"):
-        reader.condition(chosen)
-        reader.after = "the end of the name" if len(chosen) == 2 else "a comma or the end of the name"
-    reader.take(r"\Z", reader.after)
-    return Name(Label(*fields) if fields else None, family, chosen.get("h"), chosen.get("alpha"))
+    h, alpha = reader.suffix("@" if family else "[@,]")
+    return Name(Label(*fields) if fields else None, family, h, alpha)
+
+
+def parse_suffix(text: str, at: int) -> tuple[float | None, float | None]:
+    """Read what selects an orbit behind a text of another kind, from its character `at` on: `@h=..`, `@alpha=..`, both or nothing.
+
+    Raises
+    ------
+    LabelSyntaxError
+        As in `parse`.
+
+    Examples
+    --------
+    >>> parse_suffix("S13.json@h=0.6", 8)
+    (0.6, None)
+    """
+    return _Reader(text, at, "@ or the end of the name").suffix("@")
 
 
 @dataclass
@@ -315,6 +330,15 @@ class _Reader:
             if kind == "S" and parity is None:
                 parity, p, q = "O", 0, 0
         return kind, m, n, parity, p, q, sign
+
+    def suffix(self, begin: str) -> tuple[float | None, float | None]:
+        """The energy and the quarter period at the end of the text, after what matches the pattern `begin`."""
+        chosen: dict[str, float] = {}
+        while self.take(begin if not chosen else "," if len(chosen) == 1 else r"(?!)"):
+            self.condition(chosen)
+            self.after = "the end of the name" if len(chosen) == 2 else "a comma or the end of the name"
+        self.take(r"\Z", self.after)
+        return chosen.get("h"), chosen.get("alpha")
 
     def condition(self, chosen: dict[str, float]) -> None:
         """One `h=..` or `alpha=..`, added to those chosen."""

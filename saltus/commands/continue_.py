@@ -1,14 +1,15 @@
-"""`saltus continue NAME`: follow a named family of periodic orbits, and print its special points as they are found."""
+"""`saltus continue NAME` or `--from START`: follow a family of periodic orbits, and print its special points as they are found."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import InterruptHandler, defer_interrupts
-from saltus import catalogues, options, outputs, processes
+from saltus import catalogues, options, outputs, processes, starts
 from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
@@ -16,6 +17,7 @@ from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
 if TYPE_CHECKING:
     from branches.branch import Branch, Ended
     from branches.catalogue import Catalogue
+    from branches.orbit import Orbit
     from saltus.scene import Scene
 
 EVENT_TYPES = {
@@ -37,7 +39,15 @@ FAILURES = ("MINIMUM_STEP", "NO_START")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
+    name = "S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it"
+    parser.add_argument("name", metavar="NAME", nargs="?", help=name)
+    parser.add_argument(
+        "--from",
+        metavar="START",
+        dest="start",
+        help="instead of NAME: mode:K, the family that begins where linear mode K touches the stops; mode:K,cover=N,ENDS:SEQUENCE, another "
+        "one that begins there; or a JSON file of an orbit or of a family, FILE[@h=..,alpha=..]",
+    )
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end at N points in total")
     parser.add_argument(
@@ -62,15 +72,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
-    arguments.name = catalogues.named(arguments.name, arguments, scene)
+    name = starts.name_or_orbit(arguments, scene)
     if arguments.model:
         from saltus.scene.model import explain
 
-        files.report(f"model  {line}" for line in explain(scene.system, arguments.name))
+        system, orbits = (scene.system, name) if isinstance(name, str) else (name.system, name.ends)
+        files.report(f"model  {line}" for line in explain(system, orbits))
     place = catalogues.place_to_save(arguments, scene) if arguments.save else None
     with defer_interrupts() as interrupt:
-        with interrupt.released(), catalogues.lookup(arguments.name, arguments, scene) as catalogue:
-            branch, code = _follow(arguments, scene, files, catalogue, interrupt)
+        with interrupt.released(), catalogues.lookup(name, arguments, scene) if isinstance(name, str) else nullcontext() as catalogue:
+            branch, code = _follow(name, arguments, scene, files, catalogue, interrupt)
         if branch.full_family.others:
             files.report([f"cut    {branch.full_family.cut_text()}"])
         files.report(_warnings(branch))
@@ -103,7 +114,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _follow(
-    arguments: argparse.Namespace, scene: Scene, files: outputs.Outputs, catalogue: Catalogue | None, interrupt: InterruptHandler
+    name: str | Orbit,
+    arguments: argparse.Namespace,
+    scene: Scene,
+    files: outputs.Outputs,
+    catalogue: Catalogue | None,
+    interrupt: InterruptHandler,
 ) -> tuple[Branch, int]:
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.families import trace
@@ -118,7 +134,7 @@ def _follow(
 
         try:
             branch = trace(
-                arguments.name,
+                name,
                 scene=scene,
                 catalogue=catalogue,
                 energy=arguments.energy,

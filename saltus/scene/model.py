@@ -22,8 +22,8 @@ _REVERSIBLE = [
 _PARTS = {1: "full", 2: "half", 4: "quarter"}
 
 
-def explain(system: ImpactSystem, name: str) -> list[str]:
-    """The model for the orbits of a label or of a family's id. Raises `ValueError` if the name does not parse.
+def explain(system: ImpactSystem, name: str | tuple[str, str]) -> list[str]:
+    """The model for the orbits of a label or of a family's id, or between two ends. Raises `ValueError` if the name does not parse.
 
     Examples
     --------
@@ -37,17 +37,17 @@ def explain(system: ImpactSystem, name: str) -> list[str]:
     >>> explain(vibro_impact_nes(rho=0.7), "S13O00+")
     ['restitution 0.7 of stop a loses energy -> no family of periodic orbits without forcing']
     """
-    from branches.naming.labels import parse_name
+    from branches.naming.labels import Name, parse_name
     from branches.sequences import PERIODIC, segments_per_period, split_family_id
 
-    parsed = parse_name(name)
+    parsed = parse_name(name) if isinstance(name, str) else Name()
     why = system.why_not_conservative()
     if why is not None:
         return [f"{why} -> no family of periodic orbits without forcing"]
     lines = _of_system(system)
     label = parsed.label
     if label is None:
-        ends = split_family_id(parsed.family or "")[0]
+        ends = split_family_id(parsed.family or "")[0] if isinstance(name, str) else name
         if ends == PERIODIC:
             return [
                 *lines,

@@ -154,7 +154,7 @@ CASES = [
     ("discover --energy 1 --ends origin-origin --scene {uneven}", ["origin-origin", "odd symmetry", "rest-rest"]),
     # words of the command line
     ("contnue S13O00+", ["'contnue'", "nearest: continue"]),
-    ("continue", ["NAME"]),
+    ("continue", ["expected NAME", "--from mode:1"]),
     ("continue S13O00+ more", ["unexpected argument 'more'"]),
     ("continue S13O00+ --points 0", ["--points", "'0'", "above 0"]),
     ("continue S13O00+ --direction upp", ["--direction", "'upp'", "nearest: up"]),

@@ -1,0 +1,177 @@
+"""Choice of one family among those that begin where a linear mode touches the stops: `mode:2`, `mode:2,cover=3,origin-stop+:+-`.
+
+`mode:K` counts the modes by rising frequency, rigid-body modes included. Alone it means the main family, with one impact at each touch of
+the mode: one in half a period between equal gaps, one in a period where one side is touched. `cover=N` means the families with the period
+of the N-fold cover. What follows without a key is the beginning of a family's id, and selects one of them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from branches.linear_modes import beginnings, linear_modes
+from branches.naming.labels import most_alike
+from branches.naming.matching import AmbiguousName, NameNotFound
+from branches.orbit import Orbit
+from branches.sequences import canonical_sequence, format_ends
+from branches.tracing import follow_family
+
+if TYPE_CHECKING:
+    from branches.grazing.following import Neighbour
+    from branches.linear_modes import LinearMode
+    from bvp.system import ImpactSystem
+
+__all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
+
+FORM = "mode:K, mode:K,cover=N or mode:K,cover=N,ENDS:SEQUENCE"
+"""What `parse_mode` reads, as messages name it."""
+
+LISTED = 12
+"""Most families that a message lists."""
+
+
+@dataclass(frozen=True)
+class ModeName:
+    """A choice among the families that begin at a linear mode.
+
+    Parameters
+    ----------
+    number : int
+        Of the mode, from 1, by rising frequency.
+    cover : int or None
+        Of the mode's orbit; None means the main family where nothing else is said, else 1.
+    family : str
+        The beginning of the family's id, "" for any.
+
+    Examples
+    --------
+    >>> parse_mode("mode:2,cover=3,origin-stop+:+-")
+    ModeName(number=2, cover=3, family='origin-stop+:+-')
+    """
+
+    number: int
+    cover: int | None = None
+    family: str = ""
+
+
+def parse_mode(text: str) -> ModeName:
+    """Read the choice of a family at a linear mode.
+
+    Raises
+    ------
+    ValueError
+        With one line that names the part that cannot be read.
+    """
+    head, *parts = text.split(",")
+    number = re.fullmatch(r"mode:([1-9][0-9]{0,8})", head)
+    if number is None:
+        raise ValueError(f"{text}: {head!r} is no linear mode; expected mode:1, mode:2, ..")
+    cover, family = None, ""
+    for part in parts:
+        key, equals, value = part.partition("=")
+        if equals and key == "cover" and cover is None and re.fullmatch(r"[1-9][0-9]{0,8}", value):
+            cover = int(value)
+        elif equals or family or not part:
+            raise ValueError(f"{text}: unexpected {part!r}; expected {FORM}")
+        else:
+            family = part
+    return ModeName(int(number[1]), cover, family)
+
+
+def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] = (0.0, math.inf)) -> Orbit:
+    """An orbit of the one family that a text selects, next to the mode.
+
+    Parameters
+    ----------
+    text : str
+        As `parse_mode` reads it.
+    system : ImpactSystem
+        Conservative.
+    energy : (float, float), optional
+        The mode has to touch the stops inside.
+
+    Raises
+    ------
+    NameNotFound, AmbiguousName
+        A `ValueError` with one line, which lists the families that there are, each with the text that selects it.
+    ValueError
+        For a text that cannot be read, a mode that the system does not have, or a system that loses energy.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> orbit_at_mode("mode:1", vibro_impact_nes()).label, orbit_at_mode("mode:2,origin-stop+", vibro_impact_nes()).label
+    ('S13O00+', 'S11O00-')
+    """
+    name = parse_mode(text)
+    mode = _mode(name.number, system)
+    low, high = energy
+    if not low <= mode.energies[1] <= high:
+        raise NameNotFound(
+            f"mode:{name.number} touches the stops at h = {mode.energies[1]:.10g}, outside the energy range {low:g}:{high:g}; "
+            "expected a range with it inside"
+        )
+    cover = name.cover or 1
+    touches = len(mode.touching(cover).times)
+    found = {item: _id_of(item) for item in beginnings(mode, cover, touches)}
+    place = f"mode:{name.number},cover={cover}"
+    if not found:
+        raise NameNotFound(f"no family begins at {place}: no orbit of this period next to the mode hits a stop; expected another cover")
+    if name.cover is None and not name.family:
+        chosen = [item for item in found if item.impacts == touches]
+        missing = "no family with an impact at each touch of the stops begins at"
+    else:
+        exact = [item for item, id in found.items() if name.family and name.family in (id, id.removesuffix(":"))]
+        chosen = exact or [item for item, id in found.items() if id.startswith(name.family)] or _by_hash(name.family, found)
+        missing = f"no family {name.family} begins at"
+    if not chosen:
+        near = most_alike(name.family, found.values(), 3) if name.family else tuple(found.values())
+        listed = " ".join(f"{place},{id}" for id in near)
+        raise NameNotFound(f"{missing} mode:{name.number}; expected one of {listed}")
+    if len(chosen) > 1:
+        ids = [found[item] for item in chosen]
+        # Families with equal ends and sequences are told apart by the hashes of their ids, for which they are followed.
+        full = [id if ids.count(id) == 1 else _full_id(item) for item, id in zip(chosen[:LISTED], ids, strict=False)]
+        more = f" or {len(ids) - LISTED} more, with more impacts" if len(ids) > LISTED else ""
+        raise AmbiguousName(f"{text} matches {len(ids)} families; choose one of {' '.join(f'{place},{id}' for id in full)}{more}")
+    beside = chosen[0].beside
+    assert beside is not None
+    return Orbit(beside.problem, beside.problem.solve(beside.y, energy=beside.problem.energy(beside.y)))
+
+
+def _mode(number: int, system: ImpactSystem) -> LinearMode:
+    """The linear mode with a number. Its reason is given where it is none that reaches a stop."""
+    modes = linear_modes(system)
+    found = next((mode for mode in modes if mode.index == number - 1), None)
+    if found is not None:
+        return found
+    frequencies = system.modes.frequencies
+    if number > len(frequencies):
+        reason = f"the system has {len(frequencies)} modes"
+    elif frequencies[number - 1] == 0.0:
+        reason = f"mode {number} is a rigid-body mode, which does not come to rest"
+    else:
+        reason = f"mode {number} moves no gap, so it never reaches a stop"
+    listed = ", ".join(f"mode:{mode.index + 1}" for mode in modes)
+    raise NameNotFound(f"mode:{number}: {reason}; expected {f'one of {listed}' if modes else 'a system with a mode that reaches a stop'}")
+
+
+def _id_of(item: Neighbour) -> str:
+    """The family's id without its hash: canonical ends and sequence."""
+    assert item.beside is not None
+    problem = item.beside.problem
+    sequence, ends = canonical_sequence(tuple(problem.sequence), problem.ends, odd_symmetry=problem.system.has_odd_symmetry)
+    return f"{format_ends(ends)}:{''.join(sequence)}"
+
+
+def _full_id(item: Neighbour) -> str:
+    assert item.beside is not None
+    return follow_family(item.beside.problem, item.beside.y, points=1).id
+
+
+def _by_hash(family: str, found: dict[Neighbour, str]) -> list[Neighbour]:
+    """The families whose full id begins so."""
+    return [item for item, id in found.items() if family.startswith(f"{id}:") and _full_id(item).startswith(family)]

@@ -1,0 +1,170 @@
+"""`saltus continue --from`: families that begin at a linear mode, and families of saved orbits.
+
+Oracle: the closed forms of one impact a half period and of one a period, in forty digits, for 2 to 12 degrees of freedom.
+"""
+
+import json
+import math
+from functools import partial
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import saltus
+from benchmarks.backbone import OneImpact
+from tests.saltus.running import refused, run
+
+HEAD = 'title = "a chain"\nsource = "a test"\n'
+BOUNDS = "[bounds]\nenergy = [{low!r}, {high!r}]\nquarter_period = 20.0\nimpacts = 6\n"
+
+
+def system_of(n, lower=-0.8):
+    """A chain of n unequal masses from a wall on, with a stop at its last mass, two-sided or one-sided."""
+    k = np.arange(n)
+    springs = 1.0 + 0.3 * np.cos(2.0 * k)
+    stiffness = np.diag(springs + np.append(springs[1:], 0.0)) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+    stop = saltus.Stop((0.0,) * (n - 1) + (1.0,), -math.inf if lower is None else lower, 0.8)
+    return saltus.ImpactSystem(np.diag(1.0 + 0.4 * np.sin(k)), np.zeros((n, n)), stiffness, (stop,))
+
+
+def scene_of(folder, system, low, high):
+    """A scene of a system with these energies; its path."""
+    text = f"{HEAD}[system]\nmass = {system.mass.tolist()}\nstiffness = {system.stiffness.tolist()}\n"
+    for stop in system.stops:
+        text += f"[[stops]]\nc = {list(stop.gap)}\nupper = {stop.upper!r}\n" + (f"lower = {stop.lower!r}\n" if stop.lower > -1e9 else "")
+    path = folder / "scene.toml"
+    path.write_text(text + BOUNDS.format(low=low, high=high), encoding="utf-8")
+    return path
+
+
+def largest_miss(data, closed):
+    """Largest relative difference from a closed form at any point: of the energy, and of the start state from its size."""
+    worst = 0.0
+    for point in data["points"]:
+        energy, u, v = closed(point["alpha"])
+        state = mp.matrix([*u, *v])
+        own = mp.matrix(point["start"]["u"] + point["start"]["v"])
+        off = min(mp.norm(own - state), mp.norm(own + state))
+        worst = max(worst, abs(point["h"] / energy - 1), off / mp.norm(state))
+    return float(worst)
+
+
+MODES = [(n, lower, number) for n in (3, 5) for lower in (-0.8, None) for number in (1, 2, 3)]
+MODES += [(12, lower, number) for lower, numbers in ((-0.8, (1, 6)), (None, (2, 4))) for number in numbers]
+
+
+@pytest.mark.parametrize(("n", "lower", "number"), MODES)
+def test_families_of_modes_are_the_closed_form(tmp_path, capsys, n, lower, number):
+    """Oracle: closed forms in forty digits, with the relative error 1e-12 at every point: one impact a half period between two stops, one a
+    period on one stop. Also the grazing energy w^2 d^2/(2 b^2), at which the family begins."""
+    system = system_of(n, lower)
+    mode = saltus.linear_modes(system)[number - 1]
+    grazing = mode.energies[1]
+    scene = scene_of(tmp_path, system, 0.2 * grazing, 5.0 * grazing)
+    code, out, err = run(capsys, "continue", "--from", f"mode:{number}", "--scene", scene, "--points", "40", "--json", "-")
+    assert code == 0, err
+    data = json.loads(out)
+    ends = ["origin", "stop+"] if lower else ["rest", "stop+"]
+    assert sorted(end.replace("-", "+") for end in data["branch"]["ends"]) == ends and data["branch"]["sequence"] == ""
+    assert any(event["type"] == "GR" and abs(event["h"] / grazing - 1.0) < 1e-9 for event in data["events"])
+    closed = OneImpact(system)
+    # The start is at rest, or just after the impact.
+    form = closed.two_sided if lower else partial(closed.one_sided, phase=int(data["branch"]["ends"][0] == "rest"))
+    assert len(data["points"]) > 10 and largest_miss(data, form) < 1e-12
+
+
+def test_the_main_family_is_the_backbone(capsys):
+    """Oracle: the families that the names of the reference select; the main family is one of those of the mode's period."""
+    for start, name in (("mode:1", "S13O00+"), ("mode:2", "S11O00-"), ("mode:2,origin-stop+", "S11O00-")):
+        code, out, _ = run(capsys, "continue", "--from", start, "--energy", "0.05:1", "--json", "-")
+        assert code == 0 and json.loads(out)["branch"]["label"] == name
+        assert json.loads(out)["branch"]["id"] == saltus.trace(name, energy=(0.05, 1.0)).id
+
+
+def test_a_choice_of_several_families_is_listed(capsys):
+    """Oracle: each text of the list selects a family of its own, of those that `families_at` gives. Two of the nine-fold cover have
+    equal ends and sequences; the hash of the id tells them apart."""
+    line = refused(run(capsys, "continue", "--from", "mode:1,cover=2"), "mode:1,cover=2 matches 3 families; choose one of ")
+    ids = []
+    for start in line.partition("choose one of ")[2].split():
+        code, out, err = run(capsys, "continue", "--from", start, "--points", "5", "--json", "-")
+        assert code == 0, err
+        ids.append(json.loads(out)["branch"]["id"])
+        assert ids[-1].startswith(start.split(",")[2])
+    mode = saltus.linear_modes(saltus.vibro_impact_nes())[0]
+    assert sorted(ids) == sorted(item.branch.id for item in saltus.families_at(mode, 2, 4, points=5, energy=(0.05, 1.0)))
+    many = refused(run(capsys, "continue", "--from", "mode:1,cover=9,origin-rest:+"), "matches 2 families", "mode:1,cover=9,origin-rest:+:")
+    first = many.partition("choose one of ")[2].split()[0]
+    code, out, _ = run(capsys, "continue", "--from", first, "--points", "5", "--json", "-")
+    assert code == 0 and json.loads(out)["branch"]["id"] == first.split(",")[2]
+    refused(run(capsys, "continue", "--from", "mode:1,cover=9"), "matches 106 families", "or 94 more, with more impacts")
+
+
+WRONG = [
+    ("continue", ["received neither", "expected NAME", "--from mode:1"]),
+    ("continue S13+ --from mode:1", ["received S13+ and --from mode:1"]),
+    ("continue --from mode:3", ["the system has 2 modes", "expected one of mode:1, mode:2"]),
+    ("continue --from mode:0", ["'mode:0' is no linear mode", "expected mode:1"]),
+    ("continue --from mode:1 --sigma 0", ["mode 1 is a rigid-body mode, which does not come to rest", "expected one of mode:2"]),
+    ("continue --from mode:1,covr=2", ["unexpected 'covr=2'", "mode:K,cover=N"]),
+    ("continue --from mode:1,cover=12", ["cover = 12: expected an integer, 1 to 11"]),
+    ("continue --from mode:1,origin-origin:+-", ["no family origin-origin:+- begins at mode:1", "mode:1,cover=1,origin-stop+:"]),
+    ("continue --from mode:1 --energy 1:2", ["touches the stops at h = 0.1185078106", "outside the energy range 1:2"]),
+    ("continue --from mode:1 --rho 0.7", ["need a conservative system: restitution 0.7"]),
+    ("continue --from mode:1 --catalogue c.sqlite", ["--from looks nothing up", "--save"]),
+    ("continue --from mode1", ["no file mode1", "expected mode:K, or a JSON file"]),
+    ("continue --from README.md", ["README.md is not JSON"]),
+    ("continue --from tests/saltus", ["cannot read tests/saltus"]),
+]
+
+
+@pytest.mark.parametrize(("command", "expected"), WRONG)
+def test_a_start_that_cannot_be_is_one_line(capsys, command, expected):
+    """Oracle: exit code 2, one line with what was received and what was expected."""
+    refused(run(capsys, *command.split()), *expected)
+
+
+def test_a_saved_orbit_and_a_saved_family_are_followed(tmp_path, capsys, monkeypatch):
+    """Oracle: the family of the file, with the same id and events, for three degrees of freedom; the orbit that a suffix selects."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    scene = scene_of(tmp_path, system_of(3, None), 0.02, 5.0)
+    words = ["continue", "--scene", scene, "--from"]
+    assert run(capsys, *words, "mode:2", "--json", "family.json", "--save")[0] == 0
+    first = json.loads((tmp_path / "family.json").read_text(encoding="utf-8"))
+    id = first["branch"]["id"]
+    assert run(capsys, "orbit", id, "--scene", scene, "--energy", "1.7", "--json", "orbit.json")[0] == 0
+    for start in ("family.json", "family.json@h=1.7", "orbit.json"):
+        code, out, err = run(capsys, *words, start, "--json", "-")
+        data = json.loads(out)
+        assert code == 0 and data["branch"]["id"] == id, err
+        places = [[(event["type"], event["h"]) for event in events["events"]] for events in (first, data)]
+        assert [kind for kind, _ in places[0]] == [kind for kind, _ in places[1]]
+        assert np.allclose([h for _, h in places[0]], [h for _, h in places[1]], rtol=1e-9)
+        assert start == "family.json" or min(abs(point["h"] - 1.7) for point in data["points"]) < 1e-12
+    refused(run(capsys, *words, "orbit.json@h=2"), "orbit.json holds one orbit", "@h=2")
+    refused(run(capsys, *words, "family.json@h=9"), "no orbit of family.json@h=9.0 has h = 9", "followed from h = ")
+    refused(run(capsys, *words, "family.json@x"), 'unexpected "x" at character 13', "h=.. or alpha=..")
+    (tmp_path / "other.json").write_text('{"schema": 2}', encoding="utf-8")
+    refused(run(capsys, *words, "other.json"), "neither a branch nor an orbit", "saltus orbit --json")
+
+
+def test_a_file_of_another_system(tmp_path, capsys, monkeypatch):
+    """Oracle: without a scene the energies must be given; with one, the systems must be the same. A catalogue belongs to its scene."""
+    monkeypatch.chdir(tmp_path)
+    scene = scene_of(tmp_path, system_of(3), 0.02, 5.0)
+    assert run(capsys, "continue", "--from", "mode:1", "--scene", scene, "--points", "9", "--json", "a.json")[0] == 0
+    refused(run(capsys, "continue", "--from", "a.json"), "another system than the scene lee2009", "--scene FILE", "--energy LO:HI")
+    refused(run(capsys, "continue", "--from", "a.json", "--mu", "0.2", "--energy", "0.1:1"), "another system", "a scene with its system")
+    refused(run(capsys, "continue", "--from", "a.json", "--energy", "0.1:1", "--save"), "--scene FILE with its system")
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--energy", "0.1:1", "--points", "9", "--json", "-")
+    assert code == 0 and len(json.loads(out)["points"]) == 9
+
+
+def test_the_model_of_a_start(capsys):
+    """Oracle: the lines for the family's name."""
+    lines = [run(capsys, "continue", *words, "--points", "3", "--model")[1] for words in (["S13O00+"], ["--from", "mode:1"])]
+    model = [[line for line in text.splitlines() if line.startswith("model")] for text in lines]
+    assert len(model[1]) == 5 and model[0][:2] == model[1][:2] and model[0][3:] == model[1][3:]
+    assert "quarter-period problem between the ends origin and stop+" in model[1][2]
