@@ -261,7 +261,8 @@ class EventFinder:
                 found = locator.crossing(index, low, high, guard=True)
                 jumps = found.residual > JUMP_RATIO * max(abs(locator.value(index, low)), abs(locator.value(index, high)))
                 first, last = found.between
-                if jumps and any(locator.value(i, first) > 0.0 >= locator.value(i, last) for i in guards if i != index):
+                shared = (locator.value(i, first) > 0.0 >= locator.value(i, last) for i in guards if i != index)
+                if jumps and (locator.is_at_an_end(found) or any(shared)):
                     continue  # another one has its zero there
                 located.append((index, found))
                 if test.terminal:

@@ -305,11 +305,13 @@ class Hopping(Line):
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_a_guard_that_jumps_where_another_one_is_zero_is_not_the_end(order):
-    """Oracle: the guard with the zero. The other one is large before it and negative behind, as a clearance is where an impact vanishes."""
+@pytest.mark.parametrize(("early", "late"), [(0.0, 0.0), (1e-12, 1e-15), (1e-12, 1e-14)])
+def test_a_guard_that_jumps_where_another_one_is_zero_is_not_the_end(order, early, late):
+    """Oracle: the guard with the zero. The other one is large before it and negative behind, as a clearance is where an impact vanishes; by
+    rounding it can be negative a little earlier."""
     tests = (
-        (TestFunction("ZERO", "guard", terminal=True), lambda s: 1.03 - s),
-        (TestFunction("JUMP", "guard", terminal=True), lambda s: 1e3 if s < 1.03 else -1e-3 * (s - 1.02)),
+        (TestFunction("ZERO", "guard", terminal=True), lambda s: 1.03 - s + late),
+        (TestFunction("JUMP", "guard", terminal=True), lambda s: 1e3 if s < 1.03 - early else -1e-3 * (s - 1.02)),
     )
     _, events, _ = run(Line(*tests[::order]))
     assert [event.code for event in events] == ["ZERO"] and events[0].status == "located"
