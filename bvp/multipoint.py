@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end
-from bvp.kernels.compiled import compiled_for
+from bvp.kernels.compiled import Direct, compiled_for
+from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.stability import make_period, orbit_stability
@@ -44,6 +45,9 @@ _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_ste
 
 _COMPILED: dict[tuple[bool, int], tuple[Any, int]] = {}
 """Of each kernel: what Python calls and the address in memory, see `bvp.kernels.compiled`."""
+
+
+_solve, _meet = Direct(solve_orbit), Direct(meet_position)
 
 
 class NotConverged(RuntimeError):
@@ -260,34 +264,31 @@ class MultipointProblem:
             See `refuse_drift`.
         """
         self.refuse_drift()
-        y = np.array(y, float)
-        if energy is not None or quarter_period is not None:
-            row = np.zeros(self.unknowns)
-            previous = np.inf
-            for _ in range(30):
-                if energy is not None:
-                    row[: self.parameters] = self.segment.start_map.T @ (self.segment.weights * self.start(y)) / energy
-                    residual = self.energy(y) / energy - 1.0
-                else:
-                    assert quarter_period is not None
-                    self.flight_times(row)[:] = 1.0 / (self.quarters * quarter_period)
-                    residual = self.quarter_period(y) / quarter_period - 1.0
-                before = y.copy()
-                good, _ = self.correct(y, row, float(row @ y - residual), 1 if previous > 1e-6 else 8)
-                if not np.all(np.isfinite(y)):
-                    raise NotConverged("Newton's corrections diverged")
-                change = float(np.max(np.abs(y - before) / self._factor.scale))
-                if change < 1e-13 or (good and previous < 1e-9 and change >= 0.5 * previous):
-                    break
-                if change > 10.0 * previous and change > 1.0:
-                    raise NotConverged(f"Newton's corrections grow ({previous:.1e} to {change:.1e} of the orbit's size)")
-                previous = change
-            else:
-                raise NotConverged(f"Newton's corrections did not settle in 30 steps (last one {previous:.1e})")
-        solution = self.step(y, self._zero, 0.0)
-        if solution is None:
+        unknowns = self.unknowns
+        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(_ENTRIES, np.nan))
+        metric, ends = np.empty((4, self.size + 2)), np.empty((self.inner + 1, self.size))
+        wanted = tuple(math.nan if value is None else float(value) for value in (energy, quarter_period))
+        outcome, change, previous = _solve(self.compiled(), wanted, np.array(y, float), self._zero, metric, landing, ends)
+        if outcome == DIVERGED:
+            raise NotConverged("Newton's corrections diverged")
+        if outcome == GROWN:
+            raise NotConverged(f"Newton's corrections grow ({previous:.1e} to {change:.1e} of the orbit's size)")
+        if outcome == UNSETTLED:
+            raise NotConverged(f"Newton's corrections did not settle in {ROUNDS} steps (last one {previous:.1e})")
+        if outcome != SOLVED:
             raise NotConverged("Newton's corrections did not settle")
-        return solution
+        return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
+
+    def family_orbit_at(self, y: np.ndarray, along: np.ndarray, position: np.ndarray, near: float, most: int) -> np.ndarray | None:
+        """The unknowns of the family's orbit at a position of the arclength's metric, to a distance `near`, after at most so many
+        corrections from the orbit y of the family; None if it has none there. along (u,): direction of the family at y."""
+        unknowns = self.unknowns
+        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(_ENTRIES, np.nan))
+        here, metric = np.empty((2, self.size + 2)), np.empty((4, self.size + 2))
+        tangent = np.concatenate([along, np.zeros(unknowns)])
+        place = np.array(position, float), float(near)
+        found = _meet(self.compiled(full=False), place, int(most), np.array(y, float), tangent, here, metric, landing)
+        return landing.y if found else None
 
     def correct(self, y: np.ndarray, row: np.ndarray, target: float, maximum: int) -> tuple[bool, float]:
         """Newton's corrections of y in place, held on row . y = target, `maximum` at most. Returns (whether they converged, scaled
@@ -343,8 +344,10 @@ class MultipointProblem:
         return _COMPILED[key]
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:
-        """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given."""
-        addresses = np.array([self._kernel(k)[1] if full or k == 0 else 0 for k in range(3)])
+        """The problem for a compiled function that takes steps of its own; where not `full`, only the address of `orbit_step` is given.
+        `orbit_stability` is for two degrees of freedom."""
+        wanted = (True, full, full and self._two_dof)
+        addresses = np.array([self._kernel(k)[1] if wanted[k] else 0 for k in range(3)])
         return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
 
 

@@ -28,7 +28,6 @@ from bvp.checks import require_branch
 from bvp.closures import cycle_of
 from bvp.kernels.flight import flow_state
 from bvp.kernels.multipoint import STOP
-from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
@@ -112,24 +111,8 @@ class _Curve:
         orbit is elsewhere."""
         problem = self.branch.problem
         ends = self.branch.unknowns(i), self.branch.unknowns(i + 1)
-        y = ends[j - i]
-        tangent = np.zeros(2 * problem.unknowns)
-        tangent[: problem.unknowns] = (ends[1] - ends[0]) / self.lengths[i]
-        here, direction = np.empty((2, problem.size + 2))
-        for _ in range(_STEPS):
-            along = np.ascontiguousarray(tangent[: problem.unknowns])
-            energy, alpha = locate(problem.segment, y, here)
-            _, length = metric_direction(problem.segment, y, here, energy, alpha, along, direction)
-            if not length > 0.0:
-                return None
-            tangent = np.concatenate([along / length, np.zeros(problem.unknowns)])
-            solution = problem.step(y, tangent, float((position - here) @ direction) / length, full=False)
-            if solution is None:
-                return None
-            if float(np.linalg.norm(solution.position - position)) <= ON:
-                return problem.flight_times(solution.y)
-            y, tangent = solution.y, solution.tangent
-        return None
+        found = problem.family_orbit_at(ends[j - i], ends[1] - ends[0], position, ON, _STEPS)
+        return None if found is None else problem.flight_times(found)
 
 
 class KnownFamilies:

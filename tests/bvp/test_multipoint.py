@@ -340,6 +340,22 @@ def test_no_orbit_is_said_so(factor, energy, words):
         problem.solve(factor * y, energy=energy)
 
 
+@pytest.mark.parametrize("impacts", [0, 3])
+def test_a_family_meets_the_positions_of_its_orbits_alone(impacts):
+    """Oracle: the closed form of one impact a half period, at two quarter periods; a position beside the family, and one of no family."""
+    system = vibro_impact_nes()
+    problem, y = backbone_segment(system, 1.4, impacts)
+    _, wanted = backbone_segment(system, 1.42, impacts)
+    start, energy, alpha = problem.start(wanted), problem.energy(wanted), problem.quarter_period(wanted)
+    position = np.concatenate([start / math.sqrt(2.0 * energy), [math.log(energy), math.log(alpha)]])
+    for length in (1.0, 1e3):  # of the direction, which does not matter
+        found = problem.family_orbit_at(y, length * (wanted - y), position, 1e-12, 8)
+        assert np.max(np.abs(found - wanted)) < 1e-11
+    assert problem.family_orbit_at(y, wanted - y, position, 1e-12, 1) is None  # the plane is flat
+    assert problem.family_orbit_at(y, wanted - y, position + np.eye(6)[4] * 1e-6, 1e-7, 8) is None
+    assert problem.family_orbit_at(y, 0.0 * y, position, 1e-7, 8) is None
+
+
 def test_a_problem_that_has_been_followed_goes_to_another_process():
     """Oracle: the copy makes the same step."""
     problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
