@@ -221,12 +221,11 @@ def paths(scope: Scope) -> Table:
         },
     }  # fmt: skip
     seconds = 0.02 * scope.repeats
-    blocks, steps = Family(problem), Family(general)
-    steps.advance = None
+    special, any_number = Family(problem), Family(general)
     point = {
-        kind: least_time(family, y, scope.points, SETTINGS, seconds)[1] for kind, family in (("special", blocks), ("general", steps))
+        kind: least_time(family, y, scope.points, SETTINGS, seconds)[1] for kind, family in (("special", special), ("general", any_number))
     }  # fmt: skip
-    times = {"a point of a family with 2 inner impacts: blocks for two degrees of freedom, steps for any number": point}
+    times = {"a point of a family with 2 inner impacts: compiled for two degrees of freedom, and for any number": point}
     times |= {name: least_times(pair, seconds) for name, pair in works.items()}
     rows = [(name, *(number(1e6 * t) for t in pair.values()), number(pair["general"] / pair["special"])) for name, pair in times.items()]
     return Table(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.closures import Cycle
+from bvp.closures import Cycle, free_motions
 from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import scaled_nodes, sort_multipliers
 from bvp.system import ImpactSystem
@@ -84,8 +84,8 @@ def monodromy(cycle: Cycle) -> np.ndarray:
 def reduced_monodromy(cycle: Cycle) -> np.ndarray:
     """The monodromy without its trivial directions, in orthonormal coordinates of the states divided by their size.
 
-    (2n - 2, 2n - 2) for a conservative system: perpendicular to the flow and tangent to the energy level; else
-    (2n - 1, 2n - 1), perpendicular to the flow.
+    (2 m, 2 m) for a conservative system with m pairs: perpendicular to the flow, tangent to the energy level, and without the motions that
+    no spring and no stop resists; else (2n - 1, 2n - 1), perpendicular to the flow.
 
     Raises
     ------
@@ -98,6 +98,7 @@ def reduced_monodromy(cycle: Cycle) -> np.ndarray:
     directions = [(cycle.system.modes.matrix @ after[0]) / scale]
     if cycle.system.is_conservative:
         directions.append(weights * after[0] * scale)
+        directions += [np.concatenate(part) for row in free_motions(cycle.system) for part in ((row, 0.0 * row), (0.0 * row, row))]
     columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(len(scale))])
     rest = np.linalg.qr(columns)[0][:, len(directions) :]
     return rest.T @ scaled @ rest

@@ -38,8 +38,8 @@ class Branch:
     points : dict of str to ndarray
         Columns of length N: h, alpha, frequency (2 pi/T), frequency_index (m 2 pi/T), arclength, stable (1, 0, -1 undecided), tau,
         tau_half, label, half_waves (m), residual, velocities (N, n), start_u, start_v (N, n), flight_times (N, k+1),
-        impact_speeds, multipliers (N, 2n-2) complex, trivial, pairing, reliable. NaN: does not exist, or grows without bound. They cannot
-        be written to.
+        impact_speeds, multipliers (N, 2 m) complex, trivial, pairing, reliable. NaN: does not exist, or grows without bound. They
+        cannot be written to.
     events : tuple of BranchEvent
     ended : (Ended, Ended)
         At the first point and at the last.

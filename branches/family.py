@@ -17,23 +17,23 @@ import numpy as np
 
 from branches.kernels import (
     COMMON,
-    NOISE,
-    PIVOT_NOISE,
     Beginning,
     Block,
     GoalPlane,
     WatchedTests,
     advance_block,
     common_tests,
+    general_tests,
     is_orbit,
     two_dof_tests,
 )
 from branches.orbit import label_at
-from bvp.kernels.compiled import Direct
+from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
+from bvp.kernels.stability import make_half_map
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from bvp.stability import half_map_of
+from bvp.stability import stability
 from continuation.control import Control, Settings, kinds_of
 from continuation.problem import Advance, EventDetails, Goal, Point, Recent, Step, TestFunction
 from continuation.switching import refine_branch_point
@@ -51,6 +51,8 @@ SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, ta
 
 _ITERATIONS = 12  # most of a correction
 _take_block = Direct(advance_block)
+_GENERAL: list[tuple[Any, int]] = []
+"""`general_tests` compiled, once it is wanted: what Python calls, and its address."""
 
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
@@ -177,8 +179,8 @@ class Family:
     ----------
     tests : tuple of TestFunction
         In the order of their values in each step.
-    advance : callable or None
-        Takes blocks of steps; None if there are more than two degrees of freedom.
+    advance : callable
+        Takes blocks of steps.
     """
 
     def __init__(
@@ -200,7 +202,7 @@ class Family:
             TestFunction("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
             TestFunction("LB", "change", False, "the label changes"),
         ]
-        self._two_dof = problem.half == 2
+        self._two_dof = problem._two_dof
         if problem.quarters == 1:
             tests += [
                 TestFunction("SB", "crossing", False, "the last reversal is broken"),
@@ -224,20 +226,30 @@ class Family:
             self._resonant = [(p, q, sign * math.cos(math.pi * p / q)) for p, q in RESONANCES for sign in (2.0, -2.0)]
         else:
             self._resonant = [(p, q, multiplication(p, q)) for p, q in RESONANCES]
-        if self._two_dof:
+        if self._two_dof or not problem.periodic:
             tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
         self._computed = len(tests)
         self.tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
-        self.advance: Callable[..., Advance] | None = self._advance if self._two_dof else None
+        self.advance: Callable[..., Advance] | None = self._advance
         bounds = (*energy, quarter_period)
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
         self._limits = low, high, longest
         self._targets = [level for _, _, level in self._resonant]
+        self._work = make_half_map(problem.held)
 
     @cached_property
     def _watched(self) -> WatchedTests:
         singular = np.array([test.singular for test in self.tests], dtype=float)
-        return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), np.array(self._targets, dtype=float))
+        address = 0 if self._two_dof else self._general()[1]
+        targets = np.array(self._targets, dtype=float)
+        return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
+
+    def _general(self) -> tuple[Any, int]:
+        """`general_tests`: what Python calls, and its address."""
+        if not _GENERAL:
+            problem, one, two = self.problem, np.empty(1), np.empty((1, 1))
+            _GENERAL.append(compiled_for(general_tests, (problem._packed, one, two, self._work, one, one, one)))
+        return _GENERAL[0]
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
@@ -264,7 +276,10 @@ class Family:
         if self._two_dof:
             two_dof_tests(result, self.problem.quarters, self._targets, tests)
         else:
-            tests[COMMON:] = self._general(solution)
+            values = np.empty(self._computed)
+            take, _ = self._general()
+            take(self.problem._packed, solution.y, solution.ends, self._work, solution.result, self._watched.targets, values)
+            tests[COMMON:] = values[COMMON:].tolist()
         return _step_of(solution, result, tests[: len(self.tests)])
 
     def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
@@ -302,30 +317,6 @@ class Family:
         if self._computed > len(self.tests):
             taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
-
-    def _general(self, solution: Solution) -> list[float]:
-        """More than two degrees of freedom: determinants of the blocks of the half map in place of its entries."""
-        if self.problem.periodic:
-            return [math.nan]
-        phi = half_map_of(self.problem, solution)[0]
-        m = self.problem.half - 1
-        a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
-        if not np.isfinite(phi).all():
-            return [math.nan] * (5 if self.problem.quarters == 1 else 4)
-        pivot = abs(float(solution["branching"]))
-        level = (NOISE + PIVOT_NOISE / pivot) * float(np.max(np.abs(phi))) if pivot > 0.0 else math.inf
-        speeds = float(solution["speeds"])  # see `branches.kernels.two_dof_tests`
-        out = []
-        for block in (b, a, d):
-            singular = np.linalg.svd(block, compute_uv=False)
-            out.append(speeds * float(np.linalg.det(block)) if singular[-1] > level else math.nan)
-        product = b.T @ c
-        if self.problem.quarters == 1:
-            out.append(speeds**2 * float(np.linalg.det(product + 0.5 * np.eye(m))))
-        nu = np.linalg.eigvals(product)
-        first, second = np.triu_indices(m, 1)
-        out.append(speeds ** (4 * (m - 1)) * float(np.prod((nu[first] - nu[second]) ** 2).real))
-        return out
 
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), for switching."""
@@ -394,6 +385,8 @@ class Family:
             data.update(_describe_grazing(self.problem, solution, verb))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
+        elif code == "NS" and not self._is_krein_collision(solution):
+            return None
         elif code == "RT":
             data["p_q"] = list(self._resonant[index - len(self.tests)][:2])
         on_sides = [counted]
@@ -408,6 +401,14 @@ class Family:
             data["sides"] = tuple(sides)
         data["label"], data["half_waves"] = sides[0]
         return EventDetails(code, test.terminal, data)
+
+    def _is_krein_collision(self, solution: Solution) -> bool:
+        """Whether the two pairs of multipliers that are nearest to each other are on the unit circle: they can meet elsewhere, too."""
+        nu = stability(self.problem, solution).nu
+        first, second = np.triu_indices(len(nu), 1)
+        apart = np.abs(nu[first] - nu[second])
+        nearest = int(np.argmin(apart))
+        return bool(-1.0 < 0.5 * (nu[first] + nu[second])[nearest].real < 0.0)
 
     def _near(self, before: Point, otherwise: Step, place: float, way: int, room: float = math.inf) -> Solution:
         """The orbit a little before (-1) or after (1) an event, else that of a neighbouring step.

@@ -1,8 +1,9 @@
 """Compiled code for families of orbits: the test functions, and the advance by many steps in one call.
 
-The test functions for two degrees of freedom are pure functions of the kernels' results for an orbit. `branches.family` calls them from
-Python, and `advance_block` compiles the same functions. A block predicts, corrects, judges and measures each step, and chooses the next
-one. It fulfils the contract of `continuation.problem.Advance`, and accepts and refuses steps by `continuation.control`.
+The test functions for two degrees of freedom are pure functions of the kernels' results for an orbit, and `advance_block` compiles the
+same functions that `branches.family` calls from Python. Those for more are a kernel of their own, `general_tests`, which both call.
+A block predicts, corrects, judges and measures each step, and chooses the next one. It fulfils the contract of
+`continuation.problem.Advance`, and accepts and refuses steps by `continuation.control`.
 """
 
 from __future__ import annotations
@@ -14,13 +15,16 @@ import numpy as np
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, kernel, part
-from bvp.kernels.flight import set_1
+from bvp.kernels.dense import determinant, eigenvalues, is_regular
+from bvp.kernels.flight import copy_1, set_1
+from bvp.kernels.multipoint import unpack
+from bvp.kernels.stability import HalfMap, half_map
 from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = [
-    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests", "is_orbit",
-    "two_dof_tests",
+    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests",
+    "general_tests", "is_orbit", "two_dof_tests",
 ]  # fmt: skip
 
 COMMON = 11
@@ -49,6 +53,10 @@ CONDITION_NOISE = 5e-17
 
 _CLEAR_SLOPE = 0.05
 """Part of the energy up to which the noise of a slope does not count here: it is measured where a zero is (`continuation.events`)."""
+
+
+_RESOLVED = 1e-3
+"""Noise of the entries of 4 b'c up to which its eigenvalues between -4 and 0 are told apart."""
 
 
 def is_orbit(result: Any) -> bool:
@@ -121,6 +129,112 @@ def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
         out[at + i] = weight * (tau - targets[i])
 
 
+@kernel
+def _certain_determinant(matrix, noise, inverse):
+    """Determinant of a square matrix, which is overwritten; nan where its smallest singular value is not above the noise."""
+    square = 0.0
+    for r in range(matrix.shape[0]):
+        for c in range(matrix.shape[0]):
+            square += matrix[r, c] * matrix[r, c]
+    value = determinant(matrix)
+    return value if is_regular(matrix, value, square, noise, inverse) else math.nan
+
+
+@part
+def _block(phi, row, column, out):
+    """One of the four blocks of a half map; returns its largest entry."""
+    m = out.shape[0]
+    largest = 0.0
+    for r in range(m):
+        for c in range(m):
+            out[r, c] = phi[row * m + r, column * m + c]
+            largest = max(largest, abs(out[r, c]))
+    return largest
+
+
+@part
+def _shift(product, shift, out):
+    """out = 4 product + shift."""
+    for r in range(out.shape[0]):
+        for c in range(out.shape[0]):
+            out[r, c] = 4.0 * product[r, c] + (shift if r == c else 0.0)
+
+
+@part
+def _discriminant(real, imaginary):
+    """Product of (nu_i - nu_j)^2 / ((1 + nu_i^2) (1 + nu_j^2)) over all pairs i < j, which is real.
+
+    It changes its sign where two of them meet and leave the real line. The denominators keep it at most 1 where all nu are real, also
+    where one of them grows without bound at a grazing. Those of complex nu are conjugate, so their product is positive."""
+    found = complex(1.0, 0.0)
+    for i in range(real.shape[0]):
+        for j in range(i):
+            a = complex(real[i], imaginary[i])
+            b = complex(real[j], imaginary[j])
+            found *= (a - b) / (1.0 + a * a) * ((a - b) / (1.0 + b * b))
+    return found.real
+
+
+@kernel
+def general_tests(packed, y, ends, work, result, targets, out):
+    """The entries of `out` after the common ones, any number of degrees of freedom: those of `two_dof_tests` with determinants of the
+    blocks of the half map in place of its entries, and before the distances from the `targets` the discriminant of b'c.
+
+    Equation (35). The pairs of multipliers have the traces 2 + 4 nu with the eigenvalues nu of b'c, so det(4 b'c + 2 - target) is the
+    product of their distances from a target over all pairs: its zeros need no pair to be followed. A determinant is affine in each
+    linearised impact, a rank-one term over the impact's speed, so it is smooth at a grazing times the product of the speeds, and times its
+    square for b'c.
+
+    A determinant is not defined where the smallest singular value is below the noise of the entries. Periodic closures have none of these.
+    work: `HalfMap`."""
+    after = out[COMMON:]
+    set_1(after, math.nan)
+    quarters = packed.shape[2]
+    phi = work.phi
+    m = work.product.shape[0]
+    if quarters == 4 or m == 0:
+        return
+    half_map(unpack(packed), y, ends, work.held, work.rows, work.square, work.small, phi)
+    largest = 0.0
+    for r in range(2 * m):
+        for c in range(2 * m):
+            if not abs(phi[r, c]) < math.inf:
+                return
+            largest = max(largest, abs(phi[r, c]))
+    pivot = abs(result[entry.BRANCHING])
+    noise = NOISE + PIVOT_NOISE / pivot if pivot > 0.0 else math.inf
+    speeds = result[entry.SPEEDS]
+    block = work.block
+    inverse = work.inverse
+    _block(phi, 0, 0, block)
+    after[1] = speeds * _certain_determinant(block, noise * largest, inverse)
+    _block(phi, 1, 1, block)
+    after[2] = speeds * _certain_determinant(block, noise * largest, inverse)
+    size_c = _block(phi, 1, 0, block)
+    size_b = _block(phi, 0, 1, block)
+    after[0] = speeds * _certain_determinant(block, noise * largest, inverse)
+    for r in range(m):
+        set_1(work.product[r], 0.0)
+        for i in range(m):
+            factor = phi[i, m + r]
+            for c in range(m):
+                work.product[r, c] += factor * phi[m + i, c]
+    # that of the entries of 4 b'c
+    noise *= 4.0 * m * size_b * size_c
+    at = 3
+    if quarters == 1:
+        _shift(work.product, 2.0, block)
+        after[3] = speeds * speeds * _certain_determinant(block, noise, inverse)
+        at = 4
+    for i in range(targets.shape[0]):
+        _shift(work.product, 2.0 - targets[i], block)
+        after[at + 1 + i] = speeds * speeds * _certain_determinant(block, noise, inverse)
+    for r in range(m):
+        copy_1(work.product[r], block[r])
+    if noise < _RESOLVED and eigenvalues(block, work.values[0], work.values[1]):
+        after[at] = _discriminant(work.values[0], work.values[1])
+
+
 _distance = part(distance)
 _height = part(height)
 _arclength_of = part(arclength_of)
@@ -152,6 +266,8 @@ class WatchedTests(NamedTuple):
     singular: np.ndarray  # size below which a sign is rounding
     limits: np.ndarray  # (3,) bounds of the energy's logarithm, and of the quarter period's
     targets: np.ndarray  # traces at which periods multiply
+    general: int  # address of `general_tests`; 0: two degrees of freedom
+    work: HalfMap  # its scratch
 
 
 class Beginning(NamedTuple):
@@ -183,7 +299,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
     take next)."""
     addresses, packed, factor, observed, work, period = compiled
     y, tangent, position, tests, older, oldest, before, first = beginning
-    kinds, singular, limits, targets = watched
+    kinds, singular, limits, targets, general, half = watched
     full = addresses[1] != 0
     way = metric[4]
     for r in range(way.shape[0]):
@@ -203,7 +319,8 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
                 ends[i, r] = factor.before[i, r]
         if full:
             call_at(addresses[1], (packed, observed, new, ends, work, result))
-            call_at(addresses[2], (packed, new, ends, period, result))
+            if general == 0:
+                call_at(addresses[2], (packed, new, ends, period, result))
         place = block.position[count]
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
@@ -212,7 +329,10 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
         values = block.tests[count]
         if full:
             _common_tests(result, limits[0], limits[1], limits[2], values)
-            _two_dof_tests(result, packed.shape[2], targets, values)
+            if general == 0:
+                _two_dof_tests(result, packed.shape[2], targets, values)
+            else:
+                call_at(general, (packed, new, ends, half, result, targets, values))
         else:
             values[0] = result[entry.SLOPE]
         turn = result[entry.TURN]

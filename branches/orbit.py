@@ -13,7 +13,7 @@ from branches.naming.labels import ImpossibleLabelError, Label
 from bvp.checks import Frozen, read_only
 from bvp.closures import Cycle, cycle_of
 from bvp.kernels import multipoint as kernel
-from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, saddle_point_multipliers
+from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, floquet_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import balance, decide, roundings, stability
 from bvp.texts import brief
@@ -143,7 +143,7 @@ class Orbit:
 
     @property
     def multipliers(self) -> np.ndarray:
-        """Nontrivial Floquet multipliers of the full period, (2n-2,) complex."""
+        """Nontrivial Floquet multipliers of the full period, (2 m,) complex for m pairs."""
         return self.columns["multipliers"][0]
 
     @property
@@ -307,12 +307,12 @@ def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.n
     """More degrees of freedom: orbit by orbit."""
     count = len(rows.y)
     columns: dict[str, np.ndarray] = {name: np.full(count, np.nan) for name in ("tau", "tau_half", "trivial", "pairing")}
-    columns["multipliers"] = np.full((count, problem.size - 2), np.nan, complex)
+    columns["multipliers"] = np.full((count, 2 * problem.pairs), np.nan, complex)
     columns["stable"] = np.full(count, -1, np.int8)
     columns["reliable"] = np.zeros(count, bool)
     for i in np.flatnonzero(~grazing):
         solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
-        found = saddle_point_multipliers(cycle_of(problem, solution.y))
+        found = floquet_multipliers(cycle_of(problem, solution.y))
         columns["multipliers"][i] = found.values
         columns["trivial"][i] = found.trivial
         columns["pairing"][i] = found.pairing

@@ -36,6 +36,7 @@ from branches.tracing import follow_family
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.stability import stability
 from bvp.texts import takes_options_of
 from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions, refine_branch_point, tripling_direction
@@ -329,9 +330,12 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
             raise ValueError(f"{event.id}: switching at a {p}:{q} resonance needs orbits with a reversal; without one q is 3 at most")
         return [3]
     if problem.quarters == 1:
-        half = 2.0 + 4.0 * here["b"] * here["c"]
         turn = Fraction(p, 2 * q)
-        if math.cos(2.0 * math.pi * turn) * half < 0.0:
+        level = math.cos(2.0 * math.pi * turn)
+        halves = stability(problem, here).tau_half
+        assert halves is not None  # of a quarter
+        resonant = min(np.real(halves), key=lambda half: abs(abs(half) - abs(2.0 * level)))
+        if level * resonant < 0.0:
             turn = Fraction(1, 2) - turn
         s = turn.denominator
     else:

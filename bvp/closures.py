@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Cycle", "EndsError", "contact_of", "cycle_of", "end_maps", "free_translation", "parse_end",
+    "Cycle", "EndsError", "contact_of", "cycle_of", "end_maps", "free_motions", "free_translation", "held_motions",
+    "parse_end",
 ]  # fmt: skip
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
@@ -90,6 +91,45 @@ _NONE = 1e-9
 """Part of its size below which an entry of a direction is rounding."""
 
 
+@lru_cache(maxsize=64)
+def free_motions(system: ImpactSystem) -> np.ndarray:
+    """Orthonormal rows (f, n) in modal displacements: the motions that no spring and no stop resists.
+
+    Shared by all who ask, and not to be written to.
+    """
+    modes = system.modes
+    n = len(modes.squares)
+    index = np.flatnonzero(modes.squares == 0.0)
+    if not index.size:
+        return np.zeros((0, n))
+    rigid = modes.shapes[:, index]
+    size = np.linalg.norm(rigid, axis=0)
+    rows = np.array([np.asarray(stop.gap) / np.linalg.norm(stop.gap) for stop in system.stops])
+    _, singular, directions = np.linalg.svd(rows @ (rigid / size))
+    felt = int(np.sum(singular > _NONE))
+    free = np.zeros((index.size - felt, n))
+    free[:, index] = np.linalg.qr((directions[felt:] / size).T)[0].T
+    return free
+
+
+@lru_cache(maxsize=64)
+def held_motions(system: ImpactSystem) -> np.ndarray:
+    """Orthonormal rows (n - f, n) in modal displacements: those perpendicular to `free_motions`.
+
+    Examples
+    --------
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> free = ImpactSystem([[1, 0], [0, 2]], [[0, 0], [0, 0]], [[3, -3], [-3, 3]], [Stop((1, -1), -1, 1)])
+    >>> held_motions(free)
+    array([[0., 1.]])
+    """
+    free = free_motions(system)
+    unit = np.eye(free.shape[1])
+    mixed = np.flatnonzero(np.any(free != 0.0, axis=0))
+    others = np.linalg.qr(free[:, mixed].T, mode="complete")[0][:, len(free) :]
+    return np.ascontiguousarray(np.vstack([others.T @ unit[mixed], np.delete(unit, mixed, axis=0)]))
+
+
 def free_translation(system: ImpactSystem) -> np.ndarray | None:
     """A direction (n,) of displacement that no spring and no stop resists, its largest entry 1; None where there is none.
 
@@ -100,17 +140,10 @@ def free_translation(system: ImpactSystem) -> np.ndarray | None:
     >>> free_translation(free)
     array([1., 1.])
     """
-    modes = system.modes
-    rigid = modes.shapes[:, modes.squares == 0.0]
-    if not rigid.shape[1]:
+    free = free_motions(system)
+    if not len(free):
         return None
-    rigid = rigid / np.linalg.norm(rigid, axis=0)
-    rows = np.array([np.asarray(stop.gap) / np.linalg.norm(stop.gap) for stop in system.stops])
-    _, singular, directions = np.linalg.svd(rows @ rigid)
-    felt = int(np.sum(singular > _NONE))
-    if felt == rigid.shape[1]:
-        return None
-    found = rigid @ directions[-1]
+    found = system.modes.shapes @ free[-1]
     found = found / found[np.argmax(np.abs(found))]
     return np.where(np.abs(found) < _NONE, 0.0, found)
 

@@ -180,7 +180,7 @@ class DigitOrbit:
 
     @cached_property
     def half_map(self) -> Any:
-        """phi (2 (n - 1), 2 (n - 1)) between the ends: see `bvp.kernels.stability`. A periodic closure has none: ValueError."""
+        """phi (2 m, 2 m) between the ends: see `bvp.kernels.stability`. A periodic closure has none: ValueError."""
         if self.problem.periodic:
             raise ValueError("a periodic closure has no half map; its trace decides its stability")
         with mp.workdps(DIGITS):
@@ -188,12 +188,12 @@ class DigitOrbit:
             n, stops = modes.size, problem.modes.contact_stop
             (start, end), (closing, opening) = problem.kinds, problem.contacts[-2:]
             z = self.states[0]
-            zero = _exact(np.zeros((n - 1, n)))
+            zero = _exact(np.zeros((problem.pairs, n)))
+            held = self._held()
 
             def basis(kind: int, contact: int, at: np.ndarray) -> np.ndarray:
-                if kind == ORIGIN:
-                    return _across(at[n:])
-                return _across(-modes.rate(at)[n:] if kind == REST else modes.gaps[stops[contact]])
+                x = at[n:] if kind == ORIGIN else -modes.rate(at)[n:] if kind == REST else modes.gaps[stops[contact]]
+                return _across(held @ x) @ held
 
             first = basis(start, opening, z)
             kept, turned = (np.hstack([first, zero]), np.hstack([zero, first]))
@@ -209,6 +209,20 @@ class DigitOrbit:
             phi = np.hstack([velocities, -displacements] if end == ORIGIN else [displacements, velocities])
             return mp.matrix(phi.T.tolist())
 
+    def _held(self) -> np.ndarray:
+        """`held` of the problem for the modes in many digits."""
+        problem, modes = self.problem, self.modes
+        rigid = [k for k, square in enumerate(modes.squares) if square == 0] if problem.pairs < problem.half - 1 else []
+        unit = _exact(np.eye(modes.size))
+        rows = [unit[k] for k in range(modes.size) if k not in rigid]
+        left = [np.where(np.isin(np.arange(modes.size), rigid), gap, mp.mpf(0)) for gap in modes.gaps]
+        # The rigid-body motions that stops feel: Gram and Schmidt's process on their gaps, the longest first.
+        while len(rows) <= problem.pairs:
+            longest = max(left, key=lambda row: row @ row)
+            rows.append(longest / mp.sqrt(longest @ longest))
+            left = [row - (row @ rows[-1]) * rows[-1] for row in left]
+        return np.array(rows)
+
     @cached_property
     def trace(self) -> Any:
         """tau of the full period, for two degrees of freedom."""
@@ -221,7 +235,7 @@ class DigitOrbit:
     @cached_property
     def stable(self) -> bool | None:
         """Whether the orbit is linearly stable. None at a limit of stability, and for an orbit without reversal in more than two modes."""
-        problem, m = self.problem, self.problem.half - 1
+        problem, m = self.problem, self.problem.pairs
         if not m:
             return True
         if problem.periodic and m > 1:
@@ -232,7 +246,7 @@ class DigitOrbit:
                 numbers = [(self.trace - 2) / 4], [error / 4], [(self.trace + 2) / 4], [error / 4]
             else:
                 phi = self.half_map
-                displacement = np.abs(self.states[:, : m + 1]).max()
+                displacement = np.abs(self.states[:, : problem.half]).max()
                 factors = balance(problem, mp.sqrt(2 * self.energy) / displacement if displacement else mp.mpf(1))
                 places = (0, 0), (0, m), (m, 0), (m, m)
                 a, b, c, d = (f * phi[i : i + m, j : j + m] for f, (i, j) in zip(factors, places, strict=True))

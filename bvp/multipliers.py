@@ -1,31 +1,39 @@
-"""Floquet multipliers of impacting orbits from the saddle-point matrix.
+"""Floquet multipliers of impacting orbits.
 
-The linearised multipoint problem is reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose
-eigenvalues are found by sweeps round it; the monodromy is never formed. The textbook product of saltation
-matrices is the second method, of the tests and the benchmarks. Which orbits are stable is decided apart from both, from the half map: see
-`bvp.stability`.
+Where no multiplier is much larger than another one, they are the eigenvalues of the product of flights and saltation matrices
+(`bvp.kernels.monodromy`). A formed product loses small multipliers beside large ones. There, the linearised multipoint problem is
+reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose eigenvalues are found by sweeps round it. Which
+orbits are stable is decided apart from both, from the half map: see `bvp.stability`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from bvp.closures import Cycle
+from bvp.closures import Cycle, free_motions
+from bvp.kernels.compiled import Direct
+from bvp.kernels.monodromy import ClosedOrbit, Reduction, Spectrum, formed_multipliers, make_reduction
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
 
 __all__ = [
-    "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "nearest_grazing", "pairs_of", "saddle_point_multipliers", "scaled_nodes",
-    "sort_multipliers",
+    "GRADE", "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
+    "saddle_point_multipliers", "scaled_nodes", "sort_multipliers",
 ]  # fmt: skip
+
+FORMED_LIMIT = 1e7
+"""Norm of the map up to which its multipliers are taken from the formed product."""
 
 SWEEPS = 60
 """Largest number of sweeps round the cycle. Diagonal blocks that are still coupled then are kept as they are."""
 
 GRADE = 30.0
-"""Ratio of sizes within a diagonal block below which its eigenvalues need no further sweep."""
+"""Ratio of sizes within a diagonal block below which its eigenvalues need no further sweep, and ratio of moduli up to which all multipliers
+are taken from the formed product."""
 
 APART = 1e-15
 """Two diagonal blocks are separate if their coupling is below this."""
@@ -49,9 +57,8 @@ class Multipliers:
     Parameters
     ----------
     values : (m,) complex
-        The nontrivial ones, by modulus descending, then by angle. m = 2n - 2 for a conservative system (its return map to an
-        impact has one trivial multiplier 1, left out); m = 2n - 1 for one that loses energy (none is trivial). NaN where an
-        impact grazes.
+        The nontrivial ones, by modulus descending, then by angle. m = 2 n - 2 - 2 f for a conservative system with f motions that no
+        spring and no stop resists; m = 2 n - 1 for one that loses energy. NaN where an impact grazes.
     trivial : float
         How badly the saltation product keeps the trivial directions: the larger of |(M - I) f|/|f| and, for a conservative system,
         |grad H (M - I)|/|grad H|.
@@ -61,9 +68,9 @@ class Multipliers:
         False where an impact grazes, a pair is off by more than 1e-6, or the trivial directions are off by more than 1e-8 of the largest
         multiplier.
     matrix : (m, m) float
-        The return map, in the frame of the last sweep: for its size and condition. Its eigenvalues are not right to the last digit.
+        The return map, in some orthonormal frame: for its size and condition. Its eigenvalues are not right to the last digit.
     sweeps : int
-        Sweeps round the cycle.
+        Sweeps round the cycle; 0 where the product was formed.
     note : str
         What is wrong, in words; empty where nothing is.
     """
@@ -80,6 +87,64 @@ class Multipliers:
     def trace(self) -> float:
         """Sum of the nontrivial multipliers; for n = 2 this is tau."""
         return float(np.real(np.sum(self.values)))
+
+
+_formed_multipliers = Direct(formed_multipliers)
+
+
+class _SystemData(NamedTuple):
+    """The arguments of `formed_multipliers` that depend on the system alone."""
+
+    flight: Any
+    contacts: ContactRows
+    conservative: bool
+    scaled: bool
+    work: Reduction
+    multipliers: int
+
+
+@lru_cache(maxsize=64)
+def _data_of(system: Any) -> _SystemData:
+    modes, conservative = system.modes, system.is_conservative
+    n = len(modes.squares)
+    contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
+    free = free_motions(system) if conservative else np.zeros((0, n))
+    work = make_reduction(free, np.concatenate([modes.squares, np.ones(n)]) if conservative else np.ones(2 * n), conservative)
+    return _SystemData(modes.flight, contacts, conservative, modes.layout != "coupled", work, 2 * n - len(work.vectors))
+
+
+def floquet_multipliers(cycle: Cycle) -> Multipliers:
+    """Multipliers of a closed orbit: those of the formed product where it loses no digit, else `saddle_point_multipliers`.
+
+    Raises
+    ------
+    ValueError
+        For a cycle without impacts.
+    """
+    data = _data_of(cycle.system)
+    m = data.multipliers
+    matrix, values = np.empty((m, m)), np.empty((2, m))
+    orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
+    spectrum = Spectrum(matrix, np.empty((m, m)), values, np.empty((2, m)))
+    found, norm, flow, level, pairing = _formed_multipliers(
+        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, spectrum
+    )
+    if found and norm < FORMED_LIMIT:
+        largest, smallest = (math.hypot(values[0, j], values[1, j]) for j in (0, -1)) if m else (1.0, 1.0)
+        if largest <= GRADE * smallest:
+            return _judged(values[0] + 1j * values[1], max(flow, level), pairing if data.conservative else None, matrix, 0)
+    return saddle_point_multipliers(cycle)
+
+
+def _judged(values: np.ndarray, trivial: float, pairing: float | None, matrix: np.ndarray, sweeps: int) -> Multipliers:
+    """The multipliers, with whether they are reliable."""
+    largest = max(1.0, abs(values[0])) if len(values) else 1.0
+    faults = []
+    if pairing is not None and not pairing < PAIRING_LIMIT:
+        faults.append(f"a pair of multipliers has a product that is off 1 by {pairing:.1e}")
+    if not trivial < TRIVIAL_LIMIT * largest:
+        faults.append(f"the trivial directions are kept to {trivial:.1e} only")
+    return Multipliers(values, trivial, pairing, not faults, matrix, sweeps, "; ".join(faults))
 
 
 def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
@@ -105,20 +170,20 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
     row, (nodes, size) = scaled.row, scaled.after.shape
-    dimension = size - 1 - int(conservative)
+    free = free_motions(cycle.system) if conservative else np.zeros((0, size // 2))
+    dimension = size - 1 - int(conservative) - 2 * len(free)
     unbounded = np.full(dimension, complex(math.nan, math.nan))
     unpaired = math.nan if conservative else None
     graze, sine = nearest_grazing(cycle)
     if sine < GRAZING_LIMIT:
         note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
         return Multipliers(unbounded, math.nan, unpaired, False, np.full((dimension, dimension), math.nan), 0, note)
-    free = size - int(conservative)
-    width = np.where(np.roll(row, -1) < 0, free, free - 1)
+    width = np.where(np.roll(row, -1) < 0, dimension + 1, dimension)
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
     landings(modes.flight, contacts, scaled, linear)
-    pencil(contacts, scaled, conservative, linear, factors, np.empty((5, size, size)), np.empty(2))
+    pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
     flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
     values, matrix, singular, sweeps = _pencil_eigenvalues(factors, dimension)
@@ -127,13 +192,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
         return Multipliers(unbounded, trivial, unpaired, False, matrix, sweeps, note)
     values = sort_multipliers(values)
     pairing = max((abs(value * partner - 1.0) for value, partner in pairs_of(values)), default=0.0) if conservative else None
-    largest = max(1.0, float(np.max(np.abs(values), initial=0.0)))
-    faults = []
-    if pairing is not None and not pairing < PAIRING_LIMIT:
-        faults.append(f"a pair of multipliers has a product that is off 1 by {pairing:.1e}")
-    if not trivial < TRIVIAL_LIMIT * largest:
-        faults.append(f"the trivial directions are kept to {trivial:.1e} only")
-    return Multipliers(values, trivial, pairing, not faults, matrix, sweeps, "; ".join(faults))
+    return _judged(values, trivial, pairing, matrix, sweeps)
 
 
 def _from_impact(cycle: Cycle) -> Cycle:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.closures import EndsError, contact_of, end_maps, free_translation, parse_end
+from bvp.closures import EndsError, contact_of, end_maps, free_translation, held_motions, parse_end
 from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
@@ -101,6 +101,13 @@ class MultipointProblem:
     EndsError
         For ends that the system does not have: `origin` without odd symmetry, an unknown stop, a system that loses energy.
 
+    Attributes
+    ----------
+    held : (m + 1, n) float
+        See `bvp.closures.held_motions`; for two degrees of freedom all motions.
+    pairs : int
+        m, the number of pairs of nontrivial multipliers.
+
     Notes
     -----
     The unknowns are y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]) (see `bvp.kernels.multipoint`); N = 2 n modal coordinates a state.
@@ -155,6 +162,8 @@ class MultipointProblem:
         self._packed = pack(self.segment)
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
+        self.held = np.eye(2) if self._two_dof else held_motions(system)
+        self.pairs = len(self.held) - 1
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.

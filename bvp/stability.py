@@ -17,8 +17,8 @@ import numpy as np
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN
-from bvp.kernels.stability import half_map, half_map_scratch
-from bvp.multipliers import nearest_grazing, pairs_of, saddle_point_multipliers
+from bvp.kernels.stability import half_map, make_half_map
+from bvp.multipliers import floquet_multipliers, nearest_grazing, pairs_of
 from bvp.multipoint import MultipointProblem, Solution
 
 __all__ = ["DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "verdict"]
@@ -174,7 +174,7 @@ def verdict(nu: Any, error: Any, rest: Any, rest_error: Any, krein: Any = 0) -> 
 
 
 def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
-    """phi (2 (n - 1), 2 (n - 1)) between the ends, and the largest factor by which an impact magnifies rounding.
+    """phi (2 m, 2 m) between the ends, and the largest factor by which an impact magnifies rounding.
 
     Raises
     ------
@@ -186,10 +186,10 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
     if problem.half == 2 and math.isfinite(solution["magnified"]):
         entries = [[solution["a"], solution["b"]], [solution["c"], solution["d"]]]
         return np.array(entries), solution["magnified"]
-    phi = np.zeros((2 * (problem.half - 1),) * 2)
     y, ends = np.array(solution.y, float), np.array(solution.ends, float, order="C")
-    magnified = half_map(problem.segment, y, ends, *half_map_scratch(problem.size), phi)
-    return phi, float(magnified)
+    work = make_half_map(problem.held)
+    magnified = half_map(problem.segment, y, ends, work.held, work.rows, work.square, work.small, work.phi)
+    return work.phi, float(magnified)
 
 
 def stability(problem: MultipointProblem, solution: Solution) -> Stability:
@@ -204,7 +204,7 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     if problem.periodic:
         return _periodic(problem, solution)
     phi, magnified = half_map_of(problem, solution)
-    m = problem.half - 1
+    m = problem.pairs
     if not np.all(np.isfinite(phi)):
         nothing = np.full(m, math.nan)
         quarter = nothing if problem.quarters == 1 else None
@@ -258,9 +258,9 @@ def _krein(form: np.ndarray, vectors: np.ndarray, nu: np.ndarray, error: float) 
 
 def _periodic(problem: MultipointProblem, solution: Solution) -> Stability:
     """By the multipliers of the full period."""
-    m = problem.half - 1
+    m = problem.pairs
     cycle = cycle_of(problem, solution.y)
-    multipliers = saddle_point_multipliers(cycle)
+    multipliers = floquet_multipliers(cycle)
     none = np.zeros(m, dtype=int)
     unknown = np.full(m, math.nan)
     if not np.all(np.isfinite(multipliers.values)):

@@ -173,7 +173,7 @@ def growth(effort: Effort) -> Iterator[Row]:
 def _growth_of_a_point(against: str, value: int, problem: MultipointProblem, y: np.ndarray, repeat: float) -> Row:
     """Seconds of a step with all test functions, of the orbit alone, and of the multipliers by the saddle-point matrix.
 
-    Steps are taken one at a time: with more than two degrees of freedom there are no blocks of steps.
+    Steps are taken one at a time, not in blocks.
     """
     from branches.family import Family
     from bvp.closures import cycle_of

@@ -53,11 +53,11 @@ def complement(vectors, count, out, factor):
 
 
 @part
-def _constraints(gap, weights, after, scale, conservative, free, vectors):
+def _constraints(gap, weights, after, scale, conservative, cut, vectors):
     """Rows that a perturbation of a node is orthogonal to; returns how many."""
     size = after.shape[0]
     count = 0
-    if not free:
+    if not cut:
         for r in range(size):
             vectors[count, r] = gap[r] * scale[r]
         count += 1
@@ -65,6 +65,19 @@ def _constraints(gap, weights, after, scale, conservative, free, vectors):
         for r in range(size):
             vectors[count, r] = weights[r] * after[r] * scale[r]
         count += 1
+    return count
+
+
+@part
+def _leave_out(free, count, vectors):
+    """Append the displacements and velocities of the motions `free` (f, n) to the first `count` rows; returns how many there are then."""
+    half = vectors.shape[1] // 2
+    for f in range(free.shape[0]):
+        for first in range(0, 2 * half, half):
+            set_1(vectors[count], 0.0)
+            for r in range(half):
+                vectors[count, first + r] = free[f, r]
+            count += 1
     return count
 
 
@@ -124,11 +137,12 @@ def landings(flight, contacts, cycle, linear):
 
 
 @inlined
-def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
-    """Fill the left and right `factors` of the product pencil.
+def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor):
+    """Fill the left and right `factors` of the product pencil, without the f motions `free` (f, n) that no spring and no stop resists;
+    None: there are none.
 
-    E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N less the constraints of a node and m_i = d_{i+1}, or for a cut
-    m_i = d_{i+1} of an unconstrained node. linear: of `landings`. scratch (5, max(N, 2), N), factor (2,)."""
+    E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N - 2 f less the constraints of a node and m_i = d_{i+1}, or for a cut
+    m_i = d_{i+1} of an unconstrained node. linear: of `landings`. scratch (5, max(N, 2), N), factor (2 + 2 f,)."""
     gap, weights = contacts.gap, cycle.weights
     after, row, scale = cycle.after, cycle.row, cycle.scale
     maps, along = linear
@@ -140,6 +154,8 @@ def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
     vectors = scratch[3]
     image = scratch[4, 0]
     count = _constraints(gap[max(row[0], 0)], weights, after[0], scale, conservative, row[0] < 0, vectors)
+    if free is not None:
+        count = _leave_out(free, count, vectors)
     complement(vectors, count, basis, factor)
     dimension = size - count
     for i in range(nodes):
@@ -147,6 +163,8 @@ def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
         contact = max(row[j], 0)
         cut = row[j] < 0
         count = _constraints(gap[contact], weights, after[j], scale, conservative, cut, vectors)
+        if free is not None:
+            count = _leave_out(free, count, vectors)
         complement(vectors, count, following, factor)
         next_dimension = size - count
         # Q_i of equation (31): the rows that annihilate F_i, and the energy's gradient.
@@ -158,6 +176,8 @@ def pencil(contacts, cycle, conservative, linear, factors, scratch, factor):
             for r in range(size):
                 vectors[count, r] = weights[r] * after[j, r] * scale[r]
             count += 1
+        if free is not None:
+            count = _leave_out(free, count, vectors)
         complement(vectors, count, rows, factor)
         height = size - count
         # E_i and A_i of equation (31).

@@ -1,30 +1,31 @@
 """The half map (13) of a symmetric orbit between its two reversals, and the multipliers of an orbit with two degrees of freedom.
 
 At an end the reduced perturbations (tangent to the energy level, modulo the flow) split into those kept by the end's reversal (+) and
-those turned round by it (-). In these coordinates the linearised flow from one end to the other is phi = [[a, b], [c, d]], symplectic, and
-the orbit's return map, R phi^-1 R phi, is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (blocks; ' is transposition), whose trace is
-2 (n - 1) + 4 tr(b'c). A zero of det c is a fold or branch point within the class of orbits between such ends, of det b the loss of
-the reversal, of det a or det d a doubling.
+those turned round by it (-), m of each. In these coordinates the linearised flow from one end to the other is phi = [[a, b], [c, d]],
+symplectic, and the orbit's return map, R phi^-1 R phi, is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (blocks; ' is transposition), whose
+trace is 2 m + 4 tr(b'c). A zero of det c is a fold or branch point within the class of orbits between such ends, of det b the loss of
+the reversal, of det a or det d a doubling. Motions that no spring and no stop resists are left out.
 """
 
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, part, sized
 from bvp.kernels.contact_mode import apply_impact, arrive
 from bvp.kernels.flight import block_product, copy_1, flow_matrix, row_dot, set_1, set_2
 from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, energy_sum, start_state, two_dof_segment, unfold_impacts
-from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, complement, landings, pencil, sweep, trivial_directions
+from bvp.kernels.newton import reflector
+from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
 
 
 @inlined
-def section_basis(segment, node, kind, z, vectors, out):
-    """Rows of `out` (n - 1, n): orthonormal, perpendicular to the velocity (origin), the force (rest) or the stop's normal (stop),
-    oriented with it, so that determinants taken with it change sign only through zero."""
+def section_basis(segment, node, kind, z, held, vectors, out):
+    """The first rows of `out` (>= m, n): orthonormal, perpendicular to the velocity (origin), the force (rest) or the stop's normal (stop),
+    and for n > 2 within the rows of `held` (m + 1, n). They are oriented with that vector, so that determinants taken with them change sign
+    only through zero. vectors (>= 2, n): scratch."""
     half = z.shape[0] // 2
     for r in range(half):
         if kind == ORIGIN:
@@ -38,11 +39,20 @@ def section_basis(segment, node, kind, z, vectors, out):
         out[0, 0] = -vectors[0, 1] / norm
         out[0, 1] = vectors[0, 0] / norm
         return
-    head = vectors[0, 0]
-    complement(vectors, int64(1), out, vectors[1])
-    if head < 0.0:
+    axes = held.shape[0]
+    v = vectors[1]
+    for a in range(axes):
+        v[a] = row_dot(held, a, vectors[0])
+    head = v[0]
+    # Householder's reflection of v; its complement is the image of the other axes.
+    _, factor = reflector(v, 0, axes)
+    for b in range(1, axes):
+        turn = head < 0.0 and b == axes - 1
         for r in range(half):
-            out[half - 2, r] = -out[half - 2, r]
+            total = 0.0
+            for a in range(axes):
+                total += ((1.0 if a == b else 0.0) - factor * v[b] * v[a]) * held[a, r]
+            out[b - 1, r] = -total if turn else total
 
 
 @part
@@ -56,16 +66,34 @@ def magnification(segment, node, z, reach):
     return reach * math.sqrt(normal) / abs(speed) if speed != 0.0 else math.inf
 
 
-def half_map_scratch(size):
-    """Scratch of `half_map` for states with the given number of entries."""
-    half = size // 2
-    return np.empty((size + 3, size)), np.empty((1, size, size)), np.empty((3, max(2, half), half))
+class HalfMap(NamedTuple):
+    """A half map, and scratch for it and for what follows from it. m pairs of multipliers."""
+
+    held: np.ndarray  # (m + 1, n) orthonormal: the modal displacements without those that no spring and no stop resists
+    rows: np.ndarray  # (N + 3, N)
+    square: np.ndarray  # (1, N, N)
+    small: np.ndarray  # (3, max(n, 2), n)
+    phi: np.ndarray  # (2 m, 2 m)
+    block: np.ndarray  # (m, m)
+    inverse: np.ndarray  # (m, m)
+    product: np.ndarray  # (m, m)
+    values: np.ndarray  # (2, m)
+
+
+def make_half_map(held):
+    """Scratch for the half maps of a problem."""
+    m, half = held.shape[0] - 1, held.shape[1]
+    size = 2 * half
+    return HalfMap(
+        held, np.zeros((size + 3, size)), np.zeros((1, size, size)), np.zeros((3, max(2, half), half)), np.zeros((2 * m, 2 * m)),
+        np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, m)), np.zeros((2, m)),
+    )  # fmt: skip
 
 
 @inlined
-def half_map(segment, y, ends, work, square, small, phi):
-    """phi (2 (n-1), 2 (n-1)) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; scratch: `work`
-    (>= N + 3, N), `square` (>= 1, N, N), `small` (3, max(n, 2), n). Returns the largest factor by which an
+def half_map(segment, y, ends, held, work, square, small, phi):
+    """phi (2 m, 2 m) from the start to the far end. `ends` (k + 1, N): states at the end of each flight; `held`: see `HalfMap`, not looked
+    at for n = 2; scratch: `work` (>= N + 3, N), `square` (>= 1, N, N), `small` (3, max(n, 2), n). Returns the largest factor by which an
     impact magnifies rounding (1: none)."""
     size = work.shape[1]
     half = size // 2
@@ -74,16 +102,17 @@ def half_map(segment, y, ends, work, square, small, phi):
     kind = segment.shape[3]
     z = work[0]
     field = work[1]
-    columns = 2 * (half - 1)
+    columns = phi.shape[1]
+    pairs = columns // 2
     flow = square[0]
     x = work[4]
     vectors = small[0]
     first = small[1]
     last = small[2]
     start_state(segment.start_map, segment.start_offset, y, z)
-    section_basis(segment, k + 1, kind, z, vectors, first)
+    section_basis(segment, k + 1, kind, z, held, vectors, first)
     final_kind = segment.shape[4]
-    section_basis(segment, k, final_kind, ends[k], vectors, last)
+    section_basis(segment, k, final_kind, ends[k], held, vectors, last)
     magnified = 1.0
     reach = math.sqrt(energy_sum(segment.weights, z))
     if kind == STOP:
@@ -93,8 +122,8 @@ def half_map(segment, y, ends, work, square, small, phi):
     for column in range(columns):
         v = work[5 + column]
         set_1(v, 0.0)
-        kept = column < half - 1
-        b = column if kept else column - (half - 1)
+        kept = column < pairs
+        b = column if kept else column - pairs
         at = half if kept == (kind == ORIGIN) else 0
         for r in range(half):
             v[at + r] = -first[b, r] if kind == ORIGIN and not kept else first[b, r]
@@ -128,15 +157,15 @@ def half_map(segment, y, ends, work, square, small, phi):
     for column in range(columns):
         x = work[5 + column]
         # Equation (13): the entries in the coordinates of the far end.
-        for b in range(half - 1):
+        for b in range(pairs):
             displacement = row_dot(last, b, x[:half])
             velocity = row_dot(last, b, x[half:])
             if final_kind == ORIGIN:
                 phi[b, column] = velocity
-                phi[half - 1 + b, column] = -displacement
+                phi[pairs + b, column] = -displacement
             else:
                 phi[b, column] = displacement
-                phi[half - 1 + b, column] = velocity
+                phi[pairs + b, column] = velocity
     return magnified
 
 
@@ -190,7 +219,7 @@ def orbit_stability(packed, y, ends, period, result):
     nodes = impacts // repeats
     if segment.shape[2] != 4:
         phi = scratch.plane[0]
-        result[entry.MAGNIFIED] = half_map(segment, y, ends, scratch.rows, scratch.square, scratch.plane[1:], phi)
+        result[entry.MAGNIFIED] = half_map(segment, y, ends, phi, scratch.rows, scratch.square, scratch.plane[1:], phi)
         result[entry.HALF_A] = phi[0, 0]
         result[entry.HALF_B] = phi[0, 1]
         result[entry.HALF_C] = phi[1, 0]
@@ -227,7 +256,7 @@ def orbit_stability(packed, y, ends, period, result):
     linear = Linearised(maps, along)
     factors = Factors(left, right, cycle_row, cycle_row, True)
     landings(segment.flight, contacts, cycle, linear)
-    pencil(contacts, cycle, True, linear, factors, scratch.square, scratch.plane[0, 0])
+    pencil(contacts, cycle, True, None, linear, factors, scratch.square, scratch.plane[0, 0])
     dimension = 2
     frame = scratch.plane[0]
     older = scratch.plane[1]

@@ -358,7 +358,7 @@ def two_dof_orbit_observe(packed, observed, y, ends, work, result):
 class CompiledProblem(NamedTuple):
     """The data of a problem for a kernel that takes several steps (`bvp.kernels.compiled.call_at`)."""
 
-    addresses: np.ndarray  # (3,) int64 of `orbit_step`, `orbit_observe` and `orbit_stability`; 0: not wanted
+    addresses: np.ndarray  # (3,) int64 of `orbit_step`, `orbit_observe` and `orbit_stability` (n = 2); 0: not wanted
     packed: PackedSegment
     factor: Factor
     observed: Observed

@@ -4,7 +4,6 @@ rounding, the same events, the same ends."""
 import numpy as np
 import pytest
 
-import saltus
 from branches.family import Family
 from branches.switching import embed
 from branches.tracing import SETTINGS
@@ -14,6 +13,7 @@ from continuation.control import NEAR_GOAL, control_of, distance, height
 from continuation.problem import Goal, Recent
 from continuation.run import follow_both_ways
 from tests.branches.traced import traced
+from tests.bvp.orbits import chains
 
 
 class OneByOne(Family):
@@ -82,11 +82,15 @@ def test_a_condition_ends_a_block(direction):
     assert run.points[-1].index > 40
 
 
-def test_more_degrees_of_freedom_go_step_by_step():
-    stops = (saltus.Stop((1.0, -1.0, 0.0), -1.0, 1.0),)
-    chain = saltus.ImpactSystem(np.eye(3), np.zeros((3, 3)), [[2.0, -1, 0], [-1, 2, -1], [0, -1, 2]], stops)
-    assert Family(MultipointProblem(chain, ("origin", "stop+"), ())).advance is None
-    assert Family(traced("S13O00+").problem).advance is not None
+@pytest.mark.parametrize(("n", "grounded"), [(3, True), (4, False), (6, True)])
+def test_a_block_of_any_number_of_degrees_of_freedom(n, grounded):
+    """More than two, with and without a rigid-body mode; the fold as the only test function."""
+    for orbit in [orbit for orbit in chains() if orbit.problem.half == n and (orbit.problem.pairs == n - 1) is grounded][:3]:
+        settings = Settings(**{**vars(SETTINGS), "maximum_points": 120})
+        run = compare(orbit.problem, orbit.solution.y, settings)
+        assert len(run.events) > 0
+        ends = follow_both_ways(Family(orbit.problem, ends_only=True), orbit.solution.y, settings)
+        assert {event.code for event in ends.events} <= {"SN", "BP", "GR", "EP"}
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

@@ -7,7 +7,9 @@ that the differences lose none that a test looks at.
 import mpmath
 import numpy as np
 
+from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
+from bvp.multipliers import sort_multipliers
 
 DIGITS = 60
 STEP = mpmath.mpf(10) ** -18
@@ -100,6 +102,35 @@ class Exact:
             if i < self.problem.inner:
                 z = self.impact(i, z)
         return z
+
+    def multipliers(self):
+        """The nontrivial multipliers (2 m,) of the full period, rounded: impact by impact, by saltation matrices."""
+        problem, modes, squares = self.problem, self.problem.modes, self.squares
+        cycle = cycle_of(problem, np.array(self.y, float))
+        gap, rate, push = (exact(rows) for rows in (modes.contacts.gap, modes.contacts.rate, modes.contacts.push))
+        n, z = problem.half, self.start()
+        period, elapsed = 4 * mpmath.fsum(self.flight_times()) / problem.quarters, mpmath.mpf(0)
+        product = exact(np.eye(2 * n))
+
+        def field(z):
+            return np.concatenate([z[n:], -squares * z[:n]])
+
+        for duration, c in zip([cycle.lead, *cycle.duration[:-1]], cycle.contact, strict=True):
+            t = mpmath.mpf(float(duration))
+            for _ in range(8):
+                x = flow(squares, z, t)
+                t -= (gap[c] @ x - float(modes.contacts.bound[c])) / (rate[c] @ x)
+            x = flow(squares, z, t)
+            product = np.array([flow(squares, column, t) for column in product.T]).T
+            coming, z = field(x), x - 2 * push[c] * (rate[c] @ x)
+            late = field(z) - coming + 2 * push[c] * (rate[c] @ coming)
+            product = product - 2 * np.outer(push[c], rate[c] @ product) + np.outer(late / (gap[c] @ coming), gap[c] @ product)
+            elapsed += t
+        product = np.array([flow(squares, column, period - elapsed) for column in product.T])
+        values = list(mpmath.eig(mpmath.matrix(product.tolist()), left=False, right=False))
+        for _ in range(2 * (n - problem.pairs)):
+            values.remove(min(values, key=lambda value: abs(value - 1)))
+        return sort_multipliers(np.array([complex(value) for value in values]))
 
     def half_map(self):
         """phi, (2 (n-1), 2 (n-1)) mpf entries, for two degrees of freedom."""

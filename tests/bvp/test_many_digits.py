@@ -53,7 +53,7 @@ def test_more_degrees_of_freedom():
     for found in chains()[::3]:
         problem, solution = found.problem, found.solution
         exact = orbit_in_digits(problem, solution.y)
-        m = problem.half - 1
+        m = problem.pairs
         with mp.workdps(DIGITS):
             phi = exact.half_map
             a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]

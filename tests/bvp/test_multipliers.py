@@ -1,6 +1,6 @@
-"""Floquet multipliers by two routes.
+"""Floquet multipliers by their routes: the formed product, the saddle-point matrix, and numpy's product of saltation matrices.
 
-Oracles: finite differences of the numpy event-driven flow; powers of the multipliers of one turn for orbits run through several
+Oracles: 40 digits; finite differences of the numpy event-driven flow; powers of the multipliers of one turn for orbits run through several
 times; determinants (Liouville: exp(T tr B) prod r^2); a self-excited impact oscillator worked out by hand.
 """
 
@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from benchmarks import backbone
 from benchmarks.saltation import monodromy, saltation_matrix, saltation_multipliers
 from bvp.closures import Cycle, cycle_of
-from bvp.multipliers import nearest_grazing, saddle_point_multipliers, sort_multipliers
+from bvp.multipliers import GRADE, floquet_multipliers, nearest_grazing, saddle_point_multipliers, sort_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
-from tests.bvp.orbits import backbone_segment, chains, collection, cut
+from tests.bvp.high_precision import Exact
+from tests.bvp.orbits import backbone_segment, chain, chains, collection, cut
+from tests.hard.digits import Closed
 
 EPS = np.finfo(float).eps
 
@@ -73,7 +76,7 @@ def test_against_differences_of_the_flow():
         flow = np.array(columns).T
         expected = flow @ system.modes.to_state @ monodromy(cycle) @ system.modes.from_state @ np.linalg.inv(flow)
         assert np.max(np.abs(matrix - expected)) < 1e-6 * np.max(np.abs(expected)) * size, orbit.name
-        trace = np.trace(matrix) - 2.0
+        trace = np.trace(matrix) - (orbit.problem.size - 2 * orbit.problem.pairs)
         assert abs(trace - saddle_point_multipliers(cycle).trace) < 1e-6 * size**2, orbit.name
         compared += 1
     assert compared >= 8
@@ -170,9 +173,10 @@ def test_self_excited_oscillator_by_hand(growth, restitution):
     cycle = Cycle(system, before[None], after[None], np.array([t]), np.array([0]), 0.0)
     expected = restitution**2 * math.exp(2.0 * growth * t)
     for pieces in (1, 3, 20):
-        found = saddle_point_multipliers(cut(cycle, pieces))
-        assert found.values.shape == (1,)
-        assert abs(found.values[0] - expected) < 1e-11
+        for route in (floquet_multipliers, saddle_point_multipliers):
+            found = route(cut(cycle, pieces))
+            assert found.values.shape == (1,)
+            assert abs(found.values[0] - expected) < 1e-11
         assert found.pairing is None and found.reliable and found.trivial < 1e-11
     assert abs(saltation_multipliers(cycle)[0] - expected) < 1e-11
     assert abs(np.linalg.det(monodromy(cycle)) - expected) < 1e-12
@@ -202,8 +206,9 @@ def test_lossy_cycle_of_two_degrees_of_freedom():
     """2n - 1 multipliers, none trivial: both routes, differences of the flow, Liouville's determinant, cuts."""
     twin, cycle = attracting_cycle()
     system = cycle.system
-    found = saddle_point_multipliers(cycle)
+    found = floquet_multipliers(cycle)
     assert found.values.shape == (3,) and found.reliable and found.pairing is None
+    assert np.max(np.abs(found.values - saddle_point_multipliers(cycle).values)) < 1e-10
     assert np.max(np.abs(found.values)) < 1.0
     assert np.max(np.abs(found.values - saltation_multipliers(cycle))) < 1e-9
     for pieces in (3, 20, 100):
@@ -219,6 +224,70 @@ def test_lossy_cycle_of_two_degrees_of_freedom():
     assert np.max(np.abs(sort_multipliers(values) - found.values)) < 1e-6
 
 
+def nearest(found, exact):
+    """Largest distance of a number from the nearest one of the other list, both ways, relative to the largest number."""
+    apart = np.abs(np.subtract.outer(found, exact))
+    return max(np.max(np.min(apart, axis=0)), np.max(np.min(apart, axis=1))) / np.max(np.abs(exact))
+
+
+def test_no_route_loses_a_digit():
+    """Oracle: the product of flights and saltation matrices of the orbit in 60 digits. Each multiplier relative to the largest, to rounding
+    times the impacts and the condition; what is formed has no larger error than the saddle-point matrix but for rounding."""
+    formed = 0
+    for orbit in [*chains()[::2], *collection()[::6]]:
+        cycle = cycle_of(orbit.problem, orbit.solution.y)
+        exact = Exact(orbit.problem, orbit.solution).multipliers()
+        values = [route(cycle) for route in (floquet_multipliers, saddle_point_multipliers)]
+        assert all(found.values.shape == exact.shape == (2 * orbit.problem.pairs,) for found in values)
+        if separation(exact) < 1e-3:
+            continue  # two multipliers that are close move by the root of a perturbation
+        first, second = (nearest(found.values, exact) for found in values)
+        size = np.linalg.norm(values[0].matrix, 2)
+        condition = np.linalg.cond(np.linalg.eig(values[0].matrix)[1]) / abs(orbit.solution["branching"])
+        assert first < 1e-15 * len(cycle.contact) * condition * max(size / np.max(np.abs(exact)), 1.0), orbit.name
+        assert first < 4.0 * second + 1e-14, orbit.name
+        formed += values[0].sweeps == 0
+    assert formed > 12
+
+
+@pytest.mark.parametrize("n", [2, 5, 12])
+def test_many_impacts_of_many_masses(n):
+    """Oracle: powers of the closed form's multipliers, in 50 digits, of a chain that is run round 32 times: 64 impacts."""
+    random, turns = np.random.default_rng(n), 32
+    while True:
+        system = chain(random, n, grounded=True)
+        alpha = random.uniform(0.1, 0.4)
+        if backbone.half_period_sum(system, alpha) > 0.05 and backbone.is_physical(system, alpha, 400):
+            exact = Closed(system, alpha).multipliers()
+            if np.max(np.abs(exact)) < 1.0 + 1e-9 and separation(exact) > 1e-2 and separation(exact**turns) > 1e-3:
+                break
+    problem, y = backbone_segment(system, alpha)
+    one = cycle_of(problem, problem.solve(y, quarter_period=alpha).y)
+    cycle = Cycle(system, *(np.concatenate([part] * turns) for part in (one.before, one.after, one.duration, one.contact)), one.lead)
+    found = floquet_multipliers(cycle)
+    assert found.sweeps == 0 and found.reliable and len(cycle.contact) == 64
+    assert nearest(found.values, exact**turns) < 1e-14 * turns * np.linalg.cond(np.linalg.eig(found.matrix)[1])
+    assert nearest(found.values, saddle_point_multipliers(cycle).values) < 1e-11
+
+
+def test_the_formed_product_agrees_where_it_is_used():
+    """Oracle: the saddle-point matrix: values in the same order, trivial directions, pairs; cuts of flights change nothing."""
+    kinds = set()
+    for _, cycle in cycles():
+        found, other = floquet_multipliers(cycle), saddle_point_multipliers(cycle)
+        kinds.add(found.sweeps == 0)
+        assert found.reliable and found.pairing < 1e-9 and found.matrix.shape == other.matrix.shape
+        if found.sweeps:
+            assert np.max(np.abs(other.values)) ** 2 > 0.99 * GRADE and np.array_equal(found.values, other.values)
+            continue
+        assert found.trivial < 1e-11 * len(cycle.contact) and abs(found.trace - other.trace) < 1e-11
+        if separation(other.values) > 1e-2:
+            limit = 1e-12 * np.linalg.cond(np.linalg.eig(found.matrix)[1])
+            assert np.max(np.abs(found.values - other.values)) < limit
+            assert np.max(np.abs(floquet_multipliers(cut(cycle, 5)).values - found.values)) < limit
+    assert kinds == {False, True}
+
+
 def test_grazing_is_said_and_gives_no_numbers():
     """An impact at zero speed: multipliers NaN, not reliable, the note names the impact; and no saltation matrix."""
     system = vibro_impact_nes()
@@ -231,14 +300,14 @@ def test_grazing_is_said_and_gives_no_numbers():
     after[1] = before[1]
     grazing = Cycle(system, before, after, cycle.duration, cycle.contact, cycle.lead)
     assert nearest_grazing(grazing)[0] == 1
-    found = saddle_point_multipliers(grazing)
+    found = floquet_multipliers(grazing)
     assert np.all(np.isnan(found.values)) and not found.reliable
     assert "impact 2 of 2 grazes" in found.note
     with pytest.raises(ValueError, match="zero speed"):
         saltation_matrix(system, contact, np.zeros(4))
     smooth = Cycle(system, cycle.before[:1], cycle.after[:1], cycle.duration[:1], np.array([-1]), 0.0)
     with pytest.raises(ValueError, match="without impacts"):
-        saddle_point_multipliers(smooth)
+        floquet_multipliers(smooth)
 
 
 def test_order_of_multipliers():

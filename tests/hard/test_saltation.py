@@ -150,7 +150,7 @@ def pencil_trace(cycle, names):
     conservative = cycle.system.is_conservative
     # The heights and widths are for the sweep alone.
     factors = pencils.Factors(left, right, scaled.row, scaled.row, False)
-    pencils.pencil(contacts, scaled, conservative, linear, factors, np.empty((5, size, size)), np.empty(2))
+    pencils.pencil(contacts, scaled, conservative, None, linear, factors, np.empty((5, size, size)), np.empty(2))
     free = size - 1 - int(conservative)
     product = np.eye(free)
     for i in range(nodes):

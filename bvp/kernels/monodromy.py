@@ -1,0 +1,298 @@
+"""The monodromy of a closed orbit as the product of its flights and saltation matrices, and its multipliers without the trivial ones.
+
+A flight acts on rows of all perturbations at once, and an impact adds a matrix of rank two,
+
+    S = 1 - (1 + r) push rate + (f+ - R f-) g / (g . f-),     R = 1 - (1 + r) push rate
+
+(Mueller, Chaos, Solitons & Fractals 5 (1995) 1671). Directions whose multipliers are known to be 1 are split off by reflections. The
+product is known to rounding times its norm, so small multipliers beside large ones are lost: see `bvp.multipliers` for where it is used.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import kernel, part
+from bvp.kernels.dense import eigenvalues
+from bvp.kernels.flight import block_matrix, block_product, copy_1, flow_pair, inner, set_1, set_2
+from bvp.kernels.newton import reflector
+
+_EQUAL = 1e9
+"""Two moduli are equal whose logarithms agree, in units of 1/_EQUAL, rounded."""
+
+
+class Reduction(NamedTuple):
+    """Scratch of `formed_multipliers`: N states, t trivial directions."""
+
+    free: np.ndarray  # (f, n) orthonormal motions that no spring and no stop resists
+    map: np.ndarray  # (N, N)
+    square: np.ndarray  # (N, N)
+    lines: np.ndarray  # (6, N)
+    vectors: np.ndarray  # (t, N)
+    scale: np.ndarray  # (N,) sizes of the states' entries
+    weights: np.ndarray  # (N,) H = sum(weights z^2)/2
+
+
+def make_reduction(free, weights, conservative):
+    """Scratch for the orbits of a system."""
+    size = len(weights)
+    trivial = 2 + 2 * len(free) if conservative else 1
+    return Reduction(
+        free, np.zeros((size, size)), np.zeros((size, size)), np.zeros((6, size)), np.zeros((trivial, size)), np.ones(size), weights
+    )
+
+
+class Spectrum(NamedTuple):
+    """What `formed_multipliers` finds: m nontrivial multipliers."""
+
+    matrix: np.ndarray  # (m, m) the map of the perturbations without the trivial ones
+    work: np.ndarray  # (m, m) scratch
+    values: np.ndarray  # (2, m) real and imaginary parts, by modulus descending, then by angle
+    keys: np.ndarray  # (2, m) scratch
+
+
+class ClosedOrbit(NamedTuple):
+    """The nodes of a closed orbit: its impacts, and cuts of flights."""
+
+    before: np.ndarray  # (P, N) states before each
+    after: np.ndarray  # (P, N) and after it
+    duration: np.ndarray  # (P,) of the flight after each
+    contact: np.ndarray  # (P,) int64; -1 for a cut
+
+
+@part
+def _fly(flight, t, x, square, line):
+    """x <- exp(B t) x, all columns of x (N, N) at once. Scratch: square (N, N), line (N,)."""
+    pairs, mean, delta, matrix = flight
+    size = x.shape[0]
+    # Equation (23) for each block.
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            e11, e12, e21, e22 = flow_pair(mean[k], delta[k], matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j], t)
+            for c in range(size):
+                a = x[i, c]
+                b = x[j, c]
+                x[i, c] = e11 * a + e12 * b
+                x[j, c] = e21 * a + e22 * b
+        elif j == -1:
+            factor = math.exp(mean[k] * t)
+            for c in range(size):
+                x[i, c] *= factor
+        else:
+            last = i - j
+            block_matrix(mean[k], matrix, i, -j, t, square)
+            for c in range(size):
+                for r in range(i, last):
+                    line[r] = x[r, c]
+                for r in range(i, last):
+                    x[r, c] = inner(square[r, i:last], line[i:last])
+
+
+@part
+def _strike(flight, contacts, contact, before, after, x, lines):
+    """x <- S x at an impact, all columns of x (N, N) at once. lines (5, N): scratch."""
+    size = x.shape[0]
+    coming = lines[0]
+    going = lines[1]
+    late = lines[2]
+    kick = lines[3]
+    jump = contacts.jump[contact]
+    block_product(flight.pairs, flight.matrix, before, coming)
+    block_product(flight.pairs, flight.matrix, after, going)
+    speed = 0.0
+    turned = 0.0
+    for r in range(size):
+        speed += contacts.gap[contact, r] * coming[r]
+        turned += contacts.rate[contact, r] * coming[r]
+    for r in range(size):
+        going[r] = (going[r] - coming[r] + jump * turned * contacts.push[contact, r]) / speed
+    set_1(late, 0.0)
+    set_1(kick, 0.0)
+    for r in range(size):
+        gap = contacts.gap[contact, r]
+        rate = jump * contacts.rate[contact, r]
+        if gap != 0.0:
+            for c in range(size):
+                late[c] += gap * x[r, c]
+        if rate != 0.0:
+            for c in range(size):
+                kick[c] += rate * x[r, c]
+    for r in range(size):
+        a = going[r]
+        b = contacts.push[contact, r]
+        for c in range(size):
+            x[r, c] += a * late[c] - b * kick[c]
+
+
+@part
+def _set_scale(orbit, conservative, weights, scale):
+    """Sizes of displacements and velocities, the latter of a conservative system by sqrt(2 h): an impact may be its only slow part."""
+    size = scale.shape[0]
+    half = size // 2
+    for first in range(0, size, half):
+        largest = 0.0
+        for i in range(orbit.before.shape[0]):
+            for r in range(first, first + half):
+                largest = max(largest, abs(orbit.before[i, r]))
+        if first > 0 and conservative:
+            largest = 0.0
+            for r in range(size):
+                largest += weights[r] * orbit.after[0, r] ** 2
+            largest = math.sqrt(largest)
+        for r in range(first, first + half):
+            scale[r] = largest if largest > 0.0 else 1.0
+
+
+@part
+def _reduce(vectors, x, line):
+    """x <- H x H with the reflections H of the rows of `vectors` (t, N), which are overwritten, one after the other: the first t rows and
+    columns belong to them."""
+    size = x.shape[0]
+    for k in range(vectors.shape[0]):
+        v = vectors[k]
+        _, factor = reflector(v, k, size)
+        if factor == 0.0:
+            continue
+        for other in range(k + 1, vectors.shape[0]):
+            total = 0.0
+            for r in range(k, size):
+                total += v[r] * vectors[other, r]
+            for r in range(k, size):
+                vectors[other, r] -= factor * total * v[r]
+        set_1(line, 0.0)
+        for r in range(k, size):
+            for c in range(size):
+                line[c] += v[r] * x[r, c]
+        for r in range(k, size):
+            total = factor * v[r]
+            for c in range(size):
+                x[r, c] -= total * line[c]
+        for r in range(size):
+            total = 0.0
+            for c in range(k, size):
+                total += x[r, c] * v[c]
+            total *= factor
+            for c in range(k, size):
+                x[r, c] -= total * v[c]
+
+
+@part
+def _sort(values, keys):
+    """Sort by modulus descending, then by angle ascending from -pi."""
+    for i in range(values.shape[1]):
+        x = values[0, i]
+        y = values[1, i]
+        modulus = math.hypot(x, y)
+        size = float(math.floor(_EQUAL * math.log(modulus) + 0.5)) if 0.0 < modulus < math.inf else -math.inf
+        angle = math.atan2(y, x)
+        at = i
+        while at > 0 and (keys[0, at - 1] < size or (keys[0, at - 1] == size and keys[1, at - 1] > angle)):
+            for k in range(2):
+                values[k, at] = values[k, at - 1]
+                keys[k, at] = keys[k, at - 1]
+            at -= 1
+        values[0, at] = x
+        values[1, at] = y
+        keys[0, at] = size
+        keys[1, at] = angle
+
+
+@part
+def _pairing(values, taken):
+    """Largest |product - 1| over the pairs: each multiplier, from the first on, with the one whose product with it is nearest to 1."""
+    count = values.shape[1]
+    worst = 0.0
+    set_1(taken, 0.0)
+    for i in range(count):
+        if taken[i] == 1.0:
+            continue
+        nearest = math.inf
+        partner = -1
+        for j in range(i + 1, count):
+            if taken[j] == 0.0:
+                x = values[0, i] * values[0, j] - values[1, i] * values[1, j] - 1.0
+                y = values[0, i] * values[1, j] + values[1, i] * values[0, j]
+                distance = math.hypot(x, y)
+                if distance < nearest:
+                    nearest = distance
+                    partner = j
+        if partner < 0:
+            return math.inf
+        taken[partner] = 1.0
+        worst = max(worst, nearest)
+    return worst
+
+
+@kernel
+def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spectrum):
+    """Multipliers of a closed orbit from its monodromy M, into `spectrum`.
+
+    contacts: `bvp.kernels.pencil.ContactRows`. scaled: whether displacements and velocities are divided by their sizes. Returns (whether
+    there are any; norm of the reduced map; |(M - I) f|/|f| for the flow f; |grad H (M - I)|/|grad H|; largest defect of a pair); the last
+    two only for a conservative system."""
+    free, x, square, lines, vectors, scale, weights = work
+    size = x.shape[0]
+    half = size // 2
+    nodes = orbit.after.shape[0]
+    if scaled:
+        _set_scale(orbit, conservative, weights, scale)
+    set_2(x, 0.0)
+    for r in range(size):
+        x[r, r] = scale[r]
+    impacts = 0
+    for i in range(nodes):
+        j = i + 1 if i + 1 < nodes else 0
+        _fly(flight, orbit.duration[i], x, square, lines[0])
+        contact = orbit.contact[j]
+        if contact >= 0:
+            impacts += 1
+            _strike(flight, contacts, contact, orbit.before[j], orbit.after[j], x, lines)
+    first = vectors[0]
+    block_product(flight.pairs, flight.matrix, orbit.after[0], first)
+    for r in range(size):
+        first[r] /= scale[r]
+        for c in range(size):
+            x[r, c] /= scale[r]
+    flow = 0.0
+    length = 0.0
+    for r in range(size):
+        flow += (inner(x[r], first) - first[r]) ** 2
+        length += first[r] ** 2
+    flow = math.sqrt(flow / length)
+    level = 0.0
+    if conservative:
+        slope = vectors[1]
+        set_1(lines[0], 0.0)
+        length = 0.0
+        for r in range(size):
+            slope[r] = weights[r] * orbit.after[0, r] * scale[r]
+            length += slope[r] ** 2
+            for c in range(size):
+                lines[0, c] += slope[r] * x[r, c]
+        for c in range(size):
+            level += (lines[0, c] - slope[c]) ** 2
+        level = math.sqrt(level / length)
+        for f in range(free.shape[0]):
+            for part_of_state in range(2):
+                row = vectors[2 + 2 * f + part_of_state]
+                set_1(row, 0.0)
+                for r in range(half):
+                    row[part_of_state * half + r] = free[f, r]
+    _reduce(vectors, x, lines[0])
+    matrix, again, values, keys = spectrum
+    split = vectors.shape[0]
+    norm = 0.0
+    for r in range(matrix.shape[0]):
+        copy_1(x[split + r, split:], matrix[r])
+        copy_1(matrix[r], again[r])
+        for c in range(matrix.shape[0]):
+            norm += matrix[r, c] ** 2
+    norm = math.sqrt(norm)
+    if impacts == 0 or not norm < math.inf or not eigenvalues(again, values[0], values[1]):
+        return False, norm, flow, level, math.inf
+    _sort(values, keys)
+    pairing = _pairing(values, keys[0]) if conservative else 0.0
+    return True, norm, flow, level, pairing

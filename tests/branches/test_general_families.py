@@ -1,0 +1,169 @@
+"""Families of more than two degrees of freedom: their test functions, and the events that these mark.
+
+Oracles: determinants and eigenvalues of the half map by mpmath; the functions for two degrees of freedom; the closed form of one impact a
+half period in 50 digits; multipliers from the saddle-point matrix on both sides of an event.
+"""
+
+import cmath
+import math
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+
+from branches.family import RESONANCES, Family
+from branches.kernels import COMMON
+from branches.tracing import follow_family
+from bvp.closures import cycle_of
+from bvp.multipliers import saddle_point_multipliers
+from bvp.multipoint import MultipointProblem
+from bvp.stability import half_map_of
+from tests.bvp.orbits import backbone_segment, chain, chains, collection
+from tests.hard.digits import Closed
+
+
+def expected_tests(problem, solution, targets):
+    """The test functions after the common ones, from the definition."""
+    phi = half_map_of(problem, solution)[0]
+    m = problem.pairs
+    speeds = solution["speeds"]
+    with mpmath.workdps(40):
+        a, b, c, d = (mpmath.matrix(block.tolist()) for block in (phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]))
+        product = b.T * c
+        out = [speeds * mpmath.det(block) for block in (b, a, d)]
+        if problem.quarters == 1:
+            out.append(speeds**2 * mpmath.det(4 * product + 2 * mpmath.eye(m)))
+        nu = list(mpmath.eig(product, left=False, right=False)) if m > 1 else [product[0]]
+        factors = [(nu[i] - nu[j]) ** 2 / (1 + nu[i] ** 2) / (1 + nu[j] ** 2) for i in range(m) for j in range(i)]
+        out.append(mpmath.re(mpmath.fprod(factors)))
+        out += [speeds**2 * mpmath.det(4 * product + (2 - mpmath.mpf(target)) * mpmath.eye(m)) for target in targets]
+        return np.array([float(value) for value in out]), float(max(abs(x) for x in nu))
+
+
+def test_values_are_those_of_the_definition():
+    """Oracle: determinants and eigenvalues in 40 digits. Chains with and without a rigid-body mode."""
+    compared = 0
+    for orbit in chains():
+        family = Family(orbit.problem)
+        step = family.begin(orbit.solution.y)
+        expected, largest = expected_tests(orbit.problem, step.extra, family._targets)
+        found = np.array(step.tests[COMMON:])
+        assert len(found) == len(expected) == len(family.tests) - COMMON
+        if largest < 1e3:
+            size = np.abs(expected) + 0.01 * np.max(np.abs(expected))
+            known = np.isfinite(found)
+            assert np.max(np.abs(found - expected)[known] / size[known]) < 1e-8, orbit.name
+            assert np.all(np.abs(expected[~known]) < 1e-13 * size[~known]), orbit.name
+            compared += np.sum(known)
+    assert compared > 150
+
+
+def test_they_are_those_of_two_degrees_of_freedom():
+    """Oracle: the same orbits by the special functions, from the entries of the half map in place of determinants."""
+    compared = 0
+    for orbit in collection():
+        problem = orbit.problem
+        general = MultipointProblem(problem.system, problem.ends, problem.sequence)
+        general._two_dof = False
+        special, other = Family(problem), Family(general)
+        codes = [test.code for test in other.tests]
+        at = codes.index("NS")
+        kept = [value for i, value in enumerate(other.begin(orbit.solution.y).tests) if i != at]
+        assert codes[:at] + codes[at + 1 :] == [test.code for test in special.tests]
+        values = special.begin(orbit.solution.y).tests
+        if np.max(np.abs(values[COMMON:])) < 1e6:
+            np.testing.assert_allclose(kept, values, rtol=1e-12, atol=1e-12)
+            compared += 1
+    assert compared > 20
+
+
+def test_what_rounding_decides_is_not_defined():
+    """Oracle: where the half map is singular all along the family, b of a chain that drifts and is not reduced, nothing is said."""
+    system = chain(np.random.default_rng(300), 3)
+    problem, y = backbone_segment(system, 0.2, impacts=1)
+    reduced = Family(problem).begin(y).tests[COMMON:]
+    problem.held, problem.pairs = np.eye(3), 2
+    tests = Family(problem).begin(y).tests[COMMON:]
+    assert math.isnan(tests[0]) and math.isfinite(tests[1]) and math.isfinite(tests[2])
+    assert np.all(np.isfinite(reduced))
+
+
+SYSTEMS = {
+    "three masses": (303, 3, True),
+    "three that drift": (300, 3, False),
+    "four masses": (403, 4, True),
+    "five that drift": (502, 5, False),
+}
+
+
+@cache
+def backbone_family(name):
+    seed, n, grounded = SYSTEMS[name]
+    problem, y = backbone_segment(chain(np.random.default_rng(seed), n, grounded), 0.2)
+    return follow_family(problem, y, energy=(0.05, 100.0))
+
+
+def closed_traces(problem, alpha):
+    """The traces lambda + 1/lambda of the pairs of the half map composed with u -> -u, without those that are 2 or -2 for all alpha."""
+    half = Closed(problem.system, alpha).half_map()
+    with mpmath.workdps(50):
+        values = [complex(x) for x in mpmath.eig(half, left=False, right=False)]
+    trivial = [1.0, 1.0] + [-1.0, -1.0] * (problem.half - 1 - problem.pairs)
+    for limit in trivial:
+        values.remove(min(values, key=lambda x: abs(x - limit)))
+    return np.array([value + 1.0 / value for value in values])
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_resonance_has_its_multiplier(name):
+    """Oracle: the closed form: at a p:q resonance one multiplier is exp(2 pi i p/q), at a doubling -1."""
+    branch = backbone_family(name)
+    found = set()
+    for event in branch.events:
+        if event.type not in ("RT", "PD"):
+            continue
+        p, q = event.p_q or (1, 2)
+        root = cmath.exp(2j * math.pi * p / q)
+        values = np.array([x for x in Closed(branch.system, event.alpha).multipliers()])
+        assert np.min(np.abs(values - root)) < 1e-7, (event.type, event.p_q, event.alpha)
+        found.add((p, q))
+    assert found == {(1, 2), *RESONANCES}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_no_resonance_is_lost(name):
+    """Oracle: the sign of the product of the pairs' distances from each level, by the closed form over the family's range of alpha."""
+    branch = backbone_family(name)
+    alphas = branch.points["alpha"]
+    events = np.array([event.alpha for event in branch.events])
+    grid = np.linspace(np.min(alphas), np.max(alphas), 90)[1:-1]
+    traces = [closed_traces(branch.problem, alpha) for alpha in grid]
+    for p, q in RESONANCES:
+        for level in (2.0 * math.cos(math.pi * p / q), -2.0 * math.cos(math.pi * p / q)):
+            signs = np.array([np.sign(np.prod(trace - level).real) for trace in traces])
+            for k in np.flatnonzero(signs[1:] != signs[:-1]):
+                near = (events > grid[k]) & (events < grid[k + 1])
+                assert any(branch.events[i].p_q == [p, q] for i in np.flatnonzero(near)), (p, q, grid[k])
+    assert sum(event.type == "RT" for event in branch.events) >= 8
+
+
+def test_a_krein_collision_leaves_the_unit_circle():
+    """Oracle: multipliers from the saddle-point matrix of orbits on both sides."""
+    collisions = 0
+    for orbit in chains():
+        if orbit.problem.half < 4 or orbit.problem.inner != 4:
+            continue
+        branch = follow_family(orbit.problem, orbit.solution.y, energy=(0.01, 100.0))
+        for event in branch.events:
+            if event.type != "NS":
+                continue
+            at = branch.orbit(event.point).solution
+            complex_pairs = []
+            for step in (-1e-4, 1e-4):
+                beside = branch.problem.step(at.y, at.tangent, step)
+                values = saddle_point_multipliers(cycle_of(branch.problem, beside.y)).values
+                complex_pairs.append(int(np.sum((np.abs(values) > 1.0 + 1e-5) & (np.abs(values.imag) > 1e-5))))
+            assert sorted(complex_pairs)[1] - sorted(complex_pairs)[0] == 2, (event.h, complex_pairs)
+            collisions += 1
+    assert collisions >= 3

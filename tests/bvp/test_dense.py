@@ -1,0 +1,114 @@
+"""Determinants and eigenvalues of small dense matrices.
+
+Oracles: mpmath with 40 digits; matrices with known eigenvalues; singular values by numpy.
+"""
+
+import mpmath
+import numpy as np
+import pytest
+
+from bvp.kernels.dense import determinant, eigenvalues, is_regular, least_singular
+
+
+def computed(matrix):
+    real, imaginary = np.empty(len(matrix)), np.empty(len(matrix))
+    assert eigenvalues(np.array(matrix, dtype=float, order="C"), real, imaginary)
+    return np.sort_complex(real + 1j * imaginary)
+
+
+def digits(matrix):
+    """Eigenvalues in 40 digits, rounded."""
+    with mpmath.workdps(40):
+        values = mpmath.eig(mpmath.matrix(np.asarray(matrix).tolist()), left=False, right=False)
+        return np.sort_complex(np.array([complex(value) for value in values]))
+
+
+def distance(found, exact):
+    """Largest distance of a value from the nearest one of the other list, both ways."""
+    apart = np.abs(np.subtract.outer(found, exact))
+    return max(np.max(np.min(apart, axis=0)), np.max(np.min(apart, axis=1)))
+
+
+@pytest.mark.parametrize("size", range(8))
+def test_determinants(size):
+    """Oracle: 40 digits; exchanged rows change the sign."""
+    random = np.random.default_rng(size)
+    for _ in range(20):
+        matrix = random.normal(size=(size, size)) * 10.0 ** random.uniform(-3, 3, size=(size, 1))
+        with mpmath.workdps(40):
+            exact = float(mpmath.det(mpmath.matrix(matrix.tolist()))) if size else 1.0
+        scale = np.prod(np.linalg.norm(matrix, axis=1))
+        assert abs(determinant(matrix.copy()) - exact) < 1e-14 * max(size, 1) * scale
+        if size > 1:
+            swapped = matrix[[1, 0, *range(2, size)]]
+            assert abs(determinant(swapped.copy()) + exact) < 1e-14 * size * scale
+
+
+@pytest.mark.parametrize("size", range(1, 12))
+def test_the_least_singular_value_is_bounded_from_below(size):
+    """Oracle: numpy's singular values."""
+    random = np.random.default_rng(size)
+    for exponent in (0.0, 3.0, 6.0, 9.0):
+        left, right = (np.linalg.qr(random.normal(size=(size, size)))[0] for _ in range(2))
+        matrix = left @ np.diag(10.0 ** -np.linspace(0.0, exponent, size)) @ right
+        singular = np.linalg.svd(matrix, compute_uv=False)[-1]
+        square = np.sum(matrix**2)
+        value = determinant(matrix)
+        for level in singular * np.array([1e-12, 1e-6, 1e-3, 0.9 / np.sqrt(size), 1.1, 1e3]):
+            assert is_regular(matrix, value, square, level, np.empty((size, size))) is bool(level < singular)
+        bound = least_singular(matrix, np.empty((size, size)))
+        assert singular / np.sqrt(size) * (1.0 - 1e-5) <= bound <= singular * (1.0 + 1e-5)
+    zero = np.zeros((size, size))
+    assert determinant(zero) == 0.0 and least_singular(zero, np.empty((size, size))) == 0.0
+
+
+@pytest.mark.parametrize("size", range(2, 13))
+def test_eigenvalues_of_random_matrices(size):
+    """Oracle: 40 digits, to rounding times the condition of the eigenvectors."""
+    random = np.random.default_rng(size)
+    for _ in range(4):
+        matrix = random.normal(size=(size, size))
+        condition = np.linalg.cond(np.linalg.eig(matrix)[1])
+        assert distance(computed(matrix), digits(matrix)) < 1e-14 * size * condition
+
+
+@pytest.mark.parametrize("matrix", [
+    np.zeros((3, 3)),
+    np.eye(4),
+    np.diag([3.0, -1.0, 2.0]),
+    np.roll(np.eye(5), 1, axis=0),
+    np.roll(np.eye(4), 1, axis=0),
+    [[0.0, 1.0], [-1.0, 0.0]],
+    [[1.0, 2.0, 3.0], [0.0, 4.0, 5.0], [0.0, 0.0, 6.0]],
+    [[0.0, 0.0, 1.0], [0.0, 2.0, 0.0], [4.0, 0.0, 0.0]],
+])  # fmt: skip
+def test_eigenvalues_of_special_matrices(matrix):
+    """Oracle: 40 digits. Cyclic matrices need shifts from outside their trailing block."""
+    assert distance(computed(matrix), digits(matrix)) < 1e-14
+
+
+def test_badly_scaled_matrices_are_balanced():
+    """Oracle: a similarity by powers of two changes no eigenvalue; a row of 1e12 does not cover the others."""
+    random = np.random.default_rng(8)
+    matrix = random.normal(size=(6, 6))
+    scale = 2.0 ** random.integers(-40, 40, 6)
+    plain = computed(matrix)
+    assert distance(computed(matrix * scale[:, None] / scale), plain) < 1e-12
+    assert list(computed([[0.0, 1e300], [1e-300, 0.0]])) == [-1.0, 1.0]
+
+
+def test_the_distance_of_a_double_eigenvalue_is_the_root_of_the_perturbation():
+    """Oracle: the discriminant 4 (square + below) of [[1, 1], [below, 1]] beside another eigenvalue, of either sign."""
+    for below in (1e-8, -1e-8, 1e-12, -1e-12):
+        matrix = np.diag([1.0, 1.0, 5.0])
+        matrix[0, 1], matrix[1, 0] = 1.0, below
+        found = computed(matrix)
+        assert abs(((found[0] - found[1]) ** 2).real / (4.0 * below) - 1.0) < 1e-6
+
+
+def test_numbers_that_are_none_are_refused():
+    """Oracle: no endless iteration."""
+    for bad in (np.nan, np.inf):
+        matrix = np.ones((3, 3))
+        matrix[1, 2] = bad
+        assert not eigenvalues(matrix, np.empty(3), np.empty(3))
