@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.grazing.following import Neighbour, meet
-from branches.grazing.touching import EVERY, Touching, candidate, mode_label
+from branches.grazing.touching import EVERY, Touching, candidate, mode_label, mode_name
 from branches.sequences import PERIODIC
 from branches.tracing import follow_family
 from bvp.checks import require_system
@@ -75,7 +75,7 @@ class LinearMode:
     @property
     def name(self) -> str:
         """Its label; L1, L2, ... by rising frequency for other systems."""
-        return self.label or f"L{self.index + 1}"
+        return mode_name(self.system, self.index)
 
     @cached_property
     def amplitude(self) -> float:

@@ -223,7 +223,7 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
     conservative, two_dof : str
         Beginning of the message if the method needs a conservative system, or two degrees of freedom and one stop. Empty: it does not.
     advice : str
-        End of the message on degrees of freedom.
+        End of the message on degrees of freedom and stops.
 
     Raises
     ------
@@ -240,7 +240,7 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
     if two_dof and system.degrees_of_freedom != 2:
         raise ValueError(f"{two_dof} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
     if two_dof and len(system.stops) != 1:
-        raise ValueError(f"{two_dof} a system with one stop; this one has {len(system.stops)}")
+        raise ValueError(f"{two_dof} a system with one stop; this one has {len(system.stops)}{advice and ': ' + advice}")
 
 
 def require_branch(branch: Any) -> None:

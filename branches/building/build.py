@@ -31,7 +31,7 @@ from branches.building.plan import (
     refuse_other_plan,
     saved_seed,
 )
-from branches.building.work import work
+from branches.building.work import is_searched, work
 from branches.catalogue.database import readable
 from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
@@ -173,14 +173,14 @@ class _Build:
         self.count = 0
 
     def run(self) -> dict[str, Any]:
-        """Search at each level of energies until one adds no family."""
+        """Search at each level of energies until one adds no family. Where energies are not searched, there is one level, without any."""
         if not self._take_up():
             self._begin()
-        levels = self.report["levels"]
-        for level in range(len(levels), LEVELS):
+        levels, searched = self.report["levels"], is_searched(self.system)
+        for level in range(len(levels), LEVELS if searched else 1):
             if level >= FEWEST and not levels[-1]["new"]:
                 break
-            energies = energies_of(level, self.plan.bounds.energy)
+            energies = energies_of(level, self.plan.bounds.energy) if searched else []
             if self.report["begun"]["level"] != level:
                 with self.catalogue.transaction():
                     self.report["begun"] = {"level": level, "families": len(self.known)}
@@ -190,7 +190,8 @@ class _Build:
             levels.append({"energies": len(energies), "new": len(self.known) - self.report["begun"]["families"]})
             self._note()
         self._connect_last()
-        still_open = open_ranges(len(levels), self.plan.bounds.energy, self.report["incomplete"])
+        bounds = self.plan.bounds.energy
+        still_open = open_ranges(len(levels), bounds, self.report["incomplete"]) if searched else [bounds]
         report = {name: value for name, value in self.report.items() if name != "begun"}
         report = {
             "families": len(self.known), "points": self.points, "events": self.events, "edges": len(self.catalogue.edges()),
@@ -212,8 +213,7 @@ class _Build:
                 self.catalogue.remove(row.id)
             modes = linear_modes(self.system)
             for mode in modes:
-                if mode.label:
-                    self.catalogue.add_node(Node(mode.label, "linear mode", mode.label, mode.energies, mode.alpha))
+                self.catalogue.add_node(Node(mode.name, "linear mode", mode.name, mode.energies, mode.alpha))
             most = [math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) for mode in modes]
             covers = [(mode.index, cover) for mode, last in zip(modes, most, strict=True) for cover in range(1, last + 1)]
             self._extend([Seed("name", name, plan) for name in plan.names] + [Seed("mode", cover, plan) for cover in covers] + saved)

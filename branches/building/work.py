@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from continuation.control import Settings
 
-__all__ = ["ends_of", "is_half", "work"]
+__all__ = ["ends_of", "is_half", "is_searched", "work"]
 
 BESIDE = (0.0, 3e-4, -3e-4)
 """Relative distances of the energies that are searched until a search is complete. Near an energy at which a family grazes, neighbouring
@@ -123,13 +123,18 @@ def ends_of(system: ImpactSystem) -> tuple[str, ...]:
     return ("origin-origin", *WITHOUT_ORIGIN) if system.has_odd_symmetry else WITHOUT_ORIGIN
 
 
+def is_searched(system: ImpactSystem) -> bool:
+    """Whether the orbits at an energy can be searched. If not, a build has the families of the linear modes, and those that they meet."""
+    return system.degrees_of_freedom == 2 and len(system.stops) == 1
+
+
 def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     (index, cover), plan = source.value, source.plan
-    mode = linear_modes(system)[index]
+    mode = next(mode for mode in linear_modes(system) if mode.index == index)
     seeds, over = [], f"{cover} turn{'s' if cover > 1 else ''}"
     for found in beginnings(mode, cover, plan.bounds.impacts, energy=plan.bounds.energy):
         assert found.there is not None and found.beside is not None
-        link = Link(mode.label, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{over}: {found.kind}")
+        link = Link(mode.name, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{over}: {found.kind}")
         seed = _seed(found.beside.problem, found.beside.y, plan)
         seeds.append(_reached(seed, link, source, found.there.problem, found.there.y))
     return Answer(tuple(seeds))

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from branches.catalogue.database import CatalogueError, not_taken
-from branches.catalogue.rows import FamilyRow, crosses
+from branches.catalogue.rows import FamilyRow, Node, crosses
 from branches.naming.labels import Label, LabelSyntaxError, Name, most_alike, parse, parse_name
 from branches.naming.matching import (
     AmbiguousName,
@@ -139,6 +139,9 @@ def find(catalogue: CatalogueStore, text: str, reference_points: Mapping[str, Ma
     if not isinstance(text, str):
         raise not_taken("a name is text such as S13O00+, U83@h=1.9 or an id", text)
     head, at, suffix = text.partition("@")
+    mode = _modes(catalogue).get(head)
+    if mode is not None and not at:
+        return _match(mode)
     row = _family_of_id(catalogue, head)
     if row is not None:
         name = parse_name(row.id + at + suffix)
@@ -239,13 +242,22 @@ def _select(catalogue: CatalogueStore, name: Name, families: Sequence[FamilyRow]
     return [match for distance, match in out if distance <= least + 1e-9]
 
 
+def _modes(catalogue: CatalogueStore) -> dict[str, Node]:
+    """The linear modes of a catalogue by their names: L11+, or L1, L2, .. where modes have no labels."""
+    return {node.id: node for node in catalogue.nodes if node.kind == "linear mode"}
+
+
+def _match(mode: Node) -> NameMatch:
+    return NameMatch(mode.id, mode.kind, mode.h[1] if mode.h else None, mode.alpha)
+
+
 def _linear_mode(catalogue: CatalogueStore, label: Label) -> NameMatch:
-    known = {node.id: node for node in catalogue.nodes if node.kind == "linear mode"}
+    known = _modes(catalogue)
     node = known.get(str(label))
     if node is None:
         covered = why_a_cover(label, lambda root: str(root) in known)
         raise NameNotFound(covered or f"{catalogue.path} has no linear mode {label}; it has {', '.join(known) or 'none'}")
-    return NameMatch(node.id, node.kind, node.h[1] if node.h else None, node.alpha)
+    return _match(node)
 
 
 def _nothing(catalogue: CatalogueStore, name: Name, families: Sequence[FamilyRow], having: Sequence[FamilyRow]) -> str:

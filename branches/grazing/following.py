@@ -10,7 +10,7 @@ import numpy as np
 
 from branches.branch import Branch, BranchEvent
 from branches.family import Family, unphysical
-from branches.grazing.touching import Candidate, Touching, candidate, mode_label, mode_of, touching
+from branches.grazing.touching import Candidate, Touching, candidate, mode_name, mode_of, touching
 from branches.presentation import is_solved_as_it_is
 from branches.sequences import Ends, impacts_per_period
 from branches.tracing import follow_family
@@ -374,7 +374,7 @@ def _after_impact(problem: MultipointProblem, letter: str, z: np.ndarray) -> np.
 def _linear(orbit: Touching) -> Neighbour:
     """Linear motion without any impact, with the name of the mode."""
     mode = mode_of(orbit)
-    label = "" if mode is None else mode_label(orbit.system, mode)
+    label = "" if mode is None else mode_name(orbit.system, mode)
     which = "a linear motion of several modes" if mode is None else f"the linear mode {label or mode + 1}"
     reason = f"{which}, which touches the stops: other families begin there, too"
     return Neighbour("linear mode", (), "", label, orbit.h, 0.25 * orbit.period, orbit.stops, 0, 1, reason)

@@ -24,7 +24,7 @@ from bvp.multipoint import MultipointProblem
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["EVERY", "Candidate", "Symmetry", "Touching", "candidate", "mode_label", "mode_of", "touching"]
+__all__ = ["EVERY", "Candidate", "Symmetry", "Touching", "candidate", "mode_label", "mode_name", "mode_of", "touching"]
 
 CONTACT = 1e-8
 """Largest distance of a touch from its stop, as a part of the largest gap, and largest speed of an impact of zero speed, as a part of
@@ -349,3 +349,8 @@ def mode_label(system: ImpactSystem, index: int) -> str:
         return ""
     shape = system.modes.shapes[:, index]
     return "L11+" if shape[system.absorber] * shape[system.primary] > 0.0 else "L11-"
+
+
+def mode_name(system: ImpactSystem, index: int) -> str:
+    """The `mode_label` of a linear mode; L1, L2, ... by rising frequency where it has none."""
+    return mode_label(system, index) or f"L{index + 1}"

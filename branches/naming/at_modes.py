@@ -135,7 +135,7 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
         ids = [found[item] for item in chosen]
         # Families with equal ends and sequences are told apart by the hashes of their ids, for which they are followed.
         full = [id if ids.count(id) == 1 else _full_id(item) for item, id in zip(chosen[:LISTED], ids, strict=False)]
-        more = f" or {len(ids) - LISTED} more, with more impacts" if len(ids) > LISTED else ""
+        more = f" and {len(ids) - LISTED} more" if len(ids) > LISTED else ""
         raise AmbiguousName(f"{text} matches {len(ids)} families; choose one of {' '.join(f'{place},{id}' for id in full)}{more}")
     beside = chosen[0].beside
     assert beside is not None

@@ -32,7 +32,7 @@ __all__ = [
     "MOST_IMPACTS", "Path", "QUADRATIC", "START_FROM_A_STATE", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
 ]  # fmt: skip
 
-START_FROM_A_STATE = "start its families from a given state"
+START_FROM_A_STATE = "saltus continue --from mode:K and saltus build follow the families that begin at its linear modes"
 """Advice if no scan can find them."""
 
 TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from saltus import __version__, catalogues, options, outputs, processes
-from saltus.errors import DONE, FAILED, INTERRUPTED, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import ProgressBar, counted
 
@@ -39,8 +39,6 @@ def run(arguments: argparse.Namespace) -> int:
     place = catalogues.place_to_save(arguments, scene)
 
     from branches.building.plan import Bounds, BuildPlan
-    from branches.building.work import ends_of
-    from branches.search.discovery import check
 
     complete = scene.complete
     bounds = Bounds(
@@ -52,9 +50,26 @@ def run(arguments: argparse.Namespace) -> int:
         plan = BuildPlan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), scene.names, scene.reference_points)
     else:
         plan = BuildPlan.within(bounds)
-    check(scene.system, bounds.energy[0], bounds.quarter_period, bounds.impacts, ends_of(scene.system))
+    _check(scene, plan)
     with processes.open_executor(arguments.workers, arguments.dask) as (executor, count):
         return _build(files, scene, place, plan, executor, count)
+
+
+def _check(scene: Scene, plan: BuildPlan) -> None:
+    """Raise ValueError for a system or bounds from which nothing can be built."""
+    from branches.building.work import ends_of, is_searched
+
+    if is_searched(scene.system):
+        from branches.search.discovery import check
+
+        check(scene.system, plan.bounds.energy[0], plan.bounds.quarter_period, plan.bounds.impacts, ends_of(scene.system))
+        return
+    from branches.linear_modes import linear_modes
+
+    if not linear_modes(scene.system):
+        raise BadInput("no linear mode of the system reaches a stop, so no family begins at one; expected a system with such a mode")
+    if plan.names:
+        raise BadInput(f"the scene names {plan.names[0]}; names are searched for two degrees of freedom and one stop: expected no [names]")
 
 
 def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, executor: Executor, workers: int) -> int:
@@ -88,16 +103,10 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
 
 def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     """The lines that say what a build has found, and how complete it is."""
-    searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
-    new = report["levels"][-1]["new"]
-    complete = "not complete" if new else "complete"
-    complete += f": the last energies gave {counted(new, 'new family') if new else 'no new family'}"
-    if report["open"]:
-        complete += ", but open in h = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in report["open"])
     lines = [
         f"done   {counted(report['families'], 'family')}, {counted(report['points'], 'point')}, {counted(report['events'], 'event')}, "
         f"{counted(report['edges'], 'edge')}; {counted(report['beyond'], 'neighbour')} beyond the bounds",
-        f"       energies searched: {searched}; {complete}",
+        f"       {_completeness(report)}",
         "       families without a reversal are found only where they meet one with a reversal",
     ]
     if report["incomplete"]:
@@ -119,12 +128,29 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     return lines
 
 
+def _completeness(report: dict[str, Any]) -> str:
+    """The energies that a build searched, and whether it is complete."""
+    if not any(level["energies"] for level in report["levels"]):
+        return "families that begin at linear modes, and those that they meet; others are searched for two degrees of freedom and one stop"
+    searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
+    new = report["levels"][-1]["new"]
+    complete = "not complete" if new else "complete"
+    complete += f": the last energies gave {counted(new, 'new family') if new else 'no new family'}"
+    if report["open"]:
+        complete += ", but open in h = " + ", ".join(f"{low:.6g}:{high:.6g}" for low, high in report["open"])
+    return f"energies searched: {searched}; {complete}"
+
+
 def _nearest_outside(scene: Scene, bounds: Bounds) -> str:
     """The orbit with the shortest quarter period at the lowest and the highest energy of bounds that contain no family."""
-    from branches.building.work import ends_of
+    from branches.building.work import ends_of, is_searched
+    from branches.linear_modes import linear_modes
     from branches.naming.search import least_energy
     from branches.search.discovery import discover_orbits
 
+    if not is_searched(scene.system):
+        touched = [f"{mode.name} at h = {mode.energies[1]:.6g}, quarter period {mode.alpha:.6g}" for mode in linear_modes(scene.system)]
+        return f"the linear modes touch the stops outside them: {', '.join(touched)}"
     system, quarter_period = scene.system, bounds.quarter_period
     least = least_energy(system)
     if bounds.energy[1] <= least:

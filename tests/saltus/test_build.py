@@ -2,6 +2,7 @@
 
 import json
 import multiprocessing
+import re
 
 import pytest
 
@@ -113,3 +114,87 @@ def test_a_worker_that_is_killed_is_reported(tmp_path, monkeypatch):
         code, _, err = reported(f"build {SMALL} --workers 1 --catalogue {path}")
     assert code == 1 and err.count("\n") == 1 and "a worker process was killed" in err and "the same command goes on" in err
     assert reported(f"build {SMALL} --workers 1 --catalogue {path}")[0] == 0
+
+
+PLAIN = """title = "the reference system, and what it may have beside it"
+source = "a test"
+[system]
+mass = {mass}
+stiffness = {stiffness}
+[[stops]]
+c = {gap}
+lower = -1.0
+upper = 1.0
+{more}
+[bounds]
+energy = [0.06, 0.4]
+quarter_period = 1.9
+impacts = 2
+"""
+
+
+def beside(folder, name, oscillators=(), more=""):
+    """A scene of the reference system with oscillators of these frequencies, which nothing couples to it; its path."""
+    size = 2 + len(oscillators)
+    mass, stiffness = ([[0.0] * size for _ in range(size)] for _ in range(2))
+    mass[0][0], mass[1][1] = 0.1, 1.0
+    stiffness[0][0], stiffness[0][1], stiffness[1][0], stiffness[1][1] = 0.1, -0.1, -0.1, 1.1
+    for i, frequency in enumerate(oscillators, 2):
+        mass[i][i], stiffness[i][i] = 1.0, frequency**2
+    path = folder / f"{name}.toml"
+    path.write_text(PLAIN.format(mass=mass, stiffness=stiffness, gap=[1.0, -1.0] + [0.0] * (size - 2), more=more))
+    return path
+
+
+def built(folder, scene):
+    """The families of the catalogue that is built of a scene, by ids without hashes and letters of stops; graph, report, output."""
+    path = folder / "built.sqlite"
+    path.unlink(missing_ok=True)
+    code, out, err = reported(f"build --scene {scene} --workers 1 --catalogue {path} --json {folder}/report.json")
+    assert (code, err) == (0, ""), err
+    assert reported(f"check --catalogue {path}")[0] == 0
+    with saltus.Catalogue(path) as catalogue:
+        families = sorted((re.sub("a([+-])", r"\1", row.id.rpartition(":")[0]), *row.h, *row.alpha) for row in catalogue.families())
+        graph = catalogue.graph()
+    assert sum(kind == "linear mode" for _, kind in graph.nodes(data="kind")) >= 2
+    return families, graph, json.loads((folder / "report.json").read_text()), out
+
+
+FAR = "[[stops]]\nc = {gap}\nlower = -70.0\nupper = 70.0"
+
+
+@pytest.mark.parametrize(
+    ("oscillators", "more"), [((0.15,), ""), ((), FAR.format(gap=[0.0, 1.0])), ((0.15, 0.11), FAR.format(gap=[0.0, 0.0, 1.0, 0.0]))]
+)
+def test_what_is_beside_changes_no_family(tmp_path, oscillators, more):
+    """Oracle: the families of the reference system, which the search of energies finds: all of them meet those of the linear modes. Slow
+    oscillators that are coupled to nothing and stops that nothing reaches change none, in sequences, energies and quarter periods."""
+    families, _, report, out = built(tmp_path, beside(tmp_path, "alone"))
+    assert report["complete"] and "energies searched" in out and len(families) == 7
+    more_families, graph, more_report, out = built(tmp_path, beside(tmp_path, "beside", oscillators, more))
+    assert [id for id, *_ in more_families] == [id for id, *_ in families] and graph.number_of_edges() >= 7
+    assert [row for _, *row in more_families] == [pytest.approx(row, rel=1e-9) for _, *row in families]
+    last = max(name for name, kind in graph.nodes(data="kind") if kind == "linear mode")
+    code, out_of_tree, err = reported(f"tree {last} --scene {tmp_path}/beside.toml --catalogue {tmp_path}/built.sqlite")
+    assert code == 0 and out_of_tree.startswith(f"{last} (linear mode)  h 0:"), err
+    assert not more_report["complete"] and more_report["open"] == [[0.06, 0.4]] and more_report["failed"] == []
+    assert "families that begin at linear modes, and those that they meet" in out
+
+
+def test_what_cannot_be_built_of_linear_modes(tmp_path):
+    """Oracle: one line with what was received and expected; the energies at which the modes touch their stop, (w d / b)^2 / 2."""
+    scene = beside(tmp_path, "named", (0.15,), "[names]\n\"S13+\" = {}")
+    code, out, err = reported(f"build --scene {scene} --catalogue {tmp_path}/a.sqlite")
+    assert code == 2 and not out and err.count("\n") == 1 and "the scene names S13+" in err and "expected no [names]" in err
+    still = tmp_path / "still.toml"
+    free, unit = [[0.0, 0.0], [0.0, 0.0]], [[1.0, 0.0], [0.0, 1.0]]
+    still.write_text(PLAIN.format(mass=unit, stiffness=free, gap=[1.0, -1.0], more=FAR.format(gap=[1.0, 0.0])))
+    code, out, err = reported(f"build --scene {still} --catalogue {tmp_path}/a.sqlite")
+    assert code == 2 and not out and err.count("\n") == 1 and "no linear mode of the system reaches a stop" in err
+    scene = beside(tmp_path, "beside", (0.15,))
+    code, out, err = reported(f"build --scene {scene} --energy 1:2 --workers 1 --catalogue {tmp_path}/b.sqlite")
+    assert (code, err) == (0, "") and "L2 at h = 0.118508, quarter period 1.83" in out
+    for command in (f"discover --energy 0.3 --scene {scene}", f"continue S13+ --scene {scene}"):
+        code, out, err = reported(command)
+        assert code == 2 and not out and err.count("\n") == 1
+        assert "two degrees of freedom; this system has 3: saltus continue --from mode:K and saltus build follow" in err

@@ -98,7 +98,7 @@ def test_a_choice_of_several_families_is_listed(capsys):
     first = many.partition("choose one of ")[2].split()[0]
     code, out, _ = run(capsys, "continue", "--from", first, "--points", "5", "--json", "-")
     assert code == 0 and json.loads(out)["branch"]["id"] == first.split(",")[2]
-    refused(run(capsys, "continue", "--from", "mode:1,cover=9"), "matches 106 families", "or 94 more, with more impacts")
+    refused(run(capsys, "continue", "--from", "mode:1,cover=9"), "matches 106 families", "and 94 more")
 
 
 WRONG = [
