@@ -175,8 +175,8 @@ SHIPPED = {"three_mass_chain": (1, 0.1823327926), "gear_pair": (3, 0.78125), "im
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_scenes_are_the_closed_form(capsys, name):
-    """Oracle: closed forms in forty digits, also with rigid-body modes. The family begins where the mode reaches the stop: the torsion of the
-    shaft at (1 + 1/4)^2/2, the oscillator that moves alone at 1/2, the chain at w^2 d^2/(2 b^2)."""
+    """Oracle: closed forms in forty digits, also with rigid-body modes. The family begins where the mode reaches the stop: the torsion
+    of the shaft at (1 + 1/4)^2/2, the oscillator that moves alone at 1/2, the chain at w^2 d^2/(2 b^2)."""
     number, grazing = SHIPPED[name]
     code, out, err = run(capsys, "continue", "--scene", name, "--from", f"mode:{number}", "--energy", "0.02:5", "--json", "-")
     assert code == 0, err

@@ -187,8 +187,8 @@ def test_a_changed_copy_of_a_shipped_scene_loads(tmp_path):
 
 
 def test_scenes_of_other_systems():
-    """Oracle: frequencies in closed form: 2 sin((2 k - 1) pi/14) of a chain of three masses from a wall on; sqrt(k (1/m + 1/M)) of the torsion
-    of a shaft, and 1 of the oscillator of an impact damper. The last two have rigid-body modes."""
+    """Oracle: frequencies in closed form: 2 sin((2 k - 1) pi/14) of a chain of three masses from a wall on; sqrt(k (1/m + 1/M)) of the
+    torsion of a shaft, and 1 of the oscillator of an impact damper. The last two have rigid-body modes."""
     chain = 2.0 * np.sin((2.0 * np.arange(1, 4) - 1.0) * np.pi / 14.0)
     expected = {"three_mass_chain": chain, "gear_pair": [0.0, 0.0, np.sqrt(1.25)], "impact_damper": [0.0, 1.0]}
     for name, frequencies in expected.items():
