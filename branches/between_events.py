@@ -51,13 +51,10 @@ class Barrier(NamedTuple):
 
 
 def stability_events(problem: MultipointProblem) -> tuple[str, ...]:
-    """Types of the events at which the stability of a family can change; empty if some of them cannot be located.
+    """Types of the events at which the stability of a family can change.
 
     Two reversals a quarter period apart: the period doubles at tau_half = 0, inside the interval -2 < tau_half < 2 of the stable orbits.
-    Periodic closures of more than two degrees of freedom: Krein collisions are not located.
     """
-    if problem.periodic and problem.half > 2:
-        return ()
     doubling = () if problem.quarters == 1 else ("PD",)
     return ("SN", "BP", "SB", "NS", *doubling)
 
@@ -93,8 +90,6 @@ def decide_between(
     """
     stable, arclength = points["stable"].copy(), points["arclength"]
     kinds = stability_events(problem)
-    if not kinds:
-        return stable, DigitWork()
     events = [barrier for barrier in barriers if barrier.type in kinds]
     free = np.isfinite(points["multipliers"]).all(axis=1)
     for _, point, (low, high) in events:
@@ -231,9 +226,8 @@ def _levels(branch: Branch) -> Iterator[_Level]:
     trace = points[name]
     if branch.problem.half != 2:
         types = stability_events(branch.problem)
-        if types:
-            side = np.where(stable == 1, -1, np.where(stable == 0, 1, 0))
-            yield _Level("the limit of stability", side, [event for event in events if event.type in types], types, types)
+        side = np.where(stable == 1, -1, np.where(stable == 0, 1, 0))
+        yield _Level("the limit of stability", side, [event for event in events if event.type in types], types, types)
         return
 
     def near(event: BranchEvent, value: float) -> bool:

@@ -25,13 +25,14 @@ from branches.kernels import (
     common_tests,
     general_tests,
     is_orbit,
+    make_pairs_work,
+    periodic_tests,
     two_dof_tests,
 )
 from branches.orbit import label_at
 from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
-from bvp.kernels.stability import make_half_map
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import stability
 from continuation.control import Control, Settings, kinds_of
@@ -51,8 +52,8 @@ SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, ta
 
 _ITERATIONS = 12  # most of a correction
 _take_block = Direct(advance_block)
-_GENERAL: list[tuple[Any, int]] = []
-"""`general_tests` compiled, once it is wanted: what Python calls, and its address."""
+_GENERAL: dict[bool, tuple[Any, int]] = {}
+"""`general_tests` (False) and `periodic_tests` (True) compiled, once they are wanted: what Python calls, and the address."""
 
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
@@ -218,7 +219,7 @@ class Family:
             ]
         else:
             tests += [TestFunction("PD", "crossing", False, "period doubling")]
-        if not self._two_dof and not problem.periodic:
+        if not self._two_dof:
             tests += [TestFunction("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
         # Of a quarter the trace +-2 cos(pi p/q) of the half map composed with u -> -u is followed: that of the full period, its square
         # less 2, passes a level twice where the former passes zero.
@@ -226,8 +227,7 @@ class Family:
             self._resonant = [(p, q, sign * math.cos(math.pi * p / q)) for p, q in RESONANCES for sign in (2.0, -2.0)]
         else:
             self._resonant = [(p, q, multiplication(p, q)) for p, q in RESONANCES]
-        if self._two_dof or not problem.periodic:
-            tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
+        tests += [TestFunction("RT", "crossing", False, f"{p}:{q} resonance") for p, q, _ in self._resonant]
         self._computed = len(tests)
         self.tests = tuple(tests[:ENDS_AND_FOLDS] if ends_only else tests)
         self.advance: Callable[..., Advance] | None = self._advance
@@ -235,7 +235,7 @@ class Family:
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
         self._limits = low, high, longest
         self._targets = [level for _, _, level in self._resonant]
-        self._work = make_half_map(problem.held)
+        self._work = make_pairs_work(problem)
 
     @cached_property
     def _watched(self) -> WatchedTests:
@@ -245,11 +245,13 @@ class Family:
         return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
 
     def _general(self) -> tuple[Any, int]:
-        """`general_tests`: what Python calls, and its address."""
-        if not _GENERAL:
-            problem, one, two = self.problem, np.empty(1), np.empty((1, 1))
-            _GENERAL.append(compiled_for(general_tests, (problem._packed, one, two, self._work, one, one, one)))
-        return _GENERAL[0]
+        """The test functions for any number of degrees of freedom: what Python calls, and the address."""
+        problem = self.problem
+        if problem.periodic not in _GENERAL:
+            one, two = np.empty(1), np.empty((1, 1))
+            function = periodic_tests if problem.periodic else general_tests
+            _GENERAL[problem.periodic] = compiled_for(function, (problem._packed, one, two, self._work, one, one, one))
+        return _GENERAL[problem.periodic]
 
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
@@ -404,7 +406,8 @@ class Family:
 
     def _is_krein_collision(self, solution: Solution) -> bool:
         """Whether the two pairs of multipliers that are nearest to each other are on the unit circle: they can meet elsewhere, too."""
-        nu = stability(self.problem, solution).nu
+        found = stability(self.problem, solution)
+        nu = 0.25 * (found.tau - 2.0) if self.problem.periodic else found.nu
         first, second = np.triu_indices(len(nu), 1)
         apart = np.abs(nu[first] - nu[second])
         nearest = int(np.argmin(apart))

@@ -17,14 +17,16 @@ from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, kernel, part
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
-from bvp.kernels.multipoint import unpack
-from bvp.kernels.stability import HalfMap, half_map
+from bvp.kernels.monodromy import ClosedOrbit, Reduction, Spectrum, formed_multipliers, make_reduction, make_spectrum
+from bvp.kernels.multipoint import ImpactList, unfold_impacts, unpack
+from bvp.kernels.pencil import ContactRows
+from bvp.kernels.stability import HalfMap, half_map, make_half_map, make_impacts
 from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = [
     "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests",
-    "general_tests", "is_orbit", "two_dof_tests",
+    "general_tests", "is_orbit", "make_pairs_work", "periodic_tests", "two_dof_tests",
 ]  # fmt: skip
 
 COMMON = 11
@@ -175,24 +177,40 @@ def _discriminant(real, imaginary):
     return found.real
 
 
+class PairsWork(NamedTuple):
+    """Scratch of the test functions for any number of degrees of freedom."""
+
+    half_map: HalfMap
+    impacts: ImpactList
+    reduction: Reduction
+    spectrum: Spectrum
+
+
+def make_pairs_work(problem):
+    """Scratch for the orbits of a `MultipointProblem`."""
+    impacts = make_impacts(problem.inner + 1 if problem.periodic else 0, problem.size)
+    reduction = make_reduction(problem.free, problem.segment.weights, True)
+    return PairsWork(make_half_map(problem.held), impacts, reduction, make_spectrum(2 * problem.pairs))
+
+
 @kernel
-def general_tests(packed, y, ends, work, result, targets, out):
-    """The entries of `out` after the common ones, any number of degrees of freedom: those of `two_dof_tests` with determinants of the
-    blocks of the half map in place of its entries, and before the distances from the `targets` the discriminant of b'c.
+def general_tests(packed, y, ends, pairs_work, result, targets, out):
+    """The entries of `out` after the common ones between two ends, any number of degrees of freedom: those of `two_dof_tests` with
+    determinants of the blocks of the half map in place of its entries, and before the distances from the `targets` the discriminant of b'c.
 
     Equation (35). The pairs of multipliers have the traces 2 + 4 nu with the eigenvalues nu of b'c, so det(4 b'c + 2 - target) is the
     product of their distances from a target over all pairs: its zeros need no pair to be followed. A determinant is affine in each
     linearised impact, a rank-one term over the impact's speed, so it is smooth at a grazing times the product of the speeds, and times its
     square for b'c.
 
-    A determinant is not defined where the smallest singular value is below the noise of the entries. Periodic closures have none of these.
-    work: `HalfMap`."""
+    A determinant is not defined where the smallest singular value is below the noise of the entries. pairs_work: `PairsWork`."""
     after = out[COMMON:]
     set_1(after, math.nan)
     quarters = packed.shape[2]
+    work = pairs_work.half_map
     phi = work.phi
     m = work.product.shape[0]
-    if quarters == 4 or m == 0:
+    if m == 0:
         return
     half_map(unpack(packed), y, ends, work.held, work.rows, work.square, work.small, phi)
     largest = 0.0
@@ -235,6 +253,37 @@ def general_tests(packed, y, ends, work, result, targets, out):
         after[at] = _discriminant(work.values[0], work.values[1])
 
 
+@kernel
+def periodic_tests(packed, y, ends, work, result, targets, out):
+    """The same for periodic closures: the products of 2 + trace and of trace - target over all pairs, and the discriminant between them.
+
+    Each pair has the trace lambda + 1/lambda, a sum of two eigenvalues of the formed product, which is smooth where they meet at 1 or -1.
+    Nothing is defined where rounding times the norm of that product can be seen. work: `PairsWork`."""
+    after = out[COMMON:]
+    set_1(after, math.nan)
+    segment = unpack(packed)
+    unfold_impacts(segment, y, ends, work.impacts, work.half_map.rows)
+    contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
+    orbit = ClosedOrbit(work.impacts.before, work.impacts.after, work.impacts.duration, work.impacts.row)
+    found, norm, _, _, _ = formed_multipliers(segment.flight, contacts, orbit, True, True, work.reduction, work.spectrum)
+    pivot = abs(result[entry.BRANCHING])
+    if not found or not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:
+        return
+    m = work.half_map.product.shape[0]
+    real = work.spectrum.sums[0, :m]
+    imaginary = work.spectrum.sums[1, :m]
+    for i in range(-1, targets.shape[0]):
+        level = -2.0 if i < 0 else targets[i]
+        product = complex(result[entry.SPEEDS], 0.0)
+        for j in range(m):
+            product *= complex(real[j] - level, imaginary[j])
+        after[0 if i < 0 else 2 + i] = product.real
+    for j in range(m):
+        real[j] = 0.25 * (real[j] - 2.0)
+        imaginary[j] = 0.25 * imaginary[j]
+    after[1] = _discriminant(real, imaginary)
+
+
 _distance = part(distance)
 _height = part(height)
 _arclength_of = part(arclength_of)
@@ -266,8 +315,8 @@ class WatchedTests(NamedTuple):
     singular: np.ndarray  # size below which a sign is rounding
     limits: np.ndarray  # (3,) bounds of the energy's logarithm, and of the quarter period's
     targets: np.ndarray  # traces at which periods multiply
-    general: int  # address of `general_tests`; 0: two degrees of freedom
-    work: HalfMap  # its scratch
+    general: int  # address of `general_tests` or `periodic_tests`; 0: two degrees of freedom
+    work: PairsWork  # its scratch
 
 
 class Beginning(NamedTuple):
@@ -299,7 +348,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
     take next)."""
     addresses, packed, factor, observed, work, period = compiled
     y, tangent, position, tests, older, oldest, before, first = beginning
-    kinds, singular, limits, targets, general, half = watched
+    kinds, singular, limits, targets, general, pairs_work = watched
     full = addresses[1] != 0
     way = metric[4]
     for r in range(way.shape[0]):
@@ -332,7 +381,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
             if general == 0:
                 _two_dof_tests(result, packed.shape[2], targets, values)
             else:
-                call_at(general, (packed, new, ends, half, result, targets, values))
+                call_at(general, (packed, new, ends, pairs_work, result, targets, values))
         else:
             values[0] = result[entry.SLOPE]
         turn = result[entry.TURN]

@@ -17,7 +17,7 @@ import numpy as np
 
 from bvp.closures import Cycle, free_motions
 from bvp.kernels.compiled import Direct
-from bvp.kernels.monodromy import ClosedOrbit, Reduction, Spectrum, formed_multipliers, make_reduction
+from bvp.kernels.monodromy import ClosedOrbit, Reduction, formed_multipliers, make_reduction, make_spectrum
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
 
 __all__ = [
@@ -123,9 +123,9 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     """
     data = _data_of(cycle.system)
     m = data.multipliers
-    matrix, values = np.empty((m, m)), np.empty((2, m))
+    spectrum = make_spectrum(m)
+    matrix, _, values, _ = spectrum
     orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
-    spectrum = Spectrum(matrix, np.empty((m, m)), values, np.empty((2, m)))
     found, norm, flow, level, pairing = _formed_multipliers(
         data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, spectrum
     )

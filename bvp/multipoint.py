@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.closures import EndsError, contact_of, end_maps, free_translation, held_motions, parse_end
+from bvp.closures import EndsError, contact_of, end_maps, free_motions, free_translation, held_motions, parse_end
 from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
@@ -103,8 +103,8 @@ class MultipointProblem:
 
     Attributes
     ----------
-    held : (m + 1, n) float
-        See `bvp.closures.held_motions`; for two degrees of freedom all motions.
+    held, free : (m + 1, n), (n - m - 1, n) float
+        See `bvp.closures.held_motions` and `free_motions`; for two degrees of freedom all motions, and none.
     pairs : int
         m, the number of pairs of nontrivial multipliers.
 
@@ -163,6 +163,7 @@ class MultipointProblem:
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
         self.held = np.eye(2) if self._two_dof else held_motions(system)
+        self.free = np.zeros((0, 2)) if self._two_dof else free_motions(system)
         self.pairs = len(self.held) - 1
 
     def refuse_drift(self) -> None:

@@ -49,7 +49,13 @@ class Spectrum(NamedTuple):
     matrix: np.ndarray  # (m, m) the map of the perturbations without the trivial ones
     work: np.ndarray  # (m, m) scratch
     values: np.ndarray  # (2, m) real and imaginary parts, by modulus descending, then by angle
-    keys: np.ndarray  # (2, m) scratch
+    sums: np.ndarray  # (2, m) of a conservative system, lambda + 1/lambda of each pair: real and imaginary parts, m/2 columns
+
+
+def make_spectrum(count):
+    """Arrays for the given number of nontrivial multipliers."""
+    square, row = (count, count), (2, count)
+    return Spectrum(np.empty(square), np.empty(square), np.empty(row), np.empty(row))
 
 
 class ClosedOrbit(NamedTuple):
@@ -201,13 +207,16 @@ def _sort(values, keys):
 
 
 @part
-def _pairing(values, taken):
-    """Largest |product - 1| over the pairs: each multiplier, from the first on, with the one whose product with it is nearest to 1."""
+def _pairing(values, sums):
+    """Largest |product - 1| over the pairs: each multiplier, from the first on, with the one whose product with it is nearest to 1. The
+    first m/2 columns of `sums` (2, m) become the traces of the pairs: real and imaginary parts."""
     count = values.shape[1]
     worst = 0.0
+    found = 0
+    taken = sums[1]
     set_1(taken, 0.0)
     for i in range(count):
-        if taken[i] == 1.0:
+        if taken[i] != 0.0:
             continue
         nearest = math.inf
         partner = -1
@@ -221,8 +230,15 @@ def _pairing(values, taken):
                     partner = j
         if partner < 0:
             return math.inf
-        taken[partner] = 1.0
+        taken[partner] = -1.0
+        taken[i] = 1.0 + partner
         worst = max(worst, nearest)
+    for i in range(count):
+        if taken[i] > 0.0:
+            partner = int(taken[i]) - 1
+            sums[0, found] = values[0, i] + values[0, partner]
+            sums[1, found] = values[1, i] + values[1, partner]
+            found += 1
     return worst
 
 
@@ -282,7 +298,7 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
                 for r in range(half):
                     row[part_of_state * half + r] = free[f, r]
     _reduce(vectors, x, lines[0])
-    matrix, again, values, keys = spectrum
+    matrix, again, values, sums = spectrum
     split = vectors.shape[0]
     norm = 0.0
     for r in range(matrix.shape[0]):
@@ -293,6 +309,6 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
     norm = math.sqrt(norm)
     if impacts == 0 or not norm < math.inf or not eigenvalues(again, values[0], values[1]):
         return False, norm, flow, level, math.inf
-    _sort(values, keys)
-    pairing = _pairing(values, keys[0]) if conservative else 0.0
+    _sort(values, sums)
+    pairing = _pairing(values, sums) if conservative else 0.0
     return True, norm, flow, level, pairing

@@ -169,6 +169,11 @@ def half_map(segment, y, ends, held, work, square, small, phi):
     return magnified
 
 
+def make_impacts(count, size):
+    """Space for the given number of impacts with states of `size` entries."""
+    return ImpactList(np.zeros((count, size)), np.zeros((count, size)), np.zeros(count), np.zeros(count, np.int64))
+
+
 class Period(NamedTuple):
     """Scratch for the P impacts of a full period, n = 2, N = 4."""
 
@@ -186,7 +191,7 @@ def make_period(impacts):
     """Scratch for the given number of impacts."""
     square = (impacts, 4, 4)
     return Period(
-        ImpactList(np.zeros((impacts, 4)), np.zeros((impacts, 4)), np.zeros(impacts), np.zeros(impacts, np.int64)),
+        make_impacts(impacts, 4),
         np.zeros(square),
         np.zeros(square),
         np.zeros(square),

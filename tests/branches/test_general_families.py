@@ -6,19 +6,20 @@ half period in 50 digits; multipliers from the saddle-point matrix on both sides
 
 import cmath
 import math
+from dataclasses import replace
 from functools import cache
 
 import mpmath
 import numpy as np
 import pytest
 
-from branches.family import RESONANCES, Family
+from branches.family import RESONANCES, SETTINGS, Family, multiplication
 from branches.kernels import COMMON
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
-from bvp.stability import half_map_of
+from bvp.stability import half_map_of, stability
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 from tests.hard.digits import Closed
 
@@ -76,6 +77,52 @@ def test_they_are_those_of_two_degrees_of_freedom():
             np.testing.assert_allclose(kept, values, rtol=1e-12, atol=1e-12)
             compared += 1
     assert compared > 20
+
+
+def closed(orbit):
+    """The periodic closure of a symmetric orbit, and its unknowns."""
+    cycle = cycle_of(orbit.problem, orbit.solution.y)
+    problem = MultipointProblem(orbit.problem.system, ("periodic", "periodic"), cycle.letters)
+    return problem, problem.pack(cycle.after[0], cycle.after[1:], cycle.duration)
+
+
+def test_periodic_closures():
+    """Oracle: the traces of the same orbits by their half maps."""
+    compared = 0
+    for orbit in [*chains(), *collection()[::4]]:
+        if orbit.problem.pairs < orbit.problem.half - 1:
+            continue  # it drifts
+        problem, y = closed(orbit)
+        problem._two_dof = False
+        step = Family(problem).begin(y)
+        tau = stability(orbit.problem, orbit.solution).tau
+        if not step.converged or np.max(np.abs(tau)) > 30.0:
+            continue
+        speeds, nu = step.extra["speeds"], 0.25 * (tau - 2.0)
+        found = np.array(step.tests[COMMON:])
+        levels = [-2.0, *(multiplication(p, q) for p, q in RESONANCES)]
+        expected = [speeds * np.prod(tau - level).real for level in levels]
+        size = [speeds * np.prod(1.0 + np.abs(tau - level)) for level in levels]
+        assert np.max(np.abs(np.delete(found, 1) - expected) / size) < 1e-7, orbit.name
+        pairs = [(nu[i] - nu[j]) ** 2 / (1 + nu[i] ** 2) / (1 + nu[j] ** 2) for i in range(len(nu)) for j in range(i)]
+        assert abs(found[1] - np.prod(pairs).real) < 1e-7, orbit.name
+        compared += 1
+    assert compared >= 15
+
+
+def test_resonances_of_periodic_closures():
+    """Oracle: multipliers from the saddle-point matrix at the events."""
+    found = set()
+    for orbit in [chains()[i] for i in (5, 6, 15)]:
+        problem, y = closed(orbit)
+        assert problem.periodic and problem.pairs == problem.half - 1
+        branch = follow_family(problem, y, energy=(0.2 * orbit.energy, 5.0 * orbit.energy), settings=replace(SETTINGS, maximum_points=300))
+        for event in (event for event in branch.events if event.type == "RT"):
+            values = saddle_point_multipliers(cycle_of(problem, branch.orbit(event.point).solution.y)).values
+            p, q = event.p_q
+            assert np.min(np.abs(values - cmath.exp(2j * math.pi * p / q))) < 1e-6, event.p_q
+            found.add((p, q))
+    assert found == set(RESONANCES)
 
 
 def test_what_rounding_decides_is_not_defined():
