@@ -1,18 +1,23 @@
 """Systems that can move as a whole, and the ends that do not hold their place.
 
-Oracles: the definition (no spring, no stop resists); the rank of the Jacobian by numpy's singular values.
+Oracles: the definition (no spring, no stop resists); the rank of the Jacobian by numpy's singular values; the closed form of one impact a
+half period and the half map, both in 50 digits.
 """
 
 from functools import partial
 
+import mpmath as mp
 import numpy as np
 import pytest
 
 from branches.tracing import follow_family
-from bvp.closures import EndsError, free_translation
+from bvp.closures import EndsError, free_motions, free_translation, held_motions
+from bvp.many_digits import orbit_in_digits
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from tests.bvp.orbits import backbone_segment
 from tests.bvp.twins import chain
+from tests.hard.digits import Closed
 
 MASSES, SPRINGS = [1.0, 2.0, 1.5], [3.0, 1.0]
 ENDS = [("rest", "rest"), ("rest", "stop+"), ("stop-", "rest"), ("stop+", "stop-"), ("periodic", "periodic")]
@@ -66,3 +71,39 @@ def test_one_sided_systems_are_told_to_use_the_ground():
     """Oracle: an origin end is not offered where there is none."""
     with pytest.raises(EndsError, match="expected a spring to the ground$"):
         MultipointProblem(chain(MASSES, SPRINGS, stops=(Stop((1.0, -1.0, 0.0), upper=1.0),)), ("rest", "rest"), ("+",)).refuse_drift()
+
+
+TRAINS = {"one rigid body": [3.0, 1.0], "two, held together by backlash": [0.0, 1.0]}
+
+
+@pytest.mark.parametrize("springs", TRAINS.values(), ids=TRAINS)
+def test_motions_that_are_held(springs):
+    """Oracle: an orthonormal frame with the free translation; a stop feels nothing but what is held."""
+    system = chain(MASSES, springs, stops=(Stop((1.0, -1.0, 0.0), -1.0, 1.0),))
+    free, held = free_motions(system), held_motions(system)
+    np.testing.assert_allclose(np.vstack([free, held]) @ np.vstack([free, held]).T, np.eye(3), rtol=0, atol=1e-15)
+    direction = system.modes.shapes @ free[0]
+    np.testing.assert_allclose(direction / direction[0], np.ones(3), rtol=1e-12)
+    np.testing.assert_allclose(np.abs(system.modes.contacts.gap[:, :3] @ free.T), 0.0, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("springs", TRAINS.values(), ids=TRAINS)
+def test_a_gear_train_with_backlash_is_stable_or_not(springs):
+    """Oracle: multipliers and stability from the closed form in 50 digits, and from the half map of the orbit in 50 digits."""
+    system = chain(MASSES, springs, stops=(Stop((1.0, -1.0, 0.0), -1.0, 1.0),))
+    problem, y = backbone_segment(system, 0.3)
+    branch = follow_family(problem, y, energy=(0.05, 1e3))
+    stable, events = branch.points["stable"], {event.point for event in branch.events}
+    assert branch.points["multipliers"].shape == (len(branch), 2)
+    assert all(stable[i] >= 0 for i in range(len(branch)) if i not in events)
+    for i in range(5, len(branch), len(branch) // 8):
+        exact = Closed(system, branch.points["alpha"][i]).multipliers()
+        rest = sorted(exact, key=lambda value: abs(value - 1.0))[2:]  # without the pair of the translation
+        found = branch.points["multipliers"][i]
+        assert abs(np.sum(found) - np.sum(rest)) < 1e-10 * max(np.abs(rest))
+        assert bool(np.max(np.abs(rest)) < 1.0 + 1e-9) is bool(stable[i])
+        digits = orbit_in_digits(problem, branch.unknowns(i))
+        assert digits.stable is bool(stable[i])
+        with mp.workdps(50):
+            assert abs(mp.det(digits.half_map) - 1) < mp.mpf(10) ** -35 * max(abs(x) for x in digits.half_map) ** 2
+    assert 1 in stable
