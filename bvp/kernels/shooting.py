@@ -22,7 +22,7 @@ from bvp.kernels.extrema import crossing_times, next_sign_change, refine, track_
 from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
 from bvp.kernels.impact import HIT, NONE, next_hit
 from bvp.kernels.multipoint import STOP
-from bvp.kernels.two_mode_hit import DECLINED, two_mode_hit
+from bvp.kernels.two_mode_hit import DECLINED, turn_states, two_mode_hit
 
 STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNING_POINTS, THIRD, COLUMNS = (
     0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
@@ -121,6 +121,7 @@ def follow_impacts(flow, theta, longest, most, record, work):
     dy = sized(work[8, :4], 4)
     begin = sized(work[9, :4], 4)
     velocity = sized(work[10, :4], 4)
+    rotations = work[11, :4]
     gap, rate, acceleration, side, bound, push, restitution = flow.contacts
     contacts = Contacts(sized(gap, 4), sized(rate, 4), sized(acceleration, 4), side, bound, sized(push, 4), restitution)
     slack = 0.05 * longest
@@ -142,17 +143,21 @@ def follow_impacts(flow, theta, longest, most, record, work):
         contact = int64(-1)
         duration = 0.0
         if oscillates:
-            found, hit, duration = two_mode_hit(flow.table, flow.squares, contacts.gap, flow.limits, z, left, horizon)
+            found, hit, duration = two_mode_hit(flow.table, flow.squares, contacts.gap, flow.limits, z, left, horizon, rotations)
             for c in range(contacts.side.shape[0]):
                 if contacts.side[c] == hit:
                     contact = int64(c)
+        turned = found == HIT
         if found == DECLINED:
             found, contact, duration = next_hit(flow.flight, contacts, leaving, z, horizon, work, y)
         if found != HIT:
             record[k, DURATION] = math.inf
             record[k, CONTACT] = FREE if found == NONE else STUCK
             return k + 1
-        advance(flow.squares, duration, begin, dz, y, dy)
+        if turned:
+            turn_states(flow.squares, rotations, begin, dz, y, dy)
+        else:
+            advance(flow.squares, duration, begin, dz, y, dy)
         for r in range(2):
             velocity[r] = y[r + 2]
             velocity[r + 2] = -flow.squares[r] * y[r]

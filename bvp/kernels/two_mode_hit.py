@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined
+from bvp.kernels.compiled import inlined, part
 from bvp.kernels.impact import HIT, NONE, quadratic_step
 from bvp.kernels.two_modes import moves_away, zero_in_step
 
@@ -40,13 +40,43 @@ def step_table(squares: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.column_stack([lengths, np.cos(first), np.sin(first), np.cos(second), np.sin(second)]))
 
 
+SMALL = 1e-4
+"""Angle up to which the third order of its cosine and sine is exact to rounding."""
+
+
+@part
+def turned_slightly(c, s, angle):
+    """(cosine, sine) of an angle farther on by a `SMALL` one."""
+    square = 0.5 * angle * angle
+    cube = angle * square / 3.0
+    return c - s * angle - c * square + s * cube, s + c * angle - s * square - c * cube
+
+
+@part
+def turn_states(squares, rotations, a, b, out_a, out_b):
+    """`bvp.kernels.shooting.advance` over a time whose (cos, sin) of both modes are given."""
+    for k in range(2):
+        w = math.sqrt(squares[k])
+        c = rotations[2 * k]
+        s = rotations[2 * k + 1] / w
+        fall = -squares[k] * s
+        q = a[k]
+        p = a[k + 2]
+        out_a[k] = c * q + s * p
+        out_a[k + 2] = fall * q + c * p
+        q = b[k]
+        p = b[k + 2]
+        out_b[k] = c * q + s * p
+        out_b[k + 2] = fall * q + c * p
+
+
 @inlined
-def two_mode_hit(table, squares, gap, limits, z, leaving, horizon):
+def two_mode_hit(table, squares, gap, limits, z, leaving, horizon, rotations):
     """The first hit of the flight from z = (q_1, q_2, p_1, p_2) within 0 < t <= horizon.
 
     table: of `step_table`. gap (m, 4), limits (2,): row (the same for both bounds) and bounds of the gap coordinate. leaving: +1 or -1
-    where the flight starts on the upper or the lower bound, else 0. Returns (NONE, 0, horizon), (HIT, +1 or -1 for the bound, time), or
-    (DECLINED, 0, 0)."""
+    where the flight starts on the upper or the lower bound, else 0. rotations (4,): receives cos w t and sin w t of both modes at a hit.
+    Returns (NONE, 0, horizon), (HIT, +1 or -1 for the bound, time), or (DECLINED, 0, 0)."""
     declined = int64(DECLINED), 0.0, 0.0
     lower = limits[0]
     upper = limits[1]
@@ -128,15 +158,16 @@ def two_mode_hit(table, squares, gap, limits, z, leaving, horizon):
                 return declined
     time = guess
     last = math.inf
+    x1 = y1 = x2 = y2 = change = 0.0
     for _ in range(30):
-        x = math.cos(w1 * time)
-        y = math.sin(w1 * time)
-        n1 = a1 * x + b1 * y
-        m1 = b1 * x - a1 * y
-        x = math.cos(w2 * time)
-        y = math.sin(w2 * time)
-        n2 = a2 * x + b2 * y
-        m2 = b2 * x - a2 * y
+        x1 = math.cos(w1 * time)
+        y1 = math.sin(w1 * time)
+        x2 = math.cos(w2 * time)
+        y2 = math.sin(w2 * time)
+        n1 = a1 * x1 + b1 * y1
+        m1 = b1 * x1 - a1 * y1
+        n2 = a2 * x2 + b2 * y2
+        m2 = b2 * x2 - a2 * y2
         slope = -side * (w1 * m1 + w2 * m2)
         if slope >= 0.0:
             return declined
@@ -151,4 +182,13 @@ def two_mode_hit(table, squares, gap, limits, z, leaving, horizon):
         return declined
     if time > horizon:
         return int64(NONE), 0.0, horizon
+    if max(w1, w2) * abs(change) <= SMALL:
+        x1, y1 = turned_slightly(x1, y1, w1 * change)
+        x2, y2 = turned_slightly(x2, y2, w2 * change)
+    else:
+        x1, y1, x2, y2 = math.cos(w1 * time), math.sin(w1 * time), math.cos(w2 * time), math.sin(w2 * time)
+    rotations[0] = x1
+    rotations[1] = y1
+    rotations[2] = x2
+    rotations[3] = y2
     return int64(HIT), side, time

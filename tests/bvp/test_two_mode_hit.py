@@ -32,7 +32,11 @@ def found_both_ways(system, z, contact, horizon=HORIZON):
     modes = system.modes
     side = modes.contacts.side
     squares, left = np.ascontiguousarray(modes.squares), float(side[contact]) if contact >= 0 else 0.0
-    status, hit, time = two_mode_hit(step_table(squares), squares, modes.contacts.gap, limits_of(system), z, left, horizon)
+    rotations = np.zeros(4)
+    status, hit, time = two_mode_hit(step_table(squares), squares, modes.contacts.gap, limits_of(system), z, left, horizon, rotations)
+    if status == HIT:
+        angles = np.sqrt(squares) * time
+        assert np.max(np.abs(rotations - np.column_stack([np.cos(angles), np.sin(angles)]).ravel())) < 1e-15 * (2.0 + np.max(angles))
     mine = status, int(np.flatnonzero(side == hit)[0]) if status == HIT else -1, time
     return mine, next_hit(modes.flight, modes.contacts, contact, z.copy(), horizon, work_array(4, len(side)), np.zeros(4))
 
