@@ -32,7 +32,10 @@ from bvp.texts import brief, shown, span, takes_options_of
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["LinearMode", "beginnings", "families_at", "linear_modes", "response"]
+__all__ = ["MOST_COVERS", "LinearMode", "beginnings", "families_at", "linear_modes", "require_several", "response"]
+
+MOST_COVERS = EVERY - 1
+"""Largest cover of a mode at which families are sought."""
 
 _RESONANT = 1e-9
 _MARGIN = 1e-9
@@ -150,13 +153,20 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     ]
 
 
+def require_several(system: ImpactSystem) -> None:
+    """Refuse a system with one degree of freedom. Its orbits have no multipliers but the trivial ones."""
+    if system.degrees_of_freedom == 1:
+        raise ValueError("families are followed with two or more degrees of freedom; this system has 1, and a closed form for each orbit")
+
+
 def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
     """C (M, M): minus the displacement towards the stop, at each instant, by unit impulses away from it at each instant.
 
     Returns
     -------
     ndarray or None
-        None where another mode is in resonance with the cover, or is a rigid-body mode: it has no periodic response.
+        None where the first order decides nothing: another mode is in resonance with the cover, or is a rigid-body mode, and has no
+        periodic response; or no other mode moves the gaps.
     """
     modes = orbit.system.modes
     apart = (orbit.times[:, None] - orbit.times[None, :]) % orbit.period
@@ -172,7 +182,7 @@ def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
         if not abs(swing) > _RESONANT:
             return None
         out += np.outer(participation, participation) * np.cos(frequency * (apart - 0.5 * orbit.period)) / swing
-    return out
+    return out if out.any() else None
 
 
 def begins(matrix: np.ndarray, impacts: np.ndarray) -> int:
@@ -248,7 +258,8 @@ def beginnings(
     """
     if not isinstance(mode, LinearMode):
         raise TypeError(f"the mode is {shown(mode)}, expected one of saltus.linear_modes(system)")
-    for name, value, most in (("cover", cover, EVERY - 1), ("impacts", impacts, math.inf)):
+    require_several(mode.system)
+    for name, value, most in (("cover", cover, MOST_COVERS), ("impacts", impacts, math.inf)):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
             raise ValueError(f"{name} = {shown(value)}: expected an integer, 1 {f'to {most}' if name == 'cover' else 'or more'}")
     low, high = energy

@@ -36,7 +36,7 @@ from branches.catalogue.database import readable
 from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.events import DigitWork
-from branches.linear_modes import linear_modes
+from branches.linear_modes import MOST_COVERS, linear_modes
 from branches.presentation import presentations
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem
@@ -214,7 +214,7 @@ class _Build:
             modes = linear_modes(self.system)
             for mode in modes:
                 self.catalogue.add_node(Node(mode.name, "linear mode", mode.name, mode.energies, mode.alpha))
-            most = [math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12)) for mode in modes]
+            most = [min(MOST_COVERS, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12))) for mode in modes]
             covers = [(mode.index, cover) for mode, last in zip(modes, most, strict=True) for cover in range(1, last + 1)]
             self._extend([Seed("name", name, plan) for name in plan.names] + [Seed("mode", cover, plan) for cover in covers] + saved)
 

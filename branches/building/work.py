@@ -132,7 +132,11 @@ def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     (index, cover), plan = source.value, source.plan
     mode = next(mode for mode in linear_modes(system) if mode.index == index)
     seeds, over = [], f"{cover} turn{'s' if cover > 1 else ''}"
-    for found in beginnings(mode, cover, plan.bounds.impacts, energy=plan.bounds.energy):
+    try:
+        begun = beginnings(mode, cover, plan.bounds.impacts, energy=plan.bounds.energy)
+    except ValueError as error:  # the mode touches two stops at one instant
+        return Answer((), failed=(f"{mode.name}: {error}",) if cover == 1 else ())
+    for found in begun:
         assert found.there is not None and found.beside is not None
         link = Link(mode.name, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{over}: {found.kind}")
         seed = _seed(found.beside.problem, found.beside.y, plan)

@@ -64,8 +64,9 @@ def _check(scene: Scene, plan: BuildPlan) -> None:
 
         check(scene.system, plan.bounds.energy[0], plan.bounds.quarter_period, plan.bounds.impacts, ends_of(scene.system))
         return
-    from branches.linear_modes import linear_modes
+    from branches.linear_modes import linear_modes, require_several
 
+    require_several(scene.system)
     if not linear_modes(scene.system):
         raise BadInput("no linear mode of the system reaches a stop, so no family begins at one; expected a system with such a mode")
     if plan.names:
@@ -150,7 +151,7 @@ def _nearest_outside(scene: Scene, bounds: Bounds) -> str:
 
     if not is_searched(scene.system):
         touched = [f"{mode.name} at h = {mode.energies[1]:.6g}, quarter period {mode.alpha:.6g}" for mode in linear_modes(scene.system)]
-        return f"the linear modes touch the stops outside them: {', '.join(touched)}"
+        return f"the linear modes touch the stops at other places, or begin no family: {', '.join(touched)}"
     system, quarter_period = scene.system, bounds.quarter_period
     least = least_energy(system)
     if bounds.energy[1] <= least:

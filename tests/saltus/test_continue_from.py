@@ -187,3 +187,33 @@ def test_shipped_scenes_are_the_closed_form(capsys, name):
     assert largest_miss(data, one_sided if name == "three_mass_chain" else closed.two_sided) < 1e-12
     assert [event["h"] for event in data["events"] if event["note"] and "speed reaches zero" in event["note"]] == [pytest.approx(grazing)]
     assert any(point["stable"] for point in data["points"])
+
+
+@pytest.mark.parametrize("lower", [-0.8, None])
+def test_a_mode_that_alone_moves_the_gap(tmp_path, capsys, lower):
+    """Oracle: the closed form of the one oscillator that meets the stop; the other one is coupled to nothing. At first order the impulses
+    change no displacement at the stop, and the family begins all the same."""
+    stop = saltus.Stop((1.0, 0.0), -math.inf if lower is None else lower, 0.8)
+    system = saltus.ImpactSystem(np.diag([1.3, 0.7]), np.zeros((2, 2)), np.diag([1.1, 4.0]), (stop,))
+    scene = scene_of(tmp_path, system, 0.05, 3.0)
+    code, out, err = run(capsys, "continue", "--scene", scene, "--from", "mode:1", "--json", "-")
+    assert code == 0, err
+    data = json.loads(out)
+    closed = OneImpact(system)
+    one_sided = partial(closed.one_sided, phase=int(data["branch"]["ends"][0] == "rest"))
+    assert largest_miss(data, closed.two_sided if lower else one_sided) < 1e-12
+    assert len(data["points"]) > 10 and max(point["h"] for point in data["points"]) == pytest.approx(3.0)
+
+
+def test_modes_without_families(tmp_path, capsys):
+    """Oracle: one line with the reason, exit code 2; a build reports a mode at which two stops are touched at one instant, exit code 1."""
+    one = saltus.ImpactSystem([[1.0]], [[0.0]], [[1.0]], (saltus.Stop((1.0,), -math.inf, 1.0),))
+    for command in ("continue --from mode:1", f"build --catalogue {tmp_path}/one.sqlite"):
+        result = run(capsys, *command.split(), "--scene", scene_of(tmp_path, one, 0.1, 3.0))
+        refused(result, "two or more degrees of freedom; this system has 1")
+    stops = (saltus.Stop((1.0, 0.0), -math.inf, 1.0), saltus.Stop((2.0, 0.0), -math.inf, 2.0))
+    two = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), [[2.0, -1.0], [-1.0, 2.0]], stops)
+    scene = scene_of(tmp_path, two, 0.1, 1.2)
+    refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene), "touches the stops a+, b+ at one instant")
+    code, out, err = run(capsys, "build", "--workers", "1", "--scene", scene, "--catalogue", tmp_path / "two.sqlite")
+    assert code == 1 and err == "" and out.count("FAILS") == 1 and "FAILS  L1: the mode of frequency 1 touches the stops a+, b+" in out
