@@ -52,6 +52,8 @@ class DigitModes:
     ----------
     squares : (n,) ndarray of mpf
         Of the frequencies, ascending; exactly 0 for a rigid-body mode, negative where the stiffness is.
+    rates : list of mpf
+        Roots of their sizes.
     shapes : (n, n) ndarray of mpf
         Mass-normalised, one a column.
     gaps : (S, n) ndarray of mpf
@@ -71,6 +73,7 @@ class DigitModes:
             self.size = len(squares)
             # Of a rigid-body mode the rounded matrices leave a trace of stiffness, which counts for nothing in double precision either.
             self.squares = np.where(system.modes.squares == 0.0, mp.mpf(0), np.array(list(squares)))
+            self.rates = [mp.sqrt(abs(square)) for square in self.squares]
             self.shapes = _array(inverse.T * vectors)
             self.gaps = _exact([stop.gap for stop in system.stops]) @ self.shapes
             self.kicks = np.array([2 * b / (b @ b) for b in self.gaps])
@@ -99,8 +102,7 @@ class DigitModes:
     def flight(self, time: Any) -> np.ndarray:
         """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `flow`: (3, n)."""
         out = []
-        for square in self.squares:
-            w = mp.sqrt(abs(square))
+        for w, square in zip(self.rates, self.squares, strict=True):
             c, s = mp.cos_sin(w * time) if square >= 0 else (mp.cosh(w * time), mp.sinh(w * time))
             over = s / w if w else time
             out.append((c, over, square * over))
