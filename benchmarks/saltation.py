@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bvp.closures import Cycle, free_motions
+from bvp.closures import Cycle, deflated_motions
 from bvp.kernels.flight import flow_matrix
 from bvp.multipliers import scaled_nodes, sort_multipliers
 from bvp.system import ImpactSystem
@@ -98,7 +98,7 @@ def reduced_monodromy(cycle: Cycle) -> np.ndarray:
     directions = [(cycle.system.modes.matrix @ after[0]) / scale]
     if cycle.system.is_conservative:
         directions.append(weights * after[0] * scale)
-        directions += [np.concatenate(part) for row in free_motions(cycle.system) for part in ((row, 0.0 * row), (0.0 * row, row))]
+        directions += [np.concatenate(part) for row in deflated_motions(cycle.system) for part in ((row, 0.0 * row), (0.0 * row, row))]
     columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(len(scale))])
     rest = np.linalg.qr(columns)[0][:, len(directions) :]
     return rest.T @ scaled @ rest

@@ -290,6 +290,8 @@ def _two_dof_stability(
         stable = decide(a, b, c, d, entry["magnified"], problem.inner, entry["branching"])
         agreed = np.abs(tau - trace) <= AGREED * (1.0 + np.abs(tau))
         stable = np.where((stable < 0) & agreed & (np.abs(tau) > FAR), 0, stable)
+    if problem.drifts:
+        stable = np.ones_like(stable)  # the only pair is that of the translation
     bounded = ~grazing & np.isfinite(trace)
     largest = np.maximum(1.0, np.abs(multipliers[:, 0]))
     return {

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Cycle", "EndsError", "contact_of", "cycle_of", "end_maps", "free_motions", "free_translation", "held_motions",
+    "Cycle", "EndsError", "contact_of", "cycle_of", "deflated_motions", "end_maps", "free_motions", "free_translation", "held_motions",
     "parse_end",
 ]  # fmt: skip
 
@@ -112,18 +112,25 @@ def free_motions(system: ImpactSystem) -> np.ndarray:
     return free
 
 
+def deflated_motions(system: ImpactSystem) -> np.ndarray:
+    """Those of `free_motions` whose pair of multipliers 1 is left out: none for two degrees of freedom, which have no other pair."""
+    free = free_motions(system)
+    return free if free.shape[1] > 2 else free[:0]
+
+
 @lru_cache(maxsize=64)
 def held_motions(system: ImpactSystem) -> np.ndarray:
-    """Orthonormal rows (n - f, n) in modal displacements: those perpendicular to `free_motions`.
+    """Orthonormal rows (n - f, n) in modal displacements: those perpendicular to `deflated_motions`.
 
     Examples
     --------
     >>> from bvp.system import ImpactSystem, Stop
     >>> free = ImpactSystem([[1, 0], [0, 2]], [[0, 0], [0, 0]], [[3, -3], [-3, 3]], [Stop((1, -1), -1, 1)])
     >>> held_motions(free)
-    array([[0., 1.]])
+    array([[1., 0.],
+           [0., 1.]])
     """
-    free = free_motions(system)
+    free = deflated_motions(system)
     unit = np.eye(free.shape[1])
     mixed = np.flatnonzero(np.any(free != 0.0, axis=0))
     others = np.linalg.qr(free[:, mixed].T, mode="complete")[0][:, len(free) :]

@@ -15,28 +15,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bvp.closures import Cycle, free_motions
+from bvp.closures import Cycle, deflated_motions
 from bvp.kernels.compiled import Direct
-from bvp.kernels.monodromy import ClosedOrbit, Reduction, formed_multipliers, make_reduction, make_spectrum
-from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
+from bvp.kernels.monodromy import ClosedOrbit, Reduction, formed_multipliers, make_reduction, make_spectrum, order_multipliers
+from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
+from bvp.kernels.sweeps import FORMED_LIMIT, GRADE, make_sweep_work, pencil_eigenvalues
 
 __all__ = [
-    "GRADE", "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
+    "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
     "saddle_point_multipliers", "scaled_nodes", "sort_multipliers",
 ]  # fmt: skip
-
-FORMED_LIMIT = 1e7
-"""Norm of the map up to which its multipliers are taken from the formed product."""
-
-SWEEPS = 60
-"""Largest number of sweeps round the cycle. Diagonal blocks that are still coupled then are kept as they are."""
-
-GRADE = 30.0
-"""Ratio of sizes within a diagonal block below which its eigenvalues need no further sweep, and ratio of moduli up to which all multipliers
-are taken from the formed product."""
-
-APART = 1e-15
-"""Two diagonal blocks are separate if their coupling is below this."""
 
 GRAZING_LIMIT = 1e-13
 """|g . f| / (|g| |f|) below which an impact counts as grazing and the multipliers as unbounded."""
@@ -89,7 +77,8 @@ class Multipliers:
         return float(np.real(np.sum(self.values)))
 
 
-_formed_multipliers = Direct(formed_multipliers)
+_formed_multipliers, _order, _eigenvalues = map(Direct, (formed_multipliers, order_multipliers, pencil_eigenvalues))
+_fill_landings, _fill_pencil, _trivial_directions = map(Direct, (landings, pencil, trivial_directions))
 
 
 class _SystemData(NamedTuple):
@@ -108,7 +97,7 @@ def _data_of(system: Any) -> _SystemData:
     modes, conservative = system.modes, system.is_conservative
     n = len(modes.squares)
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
-    free = free_motions(system) if conservative else np.zeros((0, n))
+    free = deflated_motions(system) if conservative else np.zeros((0, n))
     work = make_reduction(free, np.concatenate([modes.squares, np.ones(n)]) if conservative else np.ones(2 * n), conservative)
     return _SystemData(modes.flight, contacts, conservative, modes.layout != "coupled", work, 2 * n - len(work.vectors))
 
@@ -161,16 +150,15 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
 
     Notes
     -----
-    Periodic QR without shifts: Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11
-    (2001) 2389. A sweep gives M Q = Q+ R with R the product of triangular factors, graded; in the frame Q the map is W R,
-    W = Q^T Q+ orthogonal and, as the sweeps go on, block diagonal: its eigenvalues are those of the diagonal blocks of W R.
+    Periodic QR: Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001) 2389. See
+    `bvp.kernels.sweeps`.
     """
     cycle = _from_impact(cycle)
     modes = cycle.system.modes
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
     row, (nodes, size) = scaled.row, scaled.after.shape
-    free = free_motions(cycle.system) if conservative else np.zeros((0, size // 2))
+    free = deflated_motions(cycle.system) if conservative else np.zeros((0, size // 2))
     dimension = size - 1 - int(conservative) - 2 * len(free)
     unbounded = np.full(dimension, complex(math.nan, math.nan))
     unpaired = math.nan if conservative else None
@@ -182,16 +170,20 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
-    landings(modes.flight, contacts, scaled, linear)
-    pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
-    flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
+    _fill_landings(modes.flight, contacts, scaled, linear)
+    _fill_pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
+    flow, level = _trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
-    values, matrix, singular, sweeps = _pencil_eigenvalues(factors, dimension)
-    if singular or not np.all(np.isfinite(values)):
+    work, found = make_sweep_work(dimension, size), np.empty((2, dimension))
+    singular, sweeps = _eigenvalues(factors, work, found)
+    with np.errstate(over="ignore", invalid="ignore"):
+        matrix = work.turn @ (work.product * np.exp2(work.exponent)[:, None])
+    if singular or not np.all(np.isfinite(found)):
         note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
-        return Multipliers(unbounded, trivial, unpaired, False, matrix, sweeps, note)
-    values = sort_multipliers(values)
-    pairing = max((abs(value * partner - 1.0) for value, partner in pairs_of(values)), default=0.0) if conservative else None
+        return Multipliers(unbounded, trivial, unpaired, False, np.full_like(matrix, math.nan), sweeps, note)
+    pairing = _order(found, np.empty_like(found), conservative)
+    values = found[0] + 1j * found[1]
+    pairing = pairing if conservative else None
     return _judged(values, trivial, pairing, matrix, sweeps)
 
 
@@ -242,72 +234,6 @@ def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
     sine = np.divide(speed, size, out=np.zeros_like(speed), where=size > 0.0)
     worst = int(np.argmin(sine))
     return worst, float(sine[worst])
-
-
-def _pencil_eigenvalues(factors: Factors, dimension: int) -> tuple[np.ndarray, np.ndarray, int, int]:
-    """Eigenvalues (dimension,) of the product of left[i]^-1 right[i], that product, singular factors met, and sweeps made."""
-    frame = np.eye(dimension)
-    product = np.empty((dimension, dimension))
-    exponent = np.empty(dimension)
-    scratch = np.empty((4, *factors.left.shape[1:]))
-    blocks: list[slice] = []
-    for sweeps in range(1, SWEEPS + 1):
-        older = frame.copy()
-        singular = sweep(factors, 1, scratch, frame, product, exponent)
-        if singular or not np.all(np.isfinite(product)):
-            return np.full(dimension, complex(math.nan, math.nan)), np.full_like(product, math.nan), singular, sweeps
-        turn = older.T @ frame
-        blocks = _blocks(turn)
-        if all(_is_level(product[block, block], exponent[block]) for block in blocks):
-            break
-    values = np.empty(dimension, dtype=complex)
-    for block in blocks:
-        values[block] = _block_eigenvalues(turn[block, block], product[block, block], exponent[block])
-    with np.errstate(over="ignore", invalid="ignore"):
-        matrix = turn @ (product * np.exp2(exponent)[:, None])
-    return values, matrix, singular, sweeps
-
-
-def _blocks(turn: np.ndarray) -> list[slice]:
-    """Diagonal blocks of an orthogonal matrix, cut wherever the part below is within rounding of zero."""
-    size = turn.shape[0]
-    cuts = [0] + [j for j in range(1, size) if np.max(np.abs(turn[j:, :j])) < APART] + [size]
-    return [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-
-
-def _is_level(product: np.ndarray, exponent: np.ndarray) -> bool:
-    """True where the rows of a diagonal block are of like size, so that no eigenvalue drowns in the rounding of another."""
-    if product.shape[0] == 1:
-        return True
-    with np.errstate(divide="ignore"):
-        rows = np.log2(np.max(np.abs(product), axis=1)) + exponent
-        diagonal = np.log2(np.abs(np.diag(product))) + exponent
-    return bool(np.max(rows) - np.min(diagonal) < math.log2(GRADE))
-
-
-def _block_eigenvalues(turn: np.ndarray, product: np.ndarray, exponent: np.ndarray) -> np.ndarray:
-    """Eigenvalues of turn . diag(2^exponent) . product, where `turn` is orthogonal.
-
-    For a 2 x 2 block they follow from trace and determinant. The smaller real one is determinant / larger, which avoids cancellation."""
-    largest = float(np.max(exponent))
-    factor = product * np.exp2(exponent - largest)[:, None]
-    matrix = turn @ factor
-    with np.errstate(over="ignore", invalid="ignore"):
-        unit = np.exp2(largest)
-        if matrix.shape[0] == 1:
-            return matrix[0] * unit
-        if matrix.shape[0] > 2:
-            return np.linalg.eigvals(matrix) * unit
-        middle = 0.5 * (matrix[0, 0] + matrix[1, 1])
-        difference = 0.5 * (matrix[0, 0] - matrix[1, 1])
-        square = difference * difference + matrix[0, 1] * matrix[1, 0]
-        if square < 0.0:
-            return np.array([complex(middle, -math.sqrt(-square)), complex(middle, math.sqrt(-square))]) * unit
-        larger = middle + math.copysign(math.sqrt(square), middle)
-        if larger == 0.0:
-            return np.zeros(2, dtype=complex)
-        determinant = np.linalg.det(turn) * product[0, 0] * product[1, 1] * np.exp2(exponent[0] + exponent[1] - largest)
-        return np.array([larger * unit, determinant / larger], dtype=complex)
 
 
 def sort_multipliers(values: np.ndarray) -> np.ndarray:

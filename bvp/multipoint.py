@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.closures import EndsError, contact_of, end_maps, free_motions, free_translation, held_motions, parse_end
+from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
 from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
@@ -104,9 +104,11 @@ class MultipointProblem:
     Attributes
     ----------
     held, free : (m + 1, n), (n - m - 1, n) float
-        See `bvp.closures.held_motions` and `free_motions`; for two degrees of freedom all motions, and none.
+        See `bvp.closures.held_motions` and `deflated_motions`.
     pairs : int
         m, the number of pairs of nontrivial multipliers.
+    drifts : bool
+        Whether there is a motion that no spring and no stop resists.
 
     Notes
     -----
@@ -162,8 +164,8 @@ class MultipointProblem:
         self._packed = pack(self.segment)
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
-        self.held = np.eye(2) if self._two_dof else held_motions(system)
-        self.free = np.zeros((0, 2)) if self._two_dof else free_motions(system)
+        self.held, self.free = held_motions(system), deflated_motions(system)
+        self.drifts = free_translation(system) is not None
         self.pairs = len(self.held) - 1
 
     def refuse_drift(self) -> None:

@@ -218,6 +218,8 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     above, _, above_error = _eigenvalues(d.T @ a, a, d, entry_error)
     krein = _krein(a.T @ c, vectors, nu, float(entry_error * (np.linalg.norm(a, 2) + np.linalg.norm(c, 2)) + entry_error**2))
     stable = DECISION[int(verdict(nu, error, above, above_error, krein))]
+    if problem.half == 2 and problem.drifts:
+        stable = True  # the only pair is that of the translation
     traces = 2.0 + 4.0 * nu
     if problem.quarters == 1:
         return Stability(traces * traces - 2.0, traces, stable, krein, nu, error)

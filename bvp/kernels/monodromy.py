@@ -243,6 +243,13 @@ def _pairing(values, sums):
 
 
 @kernel
+def order_multipliers(values, sums, paired):
+    """Sort multipliers, and return the largest defect of a pair where they come in pairs. See `Spectrum` for the arrays."""
+    _sort(values, sums)
+    return _pairing(values, sums) if paired else 0.0
+
+
+@kernel
 def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spectrum):
     """Multipliers of a closed orbit from its monodromy M, into `spectrum`.
 
@@ -309,6 +316,4 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
     norm = math.sqrt(norm)
     if impacts == 0 or not norm < math.inf or not eigenvalues(again, values[0], values[1]):
         return False, norm, flow, level, math.inf
-    _sort(values, sums)
-    pairing = _pairing(values, sums) if conservative else 0.0
-    return True, norm, flow, level, pairing
+    return True, norm, flow, level, order_multipliers(values, sums, conservative)

@@ -14,6 +14,7 @@ from branches.tracing import follow_family
 from bvp.closures import EndsError, free_motions, free_translation, held_motions
 from bvp.many_digits import orbit_in_digits
 from bvp.multipoint import MultipointProblem
+from bvp.stability import stability
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment
 from tests.bvp.twins import chain
@@ -71,6 +72,17 @@ def test_one_sided_systems_are_told_to_use_the_ground():
     """Oracle: an origin end is not offered where there is none."""
     with pytest.raises(EndsError, match="expected a spring to the ground$"):
         MultipointProblem(chain(MASSES, SPRINGS, stops=(Stop((1.0, -1.0, 0.0), upper=1.0),)), ("rest", "rest"), ("+",)).refuse_drift()
+
+
+def test_two_masses_that_drift_are_stable():
+    """Oracle: their motion against each other has one degree of freedom, and no multiplier but the trivial ones."""
+    system = chain(MASSES[:2], SPRINGS[:1], stops=(Stop((1.0, -1.0), -1.0, 1.0),))
+    problem, y = backbone_segment(system, 0.3)
+    branch = follow_family(problem, y, energy=(0.05, 1e3))
+    events = {event.point for event in branch.events}
+    assert all(branch.points["stable"][i] == 1 for i in range(len(branch)) if i not in events)
+    assert branch.orbit(len(branch) // 2).stable and stability(problem, branch.orbit(5).solution).stable
+    assert np.max(np.abs(branch.points["multipliers"][5] - 1.0)) < 1e-6
 
 
 TRAINS = {"one rigid body": [3.0, 1.0], "two, held together by backlash": [0.0, 1.0]}

@@ -1,0 +1,167 @@
+"""Eigenvalues of a product pencil (31) by sweeps round it (`bvp.kernels.pencil`).
+
+A sweep gives M Q = Q+ R with the product R of triangular factors, graded. In the frame Q the map is W R, with W = Q' Q+ orthogonal and, as
+the sweeps go on, block diagonal: its eigenvalues are those of the diagonal blocks of W R. Sweeps part eigenvalues of different size only. A
+block whose eigenvalues are of like size is small enough to be formed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import kernel, part
+from bvp.kernels.dense import eigenvalues
+from bvp.kernels.flight import copy_1, set_2
+from bvp.kernels.pencil import sweep
+
+SWEEPS = 60
+"""Largest number of sweeps round the cycle. Diagonal blocks whose eigenvalues still differ in size then are kept as they are."""
+
+GRADE = 30.0
+"""Ratio of the sizes of eigenvalues up to which they are taken from a formed matrix."""
+
+FORMED_LIMIT = 1e7
+"""Norm of a formed matrix up to which its eigenvalues are taken, for eigenvalues of size 1."""
+
+APART = 1e-15
+"""Two diagonal blocks are separate if their coupling is below this."""
+
+
+class SweepWork(NamedTuple):
+    """What the sweeps of m eigenvalues need. The map is turn times product, whose row j is scaled by 2^-exponent[j]."""
+
+    frame: np.ndarray  # (m, m)
+    older: np.ndarray  # (m, m)
+    turn: np.ndarray  # (m, m)
+    product: np.ndarray  # (m, m)
+    exponent: np.ndarray  # (m,)
+    block: np.ndarray  # (m, m) scratch, of which a contiguous part is used
+    scratch: np.ndarray  # (4, N, N)
+
+
+def make_sweep_work(count, size):
+    """Work space for `count` eigenvalues of maps of N = size entries."""
+    frame, older, turn, product, block = np.zeros((5, count, count))
+    return SweepWork(frame, older, turn, product, np.zeros(count), block, np.zeros((4, size, size)))
+
+
+@part
+def _is_apart(turn, cut):
+    """Whether the blocks before and behind a cut are not coupled."""
+    for r in range(cut, turn.shape[0]):
+        for c in range(cut):
+            if not abs(turn[r, c]) < APART:
+                return False
+    return True
+
+
+@part
+def _two_eigenvalues(turn, product, exponent, first, largest, block, values):
+    """Those of a 2 x 2 block. The smaller real one is determinant / larger, which avoids cancellation."""
+    last = first + 1
+    unit = 2.0**largest
+    middle = 0.5 * (block[0, 0] + block[1, 1])
+    difference = 0.5 * (block[0, 0] - block[1, 1])
+    square = difference * difference + block[0, 1] * block[1, 0]
+    if square < 0.0:
+        for i in range(2):
+            values[0, first + i] = middle * unit
+            values[1, first + i] = math.copysign(math.sqrt(-square), i - 0.5) * unit
+        return
+    larger = middle + math.copysign(math.sqrt(square), middle)
+    determinant = turn[first, first] * turn[last, last] - turn[first, last] * turn[last, first]
+    determinant *= product[first, first] * product[last, last] * 2.0 ** (exponent[first] + exponent[last] - largest)
+    values[0, first] = larger * unit
+    values[0, last] = determinant / larger if larger != 0.0 else 0.0
+    values[1, first] = 0.0
+    values[1, last] = 0.0
+
+
+@kernel
+def _block_eigenvalues(work, first, last, values):
+    """Eigenvalues of the diagonal block first .. last - 1 into these columns of `values`. Returns whether they need no further sweep."""
+    turn, product, exponent = work.turn, work.product, work.exponent
+    size = last - first
+    # Rows of like size: no eigenvalue drowns in the rounding of another.
+    largest = -math.inf
+    row_most = -math.inf
+    diagonal_least = math.inf
+    for r in range(first, last):
+        largest = max(largest, exponent[r])
+        most = 0.0
+        for c in range(first, last):
+            most = max(most, abs(product[r, c]))
+        row_most = max(row_most, math.log2(most) + exponent[r])
+        diagonal_least = min(diagonal_least, math.log2(abs(product[r, r])) + exponent[r])
+    is_level = size == 1 or row_most - diagonal_least < math.log2(GRADE)
+    block = work.block.reshape(work.block.size)[: size * size].reshape(size, size)
+    norm = 0.0
+    for r in range(size):
+        for c in range(size):
+            total = 0.0
+            for k in range(first, last):
+                total += turn[first + r, k] * product[k, first + c] * 2.0 ** (exponent[k] - largest)
+            block[r, c] = total
+            norm = max(norm, abs(total))
+    if size == 1:
+        values[0, first] = block[0, 0] * 2.0**largest
+        values[1, first] = 0.0
+        return True
+    if size == 2:
+        _two_eigenvalues(turn, product, exponent, first, largest, block, values)
+    elif eigenvalues(block, values[0, first:last], values[1, first:last]):
+        for j in range(first, last):
+            values[0, j] *= 2.0**largest
+            values[1, j] *= 2.0**largest
+    else:
+        for j in range(first, last):
+            values[0, j] = math.nan
+            values[1, j] = math.nan
+        return is_level
+    most = 0.0
+    least = math.inf
+    for j in range(first, last):
+        modulus = math.hypot(values[0, j], values[1, j])
+        most = max(most, modulus)
+        least = min(least, modulus)
+    return is_level or (most <= GRADE * least and norm * 2.0**largest < FORMED_LIMIT * least)
+
+
+@kernel
+def pencil_eigenvalues(factors, work, values):
+    """Eigenvalues of the product of left[i]^-1 right[i] into `values` (2, m), real and imaginary parts.
+
+    Returns (singular factors met, sweeps made). Where there are singular factors, or numbers overflow, `values` are not finite."""
+    frame, older, turn, product, exponent, _, scratch = work
+    size = frame.shape[0]
+    set_2(frame, 0.0)
+    for r in range(size):
+        frame[r, r] = 1.0
+    for count in range(1, SWEEPS + 1):
+        for r in range(size):
+            copy_1(frame[r], older[r])
+        singular = sweep(factors, 1, scratch, frame, product, exponent)
+        finite = singular == 0
+        for r in range(size):
+            for c in range(size):
+                finite = finite and abs(product[r, c]) < math.inf
+        if not finite:
+            set_2(values, math.nan)
+            return singular, count
+        for r in range(size):
+            for c in range(size):
+                total = 0.0
+                for k in range(size):
+                    total += older[k, r] * frame[k, c]
+                turn[r, c] = total
+        settled = True
+        first = 0
+        for cut in range(1, size + 1):
+            if cut < size and not _is_apart(turn, cut):
+                continue
+            settled = _block_eigenvalues(work, first, cut, values) and settled
+            first = cut
+        if settled or count == SWEEPS:
+            return 0, count
+    return 0, SWEEPS
