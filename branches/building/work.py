@@ -7,6 +7,7 @@ the family that has a name. ``orbit``: follow the family of an orbit, and find t
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import replace
 from functools import lru_cache
@@ -23,7 +24,7 @@ from branches.catalogue.rows import EventOrbit
 from branches.events import DigitWork
 from branches.family import RESONANCES
 from branches.full_family import Course, longest_course
-from branches.grazing.following import leaves_upward, meetings_at
+from branches.grazing.following import SolvedProblem, leaves_upward, meetings_at
 from branches.grazing.touching import touching
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.search import Limits
@@ -131,17 +132,40 @@ def is_searched(system: ImpactSystem) -> bool:
 def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     (index, cover), plan = source.value, source.plan
     mode = next(mode for mode in linear_modes(system) if mode.index == index)
-    seeds, over = [], f"{cover} turn{'s' if cover > 1 else ''}"
+    seeds: list[Seed] = []
+    failed: list[str] = []
+    over = f"{cover} turn{'s' if cover > 1 else ''}"
+    low, high = plan.bounds.energy
+    # Where energies are not searched, a family that begins outside the bounds is found inside by following it.
+    energy = (low, high) if is_searched(system) else (0.0, math.inf)
     try:
-        begun = beginnings(mode, cover, plan.bounds.impacts, energy=plan.bounds.energy)
+        begun = beginnings(mode, cover, plan.bounds.impacts, energy=energy)
     except ValueError as error:  # the mode touches two stops at one instant
         return Answer((), failed=(f"{mode.name}: {error}",) if cover == 1 else ())
     for found in begun:
         assert found.there is not None and found.beside is not None
+        if not low <= found.h <= high:
+            try:
+                seeds += _inside(found.beside, plan)
+            except (RuntimeError, NotConverged) as error:
+                failed.append(f"{mode.name}, {'-'.join(found.ends)}:{found.sequence}: {error}")
+            continue
         link = Link(mode.name, "", "GR", "linear mode", found.h, mode.alpha, ",".join(found.stops), f"{over}: {found.kind}")
         seed = _seed(found.beside.problem, found.beside.y, plan)
         seeds.append(_reached(seed, link, source, found.there.problem, found.there.y))
-    return Answer(tuple(seeds))
+    return Answer(tuple(seeds), failed=tuple(failed))
+
+
+def _inside(beside: SolvedProblem, plan: BuildPlan) -> list[Seed]:
+    """The seed of a family that begins outside the energies of a plan: its first orbit inside, if it comes there."""
+    (low, high), problem = plan.bounds.energy, beside.problem
+    h = problem.energy(beside.y)
+    branch = follow_family(problem, beside.y, energy=(min(low, h), max(high, h)), quarter_period=plan.bounds.quarter_period)
+    inside = np.flatnonzero((branch.points["h"] >= low) & (branch.points["h"] <= high))
+    if not len(inside):
+        return []
+    first = int(inside[np.argmin(np.abs(inside - branch.start))])
+    return [_seed(problem, branch.unknowns(first), plan)._replace(further=0 if problem.periodic else None)]
 
 
 def _seed(problem: MultipointProblem, y: np.ndarray, plan: BuildPlan) -> Seed:

@@ -192,9 +192,19 @@ def test_what_cannot_be_built_of_linear_modes(tmp_path):
     code, out, err = reported(f"build --scene {still} --catalogue {tmp_path}/a.sqlite")
     assert code == 2 and not out and err.count("\n") == 1 and "no linear mode of the system reaches a stop" in err
     scene = beside(tmp_path, "beside", (0.15,))
-    code, out, err = reported(f"build --scene {scene} --energy 1:2 --workers 1 --catalogue {tmp_path}/b.sqlite")
+    code, out, err = reported(f"build --scene {scene} --energy 0.01:0.02 --workers 1 --catalogue {tmp_path}/b.sqlite")
     assert (code, err) == (0, "") and "L2 at h = 0.118508, quarter period 1.83" in out
     for command in (f"discover --energy 0.3 --scene {scene}", f"continue S13+ --scene {scene}"):
         code, out, err = reported(command)
         assert code == 2 and not out and err.count("\n") == 1
         assert "two degrees of freedom; this system has 3: saltus continue --from mode:K and saltus build follow" in err
+
+
+def test_a_family_of_a_mode_that_grazes_outside_the_energies_is_built(tmp_path):
+    """Oracle: the family that `saltus continue --from mode:1` follows from its grazing at h = 0.1823 through all energies from 0.2 to 0.3."""
+    bounds = "--energy 0.2:0.3 --max-quarter-period 3.6 --max-impacts 1"
+    assert reported(f"build --scene three_mass_chain {bounds} --workers 1 --catalogue {tmp_path}/a.sqlite")[0] == 0
+    families = json.loads(reported(f"list --scene three_mass_chain --catalogue {tmp_path}/a.sqlite --json -")[1])["families"]
+    branch = json.loads(reported("continue --scene three_mass_chain --from mode:1 --json -")[1])
+    (family,) = [family for family in families if family["id"] == branch["branch"]["id"]]
+    assert family["h"] == [pytest.approx(0.2), pytest.approx(0.3)]
