@@ -201,7 +201,7 @@ def test_what_cannot_be_built_of_linear_modes(tmp_path):
 
 
 def test_a_family_of_a_mode_that_grazes_outside_the_energies_is_built(tmp_path):
-    """Oracle: the family that `saltus continue --from mode:1` follows from its grazing at h = 0.1823 through all energies from 0.2 to 0.3."""
+    """Oracle: the family that `saltus continue --from mode:1` follows from its grazing at h = 0.1823 through the energies 0.2 to 0.3."""
     bounds = "--energy 0.2:0.3 --max-quarter-period 3.6 --max-impacts 1"
     assert reported(f"build --scene three_mass_chain {bounds} --workers 1 --catalogue {tmp_path}/a.sqlite")[0] == 0
     families = json.loads(reported(f"list --scene three_mass_chain --catalogue {tmp_path}/a.sqlite --json -")[1])["families"]
