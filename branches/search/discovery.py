@@ -20,7 +20,7 @@ from branches.naming.labels import Label, most_alike
 from branches.orbit import Orbit, label_at
 from branches.presentation import cover_of, same_orbit
 from branches.search.intervals import SAME_START, Limits, Opening, segment_limits, segments
-from branches.search.starts import START_FROM_A_STATE, ScannedSegment, StartCurve, curves
+from branches.search.starts import FROM_LINEAR_MODES, ScannedSegment, StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.checks import is_finite, require_system
 from bvp.kernels.extrema import STEP_LIMIT
@@ -396,7 +396,7 @@ def check_bounds(system: ImpactSystem, quarter_period: float, impacts: int | Non
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
     """Raise ValueError if the system or the bounds of `discover_orbits` cannot be searched."""
-    require_system(system, conservative="families of periodic orbits", two_dof="orbits are discovered for", advice=START_FROM_A_STATE)
+    require_system(system, conservative="families of periodic orbits", two_dof="orbits are discovered for", advice=FROM_LINEAR_MODES)
     _check_positive(energy, "energy")
     check_bounds(system, quarter_period, impacts)
     if ends is not None and (not ends or isinstance(ends, str)):

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "MOST_IMPACTS", "Path", "QUADRATIC", "START_FROM_A_STATE", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
+    "MOST_IMPACTS", "Path", "QUADRATIC", "FROM_LINEAR_MODES", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
 ]  # fmt: skip
 
-START_FROM_A_STATE = "saltus continue --from mode:K and saltus build follow the families that begin at its linear modes"
+FROM_LINEAR_MODES = "saltus continue --from mode:K and saltus build follow the families that begin at its linear modes"
 """Advice if no scan can find them."""
 
 TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3
@@ -263,7 +263,7 @@ class Sampler:
     """
 
     def __init__(self, system: ImpactSystem, end: str, quarter_period: float, impacts: Sequence[int]):
-        require_system(system, two_dof="orbits are found by their names on", advice=START_FROM_A_STATE)
+        require_system(system, two_dof="orbits are found by their names on", advice=FROM_LINEAR_MODES)
         self.end = end
         self.kind = {"origin": ORIGIN, "rest": REST, "stop": STOP}[end]
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
