@@ -13,15 +13,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 
 import branches.family
 from benchmarks.measure import Spread, processor_time, spread
 from branches.family import Family
 from branches.tracing import SETTINGS
-from bvp.kernels.compiled import Direct
+from bvp.kernels.compiled import Kernel, kernel
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from continuation.control import Settings
 from continuation.engine import Allowance, first_step, follow_in_blocks
@@ -198,8 +196,8 @@ def least_time(family: Problem, y: np.ndarray, points: int, settings: Settings, 
     return first, least
 
 
-@numba.njit
-def _nothing(*arguments):
+@kernel
+def _nothing(compiled, most, control, watched, beginning, goal, ds, metric, block):
     return 0
 
 
@@ -275,7 +273,7 @@ def compiled_calls() -> Iterator[list[Call]]:
     """Record the calls of compiled functions that `branches.family` makes by name, in order."""
     calls: list[Call] = []
     module = branches.family
-    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Dispatcher | Direct)}
+    compiled = {name: value for name, value in vars(module).items() if isinstance(value, Kernel)}
 
     def recording(function: Callable[..., Any]) -> Callable[..., Any]:
         def recorded(*arguments: Any) -> Any:

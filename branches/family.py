@@ -30,7 +30,6 @@ from branches.kernels import (
     two_dof_tests,
 )
 from branches.orbit import label_at
-from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.newton import set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
@@ -51,9 +50,8 @@ SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, ta
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
 _ITERATIONS = 12  # most of a correction
-_take_block = Direct(advance_block)
 _GENERAL: dict[bool, tuple[Any, int]] = {}
-"""`general_tests` (False) and `periodic_tests` (True) compiled, once they are wanted: what Python calls, and the address."""
+"""`general_tests` (False) and `periodic_tests` (True) once they are wanted, each with its address in memory."""
 
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
@@ -245,12 +243,13 @@ class Family:
         return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
 
     def _general(self) -> tuple[Any, int]:
-        """The test functions for any number of degrees of freedom: what Python calls, and the address."""
+        """The test functions for any number of degrees of freedom: with their address."""
         problem = self.problem
         if problem.periodic not in _GENERAL:
             one, two = np.empty(1), np.empty((1, 1))
             function = periodic_tests if problem.periodic else general_tests
-            _GENERAL[problem.periodic] = compiled_for(function, (problem._packed, one, two, self._work, one, one, one))
+            entry = function.entry(problem._packed, one, two, self._work, one, one, one)
+            _GENERAL[problem.periodic] = function, entry.address
         return _GENERAL[problem.periodic]
 
     def begin(self, y: np.ndarray) -> Step:
@@ -307,7 +306,7 @@ class Family:
         towards = GoalPlane(target, along)
         # With the fold as the only test function nothing else is computed.
         compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, size + 2))
-        count, tried, ds = _take_block(compiled, _ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block)
+        count, tried, ds = advance_block(compiled, _ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block)
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import call_at, kernel, part
+from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
 from bvp.kernels.monodromy import ClosedOrbit, Reduction, Spectrum, formed_multipliers, make_reduction, make_spectrum
@@ -142,7 +142,7 @@ def _certain_determinant(matrix, noise, inverse):
     return value if is_regular(matrix, value, square, noise, inverse) else math.nan
 
 
-@part
+@inlined
 def _block(phi, row, column, out):
     """One of the four blocks of a half map; returns its largest entry."""
     m = out.shape[0]
@@ -154,7 +154,7 @@ def _block(phi, row, column, out):
     return largest
 
 
-@part
+@inlined
 def _shift(product, shift, out):
     """out = 4 product + shift."""
     for r in range(out.shape[0]):
@@ -162,7 +162,7 @@ def _shift(product, shift, out):
             out[r, c] = 4.0 * product[r, c] + (shift if r == c else 0.0)
 
 
-@part
+@inlined
 def _discriminant(real, imaginary):
     """Product of (nu_i - nu_j)^2 / ((1 + nu_i^2) (1 + nu_j^2)) over all pairs i < j, which is real.
 
@@ -284,16 +284,16 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
     after[1] = _discriminant(real, imaginary)
 
 
-_distance = part(distance)
-_height = part(height)
-_arclength_of = part(arclength_of)
-_refusal = part(refusal)
-_next_step = part(next_step)
-_may_hide = part(may_hide)
-_watch = part(watch)
-_is_orbit = part(is_orbit)
-_common_tests = part(common_tests)
-_two_dof_tests = part(two_dof_tests)
+_distance = inlined(distance)
+_height = inlined(height)
+_arclength_of = inlined(arclength_of)
+_refusal = inlined(refusal)
+_next_step = inlined(next_step)
+_may_hide = inlined(may_hide)
+_watch = inlined(watch)
+_is_orbit = inlined(is_orbit)
+_common_tests = inlined(common_tests)
+_two_dof_tests = inlined(two_dof_tests)
 
 
 class Block(NamedTuple):

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.closures import Cycle, deflated_motions
-from bvp.kernels.compiled import Direct
 from bvp.kernels.monodromy import ClosedOrbit, Reduction, formed_multipliers, make_reduction, make_spectrum, order_multipliers
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
 from bvp.kernels.sweeps import FORMED_LIMIT, GRADE, make_sweep_work, pencil_eigenvalues
@@ -77,8 +76,6 @@ class Multipliers:
         return float(np.real(np.sum(self.values)))
 
 
-_formed_multipliers, _order, _eigenvalues = map(Direct, (formed_multipliers, order_multipliers, pencil_eigenvalues))
-_fill_landings, _fill_pencil, _trivial_directions = map(Direct, (landings, pencil, trivial_directions))
 
 
 class _SystemData(NamedTuple):
@@ -115,7 +112,7 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     spectrum = make_spectrum(m)
     matrix, _, values, _ = spectrum
     orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
-    found, norm, flow, level, pairing = _formed_multipliers(
+    found, norm, flow, level, pairing = formed_multipliers(
         data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, spectrum
     )
     if found and norm < FORMED_LIMIT:
@@ -170,18 +167,18 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
-    _fill_landings(modes.flight, contacts, scaled, linear)
-    _fill_pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
-    flow, level = _trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
+    landings(modes.flight, contacts, scaled, linear)
+    pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
+    flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
     work, found = make_sweep_work(dimension, size), np.empty((2, dimension))
-    singular, sweeps = _eigenvalues(factors, work, found)
+    singular, sweeps = pencil_eigenvalues(factors, work, found)
     with np.errstate(over="ignore", invalid="ignore"):
         matrix = work.turn @ (work.product * np.exp2(work.exponent)[:, None])
     if singular or not np.all(np.isfinite(found)):
         note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
         return Multipliers(unbounded, trivial, unpaired, False, np.full_like(matrix, math.nan), sweeps, note)
-    pairing = _order(found, np.empty_like(found), conservative)
+    pairing = order_multipliers(found, np.empty_like(found), conservative)
     values = found[0] + 1j * found[1]
     pairing = pairing if conservative else None
     return _judged(values, trivial, pairing, matrix, sweeps)

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
-from bvp.kernels.compiled import Direct, compiled_for
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
@@ -44,10 +43,7 @@ _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_ste
 """The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
 
 _COMPILED: dict[tuple[bool, int], tuple[Any, int]] = {}
-"""Of each kernel: what Python calls and the address in memory, see `bvp.kernels.compiled`."""
-
-
-_solve, _meet = Direct(solve_orbit), Direct(meet_position)
+"""Each kernel with its address in memory."""
 
 
 class NotConverged(RuntimeError):
@@ -280,7 +276,7 @@ class MultipointProblem:
         landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(_ENTRIES, np.nan))
         metric, ends = np.empty((4, self.size + 2)), np.empty((self.inner + 1, self.size))
         wanted = tuple(math.nan if value is None else float(value) for value in (energy, quarter_period))
-        outcome, change, previous = _solve(self.compiled(), wanted, np.array(y, float), self._zero, metric, landing, ends)
+        outcome, change, previous = solve_orbit(self.compiled(), wanted, np.array(y, float), self._zero, metric, landing, ends)
         if outcome == DIVERGED:
             raise NotConverged("Newton's corrections diverged")
         if outcome == GROWN:
@@ -299,7 +295,7 @@ class MultipointProblem:
         here, metric = np.empty((2, self.size + 2)), np.empty((4, self.size + 2))
         tangent = np.concatenate([along, np.zeros(unknowns)])
         place = np.array(position, float), float(near)
-        found = _meet(self.compiled(full=False), place, int(most), np.array(y, float), tangent, here, metric, landing)
+        found = meet_position(self.compiled(full=False), place, int(most), np.array(y, float), tangent, here, metric, landing)
         return landing.y if found else None
 
     def correct(self, y: np.ndarray, row: np.ndarray, target: float, maximum: int) -> tuple[bool, float]:
@@ -339,9 +335,7 @@ class MultipointProblem:
         return Solution(out, out_tangent, metric[0], ends, result)
 
     def _kernel(self, k: int) -> tuple[Any, int]:
-        """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - compiled: what Python calls, and its address.
-
-        The arrays of all problems have the same types, which take long to look at."""
+        """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - and its address."""
         key = self._two_dof, k
         if key not in _COMPILED:
             y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
@@ -352,7 +346,7 @@ class MultipointProblem:
                 (self._packed, y, ends, self._period, result),
             )[k]
             function = (*_KERNELS[self._two_dof], orbit_stability)[k]
-            _COMPILED[key] = compiled_for(function, arguments)
+            _COMPILED[key] = function, function.entry(*arguments).address
         return _COMPILED[key]
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:

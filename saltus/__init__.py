@@ -15,7 +15,19 @@ import re
 from pathlib import Path
 from typing import Any
 
+from bvp.kernels import hook
+
 __version__ = "0.1.0"
+
+
+def _compile_together(module: str, name: str, types: Any) -> None:
+    """Compile a kernel with all others that the same command calls."""
+    from saltus.compiling import prepare_with
+
+    prepare_with(module, name, types)
+
+
+hook.before_compiling = _compile_together
 
 _WITHOUT_METHODS = ("bvp.system", "bvp.forcing", "saltus.scene", "saltus.__main__")
 """Modules whose names lead to no object of `_add_methods`."""

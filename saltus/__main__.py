@@ -36,6 +36,7 @@ COMMANDS = {
     "gallery": "make the figures of a publication, each with its data",
     "impulsive": "find the orbits that start with the velocity of the oscillator alone",
     "study": "simulate many damped motions over a grid or a Latin hypercube of parameters",
+    "compile": "compile what all commands need, so that no first run waits",
     "plot": "draw the results of a study: maps, lines against each parameter, the best point",
 }
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from bvp.checks import require_system
 from bvp.texts import shown
-from saltus import catalogues, processes
+from saltus import catalogues, compiling
 from saltus.errors import BadInput
 from saltus.scene import Scene, load_scene
 from saltus.terminal import ProgressBar
@@ -243,7 +243,7 @@ def family_named(name: str, scene: Scene, energy: float | None, arguments: argpa
         if opened is not None:
             return _branch_of(opened.find(name), name, opened)
 
-    processes.prepare()
+    compiling.prepare("continue")
     low, high = scene.energy
     if energy is not None:
         low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)

@@ -1,14 +1,13 @@
-"""Worker processes: their threads and compiled kernels, and the choice of processes here or a Dask cluster."""
+"""Worker processes: their threads, and the choice of processes here or a Dask cluster."""
 
 from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from branches.files import reason
 from saltus.errors import BadInput, one_line
@@ -20,8 +19,6 @@ __all__ = [
     "end_with_the_parent",
     "one_thread",
     "open_executor",
-    "prepare",
-    "report_compiling",
 ]
 
 
@@ -33,45 +30,6 @@ def one_thread() -> None:
     """
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-
-
-def prepare(**kernels: bool) -> None:
-    """Report that kernels will be compiled, if they were not before, and compile some of them in a second process. If that process cannot
-    start or fails, this one compiles everything. `kernels` is as for `branches.warm.kept`."""
-    import subprocess
-
-    from branches.warm import kept
-    from bvp.kernels.compiled import keeps
-
-    if kept(**kernels):
-        return
-    _report()
-    if (os.cpu_count() or 1) < 2 or not keeps():
-        return
-    try:
-        subprocess.Popen(
-            [sys.executable, "-m", "branches.warm"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)},
-            start_new_session=True,
-        )
-    except OSError:
-        return
-
-
-def report_compiling(kernel: Any) -> None:
-    """Say on standard error that kernels will be compiled, if this one of them was not before."""
-    from bvp.kernels.compiled import stored
-
-    if not stored(kernel):
-        _report()
-
-
-def _report() -> None:
-    if sys.stderr is not None:
-        print("saltus: compiling the kernels, which takes a minute or two, at the first run only", file=sys.stderr, flush=True)
 
 
 _PATIENCE = 10.0

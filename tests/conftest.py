@@ -20,24 +20,14 @@ hypothesis.settings.load_profile("saltus")
 
 
 def pytest_sessionstart(session):
-    """Of two processes that test beside each other one compiles the kernels of families first, the other those of motions: each finds the
-    other's on disk when it needs them."""
+    """The kernels are compiled once, before the first test, in all processes that the machine has."""
     import saltus
+    from saltus.compiling import prepare
 
     # A public name gives data their methods. Many tests reach a branch by other ways.
     assert saltus.Branch
-    worker = getattr(session.config, "workerinput", {}).get("workerid")
-    if worker == "gw0":
-        from branches.warm import warm
-
-        warm()
-    elif worker == "gw1":
-        from bvp.simulate import simulate
-        from bvp.system import vibro_impact_nes
-        from transitions.section.section import section
-
-        simulate(vibro_impact_nes(rho=0.7, lam=0.01), [0.0, 0.0], [0.0, 1.0], 1.0)
-        section(vibro_impact_nes(), 0.06, orbits=1, crossings=2)
+    if not hasattr(session.config, "workerinput"):
+        prepare()
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import integer_at, kernel
@@ -119,7 +119,7 @@ class Work(NamedTuple):
 def follow_section(simulate, modes, rows, starts, limits, first, orbit, out, work):
     """Follow each of `starts`, from number `first` on, to its P-th crossing. The starts lie on the section.
 
-    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.compiled.compiled_for`). modes: the contact modes. rows, starts, limits,
+    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.stored.Entry`). modes: the contact modes. rows, starts, limits,
     orbit, out, work: `Rows`, `SectionStarts`, `SectionLimits`, `Following`, `Crossings`, `Work`.
 
     Returns (M, 0) when all orbits are done. Returns (orbit, contacts) if the orbit needs one more contact mode, with these stops sticking:

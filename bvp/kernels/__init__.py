@@ -1,6 +1,8 @@
 """Compiled arithmetic of impacting systems: arrays and numbers in named tuples, without any policy. Comments cite docs/theory.md.
 
-    compiled                  how kernels are compiled and kept
+    compiled, stored           how kernels are declared and called; where their machine code is kept
+    compiler, entry_point, declared, hook
+                              how they are compiled
     flight                    exact flight, and bounds of a linear functional along it
     impact, extrema           next impact; sign changes and extrema of a linear functional
     contact_mode, sticking    restitution; sticking contacts, impacts beside them, the end of chattering
@@ -11,8 +13,3 @@
     shooting, verdict, intervals
                               all orbits at an energy: starts, one flight of an interval, the scan
 """
-
-from numba import config as _config
-
-if getattr(_config, "DISABLE_JIT", 0):
-    raise ValueError("NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import Contacts, Flight, amplitudes, block_product, copy_1, inner, row_dot, set_1, set_2
 
 START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
@@ -104,13 +104,13 @@ class Scratch(NamedTuple):
     impulses: np.ndarray  # (m, m + 1) equations of an impact while contacts stick
 
 
-@part
+@inlined
 def flight_of(modes, f):
     """The blocks of contact mode f."""
     return Flight(modes.pairs[f], modes.mean[f], modes.delta[f], modes.matrix[f])
 
 
-@part
+@inlined
 def contacts_of(modes, f):
     """The contacts in contact mode f."""
     return Contacts(
@@ -201,7 +201,7 @@ def sums_of(sums, out):
         out[i] = sums[i, 0] + sums[i, 1]
 
 
-@part
+@inlined
 def advance_clock(modes, clock, angles, flight):
     """Add a flight to the time, kept in two parts, and to the angles of the loads."""
     for g in range(modes.frequency.shape[0]):
@@ -236,7 +236,7 @@ SPLIT = 134217729.0
 """2^27 + 1, for the upper half of the digits of a double (Veltkamp)."""
 
 
-@part
+@inlined
 def kick(change, near, rest):
     """change (near + rest), rounded to either side alike. `near` is the nearest double to a number, and `rest` what it leaves.
 
@@ -246,7 +246,7 @@ def kick(change, near, rest):
     return change * head + change * ((near - head) + rest)
 
 
-@part
+@inlined
 def bounce(rate_rows, push, push_rest, c, jump, z):
     """`apply_impact`, in place, along a push that is known beyond double precision, so that the energy of many impacts does not drift."""
     # Equation (4), with the impulse in twice the digits.
@@ -255,7 +255,7 @@ def bounce(rate_rows, push, push_rest, c, jump, z):
         z[r] -= kick(change, push[c, r], push_rest[c, r])
 
 
-@part
+@inlined
 def apply_impact(rate_rows, push, c, jump, z, out):
     """out = z - jump push (rate . z), the impact at contact c: jump = 1 + r, 0 leaves it out (out may be z)."""
     # Equation (4): the impulse along M^-1 c.
@@ -270,7 +270,7 @@ def restitute_state(contacts, c, z, out):
     apply_impact(contacts.rate, contacts.push, c, 1.0 + contacts.restitution[c], z, out)
 
 
-@part
+@kernel
 def impact_columns(rate_rows, push, c, jump, matrix):
     """`apply_impact` each column of a matrix (N, N), in place."""
     # Equation (4) for each column.
@@ -282,7 +282,7 @@ def impact_columns(rate_rows, push, c, jump, matrix):
                 matrix[r, column] -= change * push[c, r]
 
 
-@part
+@inlined
 def land(flight, rate_rows, push, c, jump, before, flow, along):
     """J = R exp(B t) from `flow` = exp(B t), in place, and F = R B z- into `along`, for the state z- = `before`. jump = 0: no impact."""
     # Equation (27): R B z- and R exp(B t).
@@ -292,7 +292,7 @@ def land(flight, rate_rows, push, c, jump, before, flow, along):
         impact_columns(rate_rows, push, c, jump, flow)
 
 
-@part
+@inlined
 def arrive(rows, c, velocity, change):
     """Move a perturbation `change` along the flow onto rows[c] . z = constant: change += velocity dt. Returns dt."""
     # Equation (27): the change of the arrival's time.

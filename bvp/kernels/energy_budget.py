@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import allocating, kernel, part
+from bvp.kernels.compiled import allocating, inlined, kernel
 from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, sums_of
 from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import block_product, copy_1, fastest_rate, flow_matrix, flow_state, inner, row_dot, set_1, times_matrix
@@ -335,7 +335,7 @@ def note_mark(motion, time):
     motion.counts[entry.MARK] = row + 1
 
 
-@part
+@kernel
 def damped(modes, f, z, t, work, out):
     """Energy dissipated by the dampers over a flight of t from z; out (R,): the integrals."""
     integrals(flight_of(modes, f), Products(modes.first[f], modes.second[f], modes.weight), z, t, work, out)
@@ -346,7 +346,7 @@ def damped(modes, f, z, t, work, out):
     return total
 
 
-@part
+@inlined
 def passes_mark(modes, total, motion):
     """True if the motion passes the next mark while it dissipates a further `total`."""
     wanted = motion.marks[motion.counts[entry.MARK], 0] * motion.clock[entry.INITIAL]
@@ -396,7 +396,7 @@ def mark_flight(modes, f, flight, total, motion, work, out):
             marks[row, 2 + modes.part[k]] += out[k]
 
 
-@part
+@kernel
 def fly(modes, f, flight, motion, scratch):
     """Advance a motion by a flight. Returns False if the search for the peaks gave up, or if a block with very different rates
     overflows. Then only the peaks have changed."""
@@ -427,7 +427,7 @@ def fly(modes, f, flight, motion, scratch):
     return True
 
 
-@part
+@inlined
 def lose(modes, c, loss, motion):
     """Add the loss of an impact at contact c."""
     counts, clock, sums, marks = motion.counts, motion.clock, motion.sums, motion.marks
@@ -438,7 +438,7 @@ def lose(modes, c, loss, motion):
             note_mark(motion, clock[entry.TIME])
 
 
-@part
+@inlined
 def stop_contact(modes, c, motion, work):
     """Set the remaining velocity across contact c to zero. Its energy is a loss at the stop."""
     clock = motion.clock

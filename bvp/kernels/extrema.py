@@ -12,9 +12,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, inner, row_dot
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
@@ -45,7 +45,7 @@ class Track(NamedTuple):
     duration: float  # of the flight
 
 
-@part
+@inlined
 def track_of(flight, value, rate, second, z, duration, parts):
     """The `Track` of value . z(t) for 0 <= t <= duration."""
     pure, level, curvature, jerk = separate(flight, value, z, duration, parts)
@@ -80,7 +80,7 @@ def separate(flight, value, z, horizon, parts):
     return True, level, curvature * (1.0 + 1e-12), jerk * (1.0 + 1e-12)
 
 
-@part
+@inlined
 def look(track, t):
     """f, f' and f'' at time t."""
     delta = track.flight.delta
@@ -104,7 +104,7 @@ def look(track, t):
     return f, slope, bend
 
 
-@part
+@inlined
 def safe_step(f, slope, bend, curvature, jerk):
     """Longest step in which f has no zero or is monotone. `curvature`, `jerk`: bounds of |f''| and |f'''| (0: none known)."""
     step = math.inf
@@ -116,7 +116,7 @@ def safe_step(f, slope, bend, curvature, jerk):
     return step
 
 
-@part
+@inlined
 def next_sign_change(track, floor, inside, edge, sign, before, f_before, t, steps):
     """Go on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
 
@@ -161,7 +161,7 @@ def refine(track, low, f_low, high, f_high, tolerance):
     return root
 
 
-@part
+@inlined
 def mark_changes(track, floor, inside, edge, sign, upwards, tolerance, times):
     """Times at which f changes sign after an earlier `sign` (0: none yet), to a `tolerance`, into `times` as far as there is room.
 
@@ -214,7 +214,7 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
     return count if count <= times.shape[0] else -1, sign
 
 
-@part
+@inlined
 def clearance(flight, observed, stop, z, duration, work):
     """Smallest distance of w from the bounds of one stop at its turning points inside a flight: (distance, side, time).
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import two_modes as entry
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import kick
 from bvp.kernels.flight import copy_1, set_1
 from bvp.kernels.two_modes import (
@@ -59,7 +59,7 @@ FAR = 4096
 """Number of steps after which the state is computed anew from the start of the flight, so that rounding errors do not accumulate."""
 
 
-@part
+@inlined
 def summed(total, low, value):
     """Add to a compensated sum (Neumaier)."""
     result = total + value

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import allocating, inlined, kernel, part
+from bvp.kernels.compiled import allocating, inlined, kernel
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -72,7 +72,7 @@ class Contacts(NamedTuple):
     restitution: np.ndarray  # (m,)
 
 
-@part
+@inlined
 def circular(delta, t):
     """C = cosh(sqrt(delta) t) and S = sinh(sqrt(delta) t)/sqrt(delta), continued through delta <= 0."""
     # C and S of equation (23).
@@ -88,7 +88,7 @@ def circular(delta, t):
     return math.cosh(w * t), math.sinh(w * t) / w
 
 
-@part
+@inlined
 def flow_pair(mean, delta, b11, b12, b21, b22, t):
     """The four entries of exp(B t) for one 2 x 2 block.
 
@@ -180,7 +180,7 @@ def block_state(mean, matrix, start, size, t, z, out):
         out[start + r] = row_dot(block, r, z[start : start + size])
 
 
-@part
+@inlined
 def flow_inside(flight, z, t, out):
     """`flow_state`, compiled into the loop that calls it: passing so many arrays to a function takes as long as the flight itself."""
     pairs, mean, delta, matrix = flight
@@ -306,7 +306,7 @@ def inner(a, b):
     return total
 
 
-@part
+@inlined
 def growth_rate(flight):
     """(steady, growth). steady: no block damps or grows. growth >= 0: a bound of the growth rate of every block."""
     pairs, mean, delta, matrix = flight

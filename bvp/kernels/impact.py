@@ -21,9 +21,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import amplitudes, block_product, copy_1, fastest_rate, flow_inside, flow_state, free_step, growth_rate, row_dot
 
 CONTACT_TOLERANCE = 1e-13
@@ -106,7 +106,7 @@ class GapBounds(NamedTuple):
     window: float  # time over which they hold
 
 
-@part
+@inlined
 def gauge(contacts, c, z):
     """(d, d', d'', contact tolerance) of contact c at the state z."""
     w = 0.0
@@ -123,7 +123,7 @@ def gauge(contacts, c, z):
     return contacts.side[c] * (contacts.bound[c] - w), -contacts.side[c] * slope, -contacts.side[c] * bend, CONTACT_TOLERANCE * size
 
 
-@part
+@inlined
 def quadratic_step(d, slope, bend):
     """The zero of d + d' h + d'' h^2/2 nearest to h = 0, for d' < 0; Newton's step if there is no zero."""
     square = slope * slope - 2.0 * bend * d

@@ -19,9 +19,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
-from bvp.kernels.compiled import allocating, kernel, part
+from bvp.kernels.compiled import allocating, inlined, kernel
 from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, find_clearance, follow_impacts
 from bvp.kernels.verdict import (
     CLOSED,
@@ -54,7 +54,7 @@ SLIVER = 4e-12
 """How far outside its interval Newton's method may end at a grazing: about what is left out between its two sides."""
 
 
-@part
+@inlined
 def leave_open(openings, opening, theta, width, flight, reason, counts):
     """Add an interval to those that stay open, where there is room. Returns their number.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.dense import eigenvalues
 from bvp.kernels.flight import block_matrix, block_product, copy_1, flow_pair, inner, set_1, set_2
 from bvp.kernels.newton import reflector
@@ -67,7 +67,7 @@ class ClosedOrbit(NamedTuple):
     contact: np.ndarray  # (P,) int64; -1 for a cut
 
 
-@part
+@inlined
 def _fly(flight, t, x, square, line):
     """x <- exp(B t) x, all columns of x (N, N) at once. Scratch: square (N, N), line (N,)."""
     pairs, mean, delta, matrix = flight
@@ -97,7 +97,7 @@ def _fly(flight, t, x, square, line):
                     x[r, c] = inner(square[r, i:last], line[i:last])
 
 
-@part
+@inlined
 def _strike(flight, contacts, contact, before, after, x, lines):
     """x <- S x at an impact, all columns of x (N, N) at once. lines (5, N): scratch."""
     size = x.shape[0]
@@ -133,7 +133,7 @@ def _strike(flight, contacts, contact, before, after, x, lines):
             x[r, c] += a * late[c] - b * kick[c]
 
 
-@part
+@inlined
 def _set_scale(orbit, conservative, weights, scale):
     """Sizes of displacements and velocities, the latter of a conservative system by sqrt(2 h): an impact may be its only slow part."""
     size = scale.shape[0]
@@ -152,7 +152,7 @@ def _set_scale(orbit, conservative, weights, scale):
             scale[r] = largest if largest > 0.0 else 1.0
 
 
-@part
+@inlined
 def _reduce(vectors, x, line):
     """x <- H x H with the reflections H of the rows of `vectors` (t, N), which are overwritten, one after the other: the first t rows and
     columns belong to them."""
@@ -185,7 +185,7 @@ def _reduce(vectors, x, line):
                 x[r, c] -= total * v[c]
 
 
-@part
+@inlined
 def _sort(values, keys):
     """Sort by modulus descending, then by angle ascending from -pi."""
     for i in range(values.shape[1]):
@@ -206,7 +206,7 @@ def _sort(values, keys):
         keys[1, at] = angle
 
 
-@part
+@inlined
 def _pairing(values, sums):
     """Largest |product - 1| over the pairs: each multiplier, from the first on, with the one whose product with it is nearest to 1. The
     first m/2 columns of `sums` (2, m) become the traces of the pairs: real and imaginary parts."""

@@ -8,10 +8,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import (
     begin_anew,
     bounce,
@@ -60,7 +60,7 @@ def count_impact(modes, c, speed, loss, motion):
     counts[entry.CONTACT] = c
 
 
-@part
+@kernel
 def resolve_impact(modes, still, moving, c, motion, scratch):
     """Resolve the impact at contact c in mode 0. still, moving: of `at_their_bounds`.
 
@@ -119,7 +119,7 @@ def lift(modes, freed, x, z):
             break
 
 
-@part
+@inlined
 def impatient(modes, f, exhausted, flight, counts, clock):
     """Count the event after a flight in contact mode f; True where too many have come since the fastest motion has turned by a radian."""
     if exhausted:

@@ -13,9 +13,9 @@ xi = 0 on every solution (the other root is of order one, far from any start). T
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, land
 from bvp.kernels.flight import Flight, block_product, copy_1, flow_matrix, flow_state, inner, row_dot, set_2
 
@@ -82,7 +82,7 @@ class PackedSegment(NamedTuple):
     shape: np.ndarray
 
 
-@part
+@inlined
 def unpack(packed):
     """The `Segment` that `pack` packed."""
     pairs, rows, scalars, start_map, shape = packed
@@ -109,7 +109,7 @@ def unpack(packed):
     )
 
 
-@part
+@inlined
 def two_dof_segment(packed):
     """The `Segment` that `pack` packed, known to be of states of four entries."""
     return unpack(PackedSegment(sized(packed.pairs, 2), sized(packed.rows, 4), packed.scalars, packed.start_map, packed.shape))
@@ -141,7 +141,7 @@ RESULT = tuple(
 ) = range(42)  # fmt: skip
 
 
-@part
+@inlined
 def count_impacts(shape):
     """Impacts in the full period."""
     k = shape[0]
@@ -272,7 +272,7 @@ def make_factor(segment):
     )
 
 
-@part
+@inlined
 def sized_factor(factor):
     """The same work space, known to be for states of four entries."""
     return Factor(
@@ -321,7 +321,7 @@ def evaluate(segment, y, before, flights, z, residual):
                 residual[row + c] = total
 
 
-@part
+@inlined
 def jacobian_blocks(segment, i, factor, landing, push_rate):
     """landing = J (dense) and push_rate = F of flight i (see `bvp.kernels.contact_mode`)."""
     for r in range(landing.shape[0]):
@@ -330,7 +330,7 @@ def jacobian_blocks(segment, i, factor, landing, push_rate):
     land(segment.flight, segment.gap_rate, segment.push, i, jump, factor.before[i], landing, push_rate)
 
 
-@part
+@inlined
 def fill(segment, y, factor):
     """Write the scaled transpose of the Jacobian at y into the factor arrays (before: `evaluate` at y)."""
     size = segment.flight.matrix.shape[1]

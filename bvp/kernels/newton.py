@@ -22,14 +22,14 @@ Inner loops count without a sign: an index that may be negative is looked at eac
 
 import math
 
-from numba import int64, uint64
+from numpy import int64, uint64
 
-from bvp.kernels.compiled import inlined, kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import copy_1, inner
 from bvp.kernels.multipoint import energy_sum, evaluate, fill, start_state
 
 
-@part
+@inlined
 def reflector(column, first, last):
     """Turn column[first:last] into a reflector; return the diagonal entry of R and 2/(v.v)."""
     # Householder's reflection, with the sign that does not cancel.
@@ -92,7 +92,7 @@ def _reflect_rows(column, first, last, factor, others, begin, end, shift):
         a += uint64(1)
 
 
-@part
+@inlined
 def eliminate(flights, rows, start, closing_first, window, closing, diagonal, factor):
     """Reduce J^T in place. `rows` = m; `start` = size of the first block of unknowns; `closing_first` = first flight whose
     unknowns the closing equations touch. Returns (sign of the determinant of [R], number of reflections)."""
@@ -130,7 +130,7 @@ def eliminate(flights, rows, start, closing_first, window, closing, diagonal, fa
     return reflections
 
 
-@part
+@inlined
 def forward(flights, rows, window, closing, diagonal, right):
     """Solve R^T x = right in place."""
     # Equation (32): R^-T f.
@@ -311,7 +311,7 @@ def null_vector(segment, factor, out):
         out[j] *= factor.scale[j]
 
 
-@part
+@inlined
 def scaled_residual(segment, residual, displacement, velocity):
     """Largest residual, displacements and velocities each by their own scale."""
     size = segment.flight.matrix.shape[1]
@@ -335,7 +335,7 @@ def scaled_residual(segment, residual, displacement, velocity):
     return worst
 
 
-@part
+@inlined
 def correct(segment, y, row, target, factor, residual, maximum, rounding):
     """Correct y in place by Newton's method, and factorise the Jacobian at the solution.
 

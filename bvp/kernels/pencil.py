@@ -24,9 +24,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
-from bvp.kernels.compiled import inlined, part
+from bvp.kernels.compiled import inlined
 from bvp.kernels.contact_mode import land
 from bvp.kernels.flight import block_product, copy_1, flow_matrix, inner, set_1, set_2, times_matrix
 from bvp.kernels.newton import reflect, reflector
@@ -52,7 +52,7 @@ def complement(vectors, count, out, factor):
                 reflect(vectors[c], c, size, factor[c], x, int64(0))
 
 
-@part
+@inlined
 def _constraints(gap, weights, after, scale, conservative, cut, vectors):
     """Rows that a perturbation of a node is orthogonal to; returns how many."""
     size = after.shape[0]
@@ -68,7 +68,7 @@ def _constraints(gap, weights, after, scale, conservative, cut, vectors):
     return count
 
 
-@part
+@inlined
 def _leave_out(free, count, vectors):
     """Append the displacements and velocities of the motions `free` (f, n) to the first `count` rows; returns how many there are then."""
     half = vectors.shape[1] // 2
@@ -192,7 +192,7 @@ def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor
         basis, following = following, basis
 
 
-@part
+@inlined
 def departure(first, last):
     """|last - first|/|first|."""
     length = 0.0
@@ -261,7 +261,7 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
     return kept_flow, departure(first, flow)
 
 
-@part
+@inlined
 def _rotation(a, b):
     """c, s with c a + s b = r, -s a + c b = 0."""
     if b == 0.0:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, arrive
 from bvp.kernels.flight import block_product, copy_1, flow_matrix, row_dot, set_1, set_2
 from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, energy_sum, start_state, two_dof_segment, unfold_impacts
@@ -55,7 +55,7 @@ def section_basis(segment, node, kind, z, held, vectors, out):
             out[b - 1, r] = -total if turn else total
 
 
-@part
+@inlined
 def magnification(segment, node, z, reach):
     """Factor by which an impact at the state z magnifies rounding errors, sqrt(2 h) |g| / |g . v|; 1 for the fastest head-on impact."""
     normal = 0.0
@@ -202,7 +202,7 @@ def make_period(impacts):
     )
 
 
-@part
+@inlined
 def sized_period(period):
     """The same scratch with a compile-time length of four entries per state."""
     impacts = period.impacts

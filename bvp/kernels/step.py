@@ -7,10 +7,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel, part, sized
+from bvp.kernels.compiled import inlined, kernel, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import flow_state, inner, row_dot, set_1
 from bvp.kernels.multipoint import (
@@ -31,7 +31,7 @@ from bvp.kernels.newton import conditioning, correct
 from bvp.kernels.stability import Period
 
 
-@part
+@inlined
 def tangent_at(segment, y, factor, sign, smallest, old_direction, metric, tangent, result):
     """Tangent at a solution y, of unit length in the metric and turned like `old_direction` (all zero: as it comes). sign, smallest: of
     the factorisation there, whose null vector is in factor.work[4]."""
@@ -77,7 +77,7 @@ class Landing(NamedTuple):
     result: np.ndarray  # (len(RESULT),)
 
 
-@part
+@inlined
 def _orbit_step(segment, factor, y, tangent, request, metric, landing):
     """Take a step from y along its `tangent` (2 u,): tangent and curvature.
 
@@ -188,7 +188,7 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
     return change, math.sqrt(inner(out, out))
 
 
-@part
+@inlined
 def constraint_row(segment, y, energy, alpha, position, direction, row):
     """Row r with r . dy = <direction, change of `locate` along dy>: the pseudo-arclength condition in the unknowns."""
     # Equation (33): the row of the unknowns' changes.
@@ -230,7 +230,7 @@ def bends(segment, observed, stop, i, end):
     return apart > 1e-9 * size
 
 
-@part
+@inlined
 def half_waves(segment, rows, y, work, result):
     """Sign changes along the orbit at y of the velocity with the given rows. A search that gives up is noted in `result`."""
     size = segment.flight.matrix.shape[1]
@@ -249,7 +249,7 @@ def half_waves(segment, rows, y, work, result):
     return changes
 
 
-@part
+@inlined
 def observe(segment, observed, y, ends, work, result):
     """Fill `result` from `clearance` to `gave_up` for the orbit at y: admissibility, impact speeds, flight times, half-waves.
 

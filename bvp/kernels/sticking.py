@@ -24,10 +24,10 @@ tolerance. The remaining velocity is then removed at once, with an error of the 
 
 import math
 
-from numba import int64
+from numpy import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of, sums_of
 from bvp.kernels.flight import copy_1, fastest_rate, row_dot, set_1
 from bvp.kernels.impact import NEAR, gauge, rounding_level
@@ -86,7 +86,7 @@ def out_of_reach(modes, f, c, z, span, speed, force):
     return True
 
 
-@part
+@kernel
 def chatter(modes, f, c, left, motion, table, values):
     """After an impact at contact c in contact mode f: True where chattering ends here, with x and the clock and the sums at its end.
 

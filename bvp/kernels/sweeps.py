@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel, square
 from bvp.kernels.dense import eigenvalues
 from bvp.kernels.flight import copy_1, set_2
 from bvp.kernels.pencil import sweep
@@ -36,17 +36,17 @@ class SweepWork(NamedTuple):
     turn: np.ndarray  # (m, m)
     product: np.ndarray  # (m, m)
     exponent: np.ndarray  # (m,)
-    block: np.ndarray  # (m, m) scratch, of which a contiguous part is used
+    block: np.ndarray  # (m^2,) scratch for a matrix
     scratch: np.ndarray  # (4, N, N)
 
 
 def make_sweep_work(count, size):
     """Work space for `count` eigenvalues of maps of N = size entries."""
-    frame, older, turn, product, block = np.zeros((5, count, count))
-    return SweepWork(frame, older, turn, product, np.zeros(count), block, np.zeros((4, size, size)))
+    frame, older, turn, product = np.zeros((4, count, count))
+    return SweepWork(frame, older, turn, product, np.zeros(count), np.zeros(count * count), np.zeros((4, size, size)))
 
 
-@part
+@inlined
 def _is_apart(turn, cut):
     """Whether the blocks before and behind a cut are not coupled."""
     for r in range(cut, turn.shape[0]):
@@ -56,7 +56,7 @@ def _is_apart(turn, cut):
     return True
 
 
-@part
+@inlined
 def _two_eigenvalues(turn, product, exponent, first, largest, block, values):
     """Those of a 2 x 2 block. The smaller real one is determinant / larger, which avoids cancellation."""
     last = first + 1
@@ -95,7 +95,7 @@ def _block_eigenvalues(work, first, last, values):
         row_most = max(row_most, math.log2(most) + exponent[r])
         diagonal_least = min(diagonal_least, math.log2(abs(product[r, r])) + exponent[r])
     is_level = size == 1 or row_most - diagonal_least < math.log2(GRADE)
-    block = work.block.reshape(work.block.size)[: size * size].reshape(size, size)
+    block = square(work.block, size)
     norm = 0.0
     for r in range(size):
         for c in range(size):

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, part
+from bvp.kernels.compiled import inlined
 from bvp.kernels.impact import HIT, NONE, quadratic_step
 from bvp.kernels.two_modes import moves_away, zero_in_step
 
@@ -44,7 +44,7 @@ SMALL = 1e-4
 """Angle up to which the third order of its cosine and sine is exact to rounding."""
 
 
-@part
+@inlined
 def turned_slightly(c, s, angle):
     """(cosine, sine) of an angle farther on by a `SMALL` one."""
     square = 0.5 * angle * angle
@@ -52,7 +52,7 @@ def turned_slightly(c, s, angle):
     return c - s * angle - c * square + s * cube, s + c * angle - s * square - c * cube
 
 
-@part
+@inlined
 def turn_states(squares, rotations, a, b, out_a, out_b):
     """`bvp.kernels.shooting.advance` over a time whose (cos, sin) of both modes are given."""
     for k in range(2):

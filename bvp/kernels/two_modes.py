@@ -5,7 +5,7 @@ What is dissipated are integrals of squares of sums of two decaying oscillations
 
 import math
 
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 
 MEAN, FREQUENCY, STEP, LOWER, UPPER, RESTITUTION, MASS, PUSH, PUSH_REST = 0, 2, 4, 5, 6, 7, 8, 9, 13
 INTO, OUT, ROTATIONS, FORM, TERMS = 17, 33, 49, 97, 105
@@ -27,33 +27,33 @@ SERIES = 0.1
 """|x t| below which (e^{xt} - 1)/x is a series."""
 
 
-@part
+@inlined
 def numbers(array, at):
     """Four numbers of an array from `at` on."""
     return array[at], array[at + 1], array[at + 2], array[at + 3]
 
 
-@part
+@inlined
 def product(row, state):
     """a_1 p_1 + b_1 q_1 + a_2 p_2 + b_2 q_2 for row = (a_1, b_1, a_2, b_2) and state = (p_1, q_1, p_2, q_2)."""
     return row[0] * state[0] + row[1] * state[1] + row[2] * state[2] + row[3] * state[3]
 
 
-@part
+@inlined
 def radii(state):
     """Amplitudes of both modes."""
     p1, q1, p2, q2 = state
     return math.sqrt(p1 * p1 + q1 * q1), math.sqrt(p2 * p2 + q2 * q2)
 
 
-@part
+@inlined
 def rotated(m, w, t):
     """e^{mt} (cos wt, sin wt)."""
     e = math.exp(m * t)
     return e * math.cos(w * t), e * math.sin(w * t)
 
 
-@part
+@inlined
 def mode_rotations(rates, t):
     """e^{mt} (cos wt, sin wt) of both modes. rates: (m_1, w_1, m_2, w_2)."""
     c1, s1 = rotated(rates[0], rates[1], t)
@@ -61,7 +61,7 @@ def mode_rotations(rates, t):
     return c1, s1, c2, s2
 
 
-@part
+@inlined
 def turned(state, rotations):
     """The state after the flight whose `rotations` are given."""
     p1, q1, p2, q2 = state
@@ -69,7 +69,7 @@ def turned(state, rotations):
     return p1 * c1 + q1 * s1, q1 * c1 - p1 * s1, p2 * c2 + q2 * s2, q2 * c2 - p2 * s2
 
 
-@part
+@inlined
 def changing(rates, state):
     """The derivative of a state by time."""
     m1, w1, m2, w2 = rates
@@ -77,7 +77,7 @@ def changing(rates, state):
     return m1 * p1 + w1 * q1, m1 * q1 - w1 * p1, m2 * p2 + w2 * q2, m2 * q2 - w2 * p2
 
 
-@part
+@inlined
 def rotated_slightly(m, w, t, c, s):
     """(c, s) rotated by e^{(m + iw)t}, for |t| so small that five terms of the series are exact to rounding.
 
@@ -93,7 +93,7 @@ def rotated_slightly(m, w, t, c, s):
     return c + (c * real - s * imaginary), s + (c * imaginary + s * real)
 
 
-@part
+@inlined
 def mean_decay(rate, end, t):
     """Integral of exp(rate s) over 0 <= s <= t, given its value at the end."""
     # Equation (29) for a real rate; a series where the quotient would cancel.
@@ -111,7 +111,7 @@ def mean_decay(rate, end, t):
     return value
 
 
-@part
+@inlined
 def mean_turn(real, imaginary, end_real, end_imaginary, t):
     """Integral of exp((real + i imaginary) s) over 0 <= s <= t, given its value at the end; imaginary is not 0."""
     # Equation (29) for a complex rate.
@@ -213,7 +213,7 @@ def fraction_time(system, terms, state, length, total, wanted, parts):
     return t
 
 
-@part
+@inlined
 def moves_away(slope, bend, jerk, fourth, h):
     """Whether a distance that is 0 stays positive over a step of h, by its three derivatives at the begin and a bound of the fourth: the
     Bezier coefficients of the distance over the time, a cubic, are positive."""
@@ -223,7 +223,7 @@ def moves_away(slope, bend, jerk, fourth, h):
     )  # fmt: skip
 
 
-@part
+@inlined
 def zero_in_step(w, v, wn, vn, h, bound):
     """The part of a step of h at which the cubic with the values and slopes (w, v) and (wn, vn) of its ends passes a bound, by Newton's
     method from the secant."""
@@ -238,7 +238,7 @@ def zero_in_step(w, v, wn, vn, h, bound):
     return s
 
 
-@part
+@inlined
 def derivatives(rates, row, state):
     """f, f' and f'' of f = `product` of row and state."""
     rate = changing(rates, state)

@@ -7,10 +7,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import int64
+from numpy import int64
 
 from bvp.kernels import shooting as column
-from bvp.kernels.compiled import kernel, part
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import Flow, advance, amplitude, find_clearance, follow_impacts
@@ -169,7 +169,7 @@ def gather(flow, kind, tube, visit, y, dy, found, count):
     return count + 1
 
 
-@part
+@inlined
 def state_rates(flow, kind, y):
     """Velocities (kind ORIGIN) or accelerations (REST) of both modes at the state y."""
     if kind == ORIGIN:
@@ -177,7 +177,7 @@ def state_rates(flow, kind, y):
     return -flow.squares[0] * y[0], -flow.squares[1] * y[1]
 
 
-@part
+@inlined
 def crossing(flow, kind, tube, visit, y, dy):
     """Whether one crossing by zero can hold an orbit: 0 no, 1 one at most, -1 undecided; and the time of the least distance."""
     row, along, r, width = tube
@@ -304,7 +304,7 @@ def positive_between(value_a, rate_a, value_m, rate_m, value_b, rate_b, r, noise
     return min(abs(rate_a), abs(rate_b), abs(rate_m)) > 0.2 * most or (min(value_a, value_b) < noise and value_m < 10.0 * noise)
 
 
-@part
+@inlined
 def deviation(first, middle, second):
     """Bound of the change of a quantity over an interval, from its values at both ends and in the middle."""
     return 0.5 * abs(second - first) + abs(0.5 * (first + second) - middle)

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from saltus import __version__, catalogues, options, outputs, processes
+from saltus import __version__, catalogues, compiling, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import ProgressBar, counted
@@ -85,7 +85,7 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
         energies = f"h {bounds.energy[0]:g} to {bounds.energy[1]:g}"
         impacts = f"up to {catalogues.impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else "")
         files.report([f"build  {place}: {energies}, quarter period up to {bounds.quarter_period:g}, {impacts}"])
-        processes.prepare(discovery=True)
+        compiling.prepare("build")
         try:
             with ProgressBar(None, "families") as bar:
 

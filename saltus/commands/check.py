@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from saltus import catalogues, outputs, processes
+from saltus import catalogues, compiling, outputs
 from saltus.errors import DONE, FAILED
 from saltus.terminal import ProgressBar, counted
 
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
 
     with catalogues.open_catalogue(arguments) as catalogue:
-        processes.prepare()
+        compiling.prepare("continue")
 
         from branches.catalogue.check import check_catalogue
 

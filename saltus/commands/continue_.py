@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import InterruptHandler, defer_interrupts
-from saltus import catalogues, options, outputs, processes, starts
+from saltus import catalogues, compiling, options, outputs, starts
 from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
@@ -124,7 +124,7 @@ def _follow(
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.families import trace
 
-    processes.prepare()
+    compiling.prepare("continue" if scene.system.degrees_of_freedom == 2 else "modes")
     with ProgressBar(arguments.points) as bar:
         report = partial(bar.line, stream=files.words)
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, options, outputs, processes
+from saltus import catalogues, compiling, options, outputs
 from saltus.errors import DONE, INTERRUPTED, exit_code, one_line, say
 from saltus.options import positive, whole_above_zero
 from saltus.terminal import ProgressBar, counted, stability_word, table_lines, terminal_width, wrapped
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     from saltus.families import discover
 
     with catalogues.given(arguments, scene) as catalogue:
-        processes.prepare(discovery=True)
+        compiling.prepare("discover")
         with ProgressBar():
             found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
     families, code = _families(found, files.words)
@@ -83,7 +83,7 @@ def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]
     if not unnamed:
         return found.families, DONE
     try:
-        processes.prepare()
+        compiling.prepare("continue")
         with ProgressBar(len(unnamed), "orbits without a label") as bar:
             for count, k in enumerate(unnamed, 1):
                 orbit = found.orbits[k]

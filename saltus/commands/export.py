@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogues, options, outputs, processes
+from saltus import catalogues, compiling, options, outputs
 from saltus.errors import BadInput, nearest
 from saltus.options import whole_above_zero
 from saltus.terminal import ProgressBar, counted
@@ -226,7 +226,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         from branches.search.impulsive_motions import impulsive_manifold
         from branches.search.impulsive_orbits import impulsive_orbits
 
-        processes.prepare(impulsive=True)
+        compiling.prepare("impulsive")
         if energy is None:
             energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
         with ProgressBar():

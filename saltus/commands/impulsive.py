@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, options, outputs, processes
+from saltus import catalogues, compiling, options, outputs
 from saltus.errors import DONE, FAILED
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     longest = arguments.max_quarter_period or scene.quarter_period
     with catalogues.given(arguments, scene) as catalogue:
-        processes.prepare(impulsive=True)
+        compiling.prepare("impulsive")
         with ProgressBar():
             found = impulsive_orbits(scene.system, arguments.energy, quarter_period=longest, impacts=arguments.max_impacts)
         entries = records(found, catalogue)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import defer_interrupts
-from saltus import catalogues, options, outputs, processes
+from saltus import catalogues, compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.motion import simulation
 from saltus.options import positive, whole_above_zero
@@ -62,7 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
 
     from bvp.forcing import Record
-    from bvp.kernels.motion import move
     from saltus.motion.simulation import NOT_ASKED, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
 
     records = [float(force.times[-1]) for force in scene.forces if isinstance(force, Record)]
@@ -78,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
             start = simulation.start_of_motion(arguments, scene)
-            processes.report_compiling(move)
+            compiling.prepare("run")
             with ProgressBar(100, "% of the motion") as bar:
                 report = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
         locked = modes = None

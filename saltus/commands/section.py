@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from saltus import catalogues, options, outputs, processes
+from saltus import catalogues, compiling, options, outputs
 from saltus.errors import INTERRUPTED, BadInput, say
 from saltus.options import ValueType, energy_range, finite, positive, whole_above_zero
 from saltus.terminal import ProgressBar
@@ -82,7 +82,6 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
     energies = _asked(arguments, scene)
 
-    from transitions.kernels import follow_section
     from transitions.section.plane import SectionPlane
     from transitions.section.section import follow_crossings
 
@@ -105,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report(f"model  {line}" for line in explain_section(scene.system))
     with catalogues.given(arguments, scene) as catalogue:
         # The kernels are compiled before time is measured.
-        processes.report_compiling(follow_section)
+        compiling.prepare("section")
         follow_crossings(planes[0], planes[0].starts(1), 2)
         files.report([HEADER])
         views: list[SectionView] = []

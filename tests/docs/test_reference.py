@@ -63,7 +63,7 @@ def test_every_command_has_one_grammar_for_its_files():
     for command, parser in PARSERS.items():
         files = {action.option_strings[0][2:] for action in parser._actions if action.metavar == "FILE" and action.option_strings}
         assert files <= {*KINDS, "catalogue", "scene", "branches", "data"}, command
-        assert command in ("study", "gallery") or files & {*KINDS}
+        assert command in ("study", "gallery", "compile") or files & {*KINDS}
 
 
 def test_the_options_of_many_commands_are_explained():

@@ -23,7 +23,7 @@ def mutants(function, names):
     names : mapping
         What its source may name, beside its module's own; decorators leave it as it is.
     """
-    plain = getattr(function, "py_func", function)
+    plain = getattr(function, "function", function)
     source = textwrap.dedent(inspect.getsource(plain))
     count = len(signs(ast.parse(source)))
     for k in range(-1, count):

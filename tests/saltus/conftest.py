@@ -7,19 +7,10 @@ from branches.catalogue.members import orbit_of_event, switch_edge
 from tests.branches.catalogue.families import linear_mode, real, scene
 
 
-@pytest.fixture(scope="session", autouse=True)
-def compiled():
-    """Kernels that processes which tests start would compile, and say so."""
-    import saltus
-
-    saltus.trace("S13O00+", energy=(0.2, 0.3), points=3)
-    saltus.simulate(saltus.vibro_impact_nes(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 0.5], 1.0)
-
-
 @pytest.fixture(autouse=True)
 def quiet(monkeypatch):
     """Standard error without lines that depend on the speed of the machine, and on what was compiled before."""
-    monkeypatch.setattr("saltus.processes._report", lambda: None)
+    monkeypatch.setattr("saltus.compiling.announce", lambda calls: None)
     monkeypatch.setattr("saltus.terminal.PAUSE", float("inf"))
 
 

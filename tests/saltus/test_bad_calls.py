@@ -9,13 +9,13 @@ import pickle
 
 import numpy as np
 import pytest
-from numba.core.registry import CPUDispatcher
 
 import saltus
 from branches.catalogue.database import CatalogueError
 from branches.family import scales_of
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
+from bvp.kernels.compiled import Kernel
 from bvp.simulate import Simulator
 from bvp.stability import stability
 
@@ -249,7 +249,7 @@ def test_kernels_are_not_compiled_again_for_arrays_that_cannot_be_changed(branch
     """Oracle: how many versions of each kernel there are."""
 
     def versions():
-        return {id(item): len(item.overloads) for item in gc.get_objects() if isinstance(item, CPUDispatcher)}
+        return {id(item): len(item.entries) for item in gc.get_objects() if isinstance(item, Kernel)}
 
     y, tangent = (np.array(values) for values in (branch.orbit(2).solution.y, branch.orbit(2).solution.tangent))
     problem = branch.problem

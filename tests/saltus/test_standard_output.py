@@ -250,7 +250,7 @@ def test_an_interrupt_while_a_class_is_made_is_one_line(capsys, monkeypatch):
 @POSIX
 def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, monkeypatch):
     """Oracle: the impacts of an undisturbed run, of which the first ones are there."""
-    monkeypatch.setattr("saltus.processes.report_compiling", lambda kernel: None)
+    monkeypatch.setattr("saltus.compiling.prepare", lambda *groups: None)
     words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80"]
     whole, cut, err = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.kernels.motion.move", after=True)
     assert err.startswith("saltus: interrupted; the motion is written")
@@ -274,7 +274,7 @@ def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeyp
     said = capsys.readouterr().err.splitlines()
     monkeypatch.undo()
     monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
-    monkeypatch.setattr("saltus.processes.report_compiling", lambda kernel: None)
+    monkeypatch.setattr("saltus.compiling.prepare", lambda *groups: None)
     interrupting(monkeypatch, "bvp.kernels.motion.move")
     capsys.readouterr()
     code, out, _ = run(capsys, *words, tmp_path / "early.json")

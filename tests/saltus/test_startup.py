@@ -1,4 +1,4 @@
-"""The first run: kernels that are on disk are recognised, and a cold folder is filled by the second process's own work."""
+"""The first run: what a command needs is compiled before it starts, in several processes, and only once."""
 
 from __future__ import annotations
 
@@ -7,87 +7,122 @@ import sys
 
 import pytest
 
-from saltus import processes
+from benchmarks.kernels import EXAMPLES, recorded
+from bvp.kernels.__main__ import types_from
+from bvp.kernels.stored import files, symbol
+from saltus import compiling
+from saltus.__main__ import main
 
-TELL = processes._report
+ANNOUNCE = compiling.announce
 """As it is outside the tests, which are not to depend on what was compiled before them."""
 
 
-def test_kernels_that_were_used_are_kept_and_nothing_is_started(monkeypatch, capsys):
-    """Oracle: after a family was traced the kernels are on disk, and `prepare` must neither speak nor start a process."""
-    import saltus
+@pytest.fixture
+def empty(tmp_path, monkeypatch):
+    """An empty cache folder, and a list with one small kernel in two groups."""
+    from bvp.kernels import stored
 
-    saltus.trace("S13O00+", saltus.vibro_impact_nes(), energy=(0.5, 0.6))
-    monkeypatch.setattr(subprocess, "Popen", lambda *args, **options: (_ for _ in ()).throw(AssertionError("a process was started")))
-    processes.prepare()
+    for function in (stored.cache_root, stored.folder_of):
+        function.cache_clear()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
+    call = [0.6, "bvp.kernels.flight", "free_step", ["", "float", "float", "float"]]
+    other = [0.6, "bvp.kernels.flight", "pair_envelope", ["", "float", "float", "float"]]
+    listed = {"kernels": [call, other], "commands": {"continue": [0], "run": [0, 1]}}
+    monkeypatch.setattr(compiling, "_listed", lambda: listed)
+    monkeypatch.setattr(compiling, "announce", ANNOUNCE)
+    yield listed
+    monkeypatch.undo()
+    for function in (stored.cache_root, stored.folder_of):
+        function.cache_clear()
+
+
+def test_the_list_of_kernels_is_what_the_commands_call():
+    """Oracle: the commands themselves, each group in a new process. A kernel with other arguments needs `python -m benchmarks kernels`."""
+    listed = compiling._listed()
+    kernels, commands = recorded()
+    assert kernels == [call[1:] for call in listed["kernels"]]
+    assert commands == listed["commands"]
+    assert set(commands) == set(EXAMPLES)
+
+
+def test_all_that_is_missing_is_compiled_and_nothing_twice(empty, capsys):
+    """Oracle: the files, and a second call that finds nothing to do and says nothing."""
+    assert compiling.missing("continue") == empty["kernels"][:1]
+    compiling.prepare("continue")
+    assert capsys.readouterr() == ("", "saltus: compiling 1 kernels, at the first run only: about 4 s\n")
+    for seconds, module, name, types in empty["kernels"][:1]:
+        assert seconds and any(file.is_file() for file in files(module, symbol(name, types_from(types))))
+    compiling.prepare("continue")
     assert capsys.readouterr() == ("", "")
+    assert compiling.missing() == empty["kernels"][1:]
 
 
-def test_a_second_process_that_cannot_start_is_no_failure(monkeypatch):
-    """Oracle: the command goes on where the operating system refuses a process."""
+def test_the_command_compiles_everything(empty, capsys):
+    """Oracle: nothing is missing afterwards, and a second call says so."""
+    assert main(["compile"]) == 0
+    out, err = capsys.readouterr()
+    assert "compiled 2 of 2 kernels" in out and "all kernels are compiled" in out and "compiling 2 kernels" in err
+    assert compiling.missing() == []
+    assert main(["compile"]) == 0
+    assert capsys.readouterr() == ("all kernels are compiled: no command compiles any\n", "")
+
+
+def test_a_kernel_that_cannot_be_compiled_is_named(empty, capsys):
+    """Oracle: a kernel that does not exist."""
+    empty["kernels"].append([0.1, "bvp.kernels.flight", "none_such", ["", "float"]])
+    empty["commands"]["run"].append(2)
+    assert main(["compile"]) == 1
+    assert "not compiled: none_such of bvp.kernels.flight" in capsys.readouterr().out
+
+
+def test_a_folder_that_cannot_be_used_is_named(empty, monkeypatch, tmp_path, capsys):
+    """Oracle: a file where the folder should be."""
+    (tmp_path / "file").write_text("no folder")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    with pytest.warns(RuntimeWarning, match="cannot make the folder"):
+        assert main(["compile"]) == 1
+
+
+def test_where_no_process_can_start_the_command_goes_on(empty, monkeypatch):
+    """Oracle: an operating system that refuses processes: nothing is compiled, and nothing is raised."""
 
     def refuse(*args, **options):
         raise OSError("no more processes")
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
-    monkeypatch.setattr("branches.warm.kept", lambda **options: False)
-    processes.prepare()
-
-
-def test_cold_kernels_start_the_compiling_process(monkeypatch):
-    """Oracle: the process is this Python, running `branches.warm` with this process's paths."""
-    seen = {}
-    monkeypatch.setattr(subprocess, "Popen", lambda command, **options: seen.update(command=command, env=options["env"]))
-    monkeypatch.setattr("branches.warm.kept", lambda **options: False)
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
-    processes.prepare()
-    assert seen["command"] == [sys.executable, "-m", "branches.warm"]
-    assert all(path in seen["env"]["PYTHONPATH"] for path in sys.path if path)
-
-
-@pytest.mark.parametrize("missing", ["advance_block", "move", "scan_interval"])
-def test_what_a_command_needs_is_looked_for(monkeypatch, missing):
-    """Oracle: one kernel is taken for not compiled; who needs it says so, and no other does."""
-    from branches.warm import kept
-
-    monkeypatch.setattr("bvp.kernels.compiled.stored", lambda kernel: kernel.py_func.__name__ != missing)
-    assert kept() is (missing != "advance_block")
-    assert not kept(impulsive=True)
-    assert kept(discovery=True) is (missing not in ("advance_block", "scan_interval"))
+    compiling.prepare("run")
+    assert len(compiling.missing()) == 2
 
 
 @pytest.mark.parametrize(
     ("words", "asked"),
     [
-        ("impulsive --energy 1:2", {"impulsive": True}),
-        ("export fep --plot a.png --catalogue {catalogue} --impulsive", {"impulsive": True}),
-        ("discover --energy 1", {"discovery": True}),
-        ("continue S13O00+", {}),
+        ("impulsive --energy 1:2", "impulsive"),
+        ("export fep --plot a.png --catalogue {catalogue} --impulsive", "impulsive"),
+        ("discover --energy 1", "discover"),
+        ("continue S13O00+", "continue"),
+        ("run --state 0,0,0,1 --duration 1", "run"),
+        ("section --energy 1", "section"),
+        ("build --energy 0.06:0.1 --catalogue {new}", "build"),
     ],
 )
 def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_path, words, asked):
-    """Oracle: the kernels by hand; the command ends where it asks."""
-    from saltus.__main__ import main
+    """Oracle: the groups by hand; the command ends where it asks."""
+    seen = []
 
-    seen = {}
-
-    def stop(**kernels):
-        seen.update(kernels)
+    def stop(*groups):
+        seen.extend(groups)
         raise KeyboardInterrupt
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("saltus.processes.prepare", stop)
-    assert main(words.format(catalogue=catalogue).split()) == 130
-    assert seen == asked
+    monkeypatch.setattr(compiling, "prepare", stop)
+    assert main(words.format(catalogue=catalogue, new=tmp_path / "new.sqlite").split()) == 130
+    assert seen == [asked]
 
 
-@pytest.mark.parametrize("missing", [False, True])
-def test_a_damped_run_says_that_it_compiles(monkeypatch, capsys, missing):
-    """Oracle: one line, on a terminal or not, where the kernel is taken for not compiled, else nothing."""
-    from bvp.kernels.motion import move
-
-    monkeypatch.setattr("bvp.kernels.compiled.stored", lambda kernel: not missing or kernel.py_func.__name__ != "move")
-    monkeypatch.setattr(processes, "_report", TELL)
-    processes.report_compiling(move)
-    out, err = capsys.readouterr()
-    assert out == "" and ("compiling the kernels" in err) is missing
+def test_a_warm_start_imports_no_compiler():
+    """Oracle: the modules of a process that follows a family, whose kernels are on disk."""
+    compiling.prepare("continue")
+    script = "import sys; from saltus.__main__ import main; main(['continue', 'S13O00+', '--points', '20']); print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"

@@ -18,7 +18,6 @@ import numpy as np
 from bvp.checks import is_finite
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
-from bvp.kernels.compiled import compiled_for
 from bvp.kernels.contact_mode import PASSES
 from bvp.simulate import Simulator
 from bvp.texts import brief, listed, shown
@@ -228,7 +227,7 @@ def follow_crossings(
             begun = kernels.SectionStarts(np.concatenate([u, v], 1), changes @ modes.enter[0].T)
             orbit, work = _arrays(simulator, modes)
             # compiled for the types that `Simulator.run` uses, too
-            _, simulate = compiled_for(motion_kernels.move, (modes, 0.0, kernels.MOST, orbit.motion, work.log, work.scratch))
+            _, simulate = motion_kernels.move.entry(modes, 0.0, kernels.MOST, orbit.motion, work.log, work.scratch)
         orbit.motion.counts[PASSES] = pace.passes
         with pace:
             first, sticking = kernels.follow_section(simulate, modes, rows, begun, limits, first, orbit, out, work)

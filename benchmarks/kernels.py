@@ -1,0 +1,82 @@
+"""Write the list of the kernels that each command calls, with the types of their arguments: `python -m benchmarks kernels`.
+
+Each command runs in a process of its own, in an empty folder, on a small example.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from typing import Any
+
+from saltus.compiling import LIST, compile_kernels
+
+__all__ = ["EXAMPLES", "add_arguments", "recorded", "run"]
+
+EXAMPLES: dict[str, list[str]] = {
+    "continue": ["continue S13O00+ --points 40 --plot a.png", "orbit S13+ --alpha 1.7 --plot b.png"],
+    "discover": ["discover --energy 0.2 --max-quarter-period 2 --max-impacts 2", "continue S73O33- --points 40"],
+    "build": ["discover --energy 0.2 --max-quarter-period 2 --max-impacts 2", "continue S13O00+ --points 40 --catalogue a.sqlite --save"],
+    "modes": ["continue --scene three_mass_chain --from mode:1 --points 40", "continue --scene gear_pair --from mode:3 --points 40"],
+    "run": ["run --on S13+ --energy 10 --rho 0.7 --lam 0.01 --duration 20"],
+    "section": ["section --energy 0.3 --orbits 3 --crossings 20 --plot a.png"],
+    "impulsive": ["impulsive --energy 0.1:0.3"],
+}
+"""Commands whose kernels are compiled together, by the name of the group."""
+
+_SCRIPT = """
+import gc, json, sys
+from bvp.kernels.compiled import Kernel
+from saltus.__main__ import main
+codes = [main(words.split()) for words in json.loads(sys.argv[1])]
+assert not any(codes), codes
+kernels = [item for item in gc.get_objects() if isinstance(item, Kernel)]
+print(json.dumps([[kernel.__module__, kernel.function.__qualname__, types] for kernel in kernels for types in kernel.entries]))
+"""
+
+
+def called(commands: list[str]) -> list[list[Any]]:
+    """The kernels that some commands call: module, name and types of each, in order of their names."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        done = subprocess.run(
+            [sys.executable, "-c", _SCRIPT, json.dumps(commands)], cwd=folder, env={**os.environ, "PYTHONPATH": paths},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+    found: list[list[Any]] = sorted(json.loads(done.stdout.splitlines()[-1]), key=repr)
+    return found
+
+
+def recorded(examples: Mapping[str, list[str]] = EXAMPLES) -> tuple[list[list[Any]], dict[str, list[int]]]:
+    """All kernels that the examples call, and for each group the places of its kernels among them."""
+    by_group = {group: called(commands) for group, commands in examples.items()}
+    kernels = sorted({repr(call): call for calls in by_group.values() for call in calls}.items())
+    places = {text: place for place, (text, _) in enumerate(kernels)}
+    return [call for _, call in kernels], {group: [places[repr(call)] for call in calls] for group, calls in by_group.items()}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The task has no options."""
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the list, with the processor time that each kernel takes to compile. That of a kernel which is listed already stays."""
+    kernels, commands = recorded()
+    seconds = {repr(call[1:]): call[0] for call in json.loads(LIST.read_text(encoding="utf-8"))["kernels"]}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["NUMBA_CACHE_DIR"] = folder
+        new = [[0.0, *call] for call in kernels if repr(call) not in seconds]
+        new = [[0.0, *call] for call in kernels if repr(call) not in seconds]
+        seconds |= {repr(call[1:]): call[0] for call in compile_kernels(new, 1)}
+    lines = ",\n".join(json.dumps([round(seconds[repr(call)], 1), *call]) for call in kernels)
+    groups = ",\n".join(f"{json.dumps(group)}: {json.dumps(places)}" for group, places in commands.items())
+    LIST.write_text(f'{{"kernels": [\n{lines}\n],\n"commands": {{\n{groups}\n}}}}\n', encoding="utf-8")
+    total = sum(seconds[repr(call)] for call in kernels)
+    print(f"{LIST.name}: {len(kernels)} kernels of {len(commands)} groups of commands, {total:.0f} s to compile")
+    return 0

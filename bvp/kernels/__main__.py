@@ -1,0 +1,31 @@
+"""Compile kernels, one after the other, for another process: `python -m bvp.kernels`.
+
+Each line of standard input is JSON: module, name and types of a kernel. Each line of standard output says how many seconds it took.
+"""
+
+import importlib
+import json
+import sys
+import time
+from typing import Any
+
+from bvp.kernels.compiled import Kernel
+
+
+def types_from(value: Any) -> Any:
+    """Types of arguments (`bvp.kernels.stored.types_of`) as they were before they were written as JSON."""
+    return tuple(map(types_from, value)) if isinstance(value, list) else value
+
+
+def main() -> None:
+    """Compile what standard input asks for."""
+    for line in sys.stdin:
+        module, name, types = json.loads(line)
+        began = time.process_time()
+        kernel: Kernel = getattr(importlib.import_module(module), name)
+        kernel.compile(types_from(types))
+        print(f"{time.process_time() - began:.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

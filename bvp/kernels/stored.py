@@ -1,0 +1,258 @@
+"""Where the machine code of kernels is kept, and how it is loaded. That takes no compiler.
+
+Each kernel file has a folder of its own in the cache. The folder's name contains a hash of all that the machine code depends on: the
+file, the project's files that it imports, the versions of Python, numba and llvmlite, and the processor. A changed callee in another file
+is thus noticed, and copies of saltus with equal sources share their kernels.
+"""
+
+import ctypes
+import hashlib
+import multiprocessing
+import os
+import platform
+import re
+import shutil
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import binding as llvm
+
+DAY = 86_400.0
+_KEPT_DAYS = 30.0
+"""A folder that was not used for so long is removed."""
+
+_SOURCES = Path(__file__).resolve().parents[2]
+_COMPILER = [Path(__file__).with_name(name) for name in ("compiler.py", "entry_point.py")]
+_IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import \(?\s*(\w+)", re.MULTILINE)
+
+# -- the cache folder ---------------------------------------------------------------------------------------------------------------
+
+
+@cache
+def cache_root() -> Path | None:
+    """The folder of all compiled kernels, below `NUMBA_CACHE_DIR` where that is set. It is made where it does not exist.
+
+    Returns
+    -------
+    Path or None
+        None where the folder cannot be made, or where others can write to it: who can write machine code there could run it as this
+        user. A warning gives the reason.
+    """
+    place = os.environ.get("NUMBA_CACHE_DIR")
+    if place:
+        root = Path(place) / "saltus-kernels"
+    else:
+        from platformdirs import user_cache_path
+
+        root = user_cache_path("saltus", appauthor=False) / "kernels"
+    usable, reason = False, ""
+    try:
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = root.stat()
+        usable = os.name != "posix" or (status.st_uid in (0, os.geteuid()) and not status.st_mode & 0o022)
+        if not usable:
+            reason = f"others can write to the folder {root}; remove it, and it is made anew"
+        elif not os.access(root, os.W_OK):
+            reason = f"cannot write to the folder {root}"
+    except OSError as error:
+        reason = f"cannot make the folder {root}: {error.strerror}"
+    if reason and multiprocessing.parent_process() is None:
+        warnings.warn(f"compiled kernels are not kept for the next run: {reason}", RuntimeWarning, stacklevel=2)
+    return root if usable else None
+
+
+def keeps() -> bool:
+    """Whether kernels that are compiled now are there at the next run."""
+    root = cache_root()
+    return root is not None and os.access(root, os.W_OK)
+
+
+@cache
+def sources(path: Path) -> dict[Path, bytes]:
+    """The contents of a kernel file and of all the project's files that it imports, directly or not."""
+    text = path.read_bytes()
+    found = {path: text}
+    for module, name in _IMPORT.findall(text):
+        place = _SOURCES.joinpath(*module.decode().split("."))
+        found |= sources((place / name.decode() if place.is_dir() else place).with_suffix(".py"))
+    return found
+
+
+@cache
+def processor() -> tuple[str, str]:
+    """The name and the features of this processor, as LLVM writes them; `NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES` replace them."""
+    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    return name or llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten() if features is None else features
+
+
+@cache
+def folder_of(module: str) -> Path | None:
+    """The folder of a kernel file; None where nothing is kept. Its date is renewed, about once a day, where it exists."""
+    root = cache_root()
+    if root is None:
+        return None
+    machine = repr((sys.version, version("numba"), version("llvmlite"), *processor()))
+    folder = root / f"{module}-{_digest(module, machine)}"
+    with suppress(OSError):
+        if time.time() - folder.stat().st_mtime > DAY:
+            os.utime(folder)
+    return folder
+
+
+def _digest(module: str, machine: str) -> str:
+    """The hash of all that the machine code of a kernel file depends on."""
+    digest = hashlib.sha256(f"{module} {machine}".encode())
+    compiler = {file: file.read_bytes() for file in _COMPILER}
+    for file, text in sorted((sources(_SOURCES.joinpath(*module.split(".")).with_suffix(".py")) | compiler).items()):
+        digest.update(f"\n{file.stem} {len(text)}\n".encode() + text)
+    return digest.hexdigest()[:24]
+
+
+class Level(NamedTuple):
+    """The processors that wheels are compiled for."""
+
+    name: str  # as LLVM writes it
+    features: tuple[str, ...]  # that they have beyond the least of their kind
+
+
+_V3 = Level("x86-64-v3", ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe"))
+_LEVELS = {"x86_64": _V3, "amd64": _V3, "aarch64": Level("generic", ()), "arm64": Level("generic", ())}
+_SHIPPED = Path(__file__).with_name("shipped")
+
+
+def level() -> Level | None:
+    """That of wheels for this kind of machine."""
+    return _LEVELS.get(platform.machine().lower())
+
+
+def shipped_name(module: str, level: Level) -> str:
+    """The name of the folder of a kernel file in a wheel."""
+    return f"{module}-{_digest(module, repr((sys.version_info[:2], sys.platform, level.name)))}"
+
+
+@cache
+def _shipped(module: str) -> Path | None:
+    """The folder of a kernel file in the wheel; None where there is none for this processor."""
+    found = level() if _SHIPPED.is_dir() else None
+    if found is None or not all(llvm.get_host_cpu_features().get(feature) for feature in found.features):
+        return None
+    return _SHIPPED / shipped_name(module, found)
+
+
+def files(module: str, symbol: str) -> list[Path]:
+    """Where the machine code of a kernel may be: in a wheel, then in the cache folder, where it is also kept."""
+    return [folder / symbol for folder in (_shipped(module), folder_of(module)) if folder is not None]
+
+
+def symbol(name: str, types: Any) -> str:
+    """The name of the machine code of a kernel for arguments of some types (`types_of`)."""
+    return f"{name}-{hashlib.sha256(repr(types).encode()).hexdigest()[:16]}"
+
+
+def keep(file: Path, code: bytes) -> None:
+    """Write machine code to a file of the cache. With a new folder, remove those of former sources and versions."""
+    folder = file.parent
+    with suppress(OSError):  # the folder cannot be written, or the disk is full
+        if not folder.is_dir():
+            folder.mkdir(mode=0o700, exist_ok=True)
+            for entry in os.scandir(folder.parent):
+                with suppress(OSError):  # another process removed it first
+                    if time.time() - entry.stat(follow_symlinks=False).st_mtime > _KEPT_DAYS * DAY:
+                        shutil.rmtree(entry.path, ignore_errors=True)
+        beside = file.with_suffix(f".{os.getpid()}")
+        beside.write_bytes(code)
+        beside.replace(file)
+
+
+# -- types of arguments -------------------------------------------------------------------------------------------------------------
+
+
+def types_of(value: Any) -> Any:
+    """What the compiled code must know of an argument: of an array its items, dimensions and layout, of a tuple its class and parts.
+
+    Examples
+    --------
+    >>> types_of((np.zeros((2, 3)), 1, 0.5, True))
+    ('', 'float64 2 C', 'integer', 'float', 'boolean')
+    """
+    if isinstance(value, np.ndarray):
+        layout = "C" if value.flags.c_contiguous else "A"
+        return f"{value.dtype.name} {value.ndim} {layout}{'' if value.flags.writeable else ' read-only'}"
+    if isinstance(value, tuple):
+        kind = type(value)
+        return "" if kind is tuple else f"{kind.__module__}.{kind.__qualname__}", *map(types_of, value)
+    for name, kinds in _NUMBERS.items():
+        if isinstance(value, kinds):
+            return name
+    raise TypeError(f"a kernel takes arrays, numbers and tuples of them, not {type(value).__name__}")
+
+
+_NUMBERS = {"boolean": bool | np.bool_, "integer": int | np.integer, "float": float | np.floating}
+
+
+# -- loading ------------------------------------------------------------------------------------------------------------------------
+
+
+class Entry(NamedTuple):
+    """A kernel compiled for some types of arguments."""
+
+    call: Callable[..., Any]  # from Python; gives NotImplemented where the arguments have other types
+    address: int  # in memory, for `call_at` and `integer_at`
+
+
+_DIGEST = 32
+_FASTCALL = 0x80
+"""METH_FASTCALL of Python's interface for C: the arguments come in an array."""
+
+
+def load(module: str, name: str) -> Any:
+    """The `Entry` of a kernel that is on disk; None where it is not."""
+    for file in files(module, name):
+        with suppress(OSError):
+            entry = entry_of(file.read_bytes(), name)
+            if entry is not None:
+                return entry
+    return None
+
+
+class _Method(ctypes.Structure):
+    """PyMethodDef of Python's interface for C."""
+
+    _fields_ = (("name", ctypes.c_char_p), ("call", ctypes.c_void_p), ("flags", ctypes.c_int), ("text", ctypes.c_char_p))
+
+
+_methods: list[_Method] = []  # Python keeps their addresses, not them
+
+
+@cache
+def _engine() -> Any:
+    """What puts machine code into memory."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), llvm.Target.from_default_triple().create_target_machine())
+
+
+def sealed(code: bytes) -> bytes:
+    """A file of the cache: a hash, then an object file."""
+    return hashlib.sha256(code).digest() + code
+
+
+def entry_of(code: bytes, name: str) -> Any:
+    """The `Entry` of the kernel in a file of the cache; None where the file is damaged."""
+    if hashlib.sha256(code[_DIGEST:]).digest() != code[:_DIGEST]:
+        return None
+    engine = _engine()
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code[_DIGEST:]))
+    engine.finalize_object()
+    _methods.append(_Method(name.encode(), engine.get_function_address(f"call.{name}"), _FASTCALL, None))
+    make = ctypes.pythonapi.PyCFunction_NewEx
+    make.restype, make.argtypes = ctypes.py_object, (ctypes.POINTER(_Method), ctypes.py_object, ctypes.c_void_p)
+    return Entry(make(ctypes.byref(_methods[-1]), np.ndarray, None), engine.get_function_address(f"at.{name}"))

@@ -1,0 +1,37 @@
+"""saltus compile: compile the kernels of all commands, so that none is compiled later."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from saltus import compiling
+from saltus.errors import DONE, FAILED
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command has no options."""
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; return the exit code."""
+    from bvp.kernels.stored import cache_root
+
+    root = cache_root()  # a warning says why there is none
+    if root is None:
+        return FAILED
+    calls = compiling.missing()
+    if calls:
+        compiling.announce(calls)
+        began = time.monotonic()
+        done = compiling.compile_kernels(calls)
+        print(f"compiled {len(done)} of {len(calls)} kernels in {time.monotonic() - began:.0f} s, kept in {root}")
+    left = compiling.missing()
+    if not left:
+        print("all kernels are compiled: no command compiles any")
+        return DONE
+    for _, module, name, _ in left:
+        print(f"not compiled: {name} of {module}")
+    return FAILED

@@ -1,0 +1,158 @@
+"""Compile the kernels of a command before it starts: in several processes, with a progress bar.
+
+`kernels.json` lists the kernels that each command calls, with the types of their arguments. `python -m benchmarks kernels` writes it.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import platform
+import queue
+import shutil
+import subprocess
+import sys
+import threading
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from saltus.terminal import ProgressBar
+
+__all__ = ["LIST", "announce", "compile_kernels", "missing", "prepare", "prepare_with"]
+
+LIST = Path(__file__).with_name("kernels.json")
+
+_COMMAND = [sys.executable, "-m", "bvp.kernels"]
+
+
+@cache
+def _listed() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(LIST.read_text(encoding="utf-8"))
+    return found
+
+
+def missing(*groups: str) -> list[list[Any]]:
+    """The kernels of some commands, of all where none is named, that have no machine code: seconds, module, name and types of each."""
+    from bvp.kernels.__main__ import types_from
+    from bvp.kernels.stored import files, symbol
+
+    listed = _listed()
+    indices = sorted({index for group in groups or listed["commands"] for index in listed["commands"].get(group, ())})
+    calls = [listed["kernels"][index] for index in indices]
+    return [call for call in calls if not any(file.is_file() for file in files(call[1], symbol(call[2], types_from(call[3]))))]
+
+
+def prepare(*groups: str) -> None:
+    """Compile what is missing of the kernels of some commands, and say so. Where no process can be started, each kernel is compiled when
+    it is called."""
+    from bvp.kernels.stored import keeps
+
+    calls = missing(*groups)
+    if calls:
+        announce(calls)
+    if calls and keeps():
+        compile_kernels(calls)
+
+
+def prepare_with(module: str, name: str, types: Any) -> None:
+    """Compile a kernel with all others of a group of commands: the group that lacks least. In a worker process nothing is done."""
+    from bvp.kernels.__main__ import types_from
+
+    listed = _listed()
+    places = [k for k, call in enumerate(listed["kernels"]) if call[1:3] == [module, name] and types_from(call[3]) == types]
+    groups = [group for group, members in listed["commands"].items() if set(places) & set(members)]
+    if groups and multiprocessing.parent_process() is None:
+        prepare(min(groups, key=lambda group: sum(call[0] for call in missing(group))))
+
+
+def announce(calls: list[list[Any]]) -> None:
+    """Say on standard error how many kernels are compiled, and about how long it takes."""
+    seconds = sum(call[0] for call in calls) / workers_for(calls) + _START
+    if sys.stderr is not None:
+        text = f"saltus: compiling {len(calls)} kernels, at the first run only: about {seconds:.0f} s"
+        print(text, file=sys.stderr, flush=True)
+
+
+_START = 3.0
+"""Seconds that a process takes until it can compile."""
+
+
+def workers_for(calls: list[list[Any]]) -> int:
+    """How many processes compile beside each other."""
+    return min(os.cpu_count() or 1, len(calls))
+
+
+def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[list[Any]]:
+    """Compile kernels in several processes. Returns those that were compiled, with the seconds that each took: not all where a process
+    fails."""
+    waiting: queue.SimpleQueue[list[Any]] = queue.SimpleQueue()
+    for call in sorted(calls, key=lambda call: -call[0]):
+        waiting.put(call)
+    done: list[list[Any]] = []
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    processes: list[subprocess.Popen[str]] = []
+    with ProgressBar(len(calls), "kernels") as bar:
+
+        def feed(process: subprocess.Popen[str]) -> None:
+            assert process.stdin is not None and process.stdout is not None
+            while True:
+                try:
+                    call = waiting.get_nowait()
+                    process.stdin.write(json.dumps(call[1:]) + "\n")
+                    process.stdin.flush()
+                except (queue.Empty, OSError):
+                    break
+                seconds = process.stdout.readline()
+                if not seconds:
+                    break
+                done.append([float(seconds), *call[1:]])
+                bar.update(len(done))
+
+        try:
+            for _ in range(workers or workers_for(calls)):
+                processes.append(
+                    subprocess.Popen(
+                        _COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                        env={**os.environ, "PYTHONPATH": paths},
+                    )
+                )  # fmt: skip
+            threads = [threading.Thread(target=feed, args=(process,), daemon=True) for process in processes]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+        except OSError:
+            pass
+        finally:
+            for process in processes:
+                process.kill()
+                process.wait()
+    return done
+
+
+def ship(place: Path) -> int:
+    """Compile all kernels for the common processors of this kind of machine into a folder, for a wheel. Returns an exit code."""
+    from bvp.kernels import stored
+    from bvp.kernels.__main__ import types_from
+
+    level = stored.level()
+    if level is None:
+        print(f"no kernels are shipped for {sys.platform}, {platform.machine()}: they are compiled when they are first called")
+        return 0
+    os.environ |= {"NUMBA_CPU_NAME": level.name, "NUMBA_CPU_FEATURES": ""}
+    calls = missing()
+    done = compile_kernels(calls)
+    for _, module, name, types in calls:
+        symbol = stored.symbol(name, types_from(types))
+        *_, source = stored.files(module, symbol)
+        target = place / stored.shipped_name(module, level) / symbol
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, target)
+    print(f"{len(done)} kernels for {level.name} in {place}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(ship(Path(sys.argv[1])))
