@@ -273,7 +273,7 @@ class EventFinder:
     def at_start(self, before: Point, start: Point, after: Point, known: Collection[Event]) -> list[FoundEvent]:
         """The events on the very start of a run, which neither of its halves reports.
 
-        `before`, `after`: the accepted points on either side of the start, all three oriented alike; at an event if there are no others.
+        `before`, `after`: the accepted points on either side of the start, all three oriented alike.
         `known`: the events reported between these.
         """
         step = start.step

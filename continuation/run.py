@@ -229,6 +229,14 @@ def _joined(problem: Problem, settings: Settings, backward: _Half | None, forwar
     return Run(points, tuple(events), ends, start, closed)
 
 
+def _halfway(problem: Problem, start: Point, event: Point) -> Point:
+    """A point between the start and an event next to it. At the event itself test functions may be rounding: where a family ends, the
+    multipliers grow without bound. It is the event's point if the step there fails."""
+    ds = 0.5 * (event.arclength - start.arclength)
+    step = problem.step(start.step.y, start.step.tangent, ds)
+    return Point(start.index, start.arclength + ds, step) if step.converged else event
+
+
 def _with_events_at(place: int, problem: Problem, settings: Settings, points: Points, events: list[Event]) -> list[Event]:
     """The events, with those that lie on the start of a half, which neither half reports; they share its point, which gets one.
 
@@ -237,11 +245,11 @@ def _with_events_at(place: int, problem: Problem, settings: Settings, points: Po
     last = len(points) - 1
     sides = []
     around = (range(last - 1, 0, -1), range(1, last)) if place == 0 else (range(place - 1, -1, -1), range(place + 1, last + 1))
-    for places in around:
+    for start, places in zip((points[place or last], points[place]), around, strict=True):
         if not places:
             return events
         regular = (point for point in map(points.__getitem__, places) if point.event is None)
-        sides.append(next(regular, points[places[0]]))
+        sides.append(next(regular, None) or _halfway(problem, start, points[places[0]]))
     before, after = sides
     if place == 0:
         known = [event for event in events if event.index > before.index or event.index < after.index]

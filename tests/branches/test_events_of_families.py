@@ -8,6 +8,7 @@ from branches.between_events import missed_events
 from branches.naming.families import trace_named
 from branches.switching import emanating_families
 from branches.tracing import SETTINGS, follow_family
+from bvp.many_digits import orbit_in_digits
 from bvp.system import vibro_impact_nes
 from tests.branches.building.pieces import differences
 
@@ -45,6 +46,22 @@ def test_events_do_not_depend_on_the_start_or_the_steps(family, part, longest):
     settings = replace(SETTINGS, maximum_step=longest, initial_step=0.3 * longest, target_turn=2.0 * longest)
     run = follow_family(family.problem, family.unknowns(start), energy=(2.0, 3.8), settings=settings)
     assert differences(family, start, run) == ([], [])
+
+
+@pytest.mark.parametrize("place", [2, 8, 20, 26, 27])
+def test_a_family_whose_trace_is_2_or_more_has_no_doubling_and_no_resonance(place):
+    """Oracle: its trace in fifty digits: 2 at its branch point, and more everywhere else; it grows without bound towards both its grazings.
+    From the last place a run steps onto the grazing, where the trace in double precision is noise of any sign."""
+    parent = trace_named("origin-origin:+-:d8f0965d", SYSTEM, energy=(0.078, 0.082))
+    (born,) = (one for one in emanating_families(parent, parent.event("SB1")) if one.problem.periodic)
+    branch = follow_family(born.problem, born.step.y)
+    orbits = [orbit_in_digits(branch.problem, branch.unknowns(i)) for i in range(1, len(branch) - 1)]
+    traces = [float(orbit.trace) for orbit in orbits]
+    assert min(traces) == pytest.approx(2.0, abs=1e-12) and min(traces[0], traces[-1]) > 30.0
+    run = follow_family(branch.problem, branch.unknowns(place))
+    for found in (branch, run):
+        assert [event.type for event in found.events] == ["GR", "BP", "GR"]
+        assert (found.points["stable"][1:-1] != 1).all()
 
 
 BORN = [

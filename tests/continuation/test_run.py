@@ -1,6 +1,7 @@
 """Both directions put together. Oracles: one run through the whole family; exact places on lines and circles."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,6 +66,22 @@ def test_event_on_the_start_is_reported_once(offset, direction, oriented):
     assert (event.index == run.start) is (abs(offset) <= 1e-10)  # an event further away than brackets are wide is no longer at the start
     assert event.arclength == pytest.approx(run.points[run.start].arclength - direction * offset, abs=2e-10)
     assert event.residual <= 1e-9 and event.status == "located"
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(
+    ("function", "events"), [(lambda s: 11.0, ["END"]), (lambda s: s - 0.95, ["A", "END"])], ids=["no zero", "a zero on the start"]
+)
+@pytest.mark.parametrize("noise", [-1e3, 1e3, math.nan])
+def test_noise_at_the_end_of_a_family_is_no_sign_beside_a_start_next_to_it(direction, function, events, noise):
+    """Oracle: the zeros of the function. At the end, one step from the start, it is large noise of any sign, as multipliers are at a
+    grazing."""
+    guard, test = TestFunction("END", "guard", terminal=True), TestFunction("A", "crossing")
+    problem = Line((guard, lambda s: 1.0 - s), (test, lambda s: function(s) if s < 1.0 - 5e-11 else noise))
+    run = follow_both_ways(problem, np.array([0.95]), replace(SHORT, maximum_points=20), direction=direction)
+    consistent(run)
+    assert sorted(event.code for event in run.events) == events
+    assert all(event.index == run.start for event in run.events if event.code == "A")
 
 
 def test_start_on_a_branch_point_and_fold_is_one_branch_point():
