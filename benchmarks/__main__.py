@@ -19,6 +19,7 @@ DEFAULT = "speed-error"
 TASKS = {
     DEFAULT: "speed against error, beside scipy, the paper's method and AUTO-07p (the default task)",
     "continuation": "a point of a family beside shooting, its layers, full families, memory, processes",
+    "before-now": "an earlier commit and this one, each in its own environment: first runs, warm runs, points, multipliers",
     "building": "building a catalogue: time, memory, size",
     "browsing": "size of a catalogue, and times of the commands that read it",
     "sections": "Poincare sections beside scipy's integrator",

@@ -1,0 +1,198 @@
+"""The same measurements with an earlier commit and with this checkout, in one run: `python -m benchmarks before-now`.
+
+Each side has a folder and a virtual environment of its own, made as the README says. Each process runs from there. The sides alternate.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.report import Table, machine, number, progress, show
+from saltus.errors import DONE, BadInput
+from saltus.options import whole_above_zero
+
+__all__ = ["BEFORE", "ROWS", "Side", "add_arguments", "run"]
+
+BEFORE = "0e10fe2"
+"""The commit that is compared, by default: the last one that loaded the compiler at every start."""
+
+_ROOT = Path(__file__).resolve().parents[1]
+
+_POINTS = """
+import json, time
+import numpy as np
+from benchmarks.backbone import origin_velocity
+from branches.family import Family
+from bvp import multipliers
+from bvp.closures import Cycle, cycle_of
+from bvp.multipoint import MultipointProblem
+from bvp.system import ImpactSystem, Stop
+
+route = getattr(multipliers, "floquet_multipliers", multipliers.saddle_point_multipliers)
+
+
+def least(function, seconds=1.0):
+    function()
+    best, began = float("inf"), time.process_time()
+    while time.process_time() - began < seconds:
+        start = time.perf_counter()
+        for _ in range(20):
+            function()
+        best = min(best, (time.perf_counter() - start) / 20)
+    return best
+
+
+found = {}
+for n, alpha in ((2, 1.7), (3, 1.3), (5, 1.2), (12, 1.05)):
+    stiffness = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    gap = np.eye(n)[0]
+    system = ImpactSystem(np.diag(np.linspace(1.0, 0.5, n)), np.zeros((n, n)), stiffness, (Stop(tuple(gap), -1.0, 1.0),))
+    problem = MultipointProblem(system, ("origin", "stop+"), ())
+    start = problem.modes.from_state @ np.concatenate([np.zeros(n), origin_velocity(system, alpha)])
+    point = problem.solve(problem.pack(start, [], [alpha]), quarter_period=alpha)
+    family = Family(problem)
+    step = family.begin(point.y)
+    found[f"point {n}"] = least(lambda: family.step(step.y, step.tangent, 1e-4))
+    cycle = cycle_of(problem, point.y)
+    for impacts in (2, 64):
+        k = impacts // len(cycle.contact)
+        before, after = np.tile(cycle.before, (k, 1)), np.tile(cycle.after, (k, 1))
+        one = Cycle(system, before, after, np.tile(cycle.duration, k), np.tile(cycle.contact, k), 0.0)
+        found[f"multipliers {n} {impacts}"] = least(lambda: route(one))
+print(json.dumps(found))
+"""
+
+
+@dataclass
+class Side:
+    """A checkout with its environment."""
+
+    name: str
+    folder: Path
+
+    @property
+    def python(self) -> Path:
+        """Its interpreter."""
+        return self.folder / ".venv/bin/python"
+
+    def processor(self, words: Sequence[str], cache: Path, wall: bool = False) -> float:
+        """Seconds of a process: of the processor with its children, or of the clock."""
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "OPENBLAS_NUM_THREADS": "1"}
+        before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        subprocess.run([self.python, *words], cwd=self.folder, env=environment, check=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if wall:
+            return time.perf_counter() - began
+        return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def _made(name: str, commit: str, place: Path) -> Side:
+    """A copy of a commit with an environment, in which saltus is installed."""
+    side = Side(name, place / name)
+    progress(f"installing {name} ({commit})")
+    try:
+        subprocess.run(["git", "clone", "--quiet", "--shared", _ROOT, side.folder], check=True, capture_output=True)
+        subprocess.run(["git", "checkout", "--quiet", commit], cwd=side.folder, check=True, capture_output=True, text=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise BadInput(f"cannot take commit {commit} from {_ROOT}: the benchmark needs git, and a checkout with its history") from error
+    subprocess.run([sys.executable, "-m", "venv", ".venv"], cwd=side.folder, check=True)
+    subprocess.run([side.python, "-m", "pip", "install", "--quiet", "."], cwd=side.folder, check=True)
+    return side
+
+
+_CONTINUE = ("-m", "saltus", "continue", "S13O00+")
+_SECTION = ("-m", "saltus", "section", "--energy", "0.3", "--orbits", "3", "--crossings", "20")
+_RUN = ("-m", "saltus", "run", "--on", "S13+", "--energy", "10", "--rho", "0.7", "--lam", "0.01", "--duration", "20")
+_BUILD = ("-m", "saltus", "build", "--catalogue", "built.sqlite", "--workers", "2")
+_TESTS = ("-m", "pytest", "-n", "2", "--dist", "loadfile", "-q")
+
+
+def _first(*commands: Sequence[str]) -> Callable[[Side, Path], float]:
+    """Measure the last command with kernels of the others alone on disk."""
+
+    def measure(side: Side, cache: Path) -> float:
+        shutil.rmtree(cache, ignore_errors=True)
+        for words in commands[:-1]:
+            side.processor(words, cache)
+        return side.processor(commands[-1], cache, wall=True)
+
+    return measure
+
+
+def _warm(words: Sequence[str], repeats: int = 7) -> Callable[[Side, Path], float]:
+    """Measure a command with everything on disk: the least of a few processes."""
+
+    def measure(side: Side, cache: Path) -> float:
+        side.processor(words, cache)
+        return min(side.processor(words, cache) for _ in range(repeats))
+
+    return measure
+
+
+ROWS: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
+    "first continue S13O00+": ("s, wall", _first(_CONTINUE)),
+    "first section after it": ("s, wall", _first(_CONTINUE, _SECTION)),
+    "first run after it": ("s, wall", _first(_CONTINUE, _RUN)),
+    "warm continue S13O00+": ("s, processor", _warm(_CONTINUE)),
+}
+LONG: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
+    "build, shipped scene, two workers": ("s, wall", lambda side, cache: side.processor(_BUILD, cache, wall=True)),
+}
+"""What takes minutes."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the task."""
+    parser.add_argument("--commit", metavar="COMMIT", default=BEFORE, help=f"the earlier commit (default: {BEFORE})")
+    parser.add_argument("--rounds", metavar="N", type=whole_above_zero, default=1, help="measure N times, and take the least (default: 1)")
+    parser.add_argument("--long", action="store_true", help="also what takes minutes: a build of the shipped scene")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the task; return the exit code."""
+    described = machine()
+    print("\n".join(described), end="\n\n")
+    with tempfile.TemporaryDirectory(prefix="saltus-before-now-") as folder:
+        place = Path(folder)
+        head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=_ROOT, check=True, capture_output=True, text=True).stdout.strip()
+        sides = [_made("before", arguments.commit, place), _made("now", head, place)]
+        least: dict[str, list[float]] = {}
+        units: dict[str, str] = {}
+        for _ in range(arguments.rounds):
+            for name, (unit, measure) in {**ROWS, **(LONG if arguments.long else {})}.items():
+                progress(name)
+                _note(least, name, [measure(side, place / f"cache-{side.name}") for side in sides])
+                units[name] = unit
+            progress("points and multipliers")
+            points = [_points(side, place / f"cache-{side.name}") for side in sides]
+            for name in points[0]:
+                _note(least, name, [1e6 * seconds[name] for seconds in points])
+                units[name] = "us"
+    rows = [[name, units[name], number(before), number(now), number(before / now)] for name, (before, now) in least.items()]
+    notes = [f"Before: commit {arguments.commit}. The least of {arguments.rounds} rounds."]
+    show(Table("Before and now", ["what", "unit", "before", "now", "times as fast"], rows, notes))
+    return DONE
+
+
+def _note(least: dict[str, list[float]], name: str, values: list[float]) -> None:
+    least[name] = [min(pair) for pair in zip(values, least.get(name, values), strict=True)]
+
+
+def _points(side: Side, cache: Path) -> dict[str, float]:
+    """Seconds of one point with everything on, and of its multipliers, by degrees of freedom and impacts."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run([side.python, "-c", _POINTS], cwd=side.folder, env=environment, check=True, capture_output=True, text=True)
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found

@@ -1,0 +1,65 @@
+"""`python -m benchmarks before-now`: what it measures, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+from benchmarks import before_now
+from benchmarks.__main__ import main
+
+
+class Counted:
+    """Stands for a side: each process takes as many seconds as there were processes before."""
+
+    def __init__(self):
+        self.asked = []
+
+    def processor(self, words, cache, wall=False):
+        self.asked.append((tuple(words), wall))
+        return float(len(self.asked))
+
+
+def test_a_first_run_finds_only_what_the_runs_before_it_left(tmp_path):
+    """Oracle: the processes by hand; an old cache folder is removed."""
+    cache = tmp_path / "cache"
+    cache.mkdir()
+    side = Counted()
+    assert before_now._first(("a",), ("b",))(side, cache) == 2.0
+    assert side.asked == [(("a",), False), (("b",), True)] and not cache.exists()
+
+
+def test_a_warm_run_is_the_least_of_a_few(tmp_path):
+    """Oracle: the processes by hand; the first one, which may compile, does not count."""
+    side = Counted()
+    assert before_now._warm(("a",), repeats=3)(side, tmp_path) == 2.0
+    assert len(side.asked) == 4
+
+
+def test_a_commit_that_does_not_exist_is_named(capsys):
+    """Oracle: one line and exit code 2."""
+    assert main(["before-now", "--commit", "nonesuch"]) == 2
+    assert "nonesuch" in capsys.readouterr().err
+
+
+def test_the_points_are_measured_for_each_number_of_degrees_of_freedom():
+    """Oracle: the names of the figures, each above zero."""
+    script = before_now._POINTS.replace("seconds=1.0", "seconds=0.0")
+    environment = {**os.environ, "PYTHONPATH": os.getcwd()}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert set(found) == {f"point {n}" for n in (2, 3, 5, 12)} | {f"multipliers {n} {k}" for n in (2, 3, 5, 12) for k in (2, 64)}
+    assert min(found.values()) > 0.0
+
+
+def test_the_table_has_a_row_for_each_figure(monkeypatch, capsys):
+    """Oracle: the ratios by hand."""
+    monkeypatch.setattr(before_now, "_made", lambda name, commit, place: before_now.Side(name, place))
+    monkeypatch.setattr(before_now, "_points", lambda side, cache: {"point 3": 4e-6 if side.name == "before" else 1e-6})
+    monkeypatch.setattr(before_now, "ROWS", {"a run": ("s", lambda side, cache: 6.0 if side.name == "before" else 2.0)})
+    assert main(["before-now", "--rounds", "2"]) == 0
+    out = capsys.readouterr().out
+    rows = {line.split("  ")[0].strip(): line.split()[-3:] for line in out.splitlines() if line.startswith(("a run", "point 3"))}
+    assert rows == {"a run": ["6", "2", "3"], "point 3": ["4", "1", "4"]}
