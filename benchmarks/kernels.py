@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from saltus.compiling import LIST, compile_kernels
@@ -21,18 +22,47 @@ __all__ = ["EXAMPLES", "add_arguments", "recorded", "run"]
 EXAMPLES: dict[str, list[str]] = {
     "continue": ["continue S13O00+ --points 40 --plot a.png", "orbit S13+ --alpha 1.7 --plot b.png"],
     "discover": ["discover --energy 0.2 --max-quarter-period 2 --max-impacts 2", "continue S73O33- --points 40"],
-    "build": ["discover --energy 0.2 --max-quarter-period 2 --max-impacts 2", "continue S13O00+ --points 40 --catalogue a.sqlite --save"],
-    "modes": ["continue --scene three_mass_chain --from mode:1 --points 40", "continue --scene gear_pair --from mode:3 --points 40"],
-    "run": ["run --on S13+ --energy 10 --rho 0.7 --lam 0.01 --duration 20"],
-    "section": ["section --energy 0.3 --orbits 3 --crossings 20 --plot a.png"],
+    "build": ["build --energy 0.06:0.2 --max-quarter-period 1.9 --max-impacts 2 --catalogue a.sqlite"],
+    "modes": [
+        "continue --scene three_mass_chain --from mode:1 --points 40 --catalogue a.sqlite --save",
+        "continue --scene gear_pair --from mode:3 --points 40",
+    ],
+    "run": [
+        "run --on S13+ --energy 10 --rho 0.7 --lam 0.01 --duration 20 --stages --plot a.png",
+        "run --impulse 0.8 --rho 0 --sigma 0 --duration 5",
+    ],
+    "study": ["study study.toml --workers 1"],
+    "section": [
+        "section --energy 0.3 --orbits 3 --crossings 20 --plot a.png",
+        "section --energy 0.06 --colour rotation --orbits 3 --crossings 50",
+    ],
     "impulsive": ["impulsive --energy 0.1:0.3"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""
 
+_STUDY = """
+title = "example"
+scene = "lee2009"
+design = "grid"
+fixed = { lam = 0.01, rho = 0.7 }
+vary.energy = { from = 0.1, to = 10.0, points = 2 }
+vary.sigma = { from = 0.0, to = 0.1, points = 2 }
+"""
+
 _SCRIPT = """
 import gc, json, sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from bvp.kernels.compiled import Kernel
+from saltus import processes
 from saltus.__main__ import main
+
+@contextmanager
+def here(workers=None, dask=None):
+    with ThreadPoolExecutor(1) as pool:
+        yield pool, 1
+
+processes.open_executor = here  # the kernels of worker processes are recorded, too
 codes = [main(words.split()) for words in json.loads(sys.argv[1])]
 assert not any(codes), codes
 kernels = [item for item in gc.get_objects() if isinstance(item, Kernel)]
@@ -43,10 +73,11 @@ print(json.dumps([[kernel.__module__, kernel.function.__qualname__, types] for k
 def called(commands: list[str]) -> list[list[Any]]:
     """The kernels that some commands call: module, name and types of each, in order of their names."""
     with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "study.toml").write_text(_STUDY, encoding="utf-8")
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
         done = subprocess.run(
             [sys.executable, "-c", _SCRIPT, json.dumps(commands)], cwd=folder, env={**os.environ, "PYTHONPATH": paths},
-            capture_output=True, text=True, check=True,
+            stdout=subprocess.PIPE, text=True, check=True,
         )  # fmt: skip
     found: list[list[Any]] = sorted(json.loads(done.stdout.splitlines()[-1]), key=repr)
     return found

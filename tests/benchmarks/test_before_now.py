@@ -61,5 +61,5 @@ def test_the_table_has_a_row_for_each_figure(monkeypatch, capsys):
     monkeypatch.setattr(before_now, "ROWS", {"a run": ("s", lambda side, cache: 6.0 if side.name == "before" else 2.0)})
     assert main(["before-now", "--rounds", "2"]) == 0
     out = capsys.readouterr().out
-    rows = {line.split("  ")[0].strip(): line.split()[-3:] for line in out.splitlines() if line.startswith(("a run", "point 3"))}
+    rows = {line.strip().split("  ")[0]: line.split()[-3:] for line in out.splitlines() if line.lstrip().startswith(("a run", "point 3"))}
     assert rows == {"a run": ["6", "2", "3"], "point 3": ["4", "1", "4"]}

@@ -159,7 +159,7 @@ def test_orbits_without_impacts_are_no_answer():
 @pytest.mark.parametrize(
     ("system", "words"),
     [
-        (ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([2.0, 2.0, 1.0]), (Stop((1.0, -1, 0), -1, 1),)), "this system has 3: start its"),
+        (ImpactSystem(np.eye(3), np.zeros((3, 3)), np.diag([2.0, 2.0, 1.0]), (Stop((1.0, -1, 0), -1, 1),)), "this system has 3: saltus"),
         (ImpactSystem(np.eye(2), np.zeros((2, 2)), [[2.0, -1], [-1, 2]], (Stop((1.0, -1), upper=1.0),)), "odd symmetry"),
         (vibro_impact_nes(rho=0.7), "conservative system: restitution 0.7"),
         (vibro_impact_nes(lam=0.1), "conservative system: damping"),

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.kernels.flight import block_product, circular, flow_block, flow_matrix, flow_state
+from bvp.kernels.flight import Flight, block_product, circular, flow_matrix, flow_state
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.test_modes import exceptional_point, nearly_equal
 from tests.bvp.twins import chain, exact_flow_matrix, first_order, flow
@@ -93,14 +93,16 @@ def test_free_free_chains(n, seed, t):
 def test_the_larger_block_alone_against_fifty_digits():
     """A nilpotent block has a polynomial for exponential; a random one mpmath's."""
     nilpotent = np.diag([1.0, 1.0], 1)
-    np.testing.assert_allclose(
-        flow_block(0.0, nilpotent, 0, 3, 2.0), [[1, 2, 2], [0, 1, 2], [0, 0, 1]], rtol=0, atol=4 * EPSILON
-    )
+    flow = np.empty((3, 3))
+    flow_matrix(Flight(np.array([[0, -3]]), np.zeros(1), np.zeros(1), nilpotent), 2.0, flow)
+    np.testing.assert_allclose(flow, [[1, 2, 2], [0, 1, 2], [0, 0, 1]], rtol=0, atol=4 * EPSILON)
     a = np.random.default_rng(5).normal(size=(5, 5))
     mean = np.trace(a[1:5, 1:5]) / 4
     with mpmath.workdps(50):
         exact = np.array(mpmath.expm(mpmath.matrix(a[1:5, 1:5].tolist()) * 3).tolist(), dtype=float)
-    np.testing.assert_allclose(flow_block(mean, a, 1, 4, 3.0), exact, rtol=0, atol=1e-13 * np.abs(exact).max())
+    flow = np.empty((5, 5))
+    flow_matrix(Flight(np.array([[0, -1], [1, -4]]), np.array([a[0, 0], mean]), np.zeros(2), a), 3.0, flow)
+    np.testing.assert_allclose(flow[1:, 1:], exact, rtol=0, atol=1e-13 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("x", [-40.0, -0.0301, -0.03, -0.0299, -1e-9, 0.0, 1e-9, 0.0299, 0.03, 0.0301, 40.0])

@@ -150,11 +150,12 @@ def pencil_trace(cycle, names):
     conservative = cycle.system.is_conservative
     # The heights and widths are for the sweep alone.
     factors = pencils.Factors(left, right, scaled.row, scaled.row, False)
-    pencils.pencil(contacts, scaled, conservative, None, linear, factors, np.empty((5, size, size)), np.empty(2))
-    free = size - 1 - int(conservative)
-    product = np.eye(free)
+    free = np.empty((0, size // 2))
+    pencils.pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
+    width = size - 1 - int(conservative)
+    product = np.eye(width)
     for i in range(nodes):
-        product = np.linalg.solve(left[i, :free, :free], right[i, :free, :free]) @ product
+        product = np.linalg.solve(left[i, :width, :width], right[i, :width, :width]) @ product
     return np.trace(product)
 
 

@@ -218,12 +218,17 @@ def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, opt
 
 
 @pytest.mark.parametrize("words", [QUICK, "run --impulse 0.5 --duration 3", "list --catalogue {catalogue}"])
-def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, words):
-    """Oracle: numba's own switch; what needs no kernel works."""
+def test_kernels_that_are_not_to_be_compiled_are_one_line(catalogue, tmp_path, words):
+    """Oracle: numba's own switch, and an empty cache folder; what needs no kernel works."""
     command = [*SALTUS.split(), *words.format(catalogue=catalogue).split()]
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"})
-    expected = "saltus: NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0\n"
-    assert (done.returncode, done.stderr) == ((0, "") if words.startswith("list") else (2, expected))
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    if words.startswith("list"):
+        assert (done.returncode, done.stderr) == (0, "")
+        return
+    announced, *lines = done.stderr.splitlines()
+    expected = "saltus: NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0"
+    assert (done.returncode, lines) == (2, [expected]) and announced.startswith("saltus: compiling")
 
 
 @POSIX
