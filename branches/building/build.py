@@ -168,7 +168,7 @@ class _Build:
         }  # fmt: skip
         description = json.dumps(self.system.describe(), sort_keys=True)
         self.frontier: Frontier[_Piece, Answer] = Frontier(
-            self.executor, partial(_work_on, description), self._is_known, AHEAD * self.workers, attrgetter("kin")
+            self.executor, partial(work, description), self._is_known, AHEAD * self.workers, attrgetter("kin"), self._handed
         )
         self.count = 0
 
@@ -311,6 +311,13 @@ class _Build:
             piece.tested = count
         return piece.place is not None
 
+    def _handed(self, piece: _Piece) -> Seed:
+        """What a worker is given of a piece. To a search, the known families at its energy are no news."""
+        seed = piece.seed
+        if seed.kind == "energy":
+            return seed._replace(known=self.known.boxes_at(float(seed.value)))
+        return seed
+
     def _images(self, piece: _Piece) -> tuple[Presentation, ...]:
         if not piece.images:  # The build continues an earlier run, which did not store the images.
             piece.images = tuple(presentations(*self._solved(piece.seed.value)))
@@ -411,5 +418,3 @@ class _Build:
         return next(id for (id, _), far in zip(same, apart, strict=True) if far < 10.0 * max(min(apart), _SAME))
 
 
-def _work_on(description: str, piece: _Piece) -> Answer:
-    return work(description, piece.seed)

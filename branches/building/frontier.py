@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import islice
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 __all__ = ["Frontier"]
 
@@ -45,6 +45,9 @@ class Frontier(Generic[Seed, Result]):
     kin : callable, optional
         seed -> a group (None: no group). A result may make other seeds of the same group known, so a seed is not processed before the
         earlier seeds of its group.
+    handed : callable, optional
+        seed -> what `work` is given for it, made when it is submitted. The result may contain less than that of the seed alone, but no
+        less of what is not known then.
 
     Examples
     --------
@@ -63,16 +66,18 @@ class Frontier(Generic[Seed, Result]):
     def __init__(
         self,
         executor: Executor,
-        work: Callable[[Seed], Result],
+        work: Callable[[Any], Result],
         known: Callable[[Seed], bool],
         ahead: int,
         kin: Callable[[Seed], Hashable] = lambda seed: None,
+        handed: Callable[[Seed], Any] = lambda seed: seed,
     ) -> None:
         self._executor = executor
         self._work = work
         self._known = known
         self._ahead = ahead
         self._kin = kin
+        self._handed = handed
         self._queue: deque[_Waiting[Seed, Result]] = deque()
 
     def __len__(self) -> int:
@@ -109,7 +114,7 @@ class Frontier(Generic[Seed, Result]):
                 break
             kin = self._kin(waiting.seed)
             if waiting.future is None and kin not in elders and not self._known(waiting.seed):
-                waiting.future = self._executor.submit(self._work, waiting.seed)
+                waiting.future = self._executor.submit(self._work, self._handed(waiting.seed))
             working += waiting.future is not None
             if kin is not None:
                 elders.add(kin)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from branches.catalogue.catalogue import Catalogue
     from branches.catalogue.packing import PackedFamily
     from branches.presentation import Presentation
+    from branches.search.known import Boxes
 
 __all__ = [
     "Answer", "Bounds", "BuildPlan", "Grazing", "KnownGrazings", "Link", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed",
@@ -167,7 +168,8 @@ class Seed(NamedTuple):
     as an `EventOrbit`; or a `Grazing`. plan: of the complete build. wide: whether the wider bounds of the plan hold for the family and its
     neighbours. further: how many more generations of neighbours it gives, None without a limit. Below 0 the family is not followed, only
     connected if it is known in the end. link: how the orbit's family was reached, None if it was found by itself. images: the orbit's
-    presentations (`branches.presentation.presentations`), by which it is recognised; may be empty.
+    presentations (`branches.presentation.presentations`), by which it is recognised; may be empty. known: boxes around the orbits of the
+    families that are known at an energy when it is searched (`branches.search.known`); None if it is to find them, too.
     """
 
     kind: str
@@ -177,6 +179,7 @@ class Seed(NamedTuple):
     further: int | None = None
     link: Link | None = None
     images: tuple[Presentation, ...] = ()
+    known: Boxes | None = None
 
     @property
     def is_closed(self) -> bool:

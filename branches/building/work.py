@@ -38,6 +38,7 @@ from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.presentation import Presentation
+    from branches.search.known import Boxes
     from bvp.system import ImpactSystem
     from continuation.control import Settings
 
@@ -82,7 +83,7 @@ def work(description: str, seed: Seed) -> Answer:
     """
     system = _system(description)
     if seed.kind == "energy":
-        return _at_energy(system, float(seed.value), seed.plan)
+        return _at_energy(system, float(seed.value), seed.plan, seed.known)
     if seed.kind == "mode":
         return _at_mode(system, seed)
     if seed.kind == "name":
@@ -92,13 +93,16 @@ def work(description: str, seed: Seed) -> Answer:
     return _follow(system, seed)
 
 
-def _at_energy(system: ImpactSystem, energy: float, plan: BuildPlan) -> Answer:
-    bounds = plan.bounds
+def _at_energy(system: ImpactSystem, energy: float, plan: BuildPlan, known: Boxes | None = None) -> Answer:
+    bounds, ends = plan.bounds, ends_of(system)
     seeds = []
     for beside in (energy * (1.0 + place) for place in BESIDE):
         if not bounds.energy[0] <= beside <= bounds.energy[1]:
             continue
-        found = discover_orbits(system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends_of(system))
+        there = known if beside == energy else None
+        found = discover_orbits(
+            system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends, known=there
+        )
         # What is found is primitive, and between its own reversals.
         images = [with_canonical_sequence(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
         seeds += [_seed_of(system, some, plan) for some in images]

@@ -23,6 +23,7 @@ from branches.presentation import (
     segment_images,
     solved,
 )  # fmt: skip
+from branches.search.known import Boxes, Kind, boxes_between
 from branches.sequences import PERIODIC, Ends, ImpactSequence, format_ends, impacts_per_period
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
@@ -135,6 +136,9 @@ class KnownFamilies:
     def __init__(self) -> None:
         self._curves: dict[tuple[tuple[str, str], tuple[str, ...]], list[tuple[str, _Curve]]] = {}
         self._count = 0
+        self._order: list[_Curve] = []
+        self._energies: np.ndarray | None = None
+        self._first = np.zeros(1, dtype=int)
 
     def __len__(self) -> int:
         return self._count
@@ -142,8 +146,27 @@ class KnownFamilies:
     def add(self, id: str, branch: Branch) -> None:
         """Remember a family by its id."""
         key = (branch.ends, tuple(branch.problem.sequence))
-        self._curves.setdefault(key, []).append((id, _Curve(branch)))
+        curve = _Curve(branch)
+        self._curves.setdefault(key, []).append((id, curve))
         self._count += 1
+        if branch.ends != PERIODIC:
+            self._order.append(curve)
+            self._energies = None
+
+    def boxes_at(self, energy: float) -> Boxes:
+        """Boxes around the flight times of the families' orbits at an energy, see `branches.search.known`."""
+        if self._energies is None:
+            self._energies = np.concatenate([np.array([]), *(np.append(curve.branch.points["h"], np.nan) for curve in self._order)])
+            self._first = np.cumsum([0, *(len(curve.branch) + 1 for curve in self._order)])
+        # Two neighbouring points with the energy between them; a family ends at a number that is none.
+        every, above = self._energies, self._energies > energy
+        between = np.flatnonzero((above[1:] != above[:-1]) & ~np.isnan(every[1:]) & ~np.isnan(every[:-1]))
+        curves = np.searchsorted(self._first, between, "right") - 1
+        found: dict[Kind, list[np.ndarray]] = {}
+        for curve, place in zip(curves.tolist(), (between - self._first[curves]).tolist(), strict=True):
+            branch = self._order[curve].branch
+            found.setdefault((branch.ends, branch.problem.sequence), []).append(branch.points["flight_times"][place : place + 2])
+        return {kind: boxes_between(np.array(times)) for kind, times in found.items()}
 
     def find(self, problem: MultipointProblem, y: np.ndarray) -> FamilyPlace | None:
         """The known family that an orbit belongs to; None if it belongs to none."""

@@ -20,6 +20,7 @@ from branches.naming.labels import Label, most_alike
 from branches.orbit import Orbit, label_at
 from branches.presentation import cover_of, same_orbit
 from branches.search.intervals import SAME_START, Limits, Opening, segment_limits, segments
+from branches.search.known import Boxes, recognised
 from branches.search.starts import FROM_LINEAR_MODES, ScannedSegment, StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.checks import is_finite, require_system
@@ -145,11 +146,26 @@ class OrbitSearch:
 
     def scan(self, curves: list[StartCurve], limits: Limits, budget: int, solve: Solver) -> None:
         """Collect all orbits from the starts of some curves, as `branches.search.intervals.segments` describes."""
+        self.solve(self.scanned(curves, limits, budget), solve)
+
+    def scanned(self, curves: list[StartCurve], limits: Limits, budget: int) -> list[ScannedSegment]:
+        """The segments from the starts of some curves, before they are solved. Those whose impacts are not found again are set aside."""
+        found = []
         for segment, is_found_again in segments(self.system, curves, limits, budget, self.counts, self.open):
             if is_found_again:
-                self.add(segment, solve, must_stay=True)
+                found.append(segment)
             else:
                 self._set_aside(segment, "its impacts were not found again")
+        return found
+
+    def solve(self, scanned: Sequence[ScannedSegment], solve: Solver, known: Boxes | None = None) -> None:
+        """Collect the orbits of scanned segments; with `known`, the segments of one energy without the orbits of known families."""
+        odd_symmetry, passed = self.system.has_odd_symmetry, set[int]()
+        if known and not self.counts["open"] and not self.unpolished:
+            passed = recognised(scanned, known, odd_symmetry=odd_symmetry)
+        for index, segment in enumerate(scanned):
+            if index not in passed:
+                self.add(segment, solve, must_stay=True)
 
     def add(self, segment: ScannedSegment, solve: Solver, *, must_stay: bool = False) -> Found | None:
         """Solve a segment, and keep the orbit if it is new; None if the solution is not a primitive orbit.
@@ -318,6 +334,7 @@ def discover_orbits(
     impacts: int | None = None,
     ends: Sequence[str] | None = None,
     budget: int | None = None,
+    known: Boxes | None = None,
 ) -> Discovery:
     """Find every primitive symmetric orbit at an energy, within bounds: `saltus.discover` without a catalogue.
 
@@ -327,6 +344,9 @@ def discover_orbits(
         As for `saltus.discover`. With `ends` None they are the published kind: half periods between two origins, and the quarter periods
         inside them. A system without odd symmetry has no such orbits. There they are `WITHOUT_ORIGIN`. With `budget` None it is
         a million starts, or fewer if the phase of the fastest mode advances by more than `LONG` within a segment.
+    known : mapping, optional
+        Boxes around the orbits of known families at this energy (`branches.search.known`). The result leaves out the orbits that are
+        recognised by them. They are not solved.
 
     Raises
     ------
@@ -349,11 +369,13 @@ def discover_orbits(
         raise ValueError(f"the most starts is {shown(budget)}, expected an integer above 0 and below 2^63")
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     search = OrbitSearch(system, _kept_problems(system))
+    scanned: list[ScannedSegment] = []
     for start in ("origin", "rest", "stop"):
         far_ends = [name.split("-")[1] for name in wanted if name.startswith(f"{start}-")]
         if far_ends:
             limits = {far: segment_limits(start, far, quarter_period, impacts) for far in far_ends}
-            search.scan(curves(system, start, energy), limits, budget, partial(MultipointProblem.solve, energy=energy))
+            scanned += search.scanned(curves(system, start, energy), limits, budget)
+    search.solve(scanned, partial(MultipointProblem.solve, energy=energy), known)
     orbits = [Orbit(orbit.problem, orbit.solution) for orbit in search.orbits(quarter_period, impacts)]
     search.counts["over_budget"] = search.counts["budget"]
     counts = {stage: search.counts[stage] for stage in STAGES}

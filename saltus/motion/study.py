@@ -392,7 +392,7 @@ def carry_out(
             continue
         some = None if starts is None else Starts(starts.states[first:last], starts.leaving[first:last])
         blocks.append(_Block(number, plan.values(first, last), some))
-    frontier = Frontier(executor, partial(_work, plan), lambda block: False, AHEAD * workers)
+    frontier: Frontier[_Block, dict[str, np.ndarray]] = Frontier(executor, partial(_work, plan), lambda block: False, AHEAD * workers)
     frontier.extend(blocks)
     for block, columns in frontier:
         assert columns is not None

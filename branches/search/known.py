@@ -1,0 +1,89 @@
+"""Recognition of scanned segments that are orbits of known families, before they are solved.
+
+A known family has an orbit at an energy between the energies of two neighbouring points of it. The flight times of that orbit are in a box
+around those of the two points. A complete scan finds the orbit. So if only one orbit of the scan is in the box, it is the family's.
+Where two orbits could be confused, nothing is recognised, and the segments are solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from branches.sequences import Ends, ImpactSequence, canonical_sequence, mirror
+
+if TYPE_CHECKING:
+    from branches.search.starts import ScannedSegment
+
+__all__ = ["Boxes", "Kind", "boxes_between", "recognised"]
+
+Kind = tuple[Ends, ImpactSequence]
+"""Canonical ends and sequence."""
+
+Boxes = Mapping[Kind, np.ndarray]
+"""For each kind of orbit the boxes (m, 2, k + 1) of flight times that contain an orbit of a known family: lowest and highest times."""
+
+_OWN, _OTHERS, _ROUNDING = 0.5, 0.1, 1e-6
+"""Margin of a box around the flight times of two points: parts of the difference of that time, of the largest difference, and of the
+longest time. Steps turn by a twentieth, so that the family leaves its chord by a hundredth of its length."""
+
+_SAME = 1e-6
+"""Largest difference of the flight times of one orbit from its two ends, relative to the longest."""
+
+
+def boxes_between(times: np.ndarray) -> np.ndarray:
+    """The boxes (m, 2, k + 1) of the flight times of families between those of two neighbouring points, `times` (m, 2, k + 1)."""
+    low, high = times.min(axis=1), times.max(axis=1)
+    apart = high - low
+    margin = _OWN * apart + (_OTHERS * apart.max(axis=1) + _ROUNDING * high.max(axis=1))[:, None]
+    return np.stack([low - margin, high + margin], axis=1)
+
+
+def recognised(segments: Sequence[ScannedSegment], known: Boxes, *, odd_symmetry: bool) -> set[int]:
+    """Indices of the segments of one complete scan that are orbits of known families.
+
+    An orbit with two ends of one kind is found from both. It is recognised if both segments are there and agree.
+    """
+    groups: dict[Kind, list[tuple[int, bool, np.ndarray]]] = {}
+    for index, segment in enumerate(segments):
+        kind, forwards, backwards = _directions(segment.ends, segment.sequence, odd_symmetry)
+        if kind in known:
+            group = groups.setdefault(kind, [])
+            if forwards:
+                group.append((index, False, segment.flight_times))
+            if backwards:
+                group.append((index, True, segment.flight_times[::-1]))
+    found: set[int] = set()
+    for kind, group in groups.items():
+        boxes, times = known[kind], np.array([times for *_, times in group])
+        inside = np.all((boxes[:, :1] <= times) & (times <= boxes[:, 1:]), axis=2)
+        first, last = (end.rstrip("+-") for end in kind[0])
+        in_box = [[group[row] for row in np.flatnonzero(rows).tolist()] for rows in inside]
+        met = [{index for index, *_ in rows} for rows in in_box]
+        for here, rows in zip(met, in_box, strict=True):
+            # A family that passes an orbit of more symmetry has each orbit twice, as two images: two boxes hold the same one.
+            if len(here) == 1 + (first == last) and all(there == here or here.isdisjoint(there) for there in met):
+                if first != last or _is_one_orbit(rows):
+                    found |= here
+    return found
+
+
+def _is_one_orbit(rows: Sequence[tuple[int, bool, np.ndarray]]) -> bool:
+    """Whether two segments are one orbit from its two ends: run through in the same direction, they have the same flight times."""
+    return any(
+        index != other and not backwards and turned and float(np.max(np.abs(a - b))) <= _SAME * float(np.max(a))
+        for index, backwards, a in rows
+        for other, turned, b in rows
+    )
+
+
+@lru_cache(maxsize=16384)
+def _directions(ends: Ends, sequence: ImpactSequence, odd_symmetry: bool) -> tuple[Kind, bool, bool]:
+    """The canonical ends and sequence of a segment, and whether it has them forwards, and backwards; or its mirror image does."""
+    first, canonical = canonical_sequence(sequence, ends, odd_symmetry=odd_symmetry)[::-1]
+    images = [(ends, sequence), ((ends[1], ends[0]), sequence[::-1])]
+    ways = [image == (first, canonical) or (odd_symmetry and tuple(map(mirror, image)) == (first, canonical)) for image in images]
+    return (first, canonical), ways[0], ways[1]
