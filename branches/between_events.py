@@ -261,11 +261,15 @@ def _levels(branch: Branch) -> Iterator[_Level]:
 def _crossings(branch: Branch, level: _Level) -> Iterator[Missed]:
     """Pairs of neighbouring points on known sides of a level whose sides do not fit the events between them."""
     side = level.side.copy()
-    side[[event.point for event in level.events]] = 0
-    for i, j in pairwise(np.flatnonzero(side).tolist()):
+    at = np.sort(np.array([event.point for event in level.events], dtype=int))
+    side[at] = 0
+    known = np.flatnonzero(side)
+    odd = np.diff(np.searchsorted(at, known)) % 2 == 1
+    for k in np.flatnonzero((side[known[1:]] != side[known[:-1]]) != odd).tolist():
+        i, j = int(known[k]), int(known[k + 1])
         between = [event for event in level.events if i < event.point < j]
         crossed = side[i] != side[j]
-        if crossed == (len(between) % 2 == 1) or (between and any(event.type in level.touching for event in between)):
+        if between and any(event.type in level.touching for event in between):
             continue
         names = ", ".join(event.id for event in between) or "no event"
         how = f"crosses {level.name}" if crossed else f"does not cross {level.name}"

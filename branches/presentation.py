@@ -114,10 +114,15 @@ def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, backwards:
     after, duration, letters = cycle.after, cycle.duration, cycle.letters
     if backwards:
         flip = np.repeat([1.0, -1.0], after.shape[1] // 2)
-        after, duration, letters = (cycle.before * flip)[::-1], np.roll(duration[::-1], -1), letters[::-1]
-    nodes = np.tile(np.roll(after, -first, axis=0), (cover, 1))
+        after, duration, letters = (cycle.before * flip)[::-1], _from(duration[::-1], 1), letters[::-1]
+    nodes = np.concatenate([_from(after, first)] * cover)
     sequence = (letters[first:] + letters[:first]) * cover
-    return Presentation(PERIODIC, sequence, nodes[0], nodes[1:], np.tile(np.roll(duration, -first), cover))
+    return Presentation(PERIODIC, sequence, nodes[0], nodes[1:], np.concatenate([_from(duration, first)] * cover))
+
+
+def _from(rows: np.ndarray, first: int) -> np.ndarray:
+    """The rows from one on, and then those before it."""
+    return np.concatenate([rows[first:], rows[:first]])
 
 
 def run_backwards(system: ImpactSystem, presentation: Presentation, problem: MultipointProblem | None = None) -> Presentation:

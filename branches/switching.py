@@ -34,7 +34,7 @@ from branches.presentation import (
 )
 from branches.tracing import follow_family
 from bvp.checks import require_branch
-from bvp.closures import cycle_of
+from bvp.closures import Cycle, cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.stability import stability
 from bvp.texts import takes_options_of
@@ -74,14 +74,15 @@ class Image(NamedTuple):
     backwards: bool
     first: int = 0
 
-    def of(self, problem: MultipointProblem, y: np.ndarray) -> Presentation:
-        """The image of an orbit."""
+    def of(self, problem: MultipointProblem, y: np.ndarray, cycle: Cycle | None = None) -> Presentation:
+        """The image of an orbit; `cycle`, if it is at hand, is that of the orbit."""
         if problem.periodic:
-            presentation = closed_presentation(cycle_of(problem, y), first=self.first, backwards=self.backwards)
+            cycle = cycle_of(problem, y) if cycle is None else cycle
+            presentation = closed_presentation(cycle, first=self.first, backwards=self.backwards)
         else:
             presentation = presentation_of(problem, y)
             if self.backwards:
-                presentation = run_backwards(problem.system, presentation)
+                presentation = run_backwards(problem.system, presentation, problem)
         return presentation.mirrored() if self.mirrored else presentation
 
     def is_the_same_orbit(self, problem: MultipointProblem) -> bool:
@@ -110,15 +111,16 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
     odd = problem.system.has_odd_symmetry
     count = len(problem.sequence) if problem.periodic else 1
     every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
+    cycles = [cycle_of(problem, y) if problem.periodic else None for y in (middle, side)]
     found = []
     for image in every:
-        presentation = image.of(problem, middle)
+        presentation = image.of(problem, middle, cycles[0])
         if (presentation.ends, presentation.sequence) != (problem.ends, problem.sequence):
             continue
         apart = float(np.max(np.abs(side - middle)))
         kept = float(np.max(np.abs(presentation.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
         # A third of a 3-fold cover keeps the middle and changes the side, but takes it to no other one.
-        if kept and float(np.max(np.abs(image.of(problem, side).unknowns(problem) + side - 2.0 * middle))) < 0.5 * apart:
+        if kept and float(np.max(np.abs(image.of(problem, side, cycles[1]).unknowns(problem) + side - 2.0 * middle))) < 0.5 * apart:
             found.append(image)
     return sorted(found, key=lambda image: not image.is_the_same_orbit(problem))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -171,12 +171,6 @@ class Cycle:
     lead : float
         Time from the orbit's start to the first impact.
 
-    Attributes
-    ----------
-    period : float
-        T.
-    times : (P,) float
-        Times of the impacts in [0, T).
     """
 
     system: ImpactSystem
@@ -185,12 +179,16 @@ class Cycle:
     duration: np.ndarray
     contact: np.ndarray
     lead: float
-    period: float = field(init=False)
-    times: np.ndarray = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "period", float(np.sum(self.duration)))
-        object.__setattr__(self, "times", self.lead + np.concatenate([[0.0], np.cumsum(self.duration[:-1])]))
+    @cached_property
+    def period(self) -> float:
+        """T."""
+        return float(np.sum(self.duration))
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Times of the impacts in [0, T), (P,)."""
+        return self.lead + np.concatenate([[0.0], np.cumsum(self.duration[:-1])])
 
     @cached_property
     def letters(self) -> tuple[str, ...]:

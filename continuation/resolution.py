@@ -7,7 +7,7 @@ from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import compress, pairwise
 from typing import NamedTuple
 
 from continuation.control import NEAR_BRANCH_POINT, may_hide
@@ -61,8 +61,9 @@ class Resolution:
     _resolved: dict[int, set[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(set))
     _places: list[float] = field(default_factory=list)
     _columns: list[tuple[float, ...]] = field(default_factory=list)
+    _found: dict[tuple[int, float, bool], tuple[Sequence[tuple[float, float]], int, int]] = field(default_factory=dict)
 
-    def changes(self, index: int, limit: float, *, guard: bool = False) -> list[tuple[float, float]]:
+    def changes(self, index: int, limit: float, *, guard: bool = False) -> Sequence[tuple[float, float]]:
         """Neighbouring samples between which a test function changes sign, after dividing all intervals where it could do so twice.
 
         `limit`: the search covers steps of length 0 to this. `guard`: only intervals with two positive ends are divided, and only changes
@@ -73,21 +74,24 @@ class Resolution:
         StepRefused
             A sample cannot be taken, or too many are needed.
         """
-        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
         taken = self.locator.taken
+        found, *of = self._found.get((index, limit, guard), ((), 0, 0))
+        if of == [len(taken), len(self.zones)]:
+            return found
+        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
         while True:
             if len(self._places) != len(self.history) + len(taken):  # a step was taken since
                 self._places = [s for s, _ in self.history] + [s for s, _ in taken]
-                self._columns = list(zip(*(values for _, values in self.history), *(step.tests for _, step in taken), strict=True))
-            places: list[float] = []  # where the test function is to be trusted, and its values there
-            values: list[float] = []
-            gaps: list[float] = []  # and where it is not
-            for s, value in zip(self._places[: bisect_right(self._places, limit)], self._columns[index], strict=False):
-                if value != value or (zones and any(zone.low < s < zone.high for zone in zones)):
-                    gaps.append(s)
-                else:
-                    places.append(s)
-                    values.append(float(value))
+                rows = [*(values for _, values in self.history), *(step.tests for _, step in taken)]
+                self._columns = [tuple(map(float, column)) for column in zip(*rows, strict=True)]
+            # Where the test function is to be trusted, its values there, and where it is not.
+            places, values, gaps = self._places[: bisect_right(self._places, limit)], self._columns[index], list[float]()
+            values = values[: len(places)]
+            if zones or not math.isfinite(sum(values)):
+                trusted = [v == v and not any(zone.low < s < zone.high for zone in zones) for s, v in zip(places, values, strict=True)]
+                gaps = [s for s, sure in zip(places, trusted, strict=True) if not sure]
+                values = tuple(compress(values, trusted))
+                places = list(compress(places, trusted))
             division = self._unresolved(places, values, gaps, guard, self._resolved[index])
             if division is None:
                 break
@@ -102,10 +106,11 @@ class Resolution:
                     cause = refused
             else:
                 raise cause
-        changes = []
+        changes: list[tuple[float, float]] = []
         for (low, a), (high, b) in pairwise(zip(places, values, strict=True)):
             if low >= 0.0 and (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard):
                 changes.append((low, high))
+        self._found[index, limit, guard] = changes, len(taken), len(self.zones)
         return changes
 
     def absorbed(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> bool:
@@ -164,7 +169,7 @@ class Resolution:
         return beyond
 
     def _unresolved(
-        self, places: list[float], values: list[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
+        self, places: list[float], values: Sequence[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
     ) -> tuple[float, float, float] | None:
         """The longest interval that is to be divided, and where.
 
@@ -200,7 +205,7 @@ class Resolution:
         return division
 
 
-def _bends(places: list[float], values: list[float], j: int) -> list[float]:
+def _bends(places: list[float], values: Sequence[float], j: int) -> list[float]:
     """Second divided differences of interval j with its neighbours on both sides; at an end of the samples, with two on one side.
 
     A neighbour closer than a part of the interval is passed over. A difference is 0 where a value is infinite.
