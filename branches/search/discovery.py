@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -71,6 +71,9 @@ STAGES = (
 
 SAME_STATE = 1e-8
 """Largest difference of the states of two solutions that are one orbit, relative to their size."""
+
+TIED = 1e-12
+"""Relative difference of quarter periods that rounding may have made: they are no order of two orbits."""
 
 MOVED = 1e-6
 """How far Newton's method may move the start of a segment, relative to its size. Farther, it has found another orbit."""
@@ -230,7 +233,7 @@ class OrbitSearch:
         self.counts["one_sided"] = sum(len(images) != 2 for images in symmetric)
         self.counts["beyond_bounds"] = len(every) - len(within)
         self.counts["orbits"] = len(within)
-        return sorted((min(images, key=_preference) for images in within), key=lambda o: (o.alpha, o.problem.ends, o.problem.sequence))
+        return in_order(min(images, key=_preference) for images in within)
 
 
 _kept = threading.local()
@@ -269,6 +272,26 @@ def _preference(orbit: Found) -> tuple[Any, ...]:
     crossed = label is not None and label.p is not None and label.q is not None and label.p > label.q
     start = orbit.problem.start(orbit.solution.y)
     return crossed, orbit.problem.ends, orbit.problem.sequence, tuple(np.round(-start, 9))
+
+
+def in_order(orbits: Iterable[Found]) -> list[Found]:
+    """Orbits by quarter period. Of those that are tied, the one with more stop ends is first, then by ends, sequence and start.
+
+    Orbits of different families can have quarter periods that differ by less than rounding. What a build finds first decides in which
+    direction it follows the families that several others meet, so rounding must not order them."""
+
+    def key(orbit: Found) -> tuple[Any, ...]:
+        problem = orbit.problem
+        start = problem.start(orbit.solution.y)
+        return -problem.kinds.count(STOP), problem.ends, problem.sequence, tuple(np.round(start, 9))
+
+    tied: list[list[Found]] = []
+    for orbit in sorted(orbits, key=lambda orbit: orbit.alpha):
+        if tied and orbit.alpha <= tied[-1][-1].alpha * (1.0 + TIED):
+            tied[-1].append(orbit)
+        else:
+            tied.append([orbit])
+    return [orbit for group in tied for orbit in sorted(group, key=key)]
 
 
 @brief

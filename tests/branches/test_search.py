@@ -18,7 +18,7 @@ from branches.orbit import Orbit
 from branches.presentation import cover_of
 from branches.record import discovery_to_json
 from branches.search import discovery
-from branches.search.discovery import CLASSES, OrbitSearch, _strayed, discover_orbits, judged
+from branches.search.discovery import CLASSES, Found, OrbitSearch, _strayed, discover_orbits, in_order, judged
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
 from branches.search.starts import ScannedSegment, curves
 from branches.sequences import impacts_per_period
@@ -435,3 +435,19 @@ def test_problems_kept_from_other_searches_change_nothing():
     for search, orbits in zip(searches, together, strict=True):
         with ThreadPoolExecutor(1) as thread:
             assert thread.submit(bits, *search).result() == orbits != []
+
+
+@pytest.mark.parametrize("energy", [0.26367582, 1.0965121, 1.7633065])
+def test_rounding_does_not_order_orbits(energy):
+    """Oracle: the order is the same whatever the last digits of the quarter periods are. At these energies pairs of orbits of different
+    families have quarter periods that differ by 0 to 3e-16."""
+    found = discover_orbits(SYSTEM, energy, quarter_period=5.1, impacts=10, ends=ALL)
+    orbits = [Found(orbit.problem, orbit.solution, None) for orbit in found.orbits]
+    periods = np.array([orbit.alpha for orbit in orbits])
+    assert np.min(np.diff(periods) / periods[1:]) < 4e-16
+    noise = np.random.default_rng(7)
+    for _ in range(20):
+        shuffled = [orbits[i] for i in noise.permutation(len(orbits))]
+        for orbit in shuffled:
+            orbit.alpha = orbit.solution["quarter_period"] * (1.0 + 3e-15 * noise.uniform(-1.0, 1.0))
+        assert in_order(shuffled) == orbits
