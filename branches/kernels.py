@@ -261,6 +261,9 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
     Nothing is defined where rounding times the norm of that product can be seen. work: `PairsWork`."""
     after = out[COMMON:]
     set_1(after, math.nan)
+    m = work.half_map.product.shape[0]
+    if m == 0:
+        return
     segment = unpack(packed)
     unfold_impacts(segment, y, ends, work.impacts, work.half_map.rows)
     contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
@@ -269,7 +272,6 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
     pivot = abs(result[entry.BRANCHING])
     if not found or not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:
         return
-    m = work.half_map.product.shape[0]
     real = work.spectrum.sums[0, :m]
     imaginary = work.spectrum.sums[1, :m]
     for i in range(-1, targets.shape[0]):

@@ -32,7 +32,7 @@ from bvp.texts import brief, shown, span, takes_options_of
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["MOST_COVERS", "LinearMode", "beginnings", "families_at", "linear_modes", "require_several", "response"]
+__all__ = ["MOST_COVERS", "LinearMode", "beginnings", "families_at", "linear_modes", "response"]
 
 MOST_COVERS = EVERY - 1
 """Largest cover of a mode at which families are sought."""
@@ -153,12 +153,6 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     ]
 
 
-def require_several(system: ImpactSystem) -> None:
-    """Refuse a system with one degree of freedom. Its orbits have no multipliers but the trivial ones."""
-    if system.degrees_of_freedom == 1:
-        raise ValueError("families are followed with two or more degrees of freedom; this system has 1, and a closed form for each orbit")
-
-
 def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
     """C (M, M): minus the displacement towards the stop, at each instant, by unit impulses away from it at each instant.
 
@@ -258,7 +252,6 @@ def beginnings(
     """
     if not isinstance(mode, LinearMode):
         raise TypeError(f"the mode is {shown(mode)}, expected one of saltus.linear_modes(system)")
-    require_several(mode.system)
     for name, value, most in (("cover", cover, MOST_COVERS), ("impacts", impacts, math.inf)):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
             raise ValueError(f"{name} = {shown(value)}: expected an integer, 1 {f'to {most}' if name == 'cover' else 'or more'}")

@@ -97,8 +97,8 @@ class Orbit:
         stable = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
         title = f"Orbit {self.label or '(no label)'}: {'-'.join(self.ends)}, sequence {self.sequence or '(none)'}"
         place = f"h = {self.h:.10g}, alpha = {self.alpha:.10g}, residual {self.residual:.1e}"
-        largest = max(map(abs, self.multipliers), default=0.0)
-        return title, [("place", place), ("stability", f"{stable}, largest multiplier {largest:.6g}")]
+        largest = f"largest multiplier {max(map(abs, self.multipliers)):.6g}" if self.multipliers.size else "no nontrivial multipliers"
+        return title, [("place", place), ("stability", f"{stable}, {largest}")]
 
     @cached_property
     def columns(self) -> Mapping[str, np.ndarray]:
@@ -306,12 +306,13 @@ def _two_dof_stability(
 
 
 def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.ndarray) -> dict[str, np.ndarray]:
-    """More degrees of freedom: orbit by orbit."""
+    """Any number of degrees of freedom: orbit by orbit."""
     count = len(rows.y)
     columns: dict[str, np.ndarray] = {name: np.full(count, np.nan) for name in ("tau", "tau_half", "trivial", "pairing")}
     columns["multipliers"] = np.full((count, 2 * problem.pairs), np.nan, complex)
-    columns["stable"] = np.full(count, -1, np.int8)
-    columns["reliable"] = np.zeros(count, bool)
+    # Without nontrivial multipliers none grows at a grazing.
+    columns["stable"] = np.full(count, -1 if problem.pairs else 1, np.int8)
+    columns["reliable"] = np.full(count, problem.pairs == 0)
     for i in np.flatnonzero(~grazing):
         solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
         found = floquet_multipliers(cycle_of(problem, solution.y))

@@ -333,7 +333,7 @@ def record_of_event(
     details = event.details
     label, _, note = _along(event, backward)
     stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
-    largest = float(np.max(np.abs(columns["multipliers"][index]))) if columns["multipliers"].shape[1] else math.nan
+    largest = float(np.max(np.abs(columns["multipliers"][index]), initial=0.0)) or 1.0  # without nontrivial ones, the trivial ones
     return BranchEvent(
         name,
         event.code,

@@ -199,12 +199,16 @@ def stability(problem: MultipointProblem, solution: Solution) -> Stability:
     -----
     `verdict` decides. Between two ends nu are the eigenvalues of b'c and 1 + nu those of d'a. Their errors are those of the entries, as in
     `decide`, times the condition number of each eigenvalue. A pair nu has the eigenvector (x, -2i a'c x / sin theta), cos theta = 1 + 2 nu,
-    so its Krein signature is the sign of x'a'c x. For a periodic closure nu follows from the multipliers, without signatures.
+    so its Krein signature is the sign of x'a'c x. For a periodic closure nu follows from the multipliers, without signatures. An orbit
+    without nontrivial multipliers, as with one degree of freedom, is stable: the motions next to it are the other orbits of its family.
     """
+    m = problem.pairs
+    if m == 0:
+        none = np.zeros(0)
+        return Stability(none, none if problem.quarters == 1 else None, True, none.astype(int), none, none)
     if problem.periodic:
         return _periodic(problem, solution)
     phi, magnified = half_map_of(problem, solution)
-    m = problem.pairs
     if not np.all(np.isfinite(phi)):
         nothing = np.full(m, math.nan)
         quarter = nothing if problem.quarters == 1 else None

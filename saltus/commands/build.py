@@ -64,9 +64,8 @@ def _check(scene: Scene, plan: BuildPlan) -> None:
 
         check(scene.system, plan.bounds.energy[0], plan.bounds.quarter_period, plan.bounds.impacts, ends_of(scene.system))
         return
-    from branches.linear_modes import linear_modes, require_several
+    from branches.linear_modes import linear_modes
 
-    require_several(scene.system)
     if not linear_modes(scene.system):
         raise BadInput("no linear mode of the system reaches a stop, so no family begins at one; expected a system with such a mode")
     if plan.names:
