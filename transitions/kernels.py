@@ -19,7 +19,7 @@ from bvp.kernels.compiled import integer_at, kernel
 from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, restitute_state
 from bvp.kernels.energy_budget import Products, integrals
 from bvp.kernels.extrema import peak_flight, rises
-from bvp.kernels.flight import flow_state, inner, times_matrix
+from bvp.kernels.flight import flow_state, inner, row_dot, times_matrix
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
 from bvp.kernels.shooting import event
 
@@ -276,6 +276,13 @@ def extents_of_motion(modes, flights, rows, weight, scratch, best, where, total)
     begins, numbers, states, end = flights
     before = scratch.before
     count = best.shape[0]
+    # The starts of all flights first: a flight that begins at rest is long searched, unless it is known to stay below these.
+    for k in range(begins.shape[0]):
+        for c in range(count):
+            value = abs(row_dot(rows[numbers[k, 2]], c, states[k]))
+            if value > best[c]:
+                best[c] = value
+                where[c] = k
     for k in range(begins.shape[0]):
         f = numbers[k, 2]
         flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
