@@ -1,4 +1,4 @@
-"""All primitive symmetric orbits at one energy, within bounds: each scanned segment is solved, and each orbit is kept once.
+"""All primitive orbits with a reversal at one energy, within bounds: each scanned segment is solved, and each orbit is kept once.
 
 Two scans find segments. `branches.search.intervals` splits a curve of starts into intervals until each is decided.
 `branches.search.starts` compares starts at given angles. It proves nothing, and for a name it is 2 to 90 times as fast.
@@ -147,14 +147,14 @@ class OrbitSearch:
     open: list[Opening] = field(default_factory=list)
     found: dict[tuple[Any, Any], list[list[Found]]] = field(default_factory=dict)
 
-    def scan(self, curves: list[StartCurve], limits: Limits, budget: int, solve: Solver) -> None:
+    def scan(self, starts: list[StartCurve], limits: Limits, budget: int, solve: Solver) -> None:
         """Collect all orbits from the starts of some curves, as `branches.search.intervals.segments` describes."""
-        self.solve(self.scanned(curves, limits, budget), solve)
+        self.solve(self.scanned(starts, limits, budget), solve)
 
-    def scanned(self, curves: list[StartCurve], limits: Limits, budget: int) -> list[ScannedSegment]:
+    def scanned(self, starts: list[StartCurve], limits: Limits, budget: int) -> list[ScannedSegment]:
         """The segments from the starts of some curves, before they are solved. Those whose impacts are not found again are set aside."""
         found = []
-        for segment, is_found_again in segments(self.system, curves, limits, budget, self.counts, self.open):
+        for segment, is_found_again in segments(self.system, starts, limits, budget, self.counts, self.open):
             if is_found_again:
                 found.append(segment)
             else:
@@ -415,16 +415,6 @@ def fastest_turn(system: ImpactSystem, quarter_period: float) -> float:
     return 2.0 * quarter_period * math.sqrt(max(0.0, float(np.max(system.modes.squares))))
 
 
-def check_turn(system: ImpactSystem, quarter_period: float) -> None:
-    """Raise ValueError if the fastest mode rotates too far within the longest segment for a complete scan."""
-    turn = fastest_turn(system, quarter_period)
-    if turn > LONGEST:
-        raise ValueError(
-            f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) rotates by {turn:.4g} within half of the longest period "
-            f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
-        )
-
-
 def _check_positive(value: Any, what: str) -> None:
     """Raise ValueError for what is not a finite number above 0."""
     if not (is_finite(value) and value > 0.0):
@@ -432,9 +422,15 @@ def _check_positive(value: Any, what: str) -> None:
 
 
 def check_bounds(system: ImpactSystem, quarter_period: float, impacts: int | None) -> None:
-    """Raise ValueError if the longest quarter period or the most impacts cannot bound a search."""
+    """Raise ValueError if the longest quarter period or the most impacts cannot bound a search, or if the fastest mode rotates too far
+    within the longest segment for a complete scan."""
     _check_positive(quarter_period, "longest quarter period")
-    check_turn(system, quarter_period)
+    turn = fastest_turn(system, quarter_period)
+    if turn > LONGEST:
+        raise ValueError(
+            f"the fastest mode (frequency {turn / (2.0 * quarter_period):.4g}) rotates by {turn:.4g} within half of the longest period "
+            f"searched, expected {LONGEST:g} or less: a quarter period up to {LONGEST / turn * quarter_period:.3g} can be searched"
+        )
     if impacts is not None and (isinstance(impacts, bool) or not isinstance(impacts, int | np.integer) or not 0 <= impacts <= MOST_BOUND):
         raise ValueError(f"the most impacts of half a period is {shown(impacts)}, expected an integer from 0 to {MOST_BOUND}, or no bound")
 

@@ -109,7 +109,7 @@ def segments(
                 counts["resumed"] += 1
                 counts["at_grazing" if opening.reason == GRAZED else "open"] -= 1
             elif opening.reason != GRAZED:
-                openings.append(opening._replace(parameter=curve.angle(opening.parameter), width=curve.piece[1] * opening.width))
+                openings.append(opening._replace(parameter=curve.original(opening.parameter), width=curve.piece[1] * opening.width))
         counts["crossings"] += len(crossings)
         paths = [follow_start(curve, crossing.parameter, crossing.impacts, longest) for crossing in crossings]
         found = [_segment(system, curve, crossing, path) for crossing, path in zip(crossings, paths, strict=True)]
@@ -137,7 +137,7 @@ def _segment(system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, pat
         (first, last), sequence, sign = mirror(ends), mirror(sequence), -1.0
         ends = first, last
     times = np.append(path.durations, crossing.flight)
-    place, low, high = (curve.angle(parameter) for parameter in (crossing.parameter, crossing.low, crossing.high))
+    place, low, high = (curve.original(parameter) for parameter in (crossing.parameter, crossing.low, crossing.high))
     return ScannedSegment(ends, sequence, sign * path.start, sign * path.nodes, times, place, low, high, crossing.residual), is_complete
 
 
@@ -270,7 +270,7 @@ def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve |
     if not path.instants[-1] < longest:
         return None
     before = path._replace(contacts=path.contacts[: opening.flight])
-    piece = (curve.angle(middle), curve.piece[1] * scale)
+    piece = (curve.original(middle), curve.piece[1] * scale)
     return replace(curve, flow=flow, low=-reach, high=reach, singular=(False, False), before=before, piece=piece)
 
 

@@ -103,7 +103,7 @@ class StartCurve:
         For the image of a short piece of another curve (`branches.search.intervals`): the motion from that piece's middle up to
         and including the impact after which this curve starts.
     piece : (float, float)
-        With `before`: middle of the piece, and its derivative by this curve's parameter. Else (0, 1).
+        The original parameter where this curve's own is 0, and its derivative by it. With `before` that is the middle of the piece.
     has_mirror : bool
         Whether a start stands for its mirror image too, in a system with odd symmetry.
     most_impacts : int
@@ -120,7 +120,7 @@ class StartCurve:
     has_mirror: bool = True
     most_impacts: int = MOST_IMPACTS
 
-    def angle(self, parameter: float) -> float:
+    def original(self, parameter: float) -> float:
         """Parameter of the start on the curve of starts that this one is an image of, or lies on."""
         return self.piece[0] + self.piece[1] * parameter
 

@@ -82,7 +82,7 @@ def test_all_presentations_of_an_orbit_are_one(name):
         assert same_orbit((problem, y), (other, z)), words
 
 
-def test_different_orbits_are_told_apart():
+def test_different_orbits_have_different_ids():
     """Oracle: neighbours on one branch, and two orbits of one family at one energy, are different orbits."""
     branch = traced("S13O00+")
     a, b = (branch.orbit(i).solution.y for i in (50, 51))

@@ -123,7 +123,7 @@ def test_polynomial_flight_has_its_exact_turning_points():
     assert np.isinf(distance)
 
 
-def test_nearly_double_roots_are_told_apart():
+def test_nearly_double_roots_are_separate():
     """w = cos(2t) + level: two sign changes inside a dip of depth 1e-9, none when it stays above by 1e-9 (closed form)."""
     system = ImpactSystem(np.diag([1.0, 1.0]), np.zeros((2, 2)), np.diag([4.0, 0.0]), (Stop((1.0, 1.0), -3.0, 3.0),))
     modes, value, rate, second = arrays(system, np.array([1.0, 1.0, 0.0, 0.0]))

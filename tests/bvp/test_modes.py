@@ -95,7 +95,7 @@ def nearly_equal():
     return ImpactSystem(np.eye(2), np.zeros((2, 2)), 0.5 * (stiffness + stiffness.T), (Stop((1.0, 0.0), -1.0, 1.0),))
 
 
-def test_frequencies_that_differ_by_1e_10_are_told_apart():
+def test_frequencies_that_differ_by_1e_10_are_separate():
     system = nearly_equal()
     squares, shapes = undamped_modes(system.mass, system.stiffness)
     assert abs(np.sqrt(squares[1]) - np.sqrt(squares[0]) - 1e-10) < 1e-15
