@@ -96,6 +96,7 @@ def segments(
         Whether following the start finds all impacts of the segment.
     """
     longest = max(time for time, _ in limits.values())
+    letters = system.modes.contact_letters
     left = deque(curves)
     while left:
         curve = left.popleft()
@@ -112,31 +113,30 @@ def segments(
                 openings.append(opening._replace(parameter=curve.original(opening.parameter), width=curve.piece[1] * opening.width))
         counts["crossings"] += len(crossings)
         paths = [follow_start(curve, crossing.parameter, crossing.impacts, longest) for crossing in crossings]
-        found = [_segment(system, curve, crossing, path) for crossing, path in zip(crossings, paths, strict=True)]
+        hits = [tuple([letters[c] for c in path.contacts.tolist()]) for path in paths]
+        found = [_segment(system, curve, *parts) for parts in zip(crossings, paths, hits, strict=True)]
         instants = [path.until_last + crossing.flight for path, crossing in zip(paths, crossings, strict=True)]
-        sequences = [
-            tuple(system.modes.contact_letters[c] for c in path.contacts[: crossing.impacts + (crossing.kind == "stop")])
-            for path, crossing in zip(paths, crossings, strict=True)
-        ]
+        sequences = [hit[: crossing.impacts + (crossing.kind == "stop")] for hit, crossing in zip(hits, crossings, strict=True)]
         first, repeated = first_crossings(crossings, instants, sequences, curve.end, curve.high - curve.low)
         counts["repeated"] += len(repeated)
         yield from (found[i] for i in first)
 
 
-def _segment(system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, path: Path) -> tuple[ScannedSegment, bool]:
-    """A crossing with the path of its start as a segment, and whether the path has all its impacts."""
-    letters = system.modes.contact_letters
-    sequence = tuple(letters[c] for c in path.contacts[: crossing.impacts])
+def _segment(
+    system: ImpactSystem, curve: StartCurve, crossing: EndCrossing, path: Path, hit: tuple[str, ...]
+) -> tuple[ScannedSegment, bool]:
+    """A crossing with the path of its start, and the contacts hit on it, as a segment; and whether the path has all its impacts."""
+    sequence = hit[: crossing.impacts]
     is_complete = len(path.nodes) >= crossing.impacts
     far = crossing.kind
     if far == "stop":
-        is_complete = is_complete and len(path.contacts) > crossing.impacts
-        far += letters[path.contacts[crossing.impacts]] if len(path.contacts) > crossing.impacts else "+"
+        is_complete = is_complete and len(hit) > crossing.impacts
+        far += hit[crossing.impacts] if len(hit) > crossing.impacts else "+"
     ends, sign = (curve.end, far), 1.0
     if curve.has_mirror and system.has_odd_symmetry and (mirror(ends), mirror(sequence)) < (ends, sequence):
         (first, last), sequence, sign = mirror(ends), mirror(sequence), -1.0
         ends = first, last
-    times = np.append(path.durations, crossing.flight)
+    times = np.concatenate([path.durations, (crossing.flight,)])
     place, low, high = (curve.original(parameter) for parameter in (crossing.parameter, crossing.low, crossing.high))
     return ScannedSegment(ends, sequence, sign * path.start, sign * path.nodes, times, place, low, high, crossing.residual), is_complete
 
@@ -208,7 +208,7 @@ def follow_start(curve: StartCurve, parameter: float, impacts: int, longest: flo
     impacts -= gone
     record = np.zeros((impacts + 2, COLUMNS))
     rows = follow_impacts(curve.flow, parameter, longest - since, impacts, record, np.zeros((16, 16)))
-    hit = min(int(np.argmax(np.append(record[:rows, CONTACT] < 0.0, True))), impacts + 1)
+    hit = min(next((i for i, contact in enumerate(record[:rows, CONTACT].tolist()) if contact < 0.0), rows), impacts + 1)
     inner = min(hit, impacts, rows - 1)
     start, contacts = record[0, :4].copy(), record[:hit, CONTACT].astype(np.int64)
     nodes, durations, instants = record[1 : inner + 1, :4].copy(), record[:inner, DURATION].copy(), record[1 : inner + 1, TIME].copy()
