@@ -1,9 +1,10 @@
 """Floquet multipliers of impacting orbits.
 
 Where no multiplier is much larger than another one, they are the eigenvalues of the product of flights and saltation matrices
-(`bvp.kernels.monodromy`). A formed product loses small multipliers beside large ones. There, the linearised multipoint problem is
-reduced by orthogonal transformations to a product pencil (`bvp.kernels.pencil`), whose eigenvalues are found by sweeps round it. Which
-orbits are stable is decided apart from both, from the half map: see `bvp.stability`.
+(`bvp.kernels.monodromy`). A formed product loses small multipliers beside large ones. There, a conservative orbit has the large and the
+small ones split off (`bvp.kernels.deflation`). Where that does not do, the linearised multipoint problem is reduced by orthogonal
+transformations to a product pencil (`bvp.kernels.pencil`), whose eigenvalues are found by sweeps round it. Which orbits are stable is
+decided apart from all of them, from the half map: see `bvp.stability`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.closures import Cycle, deflated_motions
+from bvp.kernels.deflation import Passage, deflated_multipliers
 from bvp.kernels.monodromy import ClosedOrbit, Reduction, formed_multipliers, make_reduction, make_spectrum, order_multipliers
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
 from bvp.kernels.sweeps import FORMED_LIMIT, GRADE, make_sweep_work, pencil_eigenvalues
@@ -57,7 +59,7 @@ class Multipliers:
     matrix : (m, m) float
         The return map, in some orthonormal frame: for its size and condition. Its eigenvalues are not right to the last digit.
     sweeps : int
-        Sweeps round the cycle; 0 where the product was formed.
+        Sweeps round the cycle, or rounds of the frames of large and small ones; 0 where the product was formed.
     note : str
         What is wrong, in words; empty where nothing is.
     """
@@ -100,7 +102,8 @@ def _data_of(system: Any) -> _SystemData:
 
 
 def floquet_multipliers(cycle: Cycle) -> Multipliers:
-    """Multipliers of a closed orbit: those of the formed product where it loses no digit, else `saddle_point_multipliers`.
+    """Multipliers of a closed orbit: those of the formed product where it loses no digit, else with the large ones split off, else
+    `saddle_point_multipliers`.
 
     Raises
     ------
@@ -119,6 +122,14 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
         largest, smallest = (math.hypot(values[0, j], values[1, j]) for j in (0, -1)) if m else (1.0, 1.0)
         if largest <= GRADE * smallest:
             return _judged(values[0] + 1j * values[1], max(flow, level), pairing if data.conservative else None, matrix, 0)
+    if found and data.conservative and cycle.system.degrees_of_freedom > 2:
+        nodes, size = cycle.after.shape
+        flights = np.empty((nodes, size // 2, 4))
+        passage = Passage(data.flight.pairs, np.empty(nodes, np.int64), flights, np.empty((nodes, size)))
+        sweeps, scratch = make_sweep_work(m, size), np.empty((m, m))
+        rounds, pairing = deflated_multipliers(data.flight, data.contacts, orbit, passage, data.work, spectrum, sweeps, scratch)
+        if rounds:
+            return _judged(values[0] + 1j * values[1], max(flow, level), pairing, matrix, rounds)
     return saddle_point_multipliers(cycle)
 
 

@@ -98,39 +98,44 @@ def _fly(flight, t, x, square, line):
 
 
 @inlined
-def _strike(flight, contacts, contact, before, after, x, lines):
-    """x <- S x at an impact, all columns of x (N, N) at once. lines (5, N): scratch."""
-    size = x.shape[0]
-    coming = lines[0]
-    going = lines[1]
-    late = lines[2]
-    kick = lines[3]
+def strike_late(flight, contacts, contact, before, after, coming, late):
+    """late <- (f+ - R f-)/(g . f-) of an impact: its change of a perturbation that arrives late. coming (N,): scratch."""
+    size = late.shape[0]
     jump = contacts.jump[contact]
     block_product(flight.pairs, flight.matrix, before, coming)
-    block_product(flight.pairs, flight.matrix, after, going)
+    block_product(flight.pairs, flight.matrix, after, late)
     speed = 0.0
     turned = 0.0
     for r in range(size):
         speed += contacts.gap[contact, r] * coming[r]
         turned += contacts.rate[contact, r] * coming[r]
     for r in range(size):
-        going[r] = (going[r] - coming[r] + jump * turned * contacts.push[contact, r]) / speed
-    set_1(late, 0.0)
+        late[r] = (late[r] - coming[r] + jump * turned * contacts.push[contact, r]) / speed
+
+
+@inlined
+def strike(contacts, contact, late, x, columns, lines):
+    """x <- S x at an impact, the first columns of x (N, N) at once. late: of `strike_late`. lines (2, N): scratch."""
+    size = x.shape[0]
+    jump = contacts.jump[contact]
+    lateness = lines[0]
+    kick = lines[1]
+    set_1(lateness, 0.0)
     set_1(kick, 0.0)
     for r in range(size):
         gap = contacts.gap[contact, r]
         rate = jump * contacts.rate[contact, r]
         if gap != 0.0:
-            for c in range(size):
-                late[c] += gap * x[r, c]
+            for c in range(columns):
+                lateness[c] += gap * x[r, c]
         if rate != 0.0:
-            for c in range(size):
+            for c in range(columns):
                 kick[c] += rate * x[r, c]
     for r in range(size):
-        a = going[r]
+        a = late[r]
         b = contacts.push[contact, r]
-        for c in range(size):
-            x[r, c] += a * late[c] - b * kick[c]
+        for c in range(columns):
+            x[r, c] += a * lateness[c] - b * kick[c]
 
 
 @inlined
@@ -150,6 +155,27 @@ def _set_scale(orbit, conservative, weights, scale):
             largest = math.sqrt(largest)
         for r in range(first, first + half):
             scale[r] = largest if largest > 0.0 else 1.0
+
+
+@inlined
+def trivial_rows(flight, orbit, conservative, work):
+    """Fill work.vectors, in states divided by their scale: the flow at node 0; of a conservative system also the gradient of the energy and
+    the displacements and velocities of the free motions."""
+    free, vectors, scale, weights = work.free, work.vectors, work.scale, work.weights
+    size = scale.shape[0]
+    half = size // 2
+    block_product(flight.pairs, flight.matrix, orbit.after[0], vectors[0])
+    for r in range(size):
+        vectors[0, r] /= scale[r]
+    if conservative:
+        for r in range(size):
+            vectors[1, r] = weights[r] * orbit.after[0, r] * scale[r]
+        for f in range(free.shape[0]):
+            for part_of_state in range(2):
+                row = vectors[2 + 2 * f + part_of_state]
+                set_1(row, 0.0)
+                for r in range(half):
+                    row[part_of_state * half + r] = free[f, r]
 
 
 @inlined
@@ -186,7 +212,7 @@ def _reduce(vectors, x, line):
 
 
 @inlined
-def _sort(values, keys):
+def sort_by_modulus(values, keys):
     """Sort by modulus descending, then by angle ascending from -pi."""
     for i in range(values.shape[1]):
         x = values[0, i]
@@ -245,7 +271,7 @@ def _pairing(values, sums):
 @kernel
 def order_multipliers(values, sums, paired):
     """Sort multipliers, and return the largest defect of a pair where they come in pairs. See `Spectrum` for the arrays."""
-    _sort(values, sums)
+    sort_by_modulus(values, sums)
     return _pairing(values, sums) if paired else 0.0
 
 
@@ -256,9 +282,8 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
     contacts: `bvp.kernels.pencil.ContactRows`. scaled: whether displacements and velocities are divided by their sizes. Returns (whether
     there are any; norm of the reduced map; |(M - I) f|/|f| for the flow f; |grad H (M - I)|/|grad H|; largest defect of a pair); the last
     two only for a conservative system."""
-    free, x, square, lines, vectors, scale, weights = work
+    _, x, square, lines, vectors, scale, weights = work
     size = x.shape[0]
-    half = size // 2
     nodes = orbit.after.shape[0]
     if scaled:
         _set_scale(orbit, conservative, weights, scale)
@@ -272,11 +297,11 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
         contact = orbit.contact[j]
         if contact >= 0:
             impacts += 1
-            _strike(flight, contacts, contact, orbit.before[j], orbit.after[j], x, lines)
+            strike_late(flight, contacts, contact, orbit.before[j], orbit.after[j], lines[0], lines[1])
+            strike(contacts, contact, lines[1], x, size, lines[2:])
+    trivial_rows(flight, orbit, conservative, work)
     first = vectors[0]
-    block_product(flight.pairs, flight.matrix, orbit.after[0], first)
     for r in range(size):
-        first[r] /= scale[r]
         for c in range(size):
             x[r, c] /= scale[r]
     flow = 0.0
@@ -291,19 +316,12 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
         set_1(lines[0], 0.0)
         length = 0.0
         for r in range(size):
-            slope[r] = weights[r] * orbit.after[0, r] * scale[r]
             length += slope[r] ** 2
             for c in range(size):
                 lines[0, c] += slope[r] * x[r, c]
         for c in range(size):
             level += (lines[0, c] - slope[c]) ** 2
         level = math.sqrt(level / length)
-        for f in range(free.shape[0]):
-            for part_of_state in range(2):
-                row = vectors[2 + 2 * f + part_of_state]
-                set_1(row, 0.0)
-                for r in range(half):
-                    row[part_of_state * half + r] = free[f, r]
     _reduce(vectors, x, lines[0])
     matrix, again, values, sums = spectrum
     split = vectors.shape[0]

@@ -47,9 +47,9 @@ def make_sweep_work(count, size):
 
 
 @inlined
-def _is_apart(turn, cut):
+def _is_apart(turn, cut, size):
     """Whether the blocks before and behind a cut are not coupled."""
-    for r in range(cut, turn.shape[0]):
+    for r in range(cut, size):
         for c in range(cut):
             if not abs(turn[r, c]) < APART:
                 return False
@@ -128,6 +128,20 @@ def _block_eigenvalues(work, first, last, values):
     return is_level or (most <= GRADE * least and norm * 2.0**largest < FORMED_LIMIT * least)
 
 
+@inlined
+def block_multipliers(work, size, values):
+    """Eigenvalues of the diagonal blocks of the first `size` rows and columns, which are not coupled, into `values`. Returns whether they
+    need no further sweep."""
+    settled = True
+    first = 0
+    for cut in range(1, size + 1):
+        if cut < size and not _is_apart(work.turn, cut, size):
+            continue
+        settled = _block_eigenvalues(work, first, cut, values) and settled
+        first = cut
+    return settled
+
+
 @kernel
 def pencil_eigenvalues(factors, work, values):
     """Eigenvalues of the product of left[i]^-1 right[i] into `values` (2, m), real and imaginary parts.
@@ -155,13 +169,7 @@ def pencil_eigenvalues(factors, work, values):
                 for k in range(size):
                     total += older[k, r] * frame[k, c]
                 turn[r, c] = total
-        settled = True
-        first = 0
-        for cut in range(1, size + 1):
-            if cut < size and not _is_apart(turn, cut):
-                continue
-            settled = _block_eigenvalues(work, first, cut, values) and settled
-            first = cut
+        settled = block_multipliers(work, size, values)
         if settled or count == SWEEPS:
             return 0, count
     return 0, SWEEPS

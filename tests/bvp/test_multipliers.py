@@ -279,7 +279,11 @@ def test_the_formed_product_agrees_where_it_is_used():
         kinds.add(found.sweeps == 0)
         assert found.reliable and found.pairing < 1e-9 and found.matrix.shape == other.matrix.shape
         if found.sweeps:
-            assert np.max(np.abs(other.values)) ** 2 > 0.99 * GRADE and np.array_equal(found.values, other.values)
+            assert np.max(np.abs(other.values)) ** 2 > 0.99 * GRADE
+            if cycle.system.degrees_of_freedom == 2:
+                assert np.array_equal(found.values, other.values)
+            elif separation(other.values) > 1e-2:
+                assert np.max(np.abs(found.values / other.values - 1.0)) < 1e-14 * len(cycle.contact)
             continue
         assert found.trivial < 1e-11 * len(cycle.contact) and abs(found.trace - other.trace) < 1e-11
         if separation(other.values) > 1e-2:
