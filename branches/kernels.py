@@ -341,6 +341,14 @@ class GoalPlane(NamedTuple):
     direction: np.ndarray  # (N + 2,); nan: that of the first step
 
 
+@inlined
+def _tried(count, ds, waiting, initial):
+    """What `advance_block` returns with a step that is not plain. While steps wait to be judged, that is the first one of the run."""
+    if waiting > 0:
+        return 0, 1, initial
+    return count, 1, ds
+
+
 @kernel
 def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
     """Steps from an orbit on, into `block`.
@@ -356,6 +364,10 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
     for r in range(way.shape[0]):
         way[r] = goal.direction[r]
     height_old = _height(position, goal.position, way)
+    # At the beginning of a run the first two steps are judged with the third, which gives their test functions a bend.
+    young = before == 0.0 and block.y.shape[0] > 3
+    waiting = 0
+    initial = ds
     for count in range(block.y.shape[0] - 1):
         result = block.result[count]
         set_1(result, np.nan)
@@ -363,7 +375,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
         ahead = block.tangent[count]
         call_at(addresses[0], (packed, factor, y, tangent, Request(ds, math.nan, most), metric, Landing(new, ahead, result)))
         if result[entry.CONVERGED] != 1.0:
-            return count, 1, ds
+            return _tried(count, ds, waiting, initial)
         ends = block.ends[count]
         for i in range(ends.shape[0]):
             for r in range(ends.shape[1]):
@@ -376,7 +388,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
         for r in range(place.shape[0]):
             place[r] = metric[0, r]
         if not _is_orbit(result):
-            return count, 1, ds
+            return _tried(count, ds, waiting, initial)
         values = block.tests[count]
         if full:
             _common_tests(result, limits[0], limits[1], limits[2], values)
@@ -390,13 +402,18 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
         contraction = result[entry.CONTRACTION]
         chord = _distance(position, place)
         if _refusal(turn, contraction, chord, ds, control) != ACCEPTED:
-            return count, 1, ds
+            return _tried(count, ds, waiting, initial)
         height_new = _height(place, goal.position, way)
         if height_old < 0.0 and height_new >= 0.0 and _distance(place, goal.position) <= NEAR_GOAL * chord:
-            return count, 1, ds
+            return _tried(count, ds, waiting, initial)
         length = _arclength_of(chord, turn)
-        if _watch(kinds, singular, _may_hide, oldest, older, tests, values, first, before, length):
-            return count, 1, ds
+        if young and count < 2:
+            waiting = count + 1
+        else:
+            for step in range(2 - waiting, 3):
+                if _watch(kinds, singular, _may_hide, oldest, older, tests, values, first, before, length, step):
+                    return _tried(count, ds, 2 - step, initial)
+            waiting = 0
         block.lengths[count, 0] = ds
         block.lengths[count, 1] = length
         ds = _next_step(ds, turn, contraction, control)

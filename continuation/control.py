@@ -142,15 +142,21 @@ def may_hide(a: Any, b: Any, length: Any, bend: Any, beside: Any) -> bool:
     return bulge > a + b + 2.0 * math.sqrt(a * b)
 
 
-def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: Any, new: Any, first: Any, before: Any, last: Any) -> bool:
-    """Whether a step has to be searched for events, from the test functions at the last four points.
+def watch(
+    kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: Any, new: Any, first: Any, before: Any, last: Any, step: int = 2
+) -> bool:
+    """Whether a step has to be searched for events, from the test functions at four consecutive points.
 
-    singular: `TestFunction.singular` of each. hides: `may_hide`. first, before, last: the arclengths between the points. Where there
-    are fewer points, `oldest` or `older` is nan. Then the step is searched, because the bends of its test functions are not known.
+    step: which of the three steps between the points, by default the last one. singular: `TestFunction.singular` of each. hides:
+    `may_hide`. first, before, last: the arclengths between the points. Where there are fewer points, `oldest` or `older` is nan. Then the
+    step is searched, because the bends of its test functions are not known.
     """
+    begin = (oldest, older, old)[step]
+    end = (older, old, new)[step]
+    length = (first, before, last)[step]
     for i in range(len(kinds)):
-        a = old[i]
-        b = new[i]
+        a = begin[i]
+        b = end[i]
         if a != a or b != b:
             continue
         if kinds[i] == _CHANGE:
@@ -165,14 +171,14 @@ def watch(kinds: Any, singular: Any, hides: Any, oldest: Any, older: Any, old: A
             if kinds[i] == _TERMINAL_GUARD:
                 return True
             continue
-        if oldest[i] != oldest[i] or older[i] != older[i]:
+        if oldest[i] != oldest[i] or older[i] != older[i] or old[i] != old[i] or new[i] != new[i]:
             return True
         if singular[i] > 0.0 and abs(b) < NEAR_BRANCH_POINT * abs(a):
             return True
-        rise = (a - older[i]) / before
-        bend = ((b - a) / last - rise) / (before + last)
+        rise = (old[i] - older[i]) / before
+        bend = ((new[i] - old[i]) / last - rise) / (before + last)
         beside = (rise - (older[i] - oldest[i]) / first) / (first + before)
-        if hides(a, b, last, bend, beside):
+        if hides(a, b, length, bend, beside):
             return True
     return False
 

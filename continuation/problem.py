@@ -139,6 +139,8 @@ class Advance(NamedTuple):
     measures each step with `refusal`, `arclength_of`, `watch` and `next_step` of `continuation.control`, given `control`. It stops after
     `room` steps, or with the first step that is not plain. Such a step is not converged, or refused, or has to be searched for events, or
     passes the `goal` (a `Goal`) to within `NEAR_GOAL` chords: its `height` was below zero and is not any more.
+    At the beginning of a run it may `watch` the first two steps together with the third, when their test functions have bends. If one of
+    the three is not plain, no step is accepted, and the first one is the trial.
 
     Attributes
     ----------

@@ -12,10 +12,12 @@ from tests.continuation.curves import Eight, Line, Ring, circle, cubic, ellipse,
 
 
 class Marching:
-    """Any problem with an advance in plain Python, by the functions that the contract names."""
+    """Any problem with an advance in plain Python, by the functions that the contract names. patient: the first two steps of a run wait
+    for the third one."""
 
-    def __init__(self, problem):
+    def __init__(self, problem, patient=False):
         self.problem = problem
+        self.patient = patient
         self.blocks = []
 
     def __getattr__(self, name):
@@ -26,6 +28,7 @@ class Marching:
         goal, direction = goal.step.position, goal.direction
         kinds, singular = kinds_of(self.problem.tests), [test.singular for test in self.problem.tests]
         steps, strides, lengths, trial = [], [], [], None
+        waits, waiting, initial = self.patient and before == 0.0 and room > 2, 0, ds
         while len(steps) < room and trial is None:
             if direction is None and steps:
                 direction = np.subtract(steps[0].position, goal)
@@ -37,15 +40,26 @@ class Marching:
                 not new.converged
                 or refusal(new.turn, new.contraction, chord, ds, control) != ACCEPTED
                 or (passes(step, new, goal, direction) and distance(new.position, goal) <= NEAR_GOAL * chord)
-                or watch(kinds, singular, may_hide, oldest, older, tests, new.tests, first, before, length)
             ):
                 trial = new
+            elif waits and len(steps) < 2:
+                waiting = len(steps) + 1
             else:
+                for which in range(2 - waiting, 3):
+                    if watch(kinds, singular, may_hide, oldest, older, tests, new.tests, first, before, length, which):
+                        trial, waiting = new, 2 - which
+                        break
+                else:
+                    waiting = 0
+            if trial is None:
                 steps.append(new)
                 strides.append(ds)
                 lengths.append(length)
                 ds = next_step(ds, new.turn, new.contraction, control)
                 step, oldest, older, tests, first, before = new, older, tests, new.tests, before, length
+            elif waiting and steps:
+                trial, ds = steps[0], initial
+                steps, strides, lengths = [], [], []
         self.blocks.append(len(steps))
         return Advance(steps, np.array(strides), np.array(lengths), ds, trial)
 
@@ -85,11 +99,12 @@ def same(a, b):
 
 
 @pytest.mark.parametrize("points", [None, 2, 3, 66, 67])
+@pytest.mark.parametrize("patient", [False, True])
 @pytest.mark.parametrize("case", CASES)
-def test_a_march_is_the_run_step_by_step(case, points):
+def test_a_march_is_the_run_step_by_step(case, patient, points):
     make, start, options = CASES[case]
     settings = Settings(**{**options, **({} if points is None else {"maximum_points": points})})
-    marching = Marching(make())
+    marching = Marching(make(), patient)
     begin = np.array(start)
     alone = follow_both_ways(make(), begin, settings)
     together = follow_both_ways(marching, begin, settings)
