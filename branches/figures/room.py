@@ -148,6 +148,7 @@ class Room:
         (x, y), (x_taken, y_taken) = (at - low).T, (obstacles - low).T
         width, height = self.frame[2:] - self.frame[:2] - 2 * _EDGE
         page = Figure(figsize=(width / 72, height / 72), dpi=72).add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width), ylim=(0.0, height))
+        page.set_axis_off()  # textalloc draws the page to measure it
         corners: dict[int, np.ndarray] = {}
         # textalloc places each name as near as it can. Near names surround a crowd, so that those behind find no way out.
         for gap in _GAPS if most is None else _GAPS[:1]:

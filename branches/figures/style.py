@@ -115,7 +115,9 @@ def legend_below(figure: Figure, entries: Sequence[Any], most: int, *, height: f
         legend.remove()
     if height is not None:
         figure.set_figheight(height + box.height / figure.dpi)
-    figure.draw_without_rendering()
+    engine = figure.get_layout_engine()
+    if figure.axes and engine is not None:
+        engine.execute(figure)
     figure.set_layout_engine("none")
     return legend
 
