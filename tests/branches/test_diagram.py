@@ -38,16 +38,16 @@ def make_system(**changed):
     return SimpleNamespace(**{**plain, **changed})
 
 
-def make_branch(alpha, stable=1, events=(), turns=1, system=None, label="S13O00+", **points):
+def make_branch(alpha, stable=1, events=(), half_waves=1, system=None, label="S13O00+", **points):
     alpha = np.asarray(alpha, dtype=float)
     count = len(alpha)
-    turns = np.broadcast_to(turns, count)
+    half_waves = np.broadcast_to(half_waves, count)
     given_points = {
         "h": energy(alpha),
         "alpha": alpha,
         "frequency": np.pi / 2 / alpha,
-        "frequency_index": turns * (np.pi / 2 / alpha),
-        "half_waves": turns,
+        "frequency_index": half_waves * (np.pi / 2 / alpha),
+        "half_waves": half_waves,
         "stable": np.broadcast_to(np.asarray(stable, dtype=np.int8), count),
         "velocities": backbone.origin_velocity(REFERENCE, alpha),
         "start_u": np.zeros((count, 2)),
@@ -100,8 +100,8 @@ def grazing_cluster():
     events = [("GR", 0), ("SN", 0), ("LB", 0), ("BP", 1), ("RT", 2), ("PD", 3), ("SB", 4), ("IO", 5), ("NS", 6), ("GR", 7)]
     events += [("RT", int(k)) for k in np.linspace(10, 500, 14)]
     events += [("LB", 540), ("LB", 780), *(("PD", int(k)) for k in np.linspace(560, 1190, 12)), ("EP", count - 1)]
-    turns = np.where(index < 540, 1, np.where(index < 780, 3, 2))
-    return make_branch(np.linspace(1.835, 1.6265, count), (index // 150) % 3 - 1, events, turns)
+    half_waves = np.where(index < 540, 1, np.where(index < 780, 3, 2))
+    return make_branch(np.linspace(1.835, 1.6265, count), (index // 150) % 3 - 1, events, half_waves)
 
 
 def twelve_decades():
@@ -257,8 +257,8 @@ def test_each_panel_shows_all_energies_on_a_logarithmic_axis_with_ticks(drawn):
 
 def test_the_index_breaks_where_m_changes_and_the_fundamental_does_not():
     """Oracle: m = 1, 3, 2 by hand: a piece begins at the last point of the one before, with its own m."""
-    turns = np.repeat([1, 3, 2], [100, 80, 120])
-    branch = make_branch(IN_PHASE, turns=turns)
+    half_waves = np.repeat([1, 3, 2], [100, 80, 120])
+    branch = make_branch(IN_PHASE, half_waves=half_waves)
     single = branch.points["frequency"]
     for frequency, pieces in (
         ("index", [(single[0], single[99]), (3 * single[99], 3 * single[179]), (2 * single[179], 2 * single[299])]),
@@ -595,8 +595,8 @@ def test_every_axis_has_ticks_with_different_texts(exponent, width, count, log):
     axes = figure.subplots()
     for which in "xy":
         set_axis(axes, which, limits, count, "energy", "h", log=log)
-        axis = getattr(axes, f"{which}axis")
-        figure.draw_without_rendering()
+    figure.draw_without_rendering()
+    for axis in (axes.xaxis, axes.yaxis):
         shown = [tick.label1.get_text() for tick in axis.get_major_ticks() if limits[0] <= tick.get_loc() <= limits[1]]
         assert axis.get_view_interval().tolist() == list(limits) and axis.get_label_text() == "energy $h$"
         assert 2 <= len(shown) == len(set(shown)) <= 3 * count and all(shown)

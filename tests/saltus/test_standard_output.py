@@ -88,7 +88,7 @@ def test_the_path_of_standard_output_is_standard_output(catalogue, words, schema
 
 
 @POSIX
-@pytest.mark.parametrize("words", ["list --catalogue nope.sqlite", "continue S99 --energy 0.3:0.4", "list --nope"])
+@pytest.mark.parametrize("words", ["list --catalogue nope.sqlite", "orbit S13+ --energy 50", "list --nope"])
 @pytest.mark.parametrize("error", ["2>/dev/full", "2>&-", "2>&- <&-", "2>&1 | true; exit ${PIPESTATUS[0]}"])
 def test_bad_input_ends_with_2_where_standard_error_fails(words, error):
     """Oracle: the exit code; nothing on standard output."""
@@ -100,7 +100,7 @@ def test_bad_input_ends_with_2_where_standard_error_fails(words, error):
 
 @POSIX
 @pytest.mark.parametrize("encoding", ["utf-8:strict", "ascii:strict", "utf-8:surrogateescape"])
-@pytest.mark.parametrize("words", [f"{QUICK} --json", f"{QUICK} --save --catalogue", "run --impulse 0.5 --duration 3 --plot"])
+@pytest.mark.parametrize("words", [f"{QUICK} --json", f"{QUICK} --save --catalogue", "orbit S13+ --energy 0.3 --plot"])
 def test_names_that_are_no_text_are_printed_as_escapes(tmp_path, encoding, words):
     """Oracle: the file, and its name with each byte that is no text, or a control character, as an escape."""
     suffix = {"--plot": ".png", "--catalogue": ".sqlite", "--json": ".json"}[words.split()[-1]]
