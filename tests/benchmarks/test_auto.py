@@ -184,7 +184,7 @@ def test_all_ends_and_inner_impacts():
 
 def test_the_time_of_a_point_is_the_difference_of_least_times(monkeypatch):
     """Oracle: by hand, for runs that take 3 s and 1/4 s a point, by the processor 2 s and 1/8 s, each run a second longer than the last; a
-    family that ends before the longer run is told."""
+    family that ends before the longer run is reported."""
     runs = []
 
     def follow(self, problem, y, settings, *, keep):

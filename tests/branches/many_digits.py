@@ -25,7 +25,7 @@ class ManyDigits:
     ----------
     margin : mpf
         |tau| - 2, where tau is the trace of the period map less 2.
-    miss : mpf
+    residual : mpf
         By how far the orbit does not close.
     moved : mpf
         How far the start is from the one in double precision.
@@ -44,7 +44,7 @@ class ManyDigits:
             self._solve()
             end, product = self.around()
             self.margin = abs(sum(product[i, i] for i in range(4)) - 2) - 2
-            self.miss = max(abs(a - b) for a, b in zip(end, self.state, strict=True))
+            self.residual = max(abs(a - b) for a, b in zip(end, self.state, strict=True))
             self.moved = max(abs(a - b) for a, b in zip(given, self.state, strict=True))
 
     def _set_up(self, orbit):
@@ -79,9 +79,9 @@ class ManyDigits:
 
     def flow(self, z, t):
         """Free flight."""
-        turns = [(mp.cos(w * t), mp.sin(w * t)) for w in self.frequencies]
-        out = [c * z[k] + s / self.frequencies[k] * z[2 + k] for k, (c, s) in enumerate(turns)]
-        return out + [c * z[2 + k] - self.frequencies[k] * s * z[k] for k, (c, s) in enumerate(turns)]
+        rotations = [(mp.cos(w * t), mp.sin(w * t)) for w in self.frequencies]
+        out = [c * z[k] + s / self.frequencies[k] * z[2 + k] for k, (c, s) in enumerate(rotations)]
+        return out + [c * z[2 + k] - self.frequencies[k] * s * z[k] for k, (c, s) in enumerate(rotations)]
 
     def rate(self, z):
         """The vector field."""
@@ -126,8 +126,8 @@ class ManyDigits:
             # Energy is kept: that part of the return which changes it most follows from the others.
             kept = [i for i in range(4) if i != max(range(4), key=lambda j: abs(slope[j]))]
             jacobian = mp.matrix([[product[i, j] - (i == j) for j in range(4)] + [arrival[i]] for i in kept] + [[*rate, 0]])
-            miss = mp.matrix([end[i] - self.state[i] for i in kept] + [0])
-            step = jacobian.T * mp.lu_solve(jacobian * jacobian.T, miss)
+            residual = mp.matrix([end[i] - self.state[i] for i in kept] + [0])
+            step = jacobian.T * mp.lu_solve(jacobian * jacobian.T, residual)
             self.state = [a - b for a, b in zip(self.state, step[:4], strict=True)]
             self.period -= step[4]
             if mp.norm(step) < mp.mpf(10) ** (-self.digits // 2 - 5):

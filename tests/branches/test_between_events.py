@@ -46,8 +46,8 @@ def branch_of(name):
     if name not in MIDDLE:
         return family(name)
     state, times, energy = MIDDLE[name]
-    ends, word = name.split(":")
-    problem = MultipointProblem(saltus.vibro_impact_nes(), tuple(end for end in ends.replace("-stop", " stop").split()), tuple(word))
+    ends, sequence = name.split(":")
+    problem = MultipointProblem(saltus.vibro_impact_nes(), tuple(end for end in ends.replace("-stop", " stop").split()), tuple(sequence))
     return follow_family(problem, problem.pack(problem.modes.from_state @ np.array(state), None, times), energy=energy)
 
 

@@ -84,7 +84,7 @@ def test_orbits_at_the_energies_of_the_points_are_the_points():
 
 
 def test_an_orbit_is_its_point():
-    """Oracle: the columns; indices count from the end as usual, and a point that is not there is told."""
+    """Oracle: the columns; indices count from the end as usual, and a point that is not there is an error."""
     branch = traced("U8353-")
     for i in (0, 3, -1, len(branch) - 1):
         orbit = branch.orbit(i)

@@ -1,7 +1,7 @@
 """Labels and names.
 
 Oracles: the labels printed in Lee et al., Physica D 238 (2009) 1868, and what the notation says about them; round trips and
-equivalences as properties; for turns, counts taken from the sequence of impacts itself.
+equivalences as properties; for covers, counts taken from the sequence of impacts itself.
 """
 
 import dataclasses
@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from branches import sequences as words
+from branches import sequences
 from branches.naming.labels import (
     ImpossibleLabelError,
     Label,
@@ -279,23 +279,23 @@ def test_nearest():
 
 
 @given(st.lists(st.sampled_from("+-"), max_size=5).map(tuple), st.sampled_from(["rest", "stop+"]), st.integers(1, 6))
-def test_turns_of_symmetric_orbits_against_their_impacts(word, last, count):
-    """The impacts in the two quarters of k turns, read off the sequence of the impacts of the orbit itself."""
+def test_covers_of_symmetric_orbits_against_their_impacts(sequence, last, count):
+    """The impacts in the two quarters of a k-fold cover, read off the sequence of the impacts of the orbit itself."""
     ends = ("origin", last)
-    assume(word or last != "rest")
-    label = Label("S", 3, 5, parity(ends), len(word), len(word), "-")
+    assume(sequence or last != "rest")
+    label = Label("S", 3, 5, parity(ends), len(sequence), len(sequence), "-")
     longer = cover_label(label, count)
     if count % 2:
-        quarter, long_ends = words.unfolded_sequence(word, ends, count)
+        quarter, long_ends = sequences.unfolded_sequence(sequence, ends, count)
         assert (longer.kind, longer.parity, longer.p, longer.q) == ("S", parity(long_ends), len(quarter), len(quarter))
     else:
-        quarter, _ = words.unfolded_sequence(word, ends, count)
+        quarter, _ = sequences.unfolded_sequence(sequence, ends, count)
         assert (longer.kind, longer.p, longer.q) == ("U", len(quarter), len(quarter))
     assert (longer.m, longer.n, longer.sign) == (3 * count, 5 * count, "-")
 
 
 @given(IMPACTS, IMPACTS, st.integers(1, 7), SIGN)
-def test_turns_of_unsymmetric_orbits_against_impact_times(p, q, count, sign):
+def test_covers_of_unsymmetric_orbits_against_impact_times(p, q, count, sign):
     """Impacts placed at fractions of the period: p in (0, 1/4), q in (1/4, 1/2), the second half by reversal, then repeated."""
     assume(p + q > 0)
     half = [(k + 1) / (p + 1) for k in range(p)] + [1 + (k + 1) / (q + 1) for k in range(q)]

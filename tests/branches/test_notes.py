@@ -15,22 +15,22 @@ def test_changes_of_label_read_along_the_branch(name, low, high):
     """Each change of label is an event whose note says which label becomes which; its own label is the one below it."""
     branch = traced(name, low=low, high=high)
     labels = branch.points["label"]
-    told = {}
+    noted = {}
     for event in branch.events:
         if event.type in ("LB", "IO"):
             below, above = labels[event.point], labels[event.point + 1]
             assert event.label == below
             # No other point may lie between two changes.
-            before = told.get(event.point - 1)
+            before = noted.get(event.point - 1)
             assert before.note.endswith(f"becomes {below}") if before else labels[event.point - 1] == below
             if below != above:
                 assert event.note.endswith(f"{below} becomes {above}") and event.note.count("becomes") == 1
-                told[event.point] = event
+                noted[event.point] = event
             else:
                 assert event.type == "IO" and "becomes" not in event.note
     changes = [i for i in range(len(branch) - 1) if labels[i] != labels[i + 1]]
-    assert sorted(told) == changes and any(event.type == "IO" for event in told.values())
-    assert any(event.number < 0 for event in told.values()) or name == "U8353-"
+    assert sorted(noted) == changes and any(event.type == "IO" for event in noted.values())
+    assert any(event.number < 0 for event in noted.values()) or name == "U8353-"
     assert np.all(branch.points["frequency_index"] > 0.0)
 
 

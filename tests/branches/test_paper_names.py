@@ -74,11 +74,11 @@ def test_the_orbits_that_cross_s31o11():
     """Oracle: Lee et al.: S31O11- has two bifurcations with U(15)578 and U8353. The first leaves it at five times its period; the second
     meets, at a grazing, a family that leaves it at three times its period."""
     branch = family("S31O11-")
-    for name, turns, energy in (("U(15)578-", 5, 1.3087), ("U8353-", 3, 2.0915)):
+    for name, cover, energy in (("U(15)578-", 5, 1.3087), ("U8353-", 3, 2.0915)):
         root = event(branch, "RT", energy)
-        assert root.p_q == [1, turns] and abs(root.h / energy - 1.0) < 1e-4
+        assert root.p_q == [1, cover] and abs(root.h / energy - 1.0) < 1e-4
         born = [one for one in branch.switch(root, energy=(0.05, 100.0)) if one.ends == ("origin", "origin")]
-        if turns == 5:
+        if cover == 5:
             assert any(passes(one, found(name)) for one in born)
             continue
         ends = [(e.h, e.alpha) for one in born for e in one.events if e.type == "GR"]

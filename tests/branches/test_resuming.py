@@ -72,9 +72,9 @@ class ManyDigits:
         return t
 
     def crossings(self, theta, impacts, longest):
-        """{(word, number of the crossing in its flight): (miss, time)}."""
+        """{(sequence, number of the crossing in its flight): (residual, time)}."""
         z = [mp.mpf(0), mp.mpf(0), self.speed * mp.cos(theta), self.speed * mp.sin(theta)]
-        out, word, elapsed = {}, "", mp.mpf(0)
+        out, sequence, elapsed = {}, "", mp.mpf(0)
         grid = np.arange(1, 4001) * 2.5e-3
         w0, w1 = (float(w) for w in self.w)
         g0, g1 = (float(g) for g in self.gap)
@@ -89,7 +89,7 @@ class ManyDigits:
                 t = self.root(z, mp.mpf(float(grid[i])), 0)
                 at = self.flow(z, t)
                 if elapsed + t <= longest:
-                    out[word, number] = (self.across[0] * at[0] + self.across[1] * at[1], elapsed + t)
+                    out[sequence, number] = (self.across[0] * at[0] + self.across[1] * at[1], elapsed + t)
                 number += 1
             if not beyond.size:
                 break
@@ -99,24 +99,24 @@ class ManyDigits:
             elapsed += t
             if elapsed > longest:
                 break
-            word += "+" if side > 0 else "-"
+            sequence += "+" if side > 0 else "-"
             rate = self.along(z)[1]
             size = self.gap[0] ** 2 + self.gap[1] ** 2
             z = [z[0], z[1], z[2] - 2 * rate * self.gap[0] / size, z[3] - 2 * rate * self.gap[1] / size]
         return out
 
 
-def words_to_origin(found):
-    """{word: times} of every crossing of the origin that the orbits found make, whatever the number of turns, and of their images."""
+def sequences_to_origin(found):
+    """{sequence: times} of every crossing of the origin that the orbits found make, whatever the cover, and of their images."""
     out = {}
     for orbit in found.orbits:
-        ends, word = orbit.ends, orbit.problem.sequence
+        ends, sequence = orbit.ends, orbit.problem.sequence
         quarter = ends[1] != "origin"
-        for first in (word,) if quarter else (word, word[::-1]):
-            for turns in range(2, 9, 2) if quarter else range(1, 5):
-                longer, _ = unfolded_sequence(first, ends, turns)
+        for first in (sequence,) if quarter else (sequence, sequence[::-1]):
+            for cover in range(2, 9, 2) if quarter else range(1, 5):
+                longer, _ = unfolded_sequence(first, ends, cover)
                 for image in ("".join(longer), "".join(mirror(longer))):
-                    out.setdefault(image, []).append(turns * orbit.alpha * (1.0 if quarter else 2.0))
+                    out.setdefault(image, []).append(cover * orbit.alpha * (1.0 if quarter else 2.0))
     return out
 
 
@@ -128,7 +128,7 @@ def test_a_scan_in_forty_digits_adds_nothing(energy):
     images = [(opening, resumed(curve, opening, LONGEST)) for opening in opened]
     most = [(sum(p.kind == "origin" for p in scan(image, LIMITS, 10000)[0]), opening) for opening, image in images if image is not None]
     most.sort(key=lambda pair: -pair[0])
-    known = words_to_origin(discover_orbits(SYSTEM, energy, **BOUNDS))
+    known = sequences_to_origin(discover_orbits(SYSTEM, energy, **BOUNDS))
     hits = 0
     with mp.workdps(40):
         digits = ManyDigits(energy)
@@ -136,11 +136,11 @@ def test_a_scan_in_forty_digits_adds_nothing(energy):
             taken = {}
             for j in range(101):
                 rows = digits.crossings(mp.mpf(opening.parameter) + mp.mpf(opening.width) * j / 100, 10, LONGEST)
-                for word, number in rows.keys() & taken.keys():
-                    (a, t_a), (b, t_b) = rows[word, number], taken[word, number]
-                    if word and a * b < 0:
+                for sequence, number in rows.keys() & taken.keys():
+                    (a, t_a), (b, t_b) = rows[sequence, number], taken[sequence, number]
+                    if sequence and a * b < 0:
                         low, high = sorted((float(t_a), float(t_b)))
-                        assert any(low - 1e-3 < t < high + 1e-3 for t in known.get(word, [])), (energy, word, low, high)
+                        assert any(low - 1e-3 < t < high + 1e-3 for t in known.get(sequence, [])), (energy, sequence, low, high)
                         hits += 1
                 taken = rows
     assert hits > 0

@@ -124,8 +124,8 @@ def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
         if len(path.nodes) < impacts or len(path.contacts) < impacts:
             continue
         far = ("origin", "rest", "stop+", "stop-")[generator.integers(4)]
-        word = tuple(letters[c] for c in path.contacts[:impacts])
-        problem = MultipointProblem(system, (curve.end, far), word)
+        sequence = tuple(letters[c] for c in path.contacts[:impacts])
+        problem = MultipointProblem(system, (curve.end, far), sequence)
         try:
             solution = problem.solve(
                 problem.pack(path.start, path.nodes, np.append(path.durations, generator.uniform(0.1, 2.0))), energy=energy
@@ -133,10 +133,10 @@ def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
         except NotConverged:
             continue
         orbit = judged(problem, solution)
-        if isinstance(orbit, str) or orbit.alpha > 4.0 or impacts_per_period(word, problem.ends) > 12:
+        if isinstance(orbit, str) or orbit.alpha > 4.0 or impacts_per_period(sequence, problem.ends) > 12:
             continue
         nearest = known[np.argmin(np.abs(known - orbit.alpha))]
-        assert abs(nearest / orbit.alpha - 1.0) < 1e-8, (problem.ends, word, orbit.alpha)
+        assert abs(nearest / orbit.alpha - 1.0) < 1e-8, (problem.ends, sequence, orbit.alpha)
         reached.add(round(orbit.alpha, 8))
     assert len(reached) >= 6
 
@@ -157,7 +157,7 @@ def test_symmetric_orbits_are_found_from_each_of_their_ends():
 
 
 def test_what_a_scan_in_numpy_finds_is_found():
-    """Oracle: the scan of tests/bvp/orbits.py, which shares nothing with this one; orbits without turns."""
+    """Oracle: the scan of tests/bvp/orbits.py, which shares nothing with this one; primitive orbits."""
     mine = {}
     missing = []
     for other in orbits_by_numpy.scan(SYSTEM, "origin", 0.5, angles=110, impacts=2):
@@ -244,16 +244,16 @@ def test_one_impact_a_period_on_a_one_sided_stop():
     def impulse(period):
         return 2.0 / np.sum(b**2 / np.tan(w * period / 2.0) / w)
 
-    def miss(period):
+    def residual(period):
         return 0.5 * np.sum((b * impulse(period) / (2.0 * np.sin(w * period / 2.0))) ** 2) - energy
 
     grid = np.linspace(0.01, 4.0 * longest, 40001)
-    values = np.array([miss(t) for t in grid])
+    values = np.array([residual(t) for t in grid])
     expected = []
     for i in np.flatnonzero(values[:-1] * values[1:] < 0.0):
         if abs(values[i]) + abs(values[i + 1]) > 1.0:
             continue
-        period = brentq(miss, grid[i], grid[i + 1], xtol=1e-14)
+        period = brentq(residual, grid[i], grid[i + 1], xtol=1e-14)
         push = impulse(period)
         times = np.linspace(0.0, period, 4001)[1:-1]
         gap = np.sum(
@@ -269,17 +269,17 @@ def test_one_impact_a_period_on_a_one_sided_stop():
 def test_the_mirror_changes_nothing():
     """Oracle: the gap coordinate counted the other way, and a stop on the other side: the same orbits."""
 
-    def told(system, ends):
+    def listed(system, ends):
         found = discover_orbits(system, 1.4, quarter_period=3.5, impacts=4, ends=ends)
         assert found.complete
         return [(round(o.alpha, 9), round(o.tau, 4), o.stable) for o in found.orbits]
 
     rest = ("rest-rest", "rest-stop", "stop-stop")
-    first = told(one_sided(), rest)
+    first = listed(one_sided(), rest)
     assert len(first) >= 4
-    assert told(one_sided(lower=-1.0, upper=math.inf), rest) == told(one_sided((-1.0, 1.0)), rest) == first
+    assert listed(one_sided(lower=-1.0, upper=math.inf), rest) == listed(one_sided((-1.0, 1.0)), rest) == first
     turned = ImpactSystem(SYSTEM.mass, SYSTEM.damping, SYSTEM.stiffness, (Stop((-1.0, 1.0), -1.0, 1.0),))
-    assert told(turned, ALL) == told(SYSTEM, ALL)
+    assert listed(turned, ALL) == listed(SYSTEM, ALL)
 
 
 def test_what_is_not_decided_is_said():

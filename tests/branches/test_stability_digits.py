@@ -84,7 +84,7 @@ def contradictions(cases):
                 wrong.append((orbit.h, stable, "no single orbit"))
             continue
         settled += 1
-        assert exact.miss < 1e-40 and exact.moved < 1e-7 * max(1.0, float(max(map(abs, exact.state))))
+        assert exact.residual < 1e-40 and exact.moved < 1e-7 * max(1.0, float(max(map(abs, exact.state))))
         right = abs(exact.margin) < OPEN if stable == -1 else (exact.margin < 0) == (stable == 1)
         if not right:
             wrong.append((orbit.h, stable, float(exact.margin)))

@@ -59,7 +59,7 @@ def start_states(system, kind, energy, angles):
 
 
 def scan(system, start, energy, *, angles=160, impacts=6, far=("stop", "rest", "origin"), most=12):
-    """Orbits from one end set at an energy, each word once: sign changes of the end condition between neighbouring angles, polished."""
+    """Orbits from one end set at an energy, each sequence once: sign changes of the end condition between neighbouring angles, polished."""
     twin = Twin(system)
     to_modes = np.kron(np.eye(2), twin.to_modes)
     grid = np.linspace(0.01, np.pi - 0.01 if start != "rest" else 2 * np.pi, angles)
@@ -77,7 +77,7 @@ def scan(system, start, energy, *, angles=160, impacts=6, far=("stop", "rest", "
             continue
         _, events = twin.run(x, 60.0, leaving, impacts + 1)
         seen = {}
-        word, state, t0 = (), x, 0.0
+        sequence, state, t0 = (), x, 0.0
         for time, contact, before, after in events:
             if "rest" in far or "origin" in far:
                 times = np.linspace(0.0, time - t0, 80)
@@ -86,17 +86,17 @@ def scan(system, start, energy, *, angles=160, impacts=6, far=("stop", "rest", "
                     if kind not in far or (kind == "origin" and not system.has_odd_symmetry):
                         continue
                     values = states @ row
-                    if not word and kind == start:
+                    if not sequence and kind == start:
                         continue
                     for order, i in enumerate(np.flatnonzero(values[:-1] * values[1:] < 0)):
                         s = times[i] + (times[i + 1] - times[i]) * values[i] / (values[i] - values[i + 1])
                         z = twin.flow(state, s)
                         value = z[:2] @ other if kind == "origin" else z[2:] @ other
-                        seen[kind, word, order] = (value, s)
+                        seen[kind, sequence, order] = (value, s)
             letter = twin.contacts[contact][4]
             if "stop" in far:
-                seen["stop" + letter, word, 0] = (basis @ (twin.to_modes @ before[2:]), time - t0)
-            word, state, t0 = (*word, letter), after, time
+                seen["stop" + letter, sequence, 0] = (basis @ (twin.to_modes @ before[2:]), time - t0)
+            sequence, state, t0 = (*sequence, letter), after, time
         flights = np.diff([0.0] + [e[0] for e in events])
         nodes = np.array([to_modes @ e[3] for e in events]).reshape(-1, 4)
         if previous is not None:
@@ -104,26 +104,26 @@ def scan(system, start, energy, *, angles=160, impacts=6, far=("stop", "rest", "
                 if key in previous[0] and previous[0][key][0] * value < 0 and len(key[1]) <= impacts:
                     candidates.append((key, x, nodes[: len(key[1])], [*flights[: len(key[1])], s]))
         previous = (seen,)
-    found, words = [], set()
-    for (kind, word, _), x, nodes, flights in candidates:
-        if (kind, word) in words or len(found) >= most:
+    found, sequences = [], set()
+    for (kind, sequence, _), x, nodes, flights in candidates:
+        if (kind, sequence) in sequences or len(found) >= most:
             continue
-        orbit = polish(system, (start, kind), word, to_modes @ x, nodes, flights, energy)
+        orbit = polish(system, (start, kind), sequence, to_modes @ x, nodes, flights, energy)
         if orbit is not None:
-            words.add((kind, word))
+            sequences.add((kind, sequence))
             found.append(orbit)
     return found
 
 
-def polish(system, ends, word, start, nodes, flights, energy):
+def polish(system, ends, sequence, start, nodes, flights, energy):
     """Newton from a guess; None where it does not arrive at an admissible orbit."""
-    problem = MultipointProblem(system, ends, word)
+    problem = MultipointProblem(system, ends, sequence)
     y = problem.pack(start, nodes, flights)
     try:
         solution = problem.solve(y, energy=energy)
     except NotConverged:
         return None
-    impacts = bool(word) or any(end.startswith("stop") for end in ends)
+    impacts = bool(sequence) or any(end.startswith("stop") for end in ends)
     ok = impacts and solution["clearance"] > 1e-6 and solution["flight"] > 1e-3 and solution["speed"] > 1e-3
     return Found(problem, solution, energy) if ok else None
 
@@ -164,9 +164,9 @@ def chains():
             flights = np.diff([0.0] + [event[0] for event in events])
             nodes = np.array([system.modes.from_state @ event[3] for event in events])
             for k, (_, contact, _, _) in enumerate(events):
-                word = tuple(twin.contacts[event[1]][4] for event in events[:k])
+                sequence = tuple(twin.contacts[event[1]][4] for event in events[:k])
                 ends = ("origin", "stop" + twin.contacts[contact][4])
-                problem = MultipointProblem(system, ends, word)
+                problem = MultipointProblem(system, ends, sequence)
                 guess = problem.pack(system.modes.from_state @ x, nodes[:k], flights[: k + 1])
                 try:
                     solution = problem.solve(guess)
@@ -190,8 +190,8 @@ def backbone_segment(system, alpha, impacts=0):
     u, v = backbone.motion(system, alpha, np.array([-alpha]))
     after = modes.from_state @ np.concatenate([-u[0], -v[0]])
     nodes = np.array([after if i % 2 == 0 else -after for i in range(impacts)])
-    word = tuple("+-"[i % 2] for i in range(impacts))
-    problem = MultipointProblem(system, ("origin", "origin"), word)
+    sequence = tuple("+-"[i % 2] for i in range(impacts))
+    problem = MultipointProblem(system, ("origin", "origin"), sequence)
     return problem, problem.pack(start, nodes, [alpha] + [2.0 * alpha] * (impacts - 1) + [alpha])
 
 

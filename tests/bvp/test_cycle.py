@@ -59,18 +59,18 @@ def test_samples_keep_their_energy_and_stay_between_the_stops():
             assert np.max(w) < stop.upper + 1e-12 and np.min(w) > stop.lower - 1e-12
 
 
-def test_words_have_the_symmetry_of_their_ends():
+def test_sequences_have_the_symmetry_of_their_ends():
     """Beyond an end the impacts come back in reverse order, mirrored at an origin; a quarter's half period repeats mirrored."""
     for orbit in collection():
         problem = orbit.problem
         cycle = cycle_of(problem, orbit.solution.y)
-        word = list(problem.sequence)
+        sequence = list(problem.sequence)
         if problem.ends[1].startswith("stop"):
-            there = word + [problem.ends[1][-1]] + word[::-1]
+            there = sequence + [problem.ends[1][-1]] + sequence[::-1]
         elif problem.ends[1] == "rest":
-            there = word + word[::-1]
+            there = sequence + sequence[::-1]
         else:
-            there = word + [OTHER[x] for x in word[::-1]]
+            there = sequence + [OTHER[x] for x in sequence[::-1]]
         start = [problem.ends[0][-1]] if problem.ends[0].startswith("stop") else []
         if problem.quarters == 1:
             mirrored = [OTHER[x] for x in there]

@@ -48,12 +48,12 @@ def test_what_is_held_has_none():
 @pytest.mark.parametrize("ends", ENDS)
 def test_ends_that_do_not_hold_the_place_are_refused(ends):
     """Oracle: the text names the motion and what holds it; a grounded chain has these ends."""
-    word = ("+", "-")
+    sequence = ("+", "-")
     with pytest.raises(EndsError, match="u1 by 1, u2 by 1, u3 by 1; expected an origin end, or a spring to the ground") as caught:
-        MultipointProblem(chain(MASSES, SPRINGS), ends, word).refuse_drift()
+        MultipointProblem(chain(MASSES, SPRINGS), ends, sequence).refuse_drift()
     assert "\n" not in str(caught.value)
-    MultipointProblem(chain(MASSES, SPRINGS, ground=0.2), ends, word).refuse_drift()
-    problem = MultipointProblem(chain(MASSES, SPRINGS), ends, word)
+    MultipointProblem(chain(MASSES, SPRINGS, ground=0.2), ends, sequence).refuse_drift()
+    problem = MultipointProblem(chain(MASSES, SPRINGS), ends, sequence)
     for use in (problem.solve, partial(follow_family, problem)):
         with pytest.raises(EndsError, match="free to drift"):
             use(np.ones(problem.unknowns))

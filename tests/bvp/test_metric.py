@@ -19,8 +19,8 @@ def problems():
     rng = np.random.default_rng(11)
     problem, y = backbone_segment(vibro_impact_nes(), 0.9, 3)
     yield problem, y
-    for ends, word in ((("rest", "stop+"), ("-",)), (("stop-", "origin"), ()), (("periodic", "periodic"), ("+", "-", "+"))):
-        problem = MultipointProblem(chain(rng, 3, grounded=True), ends, word)
+    for ends, sequence in ((("rest", "stop+"), ("-",)), (("stop-", "origin"), ()), (("periodic", "periodic"), ("+", "-", "+"))):
+        problem = MultipointProblem(chain(rng, 3, grounded=True), ends, sequence)
         y = rng.normal(size=problem.unknowns)
         problem.flight_times(y)[:] = rng.uniform(0.5, 1.5, problem.inner + 1)
         yield problem, y

@@ -254,20 +254,20 @@ def test_no_route_loses_a_digit():
 @pytest.mark.parametrize("n", [2, 5, 12])
 def test_many_impacts_of_many_masses(n):
     """Oracle: powers of the closed form's multipliers, in 50 digits, of a chain that is run round 32 times: 64 impacts."""
-    random, turns = np.random.default_rng(n), 32
+    random, cover = np.random.default_rng(n), 32
     while True:
         system = chain(random, n, grounded=True)
         alpha = random.uniform(0.1, 0.4)
         if backbone.half_period_sum(system, alpha) > 0.05 and backbone.is_physical(system, alpha, 400):
             exact = Closed(system, alpha).multipliers()
-            if np.max(np.abs(exact)) < 1.0 + 1e-9 and separation(exact) > 1e-2 and separation(exact**turns) > 1e-3:
+            if np.max(np.abs(exact)) < 1.0 + 1e-9 and separation(exact) > 1e-2 and separation(exact**cover) > 1e-3:
                 break
     problem, y = backbone_segment(system, alpha)
     one = cycle_of(problem, problem.solve(y, quarter_period=alpha).y)
-    cycle = Cycle(system, *(np.concatenate([part] * turns) for part in (one.before, one.after, one.duration, one.contact)), one.lead)
+    cycle = Cycle(system, *(np.concatenate([part] * cover) for part in (one.before, one.after, one.duration, one.contact)), one.lead)
     found = floquet_multipliers(cycle)
     assert found.sweeps == 0 and found.reliable and len(cycle.contact) == 64
-    assert nearest(found.values, exact**turns) < 1e-14 * turns * np.linalg.cond(np.linalg.eig(found.matrix)[1])
+    assert nearest(found.values, exact**cover) < 1e-14 * cover * np.linalg.cond(np.linalg.eig(found.matrix)[1])
     assert nearest(found.values, saddle_point_multipliers(cycle).values) < 1e-11
 
 

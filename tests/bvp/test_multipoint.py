@@ -53,11 +53,11 @@ def residual_twin(problem, y, restitution=1.0, pull=1.0):
 
     s = problem.parameters
     start = problem.segment.start_map @ y[:s] + problem.segment.start_offset
-    word = problem.sequence[1:] if problem.periodic else problem.sequence
+    sequence = problem.sequence[1:] if problem.periodic else problem.sequence
     out = []
     at = s
     z = start
-    for letter in word:
+    for letter in sequence:
         z = impact(flow(z, y[at]), letter)
         node = y[at + 1 : at + 1 + 2 * n]
         c, bound, _ = letters[letter]
@@ -84,13 +84,13 @@ def jacobian_twin(problem, y, **signs):
     return np.array(columns).T
 
 
-def random_word(rng, letters, length):
+def random_sequence(rng, letters, length):
     return tuple(letters[i] for i in rng.integers(len(letters), size=length))
 
 
 @st.composite
 def problems(draw):
-    """A random problem - system, ends, word - and random unknowns, which need not be near a solution."""
+    """A random problem - system, ends, sequence - and random unknowns, which need not be near a solution."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     kind = draw(st.sampled_from(["nes", "chain", "two stops"]))
     if kind == "nes":
@@ -109,7 +109,7 @@ def problems(draw):
         )
     )
     length = draw(st.integers(1 if ends[0] == "periodic" else 0, 5))
-    problem = MultipointProblem(system, ends, random_word(rng, letters, length))
+    problem = MultipointProblem(system, ends, random_sequence(rng, letters, length))
     y = rng.normal(size=problem.unknowns)
     return problem, y
 
@@ -236,7 +236,7 @@ def test_one_impact_on_a_one_sided_stop():
 
 
 def test_many_words_at_many_systems():
-    """At least 20 words with different ends at random systems; every residual at rounding level, energies as asked for."""
+    """At least 20 sequences with different ends at random systems; every residual at rounding level, energies as asked for."""
     found = collection()
     assert len({(orbit.problem.ends, orbit.problem.sequence) for orbit in found}) >= 20
     assert {len(orbit.problem.sequence) for orbit in found} >= {0, 1, 2, 3, 4, 5}
@@ -262,7 +262,7 @@ def test_solutions_are_right_to_rounding(index):
 
 
 def test_two_hundred_inner_impacts():
-    """A hundred turns of a stable backbone orbit as one segment between two origins; the closed form is its solution."""
+    """The hundred-fold cover of a stable backbone orbit as one segment between two origins; the closed form is its solution."""
     system = vibro_impact_nes()
     problem, y = backbone_segment(system, 1.0, impacts=200)
     assert problem.inner == 200
@@ -281,8 +281,8 @@ def test_two_hundred_impacts_of_an_irregular_orbit():
     velocity = backbone.origin_velocity(system, 0.3)
     x = np.concatenate([np.zeros(2), velocity * np.array([1.0, 1.03])])
     _, events = twin.run(x, 1e4, None, 201)
-    word = tuple(twin.contacts[event[1]][4] for event in events[:200])
-    problem = MultipointProblem(system, ("origin", "stop" + twin.contacts[events[200][1]][4]), word)
+    sequence = tuple(twin.contacts[event[1]][4] for event in events[:200])
+    problem = MultipointProblem(system, ("origin", "stop" + twin.contacts[events[200][1]][4]), sequence)
     nodes = np.array([system.modes.from_state @ event[3] for event in events[:200]])
     guess = problem.pack(system.modes.from_state @ x, nodes, np.diff([0.0] + [event[0] for event in events]))
     solution = problem.solve(guess)

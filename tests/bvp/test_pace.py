@@ -50,16 +50,16 @@ def test_a_motion_does_not_depend_on_the_calls_that_it_takes(kind, slow):
     """Oracle: the same motion in few calls, bit for bit; dissipation and extents too."""
     system, u, v, forces = SYSTEMS[kind]
     times = np.linspace(0.0, 40.0, 101)
-    motions, told = [], []
+    motions, results = [], []
     for _ in range(2):
         motion = simulate(system, u, v, 40.0, forces=forces)
         found = extents(motion)
         motions.append(motion)
-        told.append((motion.peaks, *motion.sample(times), motion.spent(times), found.peaks, found.times, found.rms))
+        results.append((motion.peaks, *motion.sample(times), motion.spent(times), found.peaks, found.times, found.rms))
         slow()
     same(*motions, MOTION)
     assert motions[0].status is motions[1].status
-    for one, other in zip(*told, strict=True):
+    for one, other in zip(*results, strict=True):
         assert np.array_equal(one, other)
 
 

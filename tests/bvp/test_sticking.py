@@ -259,9 +259,9 @@ def test_a_motion_is_sampled_alike_after_its_simulator_has_met_more_contact_mode
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_peak_after_a_hundred_thousand_turns_is_found():
+def test_a_peak_after_a_hundred_thousand_periods_is_found():
     """Oracle: two unit oscillators and a weak spring k between them: from (1, 0) at rest u2 = (cos t - cos w t)/2, w^2 = 1 + 2 k, grows
-    to 1 over the half beat pi/(w - 1), some 120,000 turns of u2."""
+    to 1 over the half beat pi/(w - 1), some 120,000 periods of u2."""
     k = 8e-6
     system = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[1.0 + k, -k], [-k, 1.0 + k]], (Stop((1.0, 0.0), upper=9.0),))
     beat = math.pi / (math.sqrt(1.0 + 2.0 * k) - 1.0)
@@ -290,7 +290,7 @@ def test_peaks_are_the_largest_displacements(forced):
 
 
 def test_samples_of_summed_bounces_stay_at_the_stop():
-    """From the last impact that is told to the end of the bounces: the gap is closed to the height of a bounce, and energies go on."""
+    """From the last impact that is reported to the end of the bounces: the gap is closed to the height of a bounce, and energies go on."""
     system = ImpactSystem([[1.0]], [[0.3]], [[1.0]], (Stop((1.0,), 0.5, restitution=0.7),))
     motion = simulate(system, [0.9], [0.0], 20.0)
     begin = int(np.flatnonzero(motion.kinds == EventKind.CHATTER.value)[0])

@@ -40,10 +40,10 @@ def test_a_crossing_is_far_nearer_than_its_bracket_is_wide(noise):
     zeros = ((math.log(5), lambda s: math.exp(s) - 5.0), (1.23, lambda s: math.sin(3.0 * s) - math.sin(3.69)), (0.77, lambda s: s - 0.77))
     for root, function in zeros:
 
-        def told(s, function=function):
+        def value(s, function=function):
             return function(s) if abs(function(s)) > noise else math.nan
 
-        _, events, _ = run(Line((TestFunction("A", "crossing"), told if noise else function)))
+        _, events, _ = run(Line((TestFunction("A", "crossing"), value if noise else function)))
         event = min(events, key=lambda event: abs(event.arclength - root))
         assert abs(event.arclength - root) < 3e-15 and event.residual < 1e-14
         assert event.bracket[0] <= root <= event.bracket[1] and event.status == "located"
@@ -287,7 +287,7 @@ def test_a_zero_in_rounding_is_one_event_whose_bracket_tells_the_rounding(noise,
 
 
 class Hopping(Line):
-    """Two lines that cross at s = 1, told apart by a second unknown that the metric does not see: z = 0 and z = s - 1.
+    """Two lines that cross at s = 1, distinguished by a second unknown that the metric does not see: z = 0 and z = s - 1.
 
     Steps to a place in `hops` are corrected onto the other one."""
 

@@ -14,7 +14,7 @@ from tests.hard.test_missed_events import SOURCE
     what="distance from the stop at a hit's time, of the sizes that make it up; none missed, none invented",
 )
 def test_none_is_missed_and_none_invented():
-    """Oracle: `tests.hard.sweeping`, which cannot miss."""
+    """Oracle: `tests.hard.sweeping`, which skips no event."""
     verdicts = Verdicts()
     rng = np.random.default_rng(11)
     for _ in range(20):

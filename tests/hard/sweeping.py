@@ -1,4 +1,4 @@
-"""Random systems and starts, and a decision about the first impact of each that cannot miss one: the oracle of the missed events.
+"""Random systems and starts, and a decision about the first impact of each that skips none: the oracle of the missed events.
 
 The distance d(t) = side (bound - w(t)) of a contact is a sum of exponentials, d(t) = side bound - Re sum a_j exp(s_j t), by numpy's
 eigenvectors of the first-order matrix; no s_j grows. On a piece of time of length h the cubic with the values and slopes of d at both
@@ -260,7 +260,7 @@ class Verdicts:
             at = 0.0 if begins else 0.5 * (low + high)
             state = exact.flow(start, at) if at else start
             polynomial = exact.polynomial(state, motion.rows[c], motion.bounds[c])
-            if begins:  # d(0) = 0 by what is told, so d/s is looked at
+            if begins:  # d(0) = 0 is given, so d/s is examined
                 kind, place = first_event(polynomial[1:], 0, exact.number(high), 0.0)
             else:
                 sizes = np.abs(modes.contacts.gap[modes.contact_letters.index(letters[c])])

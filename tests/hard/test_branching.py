@@ -33,7 +33,7 @@ def test_both_multipliers_cross_at_once(impacts):
     """At +1 the determinant of the whole period's equations has a double zero; between two ends the one of each reversal is left."""
     branch = family_of_three(impacts)
     worst = 0.0
-    for alpha, code, turns in ((math.pi / 2.0 / FREQUENCY, "BP", 1), (3.0 * math.pi / 4.0 / FREQUENCY, "PD", 2)):
+    for alpha, code, cover in ((math.pi / 2.0 / FREQUENCY, "BP", 1), (3.0 * math.pi / 4.0 / FREQUENCY, "PD", 2)):
         met = [e for e in branch.events if e.type == code and abs(e.alpha / alpha - 1.0) < 1e-6]
         assert len(met) == (2 if impacts and code == "PD" else 1), (code, [(e.type, e.alpha) for e in branch.events])
         worst = largest(worst, *(abs(e.alpha / alpha - 1.0) for e in met))
@@ -42,7 +42,7 @@ def test_both_multipliers_cross_at_once(impacts):
             assert born
             for family in born:
                 inner = family.points["alpha"][np.abs(family.points["h"] / event.h - 1.0) > 1e-6]
-                worst = largest(worst, np.max(np.abs(inner / (turns * alpha) - 1.0)))
+                worst = largest(worst, np.max(np.abs(inner / (cover * alpha) - 1.0)))
                 assert np.max(inner) > 0.0 and family.points["h"].max() > event.h * 1.0002
     return worst
 

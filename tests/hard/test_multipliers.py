@@ -54,11 +54,11 @@ def mixed_cycle():
         exact = Closed(system, alpha).multipliers()
         if abs(exact[0]) > 3.0 and abs(abs(exact[1]) - 1.0) < 1e-9 and abs(exact[1].imag) > 0.2:
             break
-    turns = round(12.0 / np.log10(abs(exact[0])))
+    cover = round(12.0 / np.log10(abs(exact[0])))
     problem, y = backbone_segment(system, alpha)
     one = cycle_of(problem, problem.solve(y, quarter_period=alpha).y)
-    parts = [np.concatenate([part] * turns) for part in (one.before, one.after, one.duration, one.contact)]
-    return Cycle(system, *parts, one.lead), exact**turns
+    parts = [np.concatenate([part] * cover) for part in (one.before, one.after, one.duration, one.contact)]
+    return Cycle(system, *parts, one.lead), exact**cover
 
 
 @hard(

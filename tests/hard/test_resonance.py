@@ -81,7 +81,7 @@ def symmetric(coupling=0.8, mass=0.5, ground=0.3):
 )
 def test_beside_the_resonance_of_a_mode_without_impact():
     """On it the equations are singular, for any amount of that mode may be added: beside it this amount is known to rounding over the
-    distance. The branch point is told by the family, see Branching."""
+    distance. The branch point is reported by the family, see Branching."""
     worst = 0.0
     for distance in (1e-3, 1e-6, 1e-9):
         for side in (-1.0, 1.0):

@@ -30,7 +30,7 @@ def column(data, name):
     return np.array([point[name] for point in data["points"]])
 
 
-def largest_miss(data, backbone):
+def largest_error(data, backbone):
     """Largest relative difference from the closed form at any point: of h, and of the two initial velocities against the speed."""
     worst = 0.0
     for point in data["points"]:
@@ -73,7 +73,7 @@ def test_backbones_are_the_closed_form(name):
     """Oracle: closed form in forty digits, with the relative error 1e-12 at every point; S11O00- is followed up to h = 1e4."""
     code, data, _ = reported("continue", name)
     assert code == 0 and len(data["points"]) > 100 and set(column(data, "label")) == {name}
-    assert largest_miss(data, Backbone()) < 1e-12
+    assert largest_error(data, Backbone()) < 1e-12
     assert name == "S13O00+" or math.isclose(column(data, "h").max(), 1e4, rel_tol=2e-10)
 
 
@@ -250,8 +250,8 @@ def test_without_the_reference_point_two_families_are_listed(tmp_path):
     assert abs(column(reported("continue", "S73O33-")[1], "alpha")[0] - 1.646) < 1e-3
 
 
-def test_each_seventh_turn_bifurcates_where_the_closed_form_says():
-    """Oracle: S73O33- leaves seven turns of S11O00- where that has tau_half = 2 cos(6 pi/7): h = 0.840488860361179.
+def test_the_seven_fold_cover_bifurcates_where_the_closed_form_says():
+    """Oracle: S73O33- leaves the seven-fold cover of S11O00- where that has tau_half = 2 cos(6 pi/7): h = 0.840488860361179.
 
     The energy of the family is least there: the branch point is the fold, and it is reported once.
     """
@@ -272,7 +272,7 @@ def test_the_same_commands_on_another_system(name):
     code, data, _ = reported("continue", name, "--mu", "0.37", "--sigma", "0.81")
     backbone = Backbone(0.37, 0.81)
     assert code == 0 and data["system"]["mu"] == 0.37
-    assert largest_miss(data, backbone) < 1e-12
+    assert largest_error(data, backbone) < 1e-12
     assert stability_faults(data, backbone) == ([], [])
     assert [event["type"] for event in types(data, "SN", "SB", "BP")] == ["SN"]
     mode = backbone.modes[0 if name == "S13O00+" else 1]
@@ -298,7 +298,7 @@ def test_random_and_extreme_systems(mu, sigma):
         code, data, err = reported("continue", name, *options)
     assert code == 0, err
     if sigma > 0.0:
-        assert largest_miss(data, Backbone(mu, sigma)) < 1e-12
+        assert largest_error(data, Backbone(mu, sigma)) < 1e-12
         assert stability_faults(data, Backbone(mu, sigma)) == ([], [])
     else:
         for point in data["points"]:  # two modes: the LO with frequency 1, the free NES
@@ -352,7 +352,7 @@ def test_the_family_ends_on_the_bounds_of_the_energy(bounds):
     h = column(data, "h")
     assert code == 0 and math.isclose(h.min(), low, rel_tol=2e-10) and math.isclose(h.max(), high, rel_tol=2e-10)
     assert [event["type"] for event in (data["events"][0], data["events"][-1])] == ["EP", "EP"]
-    assert largest_miss(data, Backbone()) < 1e-12
+    assert largest_error(data, Backbone()) < 1e-12
 
 
 def test_a_narrow_range_near_grazing_has_the_family():

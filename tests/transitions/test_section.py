@@ -276,15 +276,15 @@ def test_a_motion_that_loses_energy_leaves_its_surface():
         count = int(found.counts[m])
         assert np.all(np.diff(found.energies[m, :count]) <= 1e-15)
         run = saltus.simulate(system, u[m], v[m], found.times[m, count - 1])
-        told = system.energy(*run.sample(found.times[m, :count]))
-        assert np.all(np.abs(told - found.energies[m, :count]) < 1e-14 * np.exp(np.maximum.accumulate(found.growths[m, :count])))
+        energies = system.energy(*run.sample(found.times[m, :count]))
+        assert np.all(np.abs(energies - found.energies[m, :count]) < 1e-14 * np.exp(np.maximum.accumulate(found.growths[m, :count])))
     assert found.energies[:, -1].max() < 0.29
 
 
 @pytest.mark.parametrize(("sigma", "rho"), [(0.0, 0.0), (0.1, 0.0), (0.1, 0.3)])
 def test_orbits_that_stick_to_a_stop_go_on(sigma, rho):
     """Oracle: dense samples of the run of the same start: u2 passes zero upwards as often, and at these times the run has these points and
-    energies; the exponent is told of the orbits that never stick, alone."""
+    energies; only orbits that never stick have an exponent."""
     system = vibro_impact_nes(sigma=sigma, rho=rho)
     found = section(system, 5.0, orbits=12, crossings=12)
     assert set(found.ends) == {SectionEnd.COMPLETE} and (found.sticking_times > 0.0).any()

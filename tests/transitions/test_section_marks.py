@@ -148,9 +148,9 @@ def test_images_are_those_of_the_motion_itself():
     orbit = SimpleNamespace(cycle=Cycle(system, before, after, durations, contact, 0.0), label="", stable=None, period=durations.sum())
     marks = {mark.image: mark.points for mark in orbit_marks(plane, orbit, "")}
     assert tuple(marks) == IMAGES
-    for image, told in marks.items():
-        apart = np.abs(told[:, None] - expected[image][None]).max(axis=-1)
-        assert len(told) == len(expected[image]) > 0 and apart.min(axis=1).max() < 1e-12
+    for image, marked in marks.items():
+        apart = np.abs(marked[:, None] - expected[image][None]).max(axis=-1)
+        assert len(marked) == len(expected[image]) > 0 and apart.min(axis=1).max() < 1e-12
 
 
 def section_of(angles, radii):

@@ -216,11 +216,11 @@ def test_harmonics_between_the_orbits_that_are_read_are_interpolated(scenes):
 
 @pytest.mark.parametrize("scene", ["light", "heavy"])
 def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(scenes, scene):
-    """Oracle: the catalogue. Orbits whose strong harmonics the wavelet parts; what fits as well by spectrum and impacts is told, and has no
-    fewer impacts than what is named."""
+    """Oracle: the catalogue. Orbits whose strong harmonics the wavelet parts; what fits as well by spectrum and impacts is reported, and
+    has no fewer impacts than what is named."""
     catalogue, families = scenes[scene]
     impacts = {family.id: family.impacts for family in families.members}
-    told = named = 0
+    reported = named = 0
     for row in catalogue.families():
         points = catalogue.points(row.id)
         stable = np.flatnonzero(points["stable"] == 1)
@@ -238,14 +238,14 @@ def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(scenes, sce
         assert follows.impacts <= impacts[row.id]
         period = 2.0 * np.pi / stage.frequency
         assert stage.start < period and stage.end > record.times[-1] - period
-        told, named = told + 1, named + (follows.family == row.id)
+        reported, named = reported + 1, named + (follows.family == row.id)
         (beside,) = stages_of(record, GAP, families, start=StartFamily(row.id, row.id, "", 0.0, 0))
         assert beside.why == ("" if follows.family == row.id else f"{row.id} fits as well, this one is simpler")
         if follows.family == row.id:
             harmonic = follows.harmonic * 2.0 * np.pi / orbit.period
             assert abs(math.log2(stage.frequency / harmonic)) < 0.02 and follows.deviation < 0.02
             assert follows.share > SHARE and not changes([stage])[1:]
-    assert told > named >= 8 and told >= 12
+    assert reported > named >= 8 and reported >= 12
 
 
 def test_closely_spaced_harmonics_need_a_sharper_wavelet():
@@ -266,8 +266,8 @@ def test_closely_spaced_harmonics_need_a_sharper_wavelet():
 
 
 def _impacts(orbit, duration):
-    turns = range(int(duration / orbit.period) + 1)
-    return sorted(t for k in turns for t in (impact.time + k * orbit.period for impact in orbit.impacts) if t < duration)
+    periods = range(int(duration / orbit.period) + 1)
+    return sorted(t for k in periods for t in (impact.time + k * orbit.period for impact in orbit.impacts) if t < duration)
 
 
 def test_free_motion_is_on_a_linear_mode(scenes):
@@ -293,7 +293,7 @@ def test_free_motion_is_on_a_linear_mode(scenes):
 
 
 def test_a_linear_mode_is_not_followed_while_there_are_impacts(scenes):
-    """Oracle: the same free motion, with impacts told."""
+    """Oracle: the same free motion, with impacts added."""
     catalogue, families = scenes["light"]
     shapes = catalogue.system.modes.shapes
     record = of_run(catalogue.system, 0.2 * shapes[:, 0], [0.0, 0.0], 200.0)
@@ -315,9 +315,9 @@ def test_weakly_damped_motion_leaves_a_backbone_for_a_linear_mode(scenes):
         assert stage.end <= following.start and stage.energies[0] >= following.energies[0]
     assert found[-1].start >= record.impacts[-1] and found[-1].impacts == 0
     assert sum(stage.dissipated_nes for stage in found) <= record.dissipated_nes[-1] * (1.0 + 1e-9)
-    told = changes(found)
-    assert (told[0].kind, told[0].label, told[0].time) == ("capture", "S13O00+", 0.0)
-    assert (told[1].kind, told[1].label) == ("escape", "S13O00+") and (told[-1].kind, told[-1].label) == ("capture", "L11+")
+    changed = changes(found)
+    assert (changed[0].kind, changed[0].label, changed[0].time) == ("capture", "S13O00+", 0.0)
+    assert (changed[1].kind, changed[1].label) == ("escape", "S13O00+") and (changed[-1].kind, changed[-1].label) == ("capture", "L11+")
     data = stages_as_data(found)
     assert data[0]["follows"]["label"] == "S13O00+" and data[0]["energies"] == list(found[0].energies)
 
@@ -350,7 +350,7 @@ def meeting(name, deviation):
 def test_the_cut_is_the_cheapest_of_all():
     """Oracle: all ways to give each place one of two families or none, tried one by one."""
     random = np.random.default_rng(5)
-    turns = 1.5 * np.arange(9)
+    periods = 1.5 * np.arange(9)
     for _ in range(12):
         rows = [np.where(random.random(9) < 0.75, random.uniform(-NEAR, NEAR, 9), np.nan) for _ in range(2)]
         off, more = random.uniform(0.0, 1.5 * SHARE, (2, 2, 9)) / np.array([1.0, SHARE]).reshape(2, 1, 1)
@@ -370,12 +370,12 @@ def test_the_cut_is_the_cheapest_of_all():
         expected = []
         for state, group in itertools.groupby(range(9), key=lambda j: best[j]):
             places = list(group)
-            state = state if turns[places[-1]] - turns[places[0]] >= LEAST_PERIODS else 0
+            state = state if periods[places[-1]] - periods[places[0]] >= LEAST_PERIODS else 0
             if expected and expected[-1][0] == 0 and state == 0:
                 expected[-1][1].extend(places)
             else:
                 expected.append([state, places])
-        found = family_intervals(met, turns)
+        found = family_intervals(met, periods)
         names = [["", "a", "b"][state] for state, _ in expected]
         assert [(s.match.meeting.family.id if s.match else "", s.first, s.last) for s in found] == [
             (name, places[0], places[-1]) for name, (_, places) in zip(names, expected, strict=True)

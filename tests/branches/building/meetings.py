@@ -16,7 +16,7 @@ def unanswered(catalogue, rows, bounds=None, longest=math.inf):
     One grazing orbit is unfolded once, for all the families that meet there.
     """
     edges = catalogue.edges()
-    told = [(edge.h, edge.alpha) for edge in edges if edge.type == "GR"]
+    known = [(edge.h, edge.alpha) for edge in edges if edge.type == "GR"]
     own = {(id, event) for edge in edges for id, event in ((edge.source, edge.source_event), (edge.target, edge.target_event))}
 
     def is_asked(row, event):
@@ -26,8 +26,8 @@ def unanswered(catalogue, rows, bounds=None, longest=math.inf):
         impacts = impacts_per_period(parse_sequence(row.sequence), parse_ends(row.ends))
         return times > 0 and bounds.holds(alpha=times * event.alpha, impacts=times * impacts)
 
-    def is_told(event):
-        return event.type == "GR" and any(abs(event.h / h - 1.0) < SAME and _is_multiple(event.alpha, alpha) for h, alpha in told)
+    def is_known(event):
+        return event.type == "GR" and any(abs(event.h / h - 1.0) < SAME and _is_multiple(event.alpha, alpha) for h, alpha in known)
 
     low, high = (0.0, math.inf) if bounds is None else bounds.energy
     return [
@@ -35,10 +35,10 @@ def unanswered(catalogue, rows, bounds=None, longest=math.inf):
         for row in rows
         for event in catalogue.events(row.id)
         if low <= event.h <= high and event.alpha <= longest and is_asked(row, event)
-        if (row.id, event.id) not in own and not is_told(event)
+        if (row.id, event.id) not in own and not is_known(event)
     ]
 
 
 def _is_multiple(one, other):
-    turns = max(one, other) / min(one, other)
-    return abs(turns - round(turns)) < 1e-7
+    cover = max(one, other) / min(one, other)
+    return abs(cover - round(cover)) < 1e-7

@@ -75,8 +75,8 @@ def test_what_its_elders_may_make_known_is_not_worked_on_ahead_of_them():
         return out, list(worked)
 
     plain, wasteful = taken(())
-    told, needed = taken([lambda n: n % 7])
-    assert told == plain
+    apart, needed = taken([lambda n: n % 7])
+    assert apart == plain
     assert sorted(needed) == sorted(n for n, result in plain if result is not None)
     assert len(wasteful) > len(needed)
 
@@ -89,7 +89,7 @@ def test_an_error_of_the_work_is_raised_at_its_turn_and_the_rest_cancelled():
 
     frontier = Frontier(Serial(), fail, lambda n: False, 3)
     frontier.extend([1, 2, 3])
-    turns = iter(frontier)
-    assert next(turns) == (1, [])
+    results = iter(frontier)
+    assert next(results) == (1, [])
     with pytest.raises(ArithmeticError, match="no orbit"):
-        next(turns)
+        next(results)

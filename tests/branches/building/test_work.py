@@ -34,5 +34,5 @@ def test_an_end_that_is_cut_is_reported_unless_the_image_goes_on_there(half, hal
     cut = tuple(end._replace(reason="MINIMUM_STEP") for end in branch.ended)
     short = replace(branch, ended=cut)
     monkeypatch.setattr(module, "is_half", lambda branch, end: end in half)
-    found, told = module._ends_cut(short)
-    assert found == halves and len(told) == failed and all(branch.id in text for text in told)
+    found, messages = module._ends_cut(short)
+    assert found == halves and len(messages) == failed and all(branch.id in text for text in messages)

@@ -140,16 +140,16 @@ def test_an_orbit_is_seen_from_the_problems_that_it_solves():
     """Oracle: the residual of each problem; a quarter-period orbit as half a period from either end, as a period, and mirrored."""
     branch = real()[0]
     y = branch.orbit(50).solution.y
-    for ends, word in (
+    for ends, sequence in (
         (("origin", "origin"), ("+",)),
         (("origin", "origin"), ("-",)),
         (("stop+", "stop-"), ()),
         (("stop-", "origin"), ()),
         (("periodic", "periodic"), ("+", "-")),
     ):
-        seen = seen_from(branch.problem, y, ends, word)
-        assert isinstance(seen, EventOrbit) and (seen.ends, seen.sequence) == (ends, "".join(word))
-        problem = MultipointProblem(branch.system, ends, word)
+        seen = seen_from(branch.problem, y, ends, sequence)
+        assert isinstance(seen, EventOrbit) and (seen.ends, seen.sequence) == (ends, "".join(sequence))
+        problem = MultipointProblem(branch.system, ends, sequence)
         assert np.max(np.abs(problem.residual(unknowns_of(problem, seen)))) < 1e-13
     assert seen_from(branch.problem, y, ("origin", "rest"), ()) is None
 

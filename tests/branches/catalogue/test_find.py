@@ -190,10 +190,10 @@ def test_an_orbit_is_known_by_its_family(catalogue):
         assert catalogue.identify(orbit) == branch.id
     born = real()[BORN]
     orbit = born.orbit(len(born) // 2)
-    word = ("+",) if born.sequence == "-" else ("-",)
-    other_end = seen_from(born.problem, orbit.solution.y, ("origin", "origin"), word)
+    sequence = ("+",) if born.sequence == "-" else ("-",)
+    other_end = seen_from(born.problem, orbit.solution.y, ("origin", "origin"), sequence)
     assert other_end is not None
-    problem = MultipointProblem(born.system, other_end.ends, word)
+    problem = MultipointProblem(born.system, other_end.ends, sequence)
     turned = Orbit(problem, problem.solve(unknowns_of(problem, other_end)))
     assert turned.label != orbit.label or turned.problem.sequence != orbit.problem.sequence
     assert catalogue.identify(turned) == born.id

@@ -56,26 +56,26 @@ def writer(branch_file, path, first=0):
 
 
 def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
-    """Oracle: the ids that the writer told before it was killed, at random moments, several times in one file; the points themselves."""
+    """Oracle: the ids that the writer printed before it was killed, at random moments, several times in one file; the points themselves."""
     path = tmp_path / "killed.sqlite"
-    told = []
+    printed = []
     dice = random.Random(20)
     for run in range(5):
         process = writer(branch_file, path, 100000 * run)
         time.sleep(dice.uniform(0.0, 0.4))
         process.send_signal(signal.SIGKILL)
-        told += process.stdout.read().split()
+        printed += process.stdout.read().split()
         assert process.wait() == -signal.SIGKILL
         with saltus.Catalogue(path) as catalogue:
             kept = {row.id for row in catalogue.families()}
-            assert kept.issuperset(told)
-            assert len(kept) <= len(told) + run + 1
-            for id in told[-2:]:
+            assert kept.issuperset(printed)
+            assert len(kept) <= len(printed) + run + 1
+            for id in printed[-2:]:
                 assert same_columns(catalogue.points(id), real()[0].points)
-    assert len(told) > 20
+    assert len(printed) > 20
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
         assert catalogue._connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        assert {row.id for row in catalogue.families()}.issuperset(told)
+        assert {row.id for row in catalogue.families()}.issuperset(printed)
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
@@ -470,8 +470,8 @@ def test_all_that_is_damaged_is_reported(good):
     with saltus.Catalogue(good) as catalogue:
         counts, failures = check_catalogue(catalogue)
     assert counts["families"] == 1 and counts["points"] == len(real()[3])
-    told = {failure.where for failure in failures}
-    assert told == {"file", "points", "nodes", "edges", *(branch.id for branch in real()[:3])}
+    places = {failure.where for failure in failures}
+    assert places == {"file", "points", "nodes", "edges", *(branch.id for branch in real()[:3])}
 
 
 def test_flipped_bytes_are_noticed(good):

@@ -1,4 +1,4 @@
-"""Properties of orbits at random systems and energies: words found there are solved, closed, admissible, and named.
+"""Properties of orbits at random systems and energies: sequences found there are solved, closed, admissible, and named.
 
 Oracles: the event-driven run; conservation of energy; the saltation product in numpy; the labels' own grammar and dense counts.
 """
@@ -26,7 +26,7 @@ KINDS = st.sampled_from([("stop", (0, 1, 2, 3)), ("origin", (1, 2, 3, 4, 5)), ("
 
 @cache
 def collected():
-    """Orbits found at ten random systems and energies, one for each word between its ends, over all systems."""
+    """Orbits found at ten random systems and energies, one for each sequence between its ends, over all systems."""
     random = np.random.default_rng(4)
     found = {}
     for _ in range(10):
@@ -35,8 +35,8 @@ def collected():
         system = saltus.vibro_impact_nes(float(mu), float(sigma))
         for kind, impacts in (("stop", range(5)), ("origin", range(1, 7)), ("rest", range(1, 4))):
             for orbit in sampled(system, kind, 9.0, energy, 500, impacts):
-                ends, word = orbit.problem.ends, orbit.problem.sequence
-                found.setdefault(canonical_sequence(word, ends, odd_symmetry=True), orbit)
+                ends, sequence = orbit.problem.ends, orbit.problem.sequence
+                found.setdefault(canonical_sequence(sequence, ends, odd_symmetry=True), orbit)
     return found
 
 
@@ -69,10 +69,10 @@ def check(orbit, label):
         assert (label.m, label.n, label.p, label.q) == (m, n, first, second)
 
 
-def test_twenty_words_are_solved():
-    """Oracle: the count: words that differ in the canonical form, over all random systems; each orbit owes what `check` asks."""
-    words = {word for word, _ in collected()}
-    assert len(words) >= 20, sorted(words)
+def test_twenty_sequences_are_solved():
+    """Oracle: the count: sequences that differ in the canonical form, over all random systems; each orbit owes what `check` asks."""
+    sequences = {sequence for sequence, _ in collected()}
+    assert len(sequences) >= 20, sorted(sequences)
     assert len(collected()) >= 25
     for found in collected().values():
         check(whole(found), found.label)
@@ -132,7 +132,7 @@ def math_close(a, b):
 
 @pytest.mark.parametrize("kind", ["stop", "rest", "origin"])
 def test_mirrored_orbits_are_orbits(kind):
-    """Oracle: symmetry: u -> -u with the walls exchanged solves the mirrored word with the same period and trace."""
+    """Oracle: symmetry: u -> -u with the walls exchanged solves the mirrored sequence with the same period and trace."""
     other = {"+": "-", "-": "+"}
     from bvp.multipoint import MultipointProblem
 
