@@ -17,7 +17,17 @@ from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
-from bvp.kernels.monodromy import ClosedOrbit, Reduction, Spectrum, formed_multipliers, make_reduction, make_spectrum
+from bvp.kernels.monodromy import (
+    LOST,
+    ClosedOrbit,
+    Passage,
+    Reduction,
+    Spectrum,
+    formed_multipliers,
+    make_passage,
+    make_reduction,
+    make_spectrum,
+)  # fmt: skip
 from bvp.kernels.multipoint import ImpactList, unfold_impacts, unpack
 from bvp.kernels.pencil import ContactRows
 from bvp.kernels.stability import HalfMap, half_map, make_half_map, make_impacts
@@ -183,14 +193,16 @@ class PairsWork(NamedTuple):
     half_map: HalfMap
     impacts: ImpactList
     reduction: Reduction
+    passage: Passage
     spectrum: Spectrum
 
 
 def make_pairs_work(problem):
     """Scratch for the orbits of a `MultipointProblem`."""
-    impacts = make_impacts(problem.inner + 1 if problem.periodic else 0, problem.size)
+    nodes = problem.inner + 1 if problem.periodic else 0
+    impacts, passage = make_impacts(nodes, problem.size), make_passage(nodes, problem.size, len(problem.segment.flight.pairs))
     reduction = make_reduction(problem.free, problem.segment.weights, True)
-    return PairsWork(make_half_map(problem.held), impacts, reduction, make_spectrum(2 * problem.pairs))
+    return PairsWork(make_half_map(problem.held), impacts, reduction, passage, make_spectrum(2 * problem.pairs))
 
 
 @kernel
@@ -268,9 +280,11 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
     unfold_impacts(segment, y, ends, work.impacts, work.half_map.rows)
     contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
     orbit = ClosedOrbit(work.impacts.before, work.impacts.after, work.impacts.duration, work.impacts.row)
-    found, norm, _, _, _ = formed_multipliers(segment.flight, contacts, orbit, True, True, work.reduction, work.spectrum)
+    found, norm, _, _, _ = formed_multipliers(
+        segment.flight, contacts, orbit, True, True, work.reduction, work.passage, work.spectrum
+    )
     pivot = abs(result[entry.BRANCHING])
-    if not found or not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:
+    if found == LOST or not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:
         return
     real = work.spectrum.sums[0, :m]
     imaginary = work.spectrum.sums[1, :m]

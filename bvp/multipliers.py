@@ -17,10 +17,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.closures import Cycle, deflated_motions
-from bvp.kernels.deflation import Passage, deflated_multipliers
-from bvp.kernels.monodromy import ClosedOrbit, Reduction, formed_multipliers, make_reduction, make_spectrum, order_multipliers
+from bvp.kernels.deflation import deflated_multipliers
+from bvp.kernels.monodromy import (
+    EXACT,
+    FOUND,
+    ClosedOrbit,
+    Passage,
+    Reduction,
+    formed_multipliers,
+    make_passage,
+    make_reduction,
+    make_spectrum,
+    order_multipliers,
+)  # fmt: skip
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
-from bvp.kernels.sweeps import FORMED_LIMIT, GRADE, make_sweep_work, pencil_eigenvalues
+from bvp.kernels.sweeps import SweepWork, make_sweep_work, pencil_eigenvalues
 
 __all__ = [
     "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
@@ -81,7 +92,7 @@ class Multipliers:
 
 
 class _SystemData(NamedTuple):
-    """The arguments of `formed_multipliers` that depend on the system alone."""
+    """The arguments of `formed_multipliers` that depend on the system alone, and scratch."""
 
     flight: Any
     contacts: ContactRows
@@ -89,6 +100,18 @@ class _SystemData(NamedTuple):
     scaled: bool
     work: Reduction
     multipliers: int
+    deflates: bool
+    sweeps: SweepWork
+    square: np.ndarray
+    passages: dict[int, Passage]
+
+    def passage(self, nodes: int) -> Passage:
+        """Arrays for orbits with so many nodes: those of the last such orbit, if it had as many."""
+        found = self.passages.get(nodes)
+        if found is None:
+            self.passages.clear()
+            found = self.passages[nodes] = make_passage(nodes, len(self.work.scale), len(self.flight.pairs))
+        return found
 
 
 @lru_cache(maxsize=64)
@@ -98,7 +121,11 @@ def _data_of(system: Any) -> _SystemData:
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     free = deflated_motions(system) if conservative else np.zeros((0, n))
     work = make_reduction(free, np.concatenate([modes.squares, np.ones(n)]) if conservative else np.ones(2 * n), conservative)
-    return _SystemData(modes.flight, contacts, conservative, modes.layout != "coupled", work, 2 * n - len(work.vectors))
+    m = 2 * n - len(work.vectors)
+    return _SystemData(
+        modes.flight, contacts, conservative, modes.layout != "coupled", work, m, conservative and n > 2, make_sweep_work(m, 2 * n),
+        np.empty((m, m)), {},
+    )  # fmt: skip
 
 
 def floquet_multipliers(cycle: Cycle) -> Multipliers:
@@ -111,25 +138,22 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
         For a cycle without impacts.
     """
     data = _data_of(cycle.system)
-    m = data.multipliers
-    spectrum = make_spectrum(m)
-    matrix, _, values, _ = spectrum
+    spectrum = make_spectrum(data.multipliers)
     orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
-    found, norm, flow, level, pairing = formed_multipliers(
-        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, spectrum
+    passage = data.passage(len(orbit.duration))
+    found, _, flow, level, pairing = formed_multipliers(
+        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, passage, spectrum
     )
-    if found and norm < FORMED_LIMIT:
-        largest, smallest = (math.hypot(values[0, j], values[1, j]) for j in (0, -1)) if m else (1.0, 1.0)
-        if largest <= GRADE * smallest:
-            return _judged(values[0] + 1j * values[1], max(flow, level), pairing if data.conservative else None, matrix, 0)
-    if found and data.conservative and cycle.system.degrees_of_freedom > 2:
-        nodes, size = cycle.after.shape
-        flights = np.empty((nodes, size // 2, 4))
-        passage = Passage(data.flight.pairs, np.empty(nodes, np.int64), flights, np.empty((nodes, size)))
-        sweeps, scratch = make_sweep_work(m, size), np.empty((m, m))
-        rounds, pairing = deflated_multipliers(data.flight, data.contacts, orbit, passage, data.work, spectrum, sweeps, scratch)
-        if rounds:
-            return _judged(values[0] + 1j * values[1], max(flow, level), pairing, matrix, rounds)
+    sweeps = 0
+    if found == FOUND and data.deflates:
+        sweeps, pairing = deflated_multipliers(
+            data.flight, data.contacts, orbit, passage, data.work, spectrum, data.sweeps, data.square
+        )
+    if found == EXACT or sweeps:
+        real, imaginary = spectrum.values
+        values = np.empty(len(real), complex)
+        values.real, values.imag = real, imaginary
+        return _judged(values, max(flow, level), pairing if data.conservative else None, spectrum.matrix, sweeps)
     return saddle_point_multipliers(cycle)
 
 

@@ -10,16 +10,13 @@ Subspace iteration: Golub and Van Loan, Matrix Computations, 4th ed. 2013, 7.3. 
 """
 
 import math
-from typing import NamedTuple
-
-import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel, square
 from bvp.kernels.dense import eigenvalues
-from bvp.kernels.flight import copy_1, flow_pair, inner, set_1, set_2
-from bvp.kernels.monodromy import order_multipliers, sort_by_modulus, strike, strike_late, trivial_rows
+from bvp.kernels.flight import copy_1, inner, set_1, set_2
+from bvp.kernels.monodromy import GRADE, order_multipliers, sort_by_modulus, strike, trivial_rows
 from bvp.kernels.pencil import complement
-from bvp.kernels.sweeps import GRADE, block_multipliers
+from bvp.kernels.sweeps import block_multipliers
 
 _PART = 0.8
 """Largest ratio of two neighbouring moduli that are parted."""
@@ -33,6 +30,9 @@ _GROWTH = 8.0
 _ROUNDING = 1e-16
 """Error of a frame below which no further round improves it."""
 
+_SETTLED = 1e-14
+"""Error of a frame that is rounding if it no longer decreases."""
+
 _ROUNDS = 40
 """Most rounds for one frame."""
 
@@ -42,29 +42,36 @@ what it does not magnify is lost in its rounding."""
 
 
 @inlined
-def _orthonormalise(x, weights, columns, count, sweeps, line):
-    """The first `count` columns of x orthonormal with the weights (rows,), the others perpendicular to them: x = x' R. The triangle R
-    multiplies sweeps.product from the left. line: scratch."""
-    upper, product, exponent = sweeps.older, sweeps.product, sweeps.exponent
-    rows = weights.shape[0]
+def _orthonormalise(rows, weights, count, sweeps, x, rest):
+    """The first `count` rows orthonormal with the weights, rows = R' rows', and the first `rest` columns of x perpendicular to them.
+    The triangle R multiplies sweeps.product from the left."""
+    upper, product, exponent, line = sweeps.older, sweeps.product, sweeps.exponent, sweeps.scratch[1, 3]
+    size = weights.shape[0]
     for j in range(count):
-        for c in range(j, columns):
-            line[c] = 0.0
-        for r in range(rows):
-            a = weights[r] * x[r, j]
-            for c in range(j, columns):
-                line[c] += a * x[r, c]
-        norm = math.sqrt(line[j])
+        total = 0.0
+        for r in range(size):
+            total += weights[r] * rows[j, r] * rows[j, r]
+        norm = math.sqrt(total)
         upper[j, j] = norm
-        for c in range(j + 1, columns):
-            line[c] /= norm
+        for r in range(size):
+            rows[j, r] /= norm
         for c in range(j + 1, count):
-            upper[j, c] = line[c]
-        for r in range(rows):
-            a = x[r, j] / norm
-            x[r, j] = a
-            for c in range(j + 1, columns):
-                x[r, c] -= a * line[c]
+            total = 0.0
+            for r in range(size):
+                total += weights[r] * rows[j, r] * rows[c, r]
+            upper[j, c] = total
+            for r in range(size):
+                rows[c, r] -= total * rows[j, r]
+        if rest > 0:
+            set_1(line, 0.0)
+            for r in range(size):
+                a = weights[r] * rows[j, r]
+                for c in range(rest):
+                    line[c] += a * x[r, c]
+            for r in range(size):
+                a = rows[j, r]
+                for c in range(rest):
+                    x[r, c] -= a * line[c]
     for c in range(count):
         largest = 0.0
         for b in range(c, count):
@@ -80,84 +87,94 @@ def _orthonormalise(x, weights, columns, count, sweeps, line):
                 product[c, b] *= 2.0**-shift
 
 
-class Passage(NamedTuple):
-    """Flights and impacts of a cycle without damping, in numbers that every round uses."""
-
-    pairs: np.ndarray  # (n, 2) int64 the two indices of each mode
-    contact: np.ndarray  # (P,) int64 after the flight; -1 for a cut
-    flight: np.ndarray  # (P, n, 4) exp(B t), mode by mode
-    late: np.ndarray  # (P, N) of `strike_late`
-
-
 @inlined
-def _set_passage(flight, contacts, orbit, passage, scale, line):
-    """Fill `passage`; returns the largest change of a scaled perturbation by late arrival. line (N,): scratch."""
-    pairs, mean, delta, matrix = flight
-    nodes = orbit.after.shape[0]
+def _largest_change(passage, contacts, contact, scale):
+    """The largest change of a scaled perturbation by its late arrival at an impact."""
+    nodes = contact.shape[0]
     largest = 0.0
     for s in range(nodes):
-        j = s + 1 if s + 1 < nodes else 0
-        contact = orbit.contact[j]
-        passage.contact[s] = contact
-        # Equation (23) for each block.
-        for k in range(pairs.shape[0]):
-            a = pairs[k, 0]
-            b = pairs[k, 1]
-            e11, e12, e21, e22 = flow_pair(mean[k], delta[k], matrix[a, a], matrix[a, b], matrix[b, a], matrix[b, b], orbit.duration[s])
-            passage.flight[s, k, 0] = e11
-            passage.flight[s, k, 1] = e12
-            passage.flight[s, k, 2] = e21
-            passage.flight[s, k, 3] = e22
-        if contact >= 0:
-            strike_late(flight, contacts, contact, orbit.before[j], orbit.after[j], line, passage.late[s])
+        c = contact[s + 1 if s + 1 < nodes else 0]
+        if c >= 0:
             late = 0.0
             gap = 0.0
             for r in range(scale.shape[0]):
                 late += (passage.late[s, r] / scale[r]) ** 2
-                gap += (contacts.gap[contact, r] * scale[r]) ** 2
+                gap += (contacts.gap[c, r] * scale[r]) ** 2
             largest = max(largest, late * gap)
     return math.sqrt(largest)
 
 
 @inlined
-def _fly(passage, step, back, x, columns):
-    """x <- exp(B t) x for the flight of a step, or its inverse, whose determinant is 1; the first columns of x."""
-    pairs, flight = passage.pairs, passage.flight
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        e11 = flight[step, k, 3 if back else 0]
-        e22 = flight[step, k, 0 if back else 3]
-        e12 = -flight[step, k, 1] if back else flight[step, k, 1]
-        e21 = -flight[step, k, 2] if back else flight[step, k, 2]
+def _carry(passage, contacts, at, contact, back, z):
+    """z (N,) over a flight and the impact after it (-1: none), or back over both, for displacements and velocities without damping: gaps
+    see the former, impacts push the latter."""
+    half = z.shape[0] // 2
+    entries, late = passage.flight[at], passage.late[at]
+    c = max(contact, 0)
+    jump = contacts.jump[c] if contact >= 0 else 0.0
+    lateness = 0.0
+    kick = 0.0
+    if back:
+        # The inverse of S has R late in place of late.
+        turned = 0.0
+        for r in range(half):
+            lateness += contacts.gap[c, r] * z[r]
+            kick += contacts.rate[c, half + r] * z[half + r]
+            turned += contacts.rate[c, half + r] * late[half + r]
+        if contact < 0:
+            lateness = 0.0
+        kick = jump * (kick + turned * lateness)
+        # The inverse of a flight: its determinant is 1.
+        for r in range(half):
+            a = z[r] + late[r] * lateness
+            b = z[half + r] + late[half + r] * lateness - contacts.push[c, half + r] * kick
+            z[r] = entries[3, r] * a - entries[1, r] * b
+            z[half + r] = entries[0, r] * b - entries[2, r] * a
+        return
+    for r in range(half):
+        a = z[r]
+        b = z[half + r]
+        q = entries[0, r] * a + entries[1, r] * b
+        p = entries[2, r] * a + entries[3, r] * b
+        lateness += contacts.gap[c, r] * q
+        kick += contacts.rate[c, half + r] * p
+        z[r] = q
+        z[half + r] = p
+    if contact >= 0:
+        kick *= jump
+        for r in range(half):
+            z[r] += late[r] * lateness
+            z[half + r] += late[half + r] * lateness - contacts.push[c, half + r] * kick
+
+
+@inlined
+def _carry_columns(passage, contacts, at, contact, x, columns, lines):
+    """The same, forwards, for the first columns of x (N, N) at once. lines (2, N): scratch."""
+    half = x.shape[0] // 2
+    for r in range(half):
+        e11 = passage.flight[at, 0, r]
+        e12 = passage.flight[at, 1, r]
+        e21 = passage.flight[at, 2, r]
+        e22 = passage.flight[at, 3, r]
         for c in range(columns):
-            a = x[i, c]
-            b = x[j, c]
-            x[i, c] = e11 * a + e12 * b
-            x[j, c] = e21 * a + e22 * b
+            a = x[r, c]
+            b = x[half + r, c]
+            x[r, c] = e11 * a + e12 * b
+            x[half + r, c] = e21 * a + e22 * b
+    if contact >= 0:
+        strike(contacts, contact, passage.late[at], x, columns, lines)
 
 
 @inlined
-def _strike_back(contacts, contact, late, x, columns, lines):
-    """x <- S^-1 x at an impact without loss: R late takes the place of late. lines (3, N): scratch."""
-    turned = 0.0
-    for r in range(late.shape[0]):
-        turned += contacts.rate[contact, r] * late[r]
-    turned *= contacts.jump[contact]
-    for r in range(late.shape[0]):
-        lines[0, r] = late[r] - turned * contacts.push[contact, r]
-    strike(contacts, contact, lines[0], x, columns, lines[1:])
-
-
-@inlined
-def _round(passage, contacts, back, columns, count, work, sweeps):
+def _round(passage, contacts, contact, back, columns, count, work, sweeps):
     """Carry the first rows of sweeps.frame (m, m) once round the cycle, or back: `columns` of them, of which the first `count` are kept
-    orthonormal and the others perpendicular to these. The column c of work.square becomes the image of row c in the same coordinates, and
-    sweeps.product and exponent the triangular factor of the first ones."""
+    orthonormal and the others, forwards only, perpendicular to these. The column c of work.square becomes the image of row c in the same
+    coordinates, and sweeps.product and exponent the triangular factor of the first ones."""
     x, y, lines, scale = work.map, work.square, work.lines, work.scale
-    frame, basis, weights = sweeps.frame, sweeps.scratch[0], sweeps.scratch[1, 0]
+    frame, basis, weights, rows, image = sweeps.frame, sweeps.scratch[0], sweeps.scratch[1, 0], sweeps.scratch[3], sweeps.scratch[2, 2:]
     m, size = frame.shape[0], x.shape[0]
-    nodes = passage.contact.shape[0]
+    nodes = contact.shape[0]
+    rest = columns - count
     for r in range(count):
         sweeps.exponent[r] = 0.0
         for c in range(count):
@@ -169,33 +186,45 @@ def _round(passage, contacts, back, columns, count, work, sweeps):
             for r in range(size):
                 line[r] += frame[c, b] * basis[b, r]
         for r in range(size):
-            x[r, c] = scale[r] * line[r]
+            if c < count:
+                rows[c, r] = scale[r] * line[r]
+            else:
+                x[r, c - count] = scale[r] * line[r]
     for r in range(size):
         weights[r] = 1.0 / (scale[r] * scale[r])
     for step in range(nodes):
         at = nodes - 1 - step if back else step
-        contact = passage.contact[at]
-        if back and contact >= 0:
-            _strike_back(contacts, contact, passage.late[at], x, columns, lines)
-        _fly(passage, at, back, x, columns)
-        if contact >= 0 and not back:
-            strike(contacts, contact, passage.late[at], x, columns, lines)
+        hit = contact[at + 1 if at + 1 < nodes else 0]
         grown = 0.0
+        for c in range(count):
+            z = rows[c]
+            _carry(passage, contacts, at, hit, back, z)
+            total = 0.0
+            for r in range(size):
+                total += weights[r] * z[r] * z[r]
+            grown = max(grown, total)
+        if rest > 0:
+            _carry_columns(passage, contacts, at, hit, x, rest, lines)
+        if grown > _GROWTH * _GROWTH:
+            _orthonormalise(rows, weights, count, sweeps, x, rest)
+    set_2(y, 0.0)
+    for b in range(m):
         for c in range(count):
             total = 0.0
             for r in range(size):
-                total += weights[r] * x[r, c] ** 2
-            grown = max(grown, total)
-        if grown > _GROWTH * _GROWTH:
-            _orthonormalise(x, weights, columns, count, sweeps, line)
-    set_2(y, 0.0)
-    for b in range(m):
+                total += basis[b, r] / scale[r] * rows[c, r]
+            image[c, b] = total
         for r in range(size):
             a = basis[b, r] / scale[r]
-            for c in range(columns):
+            for c in range(rest):
                 y[b, c] += a * x[r, c]
     set_1(weights, 1.0)
-    _orthonormalise(y, weights[:m], columns, count, sweeps, line)
+    _orthonormalise(image, weights[:m], count, sweeps, y, rest)
+    for b in range(m):
+        for c in range(rest - 1, -1, -1):
+            y[b, count + c] = y[b, c]
+        for c in range(count):
+            y[b, c] = image[c, b]
 
 
 @inlined
@@ -230,27 +259,26 @@ def _complete(frame, count, scratch, factor):
 
 
 @kernel
-def _settle(passage, contacts, back, count, columns, ratio, work, sweeps, values):
+def _settle(passage, contacts, contact, back, count_and_columns, ratio, work, sweeps, values):
     """Rounds until the first `count` rows of the frame span what the cycle carries along, with their multipliers in `values` (2, m).
     ratio: of the largest other modulus to the least of theirs. columns: that the last round carries. Returns how many rounds; 0 if they do
     not settle."""
     known = False
+    older = math.inf
+    count, columns = count_and_columns
     for rounds in range(1, _ROUNDS + 1):
-        if known and columns > count:
+        wide = known and columns > count
+        if wide:
             _complete(sweeps.frame, count, sweeps.turn, sweeps.scratch[1, 2])
-            _round(passage, contacts, back, columns, count, work, sweeps)
-        elif count == 1:
-            # Numbers that the compiler knows: no loops along columns.
-            _round(passage, contacts, back, 1, 1, work, sweeps)
-        else:
-            _round(passage, contacts, back, count, count, work, sweeps)
+        _round(passage, contacts, contact, back, columns if wide else count, count, work, sweeps)
         away = _turn(work.square, count, sweeps)
         if not away < math.inf:
             return 0
         # A frame has the multipliers of the span that the round began with, and ends with a better one.
         if known and block_multipliers(sweeps, count, values):
             return rounds
-        known = away * ratio < _ROUNDING
+        known = away * ratio < _ROUNDING or (away < _SETTLED and away > 0.5 * older)
+        older = away
     return 0
 
 
@@ -344,12 +372,12 @@ def deflated_multipliers(flight, contacts, orbit, passage, work, spectrum, sweep
     """Multipliers of an orbit of a conservative system, after `bvp.kernels.monodromy.formed_multipliers` with the same arguments, into
     spectrum.values.
 
-    passage: its arrays are filled. sweeps: `bvp.kernels.sweeps.make_sweep_work`. matrix (m, m): scratch. Returns (rounds; largest defect of
+    passage: filled by that. sweeps: `bvp.kernels.sweeps.make_sweep_work`. matrix (m, m): scratch. Returns (rounds; largest defect of
     a pair); rounds are 0 where the multipliers do not part well."""
     values, other, found = spectrum.values, spectrum.sums, sweeps.scratch[2]
     frame, basis, factor, line = sweeps.frame, sweeps.scratch[0], sweeps.scratch[1, 2], sweeps.scratch[1, 1]
     m = frame.shape[0]
-    if not _set_passage(flight, contacts, orbit, passage, work.scale, line) < _NORM:
+    if not _largest_change(passage, contacts, orbit.contact, work.scale) < _NORM:
         return 0, math.inf
     trivial_rows(flight, orbit, True, work)
     complement(work.vectors, work.vectors.shape[0], basis, factor)
@@ -399,7 +427,7 @@ def deflated_multipliers(flight, contacts, orbit, passage, work, spectrum, sweep
             copy_1(matrix[j], frame[count + j])
         count += lead
         first = count if first == 0 else first
-        more = _settle(passage, contacts, False, count, m if 2 * count < m else count, ratio, work, sweeps, values)
+        more = _settle(passage, contacts, orbit.contact, False, (count, m if 2 * count < m else count), ratio, work, sweeps, values)
         if more == 0:
             return 0, math.inf
         rounds += more
@@ -429,7 +457,7 @@ def deflated_multipliers(flight, contacts, orbit, passage, work, spectrum, sweep
                 left[r, c] = spectrum.matrix[c, r]
         _iterate(left, count, ratio, frame, line)
     _dual(basis, frame, count, line)
-    more = _settle(passage, contacts, True, count, count, ratio, work, sweeps, other)
+    more = _settle(passage, contacts, orbit.contact, True, (count, count), ratio, work, sweeps, other)
     if more == 0:
         return 0, math.inf
     _invert(other, count, values[:, count + middle :])

@@ -107,6 +107,8 @@ def _balance(matrix):
                     column += abs(matrix[j, i])
             if row == 0.0 or column == 0.0 or not row + column < math.inf:
                 continue
+            if 0.51 * column < row < 1.96 * column:
+                continue  # the factor is 1
             factor = 2.0 ** float(math.floor(0.5 * (math.log2(row) - math.log2(column)) + 0.5))
             if row / factor + column * factor < _BALANCED * (row + column):
                 done = False

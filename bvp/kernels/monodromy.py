@@ -22,6 +22,16 @@ _EQUAL = 1e9
 """Two moduli are equal whose logarithms agree, in units of 1/_EQUAL, rounded."""
 
 
+GRADE = 30.0
+"""Ratio of the sizes of eigenvalues up to which they are taken from a formed matrix."""
+
+FORMED_LIMIT = 1e7
+"""Norm of a formed matrix up to which its eigenvalues are taken, for eigenvalues of size 1."""
+
+LOST, FOUND, EXACT = range(3)
+"""What `formed_multipliers` found: nothing, eigenvalues of the product, or multipliers to the last digit."""
+
+
 class Reduction(NamedTuple):
     """Scratch of `formed_multipliers`: N states, t trivial directions."""
 
@@ -67,30 +77,61 @@ class ClosedOrbit(NamedTuple):
     contact: np.ndarray  # (P,) int64; -1 for a cut
 
 
+class Passage(NamedTuple):
+    """Flights and impacts of a closed orbit in numbers that each walk round it uses: P nodes, B blocks."""
+
+    flight: np.ndarray  # (P, 4, B) the entries of exp(B t) of each pair, row by row
+    late: np.ndarray  # (P, N) of `strike_late`, for the impact at its end
+
+
+def make_passage(nodes, size, blocks):
+    """Arrays for the orbits with this number of nodes."""
+    return Passage(np.zeros((nodes, 4, blocks)), np.zeros((nodes, size)))
+
+
 @inlined
-def _fly(flight, t, x, square, line):
-    """x <- exp(B t) x, all columns of x (N, N) at once. Scratch: square (N, N), line (N,)."""
+def set_flight(flight, t, entries):
+    """entries (4, B) <- those of exp(B t), for each pair and each index alone."""
     pairs, mean, delta, matrix = flight
-    size = x.shape[0]
     # Equation (23) for each block.
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
         j = pairs[k, 1]
         if j >= 0:
             e11, e12, e21, e22 = flow_pair(mean[k], delta[k], matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j], t)
-            for c in range(size):
+            entries[0, k] = e11
+            entries[1, k] = e12
+            entries[2, k] = e21
+            entries[3, k] = e22
+        elif j == -1:
+            entries[0, k] = math.exp(mean[k] * t)
+
+
+@inlined
+def fly(flight, t, entries, x, columns, square, line):
+    """x <- exp(B t) x, the first columns of x (N, N) at once. entries: of `set_flight`. Scratch: square (N, N), line (N,)."""
+    pairs, mean, _, matrix = flight
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            e11 = entries[0, k]
+            e12 = entries[1, k]
+            e21 = entries[2, k]
+            e22 = entries[3, k]
+            for c in range(columns):
                 a = x[i, c]
                 b = x[j, c]
                 x[i, c] = e11 * a + e12 * b
                 x[j, c] = e21 * a + e22 * b
         elif j == -1:
-            factor = math.exp(mean[k] * t)
-            for c in range(size):
+            factor = entries[0, k]
+            for c in range(columns):
                 x[i, c] *= factor
         else:
             last = i - j
             block_matrix(mean[k], matrix, i, -j, t, square)
-            for c in range(size):
+            for c in range(columns):
                 for r in range(i, last):
                     line[r] = x[r, c]
                 for r in range(i, last):
@@ -276,12 +317,12 @@ def order_multipliers(values, sums, paired):
 
 
 @kernel
-def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spectrum):
+def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, passage, spectrum):
     """Multipliers of a closed orbit from its monodromy M, into `spectrum`.
 
-    contacts: `bvp.kernels.pencil.ContactRows`. scaled: whether displacements and velocities are divided by their sizes. Returns (whether
-    there are any; norm of the reduced map; |(M - I) f|/|f| for the flow f; |grad H (M - I)|/|grad H|; largest defect of a pair); the last
-    two only for a conservative system."""
+    contacts: `bvp.kernels.pencil.ContactRows`. scaled: whether displacements and velocities are divided by their sizes. passage: its arrays
+    are filled. Returns (LOST, FOUND or EXACT; norm of the reduced map; |(M - I) f|/|f| for the flow f; |grad H (M - I)|/|grad H|; largest
+    defect of a pair); the last two only for a conservative system."""
     _, x, square, lines, vectors, scale, weights = work
     size = x.shape[0]
     nodes = orbit.after.shape[0]
@@ -293,12 +334,21 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
     impacts = 0
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
-        _fly(flight, orbit.duration[i], x, square, lines[0])
+        t = orbit.duration[i]
+        entries = passage.flight[i]
+        if i > 0 and t == orbit.duration[i - 1]:
+            for k in range(4):
+                copy_1(passage.flight[i - 1, k], entries[k])
+        else:
+            set_flight(flight, t, entries)
+        fly(flight, t, entries, x, size, square, lines[0])
         contact = orbit.contact[j]
         if contact >= 0:
             impacts += 1
-            strike_late(flight, contacts, contact, orbit.before[j], orbit.after[j], lines[0], lines[1])
-            strike(contacts, contact, lines[1], x, size, lines[2:])
+            strike_late(flight, contacts, contact, orbit.before[j], orbit.after[j], lines[0], passage.late[i])
+            strike(contacts, contact, passage.late[i], x, size, lines[2:])
+        else:
+            set_1(passage.late[i], 0.0)
     trivial_rows(flight, orbit, conservative, work)
     first = vectors[0]
     for r in range(size):
@@ -333,5 +383,11 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, spec
             norm += matrix[r, c] ** 2
     norm = math.sqrt(norm)
     if impacts == 0 or not norm < math.inf or not eigenvalues(again, values[0], values[1]):
-        return False, norm, flow, level, math.inf
-    return True, norm, flow, level, order_multipliers(values, sums, conservative)
+        return LOST, norm, flow, level, math.inf
+    pairing = order_multipliers(values, sums, conservative)
+    last = values.shape[1] - 1
+    if last < 0 or (
+        norm < FORMED_LIMIT and math.hypot(values[0, 0], values[1, 0]) <= GRADE * math.hypot(values[0, last], values[1, last])
+    ):
+        return EXACT, norm, flow, level, pairing
+    return FOUND, norm, flow, level, pairing

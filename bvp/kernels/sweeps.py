@@ -13,16 +13,11 @@ import numpy as np
 from bvp.kernels.compiled import inlined, kernel, square
 from bvp.kernels.dense import eigenvalues
 from bvp.kernels.flight import copy_1, set_2
+from bvp.kernels.monodromy import FORMED_LIMIT, GRADE
 from bvp.kernels.pencil import sweep
 
 SWEEPS = 60
 """Largest number of sweeps round the cycle. Diagonal blocks whose eigenvalues still differ in size then are kept as they are."""
-
-GRADE = 30.0
-"""Ratio of the sizes of eigenvalues up to which they are taken from a formed matrix."""
-
-FORMED_LIMIT = 1e7
-"""Norm of a formed matrix up to which its eigenvalues are taken, for eigenvalues of size 1."""
 
 APART = 1e-15
 """Two diagonal blocks are separate if their coupling is below this."""

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from benchmarks import backbone
 from benchmarks.saltation import monodromy, saltation_matrix, saltation_multipliers
 from bvp.closures import Cycle, cycle_of
-from bvp.kernels.sweeps import GRADE
+from bvp.kernels.monodromy import GRADE
 from bvp.multipliers import floquet_multipliers, nearest_grazing, saddle_point_multipliers, sort_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
