@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -94,18 +95,12 @@ def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, worker
 
 def study_lines(study: Study) -> list[str]:
     """The lines about a study's results."""
-    import numpy as np
+    from transitions.study.summary import summarise
 
-    endings = ", ".join(f"{count}: {ending.text}" for ending, count in sorted(study.endings().items(), key=lambda pair: pair[0].code))
-    lines = [f"done     {len(study)} runs, {int(study['impacts'].sum())} impacts", f"ended    {endings}"]
-    worst = study["balance_error"]
-    if np.isfinite(worst).any():
-        lines.append(f"balance  closes to {np.nanmax(worst):.1e} of the initial energy at worst")
-    cells = []
-    for name in study.names:
-        values = study[name]
-        values = values[np.isfinite(values)]
-        if name in ("ended", "balance_error") or not len(values):
-            continue
-        cells.append((name, *(f"{value:.5g}" for value in np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0]))))
+    found = summarise(study)
+    endings = ", ".join(f"{count}: {ending.text}" for ending, count in found.endings.items())
+    lines = [f"done     {found.runs} runs, {found.impacts} impacts", f"ended    {endings}"]
+    if math.isfinite(found.balance_error):
+        lines.append(f"balance  closes to {found.balance_error:.1e} of the initial energy at worst")
+    cells = [(name, *(f"{value:.5g}" for value in values)) for name, values in found.quartiles.items()]
     return lines + table_lines(("", "least", "quartile", "median", "quartile", "most"), cells, columns="lrrrrr")

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -383,19 +384,21 @@ def carry_out(
     from transitions.study.study import block_path, write_block
 
     digest = plan.digest
-    blocks = []
-    done = 0
-    for number in range(plan.blocks):
-        first, last = plan.block_range(number)
-        if number in finished:
-            done += last - first
-            continue
-        some = None if starts is None else Starts(starts.states[first:last], starts.leaving[first:last])
-        blocks.append(_Block(number, plan.values(first, last), some))
+    left = [number for number in range(plan.blocks) if number not in finished]
+    done = plan.count - sum(last - first for first, last in map(plan.block_range, left))
+
+    def blocks() -> Iterator[_Block]:
+        for number in left:
+            first, last = plan.block_range(number)
+            some = None if starts is None else Starts(starts.states[first:last], starts.leaving[first:last])
+            yield _Block(number, plan.values(first, last), some)
+
+    waiting = blocks()
     frontier: Frontier[_Block, dict[str, np.ndarray]] = Frontier(executor, partial(_work, plan), lambda block: False, AHEAD * workers)
-    frontier.extend(blocks)
+    frontier.extend(islice(waiting, AHEAD * workers))
     for block, columns in frontier:
         assert columns is not None
+        frontier.extend(islice(waiting, 1))
         write_block(block_path(folder, block.number, kind), columns, digest, block.number)
         done += len(columns["h"])
         on_progress(done)

@@ -10,7 +10,8 @@ import os
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -88,8 +89,8 @@ def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np
     DamagedBlock if the file cannot be read, its CRC does not fit its numbers, or it is another block. ForeignBlock if it is an intact block
     of another study.
     """
-    try:
-        about, columns = _read_parquet(path) if path.suffix == ".parquet" else _read_npz(path)
+    with _readable(path):
+        about, columns = _read(path)
         recorded = json.loads(about)
         if recorded["crc"] != _crc(columns):
             raise ValueError("its CRC is not that of its numbers")
@@ -99,26 +100,32 @@ def read_block(path: Path, digest: str, number: int, count: int) -> dict[str, np
             raise ValueError(f"it is block {recorded['block']}")
         if any(len(values) != count for values in columns.values()):
             raise ValueError(f"it has not {count} runs")
+    return columns
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Errors while a block is read become DamagedBlock."""
+    try:
+        yield
     except ForeignBlock:
         raise
     except OSError as error:
         raise DamagedBlock(f"{path.name} cannot be read: {reason(error)}") from error
     except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
         raise DamagedBlock(f"{path.name} is damaged: {one_line(error)}") from error
-    return columns
 
 
-def _read_npz(path: Path) -> tuple[bytes, dict[str, np.ndarray]]:
+def _read(path: Path, names: Sequence[str] | None = None) -> tuple[bytes, dict[str, np.ndarray]]:
+    """What a block says of itself, and its columns: all, or those of the names."""
+    if path.suffix == ".parquet":
+        import pyarrow.parquet
+
+        table: Any = pyarrow.parquet.read_table(path, columns=None if names is None else list(names))
+        return (table.schema.metadata or {})[_ABOUT.encode()], {name: table[name].to_numpy() for name in table.column_names}
     with np.load(path, allow_pickle=False) as arrays:
-        columns = {name: arrays[name] for name in arrays.files}
-    return columns.pop(_ABOUT).tobytes(), columns
-
-
-def _read_parquet(path: Path) -> tuple[bytes, dict[str, np.ndarray]]:
-    import pyarrow.parquet
-
-    table: Any = pyarrow.parquet.read_table(path)
-    return (table.schema.metadata or {})[_ABOUT.encode()], {name: table[name].to_numpy() for name in table.column_names}
+        columns = {name: arrays[name] for name in names or arrays.files if name != _ABOUT}
+        return arrays[_ABOUT].tobytes(), columns
 
 
 def _crc(columns: Mapping[str, np.ndarray]) -> int:
@@ -176,6 +183,28 @@ class Best:
     neighbours: np.ndarray
 
 
+class _Columns(dict):
+    """Columns by name, each read when it is first asked for."""
+
+    def __init__(self, read: Callable[[str], np.ndarray]) -> None:
+        super().__init__()
+        self._read = read
+
+    def __missing__(self, name: str) -> np.ndarray:
+        self[name] = self._read(name)
+        return self[name]
+
+
+def _result(plan: StudyPlan, columns: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """A result from the columns of blocks, in the units of the clearance where it is a length or an energy."""
+    if name == "left_share":
+        return 1.0 - columns["nes_share"] - columns["lo_share"]
+    if name != "energy" and not name.startswith("peak_"):
+        return columns[name]
+    clearance = columns["given.clearance"] if "clearance" in plan.names else float(plan.fixed.get("clearance", 1.0))
+    return clearance**2 * columns["h"] if name == "energy" else clearance * columns[name]
+
+
 @brief
 class Study:
     """The results of many runs.
@@ -211,21 +240,52 @@ class Study:
         def refuse(error: DamagedBlock) -> None:
             raise DamagedBlock(f"{self.path}: {error}; the same saltus study command does it again") from error
 
-        blocks = dict(_blocks(self.path, self.plan, digest, kind, refuse))
-        runs = [np.arange(*self.plan.block_range(number)) for number in blocks]
-        self.runs = np.concatenate([np.zeros(0, dtype=np.int64), *runs])
-        self._columns = {
-            name: np.concatenate([block[name] for block in blocks.values()]) if blocks else np.zeros(0)
-            for name in block_columns(self.plan)
-        }  # fmt: skip
-        self.given = {axis.name: self._named(axis) for axis in self.plan.axes}
+        self._kind = kind
+        self._blocks = [number for number, _ in _blocks(self.path, self.plan, digest, kind, refuse)]
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         title = f"Study {self.path}: {len(self)} of {self.plan.count} runs"
         return title, [("varied", listed(self.plan.names)), ("results", listed(self.names))]
 
+    @cached_property
+    def runs(self) -> np.ndarray:
+        """Numbers of the finished runs, (N,) int64."""
+        return np.concatenate([np.zeros(0, dtype=np.int64), *(np.arange(*self.plan.block_range(number)) for number in self._blocks)])
+
+    @cached_property
+    def given(self) -> dict[str, np.ndarray]:
+        """The varied parameters by name, (N,) each; a family by its name."""
+        return {axis.name: self._named(axis) for axis in self.plan.axes}
+
+    @cached_property
+    def _columns(self) -> _Columns:
+        return _Columns(self._read_column)
+
+    def _read_column(self, name: str) -> np.ndarray:
+        parts = [columns[name] for columns in self._parts([name])]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _parts(self, names: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
+        """Columns of the blocks, one block after the other. They were checked when the study was opened."""
+        for number in self._blocks:
+            path = block_path(self.path, number, self._kind)
+            with _readable(path):
+                columns = _read(path, names)[1]
+            yield columns
+
+    def parts(self) -> Iterator[dict[str, np.ndarray]]:
+        """All results, block by block: as `study[name]` for some of the runs, by name. No more than a block is in memory.
+
+        Raises
+        ------
+        DamagedBlock
+            If a block can no longer be read.
+        """
+        for columns in self._parts(block_columns(self.plan)):
+            yield {name: _result(self.plan, columns, name) for name in self.names}
+
     def __len__(self) -> int:
-        return len(self.runs)
+        return sum(last - first for first, last in map(self.plan.block_range, self._blocks))
 
     @property
     def complete(self) -> bool:
@@ -237,11 +297,6 @@ class Study:
         """The names of the results."""
         return ("energy", "left_share", *results_of(self.plan))
 
-    @cached_property
-    def clearance(self) -> np.ndarray:
-        """The clearance of each run."""
-        return self.given.get("clearance", np.full(len(self), float(self.plan.fixed.get("clearance", 1.0))))
-
     def __getitem__(self, name: str) -> np.ndarray:
         """A result of each finished run, (N,).
 
@@ -250,14 +305,9 @@ class Study:
         KeyError
             For an unknown result.
         """
-        if name == "energy":
-            return self.clearance**2 * self._columns["h"]
-        if name == "left_share":
-            return 1.0 - self._columns["nes_share"] - self._columns["lo_share"]
-        if name not in results_of(self.plan):
+        if name not in self.names:
             raise KeyError(f"no result {shown(name)}; expected one of {', '.join(self.names)}")
-        values = self._columns[name]
-        return self.clearance * values if name.startswith("peak_") else values
+        return _result(self.plan, self._columns, name)
 
     def numbers(self, name: str) -> np.ndarray:
         """A varied parameter as numbers, (N,); a family by its index."""
@@ -270,7 +320,7 @@ class Study:
 
     def endings(self) -> dict[Ending, int]:
         """Number of runs with each ending."""
-        counts = Counter(self._columns["ended"].tolist())
+        counts = Counter(self["ended"].tolist())
         return {ending: counts[ending.code] for ending in Ending if ending.code in counts}
 
     def best(self, name: str = "nes_share") -> Best:
