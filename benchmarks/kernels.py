@@ -27,6 +27,9 @@ EXAMPLES: dict[str, list[str]] = {
         "continue --scene three_mass_chain --from mode:1 --points 40 --catalogue a.sqlite --save",
         "continue --scene gear_pair --from mode:3 --points 40",
     ],
+    "build modes": [
+        "build --scene three_mass_chain --energy 0.1:0.45 --max-quarter-period 3.6 --max-impacts 1 --catalogue a.sqlite",
+    ],
     "run": [
         "run --on S13+ --energy 10 --rho 0.7 --lam 0.01 --duration 20 --stages --plot a.png",
         "run --impulse 0.8 --rho 0 --sigma 0 --duration 5",

@@ -75,6 +75,7 @@ def _check(scene: Scene, plan: BuildPlan) -> None:
 def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, executor: Executor, workers: int) -> int:
     from branches.building.build import build
     from branches.building.plan import refuse_other_plan
+    from branches.building.work import is_searched
     from branches.catalogue import Catalogue
 
     bounds = plan.bounds
@@ -84,7 +85,7 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
         energies = f"h {bounds.energy[0]:g} to {bounds.energy[1]:g}"
         impacts = f"up to {catalogues.impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else "")
         files.report([f"build  {place}: {energies}, quarter period up to {bounds.quarter_period:g}, {impacts}"])
-        compiling.prepare("build")
+        compiling.prepare("build" if is_searched(catalogue.system) else "build modes")
         try:
             with ProgressBar(None, "families") as bar:
 

@@ -104,6 +104,7 @@ def test_where_no_process_can_start_the_command_goes_on(empty, monkeypatch):
         ("run --state 0,0,0,1 --duration 1", "run"),
         ("section --energy 1", "section"),
         ("build --energy 0.06:0.1 --catalogue {new}", "build"),
+        ("build --scene three_mass_chain --catalogue {new}", "build modes"),
     ],
 )
 def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_path, words, asked):
