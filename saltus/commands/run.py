@@ -63,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from bvp.forcing import Record
     from saltus.motion.simulation import NOT_ASKED, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
+    from transitions.sharing import lock
 
     records = [float(force.times[-1]) for force in scene.forces if isinstance(force, Record)]
     duration = arguments.duration or max(records, default=None)
@@ -77,6 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
     with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
             start = simulation.start_of_motion(arguments, scene)
+            if arguments.locked:
+                lock(scene.system, scene.nes, scene.forces)  # what cannot be locked is refused before the work
             compiling.prepare("run")
             with ProgressBar(100, "% of the motion") as bar:
                 report = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))

@@ -202,7 +202,7 @@ def interrupted_run(capsys, folder, monkeypatch, words, place, after=False):
         ("--stages", "saltus.motion.simulation.with_stages", "stages"),
         ("--stages", "saltus.motion.record.motion_record", None),
         (None, "transitions.record.extents", "peaks"),
-        ("--locked", "transitions.sharing.lock", "locked"),
+        ("--locked", "saltus.motion.simulation.run_locked", "locked"),
     ],
 )
 def test_an_interrupted_run_writes_its_motion(capsys, tmp_path, monkeypatch, option, place, missing):
