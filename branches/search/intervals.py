@@ -114,12 +114,11 @@ def segments(
         counts["crossings"] += len(crossings)
         paths = [follow_start(curve, crossing.parameter, crossing.impacts, longest) for crossing in crossings]
         hits = [tuple([letters[c] for c in path.contacts.tolist()]) for path in paths]
-        found = [_segment(system, curve, *parts) for parts in zip(crossings, paths, hits, strict=True)]
         instants = [path.until_last + crossing.flight for path, crossing in zip(paths, crossings, strict=True)]
         sequences = [hit[: crossing.impacts + (crossing.kind == "stop")] for hit, crossing in zip(hits, crossings, strict=True)]
         first, repeated = first_crossings(crossings, instants, sequences, curve.end, curve.high - curve.low)
         counts["repeated"] += len(repeated)
-        yield from (found[i] for i in first)
+        yield from (_segment(system, curve, crossings[i], paths[i], hits[i]) for i in first)
 
 
 def _segment(
