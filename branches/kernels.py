@@ -174,7 +174,7 @@ def _shift(product, shift, out):
 
 @inlined
 def _discriminant(real, imaginary):
-    """Product of (nu_i - nu_j)^2 / ((1 + nu_i^2) (1 + nu_j^2)) over all pairs i < j, which is real.
+    """The second function of equation (35), which is real.
 
     It changes its sign where two of them meet and leave the real line. The denominators keep it at most 1 where all nu are real, also
     where one of them grows without bound at a grazing. Those of complex nu are conjugate, so their product is positive."""

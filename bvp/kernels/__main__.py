@@ -17,7 +17,7 @@ def types_from(value: Any) -> Any:
     return tuple(map(types_from, value)) if isinstance(value, list) else value
 
 
-def main() -> None:
+def compile_requested() -> None:
     """Compile what standard input asks for."""
     for line in sys.stdin:
         module, name, types = json.loads(line)
@@ -28,4 +28,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    compile_requested()

@@ -8,6 +8,7 @@ import gc
 import importlib
 import os
 from functools import cache, cached_property, partial
+from operator import attrgetter
 from types import FunctionType
 from typing import Any, cast
 
@@ -43,6 +44,10 @@ class _Library(AOTCodeLibrary):
 
     exported: tuple[str, ...] = ()
 
+    def _optimize_functions(self, ll_module):
+        """Nothing for each function alone: all are optimised together, once."""
+        ll_module.data_layout = self._codegen._data_layout
+
     def finalize(self):
         self._finalized = True
         if not self.exported:
@@ -67,6 +72,10 @@ class _Library(AOTCodeLibrary):
         for function in self._final_module.functions:
             if function.is_declaration and function.name.startswith(("numba_", "NRT_")):
                 raise NotImplementedError(f"a kernel calls {function.name}, which only numba has; expected arithmetic alone")
+
+
+_code_of = attrgetter("library")
+"""The intermediate code of a function that numba has compiled."""
 
 
 def _set_linkage(values: Any, linkage: str, exported: tuple[str, ...] = ()) -> None:
@@ -121,7 +130,7 @@ class _Dispatcher(CPUDispatcher):
 
     def add_overload(self, cres):
         cres = cres._replace(entry_point=object())
-        self.targetctx.insert_user_function(cres.entry_point, cres.fndesc, [cres.library])
+        self.targetctx.insert_user_function(cres.entry_point, cres.fndesc, [_code_of(cres)])
         self.overloads[tuple(cres.signature.args)] = cres
 
 
@@ -202,7 +211,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> bytes:
             library.exported = add_entry_points(context, module, result.fndesc, name)
             library.add_ir_module(module)
             library.add_llvm_module(llvm.parse_assembly(MEMORY))
-            library.add_linking_library(result.library)
+            library.add_linking_library(_code_of(result))
             return bytes(library.emit_native_object())
     finally:
         gc.set_threshold(*before)

@@ -22,7 +22,7 @@ from bvp.kernels.extrema import crossing_times, next_sign_change, refine, track_
 from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
 from bvp.kernels.impact import HIT, NONE, next_hit
 from bvp.kernels.multipoint import STOP
-from bvp.kernels.two_mode_hit import DECLINED, turn_states, two_mode_hit
+from bvp.kernels.two_mode_hit import DECLINED, turn_mode, turn_states, two_mode_hit
 
 STATE, DERIVATIVE, TIME, DURATION, CONTACT, SPEED, RESIDUAL, ACCELERATION, CLEARANCE, SECOND, TURNING_POINTS, THIRD, COLUMNS = (
     0, 4, 8, 10, 12, 13, 15, 17, 18, 20, 21, 22, 24,
@@ -84,15 +84,8 @@ def advance(squares, t, a, b, out_a, out_b):
     """Free flight of two states over one time."""
     for k in range(2):
         c, s = circular(-squares[k], t)
-        fall = -squares[k] * s
-        q = a[k]
-        p = a[k + 2]
-        out_a[k] = c * q + s * p
-        out_a[k + 2] = fall * q + c * p
-        q = b[k]
-        p = b[k + 2]
-        out_b[k] = c * q + s * p
-        out_b[k + 2] = fall * q + c * p
+        turn_mode(squares[k], c, s, k, a, out_a)
+        turn_mode(squares[k], c, s, k, b, out_b)
 
 
 @kernel

@@ -53,21 +53,22 @@ def turned_slightly(c, s, angle):
 
 
 @inlined
+def turn_mode(square, c, s, k, z, out):
+    """Mode k of a state (4,) after a time t with c = cos w t, s = sin w t / w, as equation (2)."""
+    q = z[k]
+    p = z[k + 2]
+    out[k] = c * q + s * p
+    out[k + 2] = -square * s * q + c * p
+
+
+@inlined
 def turn_states(squares, rotations, a, b, out_a, out_b):
     """`bvp.kernels.shooting.advance` over a time whose (cos, sin) of both modes are given."""
     for k in range(2):
-        w = math.sqrt(squares[k])
         c = rotations[2 * k]
-        s = rotations[2 * k + 1] / w
-        fall = -squares[k] * s
-        q = a[k]
-        p = a[k + 2]
-        out_a[k] = c * q + s * p
-        out_a[k + 2] = fall * q + c * p
-        q = b[k]
-        p = b[k + 2]
-        out_b[k] = c * q + s * p
-        out_b[k + 2] = fall * q + c * p
+        s = rotations[2 * k + 1] / math.sqrt(squares[k])
+        turn_mode(squares[k], c, s, k, a, out_a)
+        turn_mode(squares[k], c, s, k, b, out_b)
 
 
 @inlined
