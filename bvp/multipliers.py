@@ -3,8 +3,8 @@
 Where no multiplier is much larger than another one, they are the eigenvalues of the product of flights and saltation matrices
 (`bvp.kernels.monodromy`). A formed product loses small multipliers beside large ones. There, a conservative orbit has the large and the
 small ones split off (`bvp.kernels.deflation`). Where that does not do, the linearised multipoint problem is reduced by orthogonal
-transformations to a product pencil (`bvp.kernels.pencil`), whose eigenvalues are found by sweeps round it. Which orbits are stable is
-decided apart from all of them, from the half map: see `bvp.stability`.
+transformations to a product pencil (`bvp.kernels.pencil`), whose eigenvalues are found by periodic QR with shifts
+(`bvp.kernels.periodic_qr`). Which orbits are stable is decided apart from all of them, from the half map: see `bvp.stability`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from bvp.kernels.monodromy import (
     order_multipliers,
 )  # fmt: skip
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
-from bvp.kernels.sweeps import SweepWork, make_sweep_work, pencil_eigenvalues
+from bvp.kernels.periodic_qr import product_eigenvalues
+from bvp.kernels.sweeps import SweepWork, make_sweep_work
 
 __all__ = [
     "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
@@ -70,7 +71,7 @@ class Multipliers:
     matrix : (m, m) float
         The return map, in some orthonormal frame: for its size and condition. Its eigenvalues are not right to the last digit.
     sweeps : int
-        Sweeps round the cycle, or rounds of the frames of large and small ones; 0 where the product was formed.
+        Steps of the periodic QR iteration, or rounds of the frames of large and small ones; 0 where the product was formed.
     note : str
         What is wrong, in words; empty where nothing is.
     """
@@ -169,11 +170,11 @@ def _judged(values: np.ndarray, trivial: float, pairing: float | None, matrix: n
 
 
 def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
-    """Multipliers from the saddle-point matrix, by orthogonal sweeps round its product pencil.
+    """Multipliers from the saddle-point matrix, by the periodic QR iteration on its product pencil.
 
     Small multipliers keep their digits beside large ones, and nothing divides by the speed of an impact before the last step.
 
-    Plain cuts of flights (contact -1) are allowed anywhere.
+    Plain cuts of flights (contact -1) are allowed anywhere, and left out.
 
     Raises
     ------
@@ -182,10 +183,10 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
 
     Notes
     -----
-    Periodic QR: Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001) 2389. See
-    `bvp.kernels.sweeps`.
+    Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001) 2389. See
+    `bvp.kernels.periodic_qr`.
     """
-    cycle = _from_impact(cycle)
+    cycle = _without_cuts(cycle)
     modes = cycle.system.modes
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
@@ -198,7 +199,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     if sine < GRAZING_LIMIT:
         note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
         return Multipliers(unbounded, math.nan, unpaired, False, np.full((dimension, dimension), math.nan), 0, note)
-    width = np.where(np.roll(row, -1) < 0, dimension + 1, dimension)
+    width = np.full(nodes, dimension)
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
@@ -206,32 +207,32 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
     flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
-    work, found = make_sweep_work(dimension, size), np.empty((2, dimension))
-    singular, sweeps = pencil_eigenvalues(factors, work, found)
-    with np.errstate(over="ignore", invalid="ignore"):
-        matrix = work.turn @ (work.product * np.exp2(work.exponent)[:, None])
-    if singular or not np.all(np.isfinite(found)):
-        note = f"{singular} singular factors: the multipliers are unbounded" if singular else "the multipliers overflow"
-        return Multipliers(unbounded, trivial, unpaired, False, np.full_like(matrix, math.nan), sweeps, note)
+    # In the order in which they are applied, from the coordinates before the last inverse on.
+    chain = np.empty((2 * nodes, dimension, dimension))
+    chain[::2] = np.roll(factors.left[:, :dimension, :dimension], 1, axis=0)
+    chain[1::2] = factors.right[:, :dimension, :dimension]
+    inverse, matrix, found = np.tile(np.array([1, 0], np.int64), nodes), np.empty((dimension, dimension)), np.empty((2, dimension))
+    steps = product_eigenvalues(chain, inverse, np.empty((3, 3)), matrix, found)
+    if steps < 1 or not np.all(np.isfinite(found)):
+        words = "are unbounded: a factor is singular" if steps < 0 else "did not converge" if steps == 0 else "overflow"
+        return Multipliers(unbounded, trivial, unpaired, False, np.full_like(matrix, math.nan), max(steps, 0), f"the multipliers {words}")
     pairing = order_multipliers(found, np.empty_like(found), conservative)
     values = found[0] + 1j * found[1]
     pairing = pairing if conservative else None
-    return _judged(values, trivial, pairing, matrix, sweeps)
+    return _judged(values, trivial, pairing, matrix, steps)
 
 
-def _from_impact(cycle: Cycle) -> Cycle:
-    """The cycle begun at an impact."""
+def _without_cuts(cycle: Cycle) -> Cycle:
+    """The cycle begun at an impact, each flight in one piece."""
     impacts = np.flatnonzero(cycle.contact >= 0)
     if impacts.size == 0:
         raise ValueError("an orbit without impacts has no return map to an impact, and no multipliers of one")
-    if impacts[0] == 0:
+    if impacts.size == len(cycle.contact):
         return cycle
-    first = -int(impacts[0])
-    lead = cycle.lead + float(np.sum(cycle.duration[:-first]))
-    before, after, duration, contact = (
-        np.roll(x, first, axis=0) for x in (cycle.before, cycle.after, cycle.duration, cycle.contact)
-    )
-    return Cycle(cycle.system, before, after, duration, contact, lead)
+    first = int(impacts[0])
+    duration = np.add.reduceat(np.roll(cycle.duration, -first), impacts - first)
+    lead = cycle.lead + float(np.sum(cycle.duration[:first]))
+    return Cycle(cycle.system, cycle.before[impacts], cycle.after[impacts], duration, cycle.contact[impacts], lead)
 
 
 def scaled_nodes(cycle: Cycle) -> Nodes:

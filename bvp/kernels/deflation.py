@@ -6,7 +6,7 @@ What is left, modulo the first subspace, neither grows nor shrinks much: there t
 operations a column, and no factor is ever reduced as a whole.
 
 Subspace iteration: Golub and Van Loan, Matrix Computations, 4th ed. 2013, 7.3. For the two routes without deflation see
-`bvp.kernels.monodromy` and `bvp.kernels.sweeps`.
+`bvp.kernels.monodromy` and `bvp.kernels.periodic_qr`.
 """
 
 import math

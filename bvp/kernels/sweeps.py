@@ -1,8 +1,8 @@
-"""Eigenvalues of a product pencil (31) by sweeps round it (`bvp.kernels.pencil`).
+"""Eigenvalues of a graded product of triangular factors in a frame that it carries into itself (`bvp.kernels.deflation`).
 
-A sweep gives M Q = Q+ R with the product R of triangular factors, graded. In the frame Q the map is W R, with W = Q' Q+ orthogonal and, as
-the sweeps go on, block diagonal: its eigenvalues are those of the diagonal blocks of W R. Sweeps part eigenvalues of different size only. A
-block whose eigenvalues are of like size is small enough to be formed.
+The orbit carries a frame Q into Q+: M Q = Q+ R with the product R of triangular factors, graded. In the frame Q the map is W R, with
+W = Q' Q+ orthogonal and, as the frame settles, block diagonal: its eigenvalues are those of the diagonal blocks of W R. A block whose
+eigenvalues are of like size is small enough to be formed.
 """
 
 import math
@@ -12,12 +12,7 @@ import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel, square
 from bvp.kernels.dense import eigenvalues
-from bvp.kernels.flight import copy_1, set_2
 from bvp.kernels.monodromy import FORMED_LIMIT, GRADE
-from bvp.kernels.pencil import sweep
-
-SWEEPS = 60
-"""Largest number of sweeps round the cycle. Diagonal blocks whose eigenvalues still differ in size then are kept as they are."""
 
 APART = 1e-15
 """Two diagonal blocks are separate if their coupling is below this."""
@@ -135,36 +130,3 @@ def block_multipliers(work, size, values):
         settled = _block_eigenvalues(work, first, cut, values) and settled
         first = cut
     return settled
-
-
-@kernel
-def pencil_eigenvalues(factors, work, values):
-    """Eigenvalues of the product of left[i]^-1 right[i] into `values` (2, m), real and imaginary parts.
-
-    Returns (singular factors met, sweeps made). Where there are singular factors, or numbers overflow, `values` are not finite."""
-    frame, older, turn, product, exponent, _, scratch = work
-    size = frame.shape[0]
-    set_2(frame, 0.0)
-    for r in range(size):
-        frame[r, r] = 1.0
-    for count in range(1, SWEEPS + 1):
-        for r in range(size):
-            copy_1(frame[r], older[r])
-        singular = sweep(factors, 1, scratch, frame, product, exponent)
-        finite = singular == 0
-        for r in range(size):
-            for c in range(size):
-                finite = finite and abs(product[r, c]) < math.inf
-        if not finite:
-            set_2(values, math.nan)
-            return singular, count
-        for r in range(size):
-            for c in range(size):
-                total = 0.0
-                for k in range(size):
-                    total += older[k, r] * frame[k, c]
-                turn[r, c] = total
-        settled = block_multipliers(work, size, values)
-        if settled or count == SWEEPS:
-            return 0, count
-    return 0, SWEEPS
