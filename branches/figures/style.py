@@ -118,7 +118,7 @@ def legend_below(figure: Figure, entries: Sequence[Any], most: int, *, height: f
     engine = figure.get_layout_engine()
     if figure.axes and engine is not None:
         engine.execute(figure)
-    figure.set_layout_engine("none")
+    figure.set_layout_engine(None)  # "none" is an engine, too, for which matplotlib draws a figure before it saves it
     return legend
 
 
