@@ -33,6 +33,10 @@ _POINTS = """
 import json, time
 import numpy as np
 from benchmarks.backbone import origin_velocity
+from benchmarks.peers import auto
+from benchmarks.peers.auto_files import AutoSettings
+from benchmarks.speed_error.methods import SHORT_STEP
+from benchmarks.speed_error.tasks import OUT_OF_PHASE
 from branches.family import Family
 from bvp import multipliers
 from bvp.closures import Cycle, cycle_of
@@ -70,8 +74,35 @@ for n, alpha in ((2, 1.7), (3, 1.3), (5, 1.2), (12, 1.05)):
         before, after = np.tile(cycle.before, (k, 1)), np.tile(cycle.after, (k, 1))
         one = Cycle(system, before, after, np.tile(cycle.duration, k), np.tile(cycle.contact, k), 0.0)
         found[f"multipliers {n} {impacts}"] = least(lambda: route(one))
+straight, y = OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()
+family = Family(straight)
+step = family.begin(y)
+found[OUT_OF_PHASE.title] = least(lambda: family.step(step.y, step.tangent, SHORT_STEP))
+if auto.missing() is None:
+    with auto.Auto() as program:
+        time = program.time_a_point(straight, y, AutoSettings(intervals=1, step=SHORT_STEP), short=auto.SHORT, long=auto.LONG)
+    found[OUT_OF_PHASE.title + ", AUTO-07p"] = time.processor
 print(json.dumps(found))
 """
+
+_MEMORY = """
+import resource, subprocess, sys
+subprocess.run([sys.executable, "-m", "saltus", "study", *sys.argv[1:]], check=True, capture_output=True)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+_STUDY = """
+scene = "lee2009"
+design = "grid"
+[vary]
+energy = {{ from = 0.1, to = 10.0, scale = "log", points = {count} }}
+rho = {{ from = 0.3, to = 0.9, points = {count} }}
+[fixed]
+lam = 0.01
+[run]
+until = 3.0
+"""
+"""Short runs: the memory does not depend on how long a run lasts."""
 
 
 @dataclass
@@ -80,17 +111,18 @@ class Side:
 
     name: str
     folder: Path
+    python: Path  # its interpreter
 
-    @property
-    def python(self) -> Path:
-        """Its interpreter."""
-        return self.folder / ".venv/bin/python"
+    def call(self, words: Sequence[str | Path], cache: Path, python: Path | None = None) -> str:
+        """Run an interpreter, by default its own, in its folder. Returns the standard output."""
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "OPENBLAS_NUM_THREADS": "1"}
+        done = subprocess.run([python or self.python, *words], cwd=self.folder, env=environment, check=True, capture_output=True, text=True)
+        return done.stdout
 
     def processor(self, words: Sequence[str], cache: Path, wall: bool = False) -> float:
         """Seconds of a process: of the processor with its children, or of the clock."""
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "OPENBLAS_NUM_THREADS": "1"}
         before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        subprocess.run([self.python, *words], cwd=self.folder, env=environment, check=True, capture_output=True)
+        self.call(words, cache)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         if wall:
             return time.perf_counter() - began
@@ -99,7 +131,7 @@ class Side:
 
 def _made(name: str, commit: str, place: Path) -> Side:
     """A copy of a commit with an environment, in which saltus is installed."""
-    side = Side(name, place / name)
+    side = Side(name, place / name, place / name / ".venv/bin/python")
     progress(f"installing {name} ({commit})")
     try:
         subprocess.run(["git", "clone", "--quiet", "--shared", _ROOT, side.folder], check=True, capture_output=True)
@@ -107,7 +139,7 @@ def _made(name: str, commit: str, place: Path) -> Side:
     except (OSError, subprocess.CalledProcessError) as error:
         raise BadInput(f"cannot take commit {commit} from {_ROOT}: the benchmark needs git, and a checkout with its history") from error
     subprocess.run([sys.executable, "-m", "venv", ".venv"], cwd=side.folder, check=True)
-    subprocess.run([side.python, "-m", "pip", "install", "--quiet", "."], cwd=side.folder, check=True)
+    subprocess.run([side.python, "-m", "pip", "install", "--quiet", ".[test]", "build"], cwd=side.folder, check=True)
     return side
 
 
@@ -146,8 +178,44 @@ ROWS: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
     "first run after it": ("s, wall", _first(_CONTINUE, _RUN)),
     "warm continue S13O00+": ("s, processor", _warm(_CONTINUE)),
 }
+
+
+def _from_a_wheel(side: Side, cache: Path) -> float:
+    """The first `continue` in a new environment with a wheel of the side, as `python -m build` makes it."""
+    side.call(["-m", "build"], cache)
+    shutil.rmtree(cache, ignore_errors=True)
+    wheel = next((side.folder / "dist").glob("*.whl"))
+    with tempfile.TemporaryDirectory(prefix="saltus-wheel-") as place:
+        subprocess.run([sys.executable, "-m", "venv", place], check=True)
+        other = Side(side.name, Path(place), Path(place) / "bin/python")
+        other.call(["-m", "pip", "install", "--quiet", wheel], cache)
+        return other.processor(_CONTINUE, cache, wall=True)
+
+
+def _tests(side: Side, cache: Path) -> float:
+    """The test command, with nothing on disk."""
+    shutil.rmtree(cache, ignore_errors=True)
+    return side.processor(_TESTS, cache, wall=True)
+
+
+def _memory(count: int) -> Callable[[Side, Path], float]:
+    """Largest memory of a study with count^2 runs, in MB."""
+
+    def measure(side: Side, cache: Path) -> float:
+        with tempfile.TemporaryDirectory(prefix="saltus-study-") as place:
+            file = Path(place) / "memory.toml"
+            file.write_text(_STUDY.format(count=count), encoding="utf-8")
+            return int(side.call(["-c", _MEMORY, file, "--workers", "1"], cache)) / 1024
+
+    return measure
+
+
 LONG: dict[str, tuple[str, Callable[[Side, Path], float]]] = {
+    "first continue S13O00+ from a wheel": ("s, wall", _from_a_wheel),
     "build, shipped scene, two workers": ("s, wall", lambda side, cache: side.processor(_BUILD, cache, wall=True)),
+    "test command after installing": ("s, wall", _tests),
+    "study of 10,000 runs": ("MB", _memory(100)),
+    "study of 1,000,000 runs": ("MB", _memory(1000)),
 }
 """What takes minutes."""
 
@@ -156,7 +224,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the task."""
     parser.add_argument("--commit", metavar="COMMIT", default=BEFORE, help=f"the earlier commit (default: {BEFORE})")
     parser.add_argument("--rounds", metavar="N", type=whole_above_zero, default=1, help="measure N times, and take the least (default: 1)")
-    parser.add_argument("--long", action="store_true", help="also what takes minutes: a build of the shipped scene")
+    parser.add_argument("--long", action="store_true", help="also a wheel, a build of the shipped scene, the tests, and studies: an hour")
     parser.set_defaults(run=run)
 
 
@@ -177,6 +245,8 @@ def run(arguments: argparse.Namespace) -> int:
                 units[name] = unit
             progress("points and multipliers")
             points = [_points(side, place / f"cache-{side.name}") for side in sides]
+            if not any("AUTO" in name for name in points[0]):
+                progress("AUTO-07p is not measured: it is not installed")
             for name in points[0]:
                 _note(least, name, [1e6 * seconds[name] for seconds in points])
                 units[name] = "us"
@@ -192,7 +262,5 @@ def _note(least: dict[str, list[float]], name: str, values: list[float]) -> None
 
 def _points(side: Side, cache: Path) -> dict[str, float]:
     """Seconds of one point with everything on, and of its multipliers, by degrees of freedom and impacts."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run([side.python, "-c", _POINTS], cwd=side.folder, env=environment, check=True, capture_output=True, text=True)
-    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    found: dict[str, float] = json.loads(side.call(["-c", _POINTS], cache).splitlines()[-1])
     return found

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 from benchmarks import before_now
 from benchmarks.__main__ import main
@@ -50,13 +51,20 @@ def test_the_points_are_measured_for_each_number_of_degrees_of_freedom():
     environment = {**os.environ, "PYTHONPATH": os.getcwd()}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     found = json.loads(done.stdout.splitlines()[-1])
-    assert set(found) == {f"point {n}" for n in (2, 3, 5, 12)} | {f"multipliers {n} {k}" for n in (2, 3, 5, 12) for k in (2, 64)}
-    assert min(found.values()) > 0.0
+    assert set(found) == {f"point {n}" for n in (2, 3, 5, 12)} | {f"multipliers {n} {k}" for n in (2, 3, 5, 12) for k in (2, 64)} | {
+        name for name in found if name.startswith("S11O00- at h = 1e4")}
+    assert min(found.values()) > 0.0 and "S11O00- at h = 1e4" in found
+
+
+def test_the_memory_is_that_of_the_study(tmp_path):
+    """Oracle: the bounds of any process that imports numpy, and the files that the study writes."""
+    side = before_now.Side("now", Path.cwd(), Path(sys.executable))
+    assert 30.0 < before_now._memory(3)(side, tmp_path) < 1000.0
 
 
 def test_the_table_has_a_row_for_each_figure(monkeypatch, capsys):
     """Oracle: the ratios by hand."""
-    monkeypatch.setattr(before_now, "_made", lambda name, commit, place: before_now.Side(name, place))
+    monkeypatch.setattr(before_now, "_made", lambda name, commit, place: before_now.Side(name, place, place))
     monkeypatch.setattr(before_now, "_points", lambda side, cache: {"point 3": 4e-6 if side.name == "before" else 1e-6})
     monkeypatch.setattr(before_now, "ROWS", {"a run": ("s", lambda side, cache: 6.0 if side.name == "before" else 2.0)})
     assert main(["before-now", "--rounds", "2"]) == 0
