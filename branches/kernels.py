@@ -20,13 +20,13 @@ from bvp.kernels.flight import copy_1, set_1
 from bvp.kernels.monodromy import (
     LOST,
     ClosedOrbit,
-    Passage,
+    EigenvalueWork,
+    LinearisedOrbit,
     Reduction,
-    Spectrum,
     formed_multipliers,
-    make_passage,
+    make_eigenvalue_work,
+    make_linearised_orbit,
     make_reduction,
-    make_spectrum,
 )  # fmt: skip
 from bvp.kernels.multipoint import ImpactList, unfold_impacts, unpack
 from bvp.kernels.pencil import ContactRows
@@ -193,16 +193,16 @@ class PairsWork(NamedTuple):
     half_map: HalfMap
     impacts: ImpactList
     reduction: Reduction
-    passage: Passage
-    spectrum: Spectrum
+    linearised: LinearisedOrbit
+    spectrum: EigenvalueWork
 
 
 def make_pairs_work(problem):
     """Scratch for the orbits of a `MultipointProblem`."""
     nodes = problem.inner + 1 if problem.periodic else 0
-    impacts, passage = make_impacts(nodes, problem.size), make_passage(nodes, problem.size, len(problem.segment.flight.pairs))
+    impacts, linearised = make_impacts(nodes, problem.size), make_linearised_orbit(nodes, problem.size, len(problem.segment.flight.pairs))
     reduction = make_reduction(problem.free, problem.segment.weights, True)
-    return PairsWork(make_half_map(problem.held), impacts, reduction, passage, make_spectrum(2 * problem.pairs))
+    return PairsWork(make_half_map(problem.held), impacts, reduction, linearised, make_eigenvalue_work(2 * problem.pairs))
 
 
 @kernel
@@ -281,7 +281,7 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
     contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
     orbit = ClosedOrbit(work.impacts.before, work.impacts.after, work.impacts.duration, work.impacts.row)
     found, norm, _, _, _ = formed_multipliers(
-        segment.flight, contacts, orbit, True, True, work.reduction, work.passage, work.spectrum
+        segment.flight, contacts, orbit, True, True, work.reduction, work.linearised, work.spectrum
     )
     pivot = abs(result[entry.BRANCHING])
     if found == LOST or not (NOISE * pivot + PIVOT_NOISE) * norm < _RESOLVED * pivot:

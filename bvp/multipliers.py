@@ -22,12 +22,12 @@ from bvp.kernels.monodromy import (
     EXACT,
     FOUND,
     ClosedOrbit,
-    Passage,
+    LinearisedOrbit,
     Reduction,
     formed_multipliers,
-    make_passage,
+    make_eigenvalue_work,
+    make_linearised_orbit,
     make_reduction,
-    make_spectrum,
     order_multipliers,
 )  # fmt: skip
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
@@ -104,14 +104,14 @@ class _SystemData(NamedTuple):
     deflates: bool
     sweeps: SweepWork
     square: np.ndarray
-    passages: dict[int, Passage]
+    passages: dict[int, LinearisedOrbit]
 
-    def passage(self, nodes: int) -> Passage:
+    def linearised(self, nodes: int) -> LinearisedOrbit:
         """Arrays for orbits with so many nodes: those of the last such orbit, if it had as many."""
         found = self.passages.get(nodes)
         if found is None:
             self.passages.clear()
-            found = self.passages[nodes] = make_passage(nodes, len(self.work.scale), len(self.flight.pairs))
+            found = self.passages[nodes] = make_linearised_orbit(nodes, len(self.work.scale), len(self.flight.pairs))
         return found
 
 
@@ -139,16 +139,16 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
         For a cycle without impacts.
     """
     data = _data_of(cycle.system)
-    spectrum = make_spectrum(data.multipliers)
+    spectrum = make_eigenvalue_work(data.multipliers)
     orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
-    passage = data.passage(len(orbit.duration))
+    linearised = data.linearised(len(orbit.duration))
     found, _, flow, level, pairing = formed_multipliers(
-        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, passage, spectrum
+        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, linearised, spectrum
     )
     sweeps = 0
     if found == FOUND and data.deflates:
         sweeps, pairing = deflated_multipliers(
-            data.flight, data.contacts, orbit, passage, data.work, spectrum, data.sweeps, data.square
+            data.flight, data.contacts, orbit, linearised, data.work, spectrum, data.sweeps, data.square
         )
     if found == EXACT or sweeps:
         real, imaginary = spectrum.values
@@ -190,19 +190,18 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     modes = cycle.system.modes
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
-    row, (nodes, size) = scaled.row, scaled.after.shape
+    nodes, size = scaled.after.shape
     free = deflated_motions(cycle.system) if conservative else np.zeros((0, size // 2))
     dimension = size - 1 - int(conservative) - 2 * len(free)
     unbounded = np.full(dimension, complex(math.nan, math.nan))
     unpaired = math.nan if conservative else None
     graze, sine = nearest_grazing(cycle)
     if sine < GRAZING_LIMIT:
-        note = f"impact {graze + 1} of {np.sum(row >= 0)} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
+        note = f"impact {graze + 1} of {nodes} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
         return Multipliers(unbounded, math.nan, unpaired, False, np.full((dimension, dimension), math.nan), 0, note)
-    width = np.full(nodes, dimension)
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
-    factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)), width, width, False)
+    factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)))
     landings(modes.flight, contacts, scaled, linear)
     pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
     flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))

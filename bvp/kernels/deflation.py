@@ -14,7 +14,7 @@ import math
 from bvp.kernels.compiled import inlined, kernel, square
 from bvp.kernels.dense import eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
-from bvp.kernels.monodromy import GRADE, order_multipliers, sort_by_modulus, strike, trivial_rows
+from bvp.kernels.monodromy import GRADE, linearised_impact, order_multipliers, sort_by_modulus, trivial_rows
 from bvp.kernels.pencil import complement
 from bvp.kernels.sweeps import block_multipliers
 
@@ -88,7 +88,7 @@ def _orthonormalise(rows, weights, count, sweeps, x, rest):
 
 
 @inlined
-def _largest_change(passage, contacts, contact, scale):
+def _largest_change(linearised, contacts, contact, scale):
     """The largest change of a scaled perturbation by its late arrival at an impact."""
     nodes = contact.shape[0]
     largest = 0.0
@@ -98,18 +98,18 @@ def _largest_change(passage, contacts, contact, scale):
             late = 0.0
             gap = 0.0
             for r in range(scale.shape[0]):
-                late += (passage.late[s, r] / scale[r]) ** 2
+                late += (linearised.late[s, r] / scale[r]) ** 2
                 gap += (contacts.gap[c, r] * scale[r]) ** 2
             largest = max(largest, late * gap)
     return math.sqrt(largest)
 
 
 @inlined
-def _carry(passage, contacts, at, contact, back, z):
+def _carry(linearised, contacts, at, contact, back, z):
     """z (N,) over a flight and the impact after it (-1: none), or back over both, for displacements and velocities without damping: gaps
     see the former, impacts push the latter."""
     half = z.shape[0] // 2
-    entries, late = passage.flight[at], passage.late[at]
+    entries, late = linearised.flight[at], linearised.late[at]
     c = max(contact, 0)
     jump = contacts.jump[c] if contact >= 0 else 0.0
     lateness = 0.0
@@ -148,25 +148,25 @@ def _carry(passage, contacts, at, contact, back, z):
 
 
 @inlined
-def _carry_columns(passage, contacts, at, contact, x, columns, lines):
+def _carry_columns(linearised, contacts, at, contact, x, columns, lines):
     """The same, forwards, for the first columns of x (N, N) at once. lines (2, N): scratch."""
     half = x.shape[0] // 2
     for r in range(half):
-        e11 = passage.flight[at, 0, r]
-        e12 = passage.flight[at, 1, r]
-        e21 = passage.flight[at, 2, r]
-        e22 = passage.flight[at, 3, r]
+        e11 = linearised.flight[at, 0, r]
+        e12 = linearised.flight[at, 1, r]
+        e21 = linearised.flight[at, 2, r]
+        e22 = linearised.flight[at, 3, r]
         for c in range(columns):
             a = x[r, c]
             b = x[half + r, c]
             x[r, c] = e11 * a + e12 * b
             x[half + r, c] = e21 * a + e22 * b
     if contact >= 0:
-        strike(contacts, contact, passage.late[at], x, columns, lines)
+        linearised_impact(contacts, contact, linearised.late[at], x, columns, lines)
 
 
 @inlined
-def _round(passage, contacts, contact, back, columns, count, work, sweeps):
+def _round(linearised, contacts, contact, back, columns, count, work, sweeps):
     """Carry the first rows of sweeps.frame (m, m) once round the cycle, or back: `columns` of them, of which the first `count` are kept
     orthonormal and the others, forwards only, perpendicular to these. The column c of work.square becomes the image of row c in the same
     coordinates, and sweeps.product and exponent the triangular factor of the first ones."""
@@ -198,13 +198,13 @@ def _round(passage, contacts, contact, back, columns, count, work, sweeps):
         grown = 0.0
         for c in range(count):
             z = rows[c]
-            _carry(passage, contacts, at, hit, back, z)
+            _carry(linearised, contacts, at, hit, back, z)
             total = 0.0
             for r in range(size):
                 total += weights[r] * z[r] * z[r]
             grown = max(grown, total)
         if rest > 0:
-            _carry_columns(passage, contacts, at, hit, x, rest, lines)
+            _carry_columns(linearised, contacts, at, hit, x, rest, lines)
         if grown > _GROWTH * _GROWTH:
             _orthonormalise(rows, weights, count, sweeps, x, rest)
     set_2(y, 0.0)
@@ -259,7 +259,7 @@ def _complete(frame, count, scratch, factor):
 
 
 @kernel
-def _settle(passage, contacts, contact, back, count_and_columns, ratio, work, sweeps, values):
+def _settle(linearised, contacts, contact, back, count_and_columns, ratio, work, sweeps, values):
     """Rounds until the first `count` rows of the frame span what the cycle carries along, with their multipliers in `values` (2, m).
     ratio: of the largest other modulus to the least of theirs. columns: that the last round carries. Returns how many rounds; 0 if they do
     not settle."""
@@ -270,7 +270,7 @@ def _settle(passage, contacts, contact, back, count_and_columns, ratio, work, sw
         wide = known and columns > count
         if wide:
             _complete(sweeps.frame, count, sweeps.turn, sweeps.scratch[1, 2])
-        _round(passage, contacts, contact, back, columns if wide else count, count, work, sweeps)
+        _round(linearised, contacts, contact, back, columns if wide else count, count, work, sweeps)
         away = _turn(work.square, count, sweeps)
         if not away < math.inf:
             return 0
@@ -368,16 +368,16 @@ def _invert(values, count, out):
 
 
 @kernel
-def deflated_multipliers(flight, contacts, orbit, passage, work, spectrum, sweeps, matrix):
+def deflated_multipliers(flight, contacts, orbit, linearised, work, spectrum, sweeps, matrix):
     """Multipliers of an orbit of a conservative system, after `bvp.kernels.monodromy.formed_multipliers` with the same arguments, into
     spectrum.values.
 
-    passage: filled by that. sweeps: `bvp.kernels.sweeps.make_sweep_work`. matrix (m, m): scratch. Returns (rounds; largest defect of
+    linearised: filled by that. sweeps: `bvp.kernels.sweeps.make_sweep_work`. matrix (m, m): scratch. Returns (rounds; largest defect of
     a pair); rounds are 0 where the multipliers do not part well."""
     values, other, found = spectrum.values, spectrum.sums, sweeps.scratch[2]
     frame, basis, factor, line = sweeps.frame, sweeps.scratch[0], sweeps.scratch[1, 2], sweeps.scratch[1, 1]
     m = frame.shape[0]
-    if not _largest_change(passage, contacts, orbit.contact, work.scale) < _NORM:
+    if not _largest_change(linearised, contacts, orbit.contact, work.scale) < _NORM:
         return 0, math.inf
     trivial_rows(flight, orbit, True, work)
     complement(work.vectors, work.vectors.shape[0], basis, factor)
@@ -427,7 +427,7 @@ def deflated_multipliers(flight, contacts, orbit, passage, work, spectrum, sweep
             copy_1(matrix[j], frame[count + j])
         count += lead
         first = count if first == 0 else first
-        more = _settle(passage, contacts, orbit.contact, False, (count, m if 2 * count < m else count), ratio, work, sweeps, values)
+        more = _settle(linearised, contacts, orbit.contact, False, (count, m if 2 * count < m else count), ratio, work, sweeps, values)
         if more == 0:
             return 0, math.inf
         rounds += more
@@ -457,7 +457,7 @@ def deflated_multipliers(flight, contacts, orbit, passage, work, spectrum, sweep
                 left[r, c] = spectrum.matrix[c, r]
         _iterate(left, count, ratio, frame, line)
     _dual(basis, frame, count, line)
-    more = _settle(passage, contacts, orbit.contact, True, (count, count), ratio, work, sweeps, other)
+    more = _settle(linearised, contacts, orbit.contact, True, (count, count), ratio, work, sweeps, other)
     if more == 0:
         return 0, math.inf
     _invert(other, count, values[:, count + middle :])

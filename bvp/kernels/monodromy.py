@@ -53,7 +53,7 @@ def make_reduction(free, weights, conservative):
     )
 
 
-class Spectrum(NamedTuple):
+class EigenvalueWork(NamedTuple):
     """What `formed_multipliers` finds: m nontrivial multipliers."""
 
     matrix: np.ndarray  # (m, m) the map of the perturbations without the trivial ones
@@ -62,10 +62,10 @@ class Spectrum(NamedTuple):
     sums: np.ndarray  # (2, m) of a conservative system, lambda + 1/lambda of each pair: real and imaginary parts, m/2 columns
 
 
-def make_spectrum(count):
+def make_eigenvalue_work(count):
     """Arrays for the given number of nontrivial multipliers."""
     square, row = (count, count), (2, count)
-    return Spectrum(np.empty(square), np.empty(square), np.empty(row), np.empty(row))
+    return EigenvalueWork(np.empty(square), np.empty(square), np.empty(row), np.empty(row))
 
 
 class ClosedOrbit(NamedTuple):
@@ -77,16 +77,16 @@ class ClosedOrbit(NamedTuple):
     contact: np.ndarray  # (P,) int64; -1 for a cut
 
 
-class Passage(NamedTuple):
+class LinearisedOrbit(NamedTuple):
     """Flights and impacts of a closed orbit in numbers that each walk round it uses: P nodes, B blocks."""
 
     flight: np.ndarray  # (P, 4, B) the entries of exp(B t) of each pair, row by row
-    late: np.ndarray  # (P, N) of `strike_late`, for the impact at its end
+    late: np.ndarray  # (P, N) of `arrival_sensitivity`, for the impact at its end
 
 
-def make_passage(nodes, size, blocks):
+def make_linearised_orbit(nodes, size, blocks):
     """Arrays for the orbits with this number of nodes."""
-    return Passage(np.zeros((nodes, 4, blocks)), np.zeros((nodes, size)))
+    return LinearisedOrbit(np.zeros((nodes, 4, blocks)), np.zeros((nodes, size)))
 
 
 @inlined
@@ -108,7 +108,7 @@ def set_flight(flight, t, entries):
 
 
 @inlined
-def fly(flight, t, entries, x, columns, square, line):
+def linearised_flight(flight, t, entries, x, columns, square, line):
     """x <- exp(B t) x, the first columns of x (N, N) at once. entries: of `set_flight`. Scratch: square (N, N), line (N,)."""
     pairs, mean, _, matrix = flight
     for k in range(pairs.shape[0]):
@@ -139,7 +139,7 @@ def fly(flight, t, entries, x, columns, square, line):
 
 
 @inlined
-def strike_late(flight, contacts, contact, before, after, coming, late):
+def arrival_sensitivity(flight, contacts, contact, before, after, coming, late):
     """late <- (f+ - R f-)/(g . f-) of an impact: its change of a perturbation that arrives late. coming (N,): scratch."""
     size = late.shape[0]
     jump = contacts.jump[contact]
@@ -155,8 +155,8 @@ def strike_late(flight, contacts, contact, before, after, coming, late):
 
 
 @inlined
-def strike(contacts, contact, late, x, columns, lines):
-    """x <- S x at an impact, the first columns of x (N, N) at once. late: of `strike_late`. lines (2, N): scratch."""
+def linearised_impact(contacts, contact, late, x, columns, lines):
+    """x <- S x at an impact, the first columns of x (N, N) at once. late: of `arrival_sensitivity`. lines (2, N): scratch."""
     size = x.shape[0]
     jump = contacts.jump[contact]
     lateness = lines[0]
@@ -311,17 +311,17 @@ def _pairing(values, sums):
 
 @kernel
 def order_multipliers(values, sums, paired):
-    """Sort multipliers, and return the largest defect of a pair where they come in pairs. See `Spectrum` for the arrays."""
+    """Sort multipliers, and return the largest defect of a pair where they come in pairs. See `EigenvalueWork` for the arrays."""
     sort_by_modulus(values, sums)
     return _pairing(values, sums) if paired else 0.0
 
 
 @kernel
-def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, passage, spectrum):
+def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, linearised, spectrum):
     """Multipliers of a closed orbit from its monodromy M, into `spectrum`.
 
-    contacts: `bvp.kernels.pencil.ContactRows`. scaled: whether displacements and velocities are divided by their sizes. passage: its arrays
-    are filled. Returns (LOST, FOUND or EXACT; norm of the reduced map; |(M - I) f|/|f| for the flow f; |grad H (M - I)|/|grad H|; largest
+    contacts: `bvp.kernels.pencil.ContactRows`. scaled: whether displacements and velocities are divided by their sizes. linearised: is
+    filled. Returns (LOST, FOUND or EXACT; norm of the reduced map; |(M - I) f|/|f| for the flow f; |grad H (M - I)|/|grad H|; largest
     defect of a pair); the last two only for a conservative system."""
     _, x, square, lines, vectors, scale, weights = work
     size = x.shape[0]
@@ -335,20 +335,20 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, pass
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
         t = orbit.duration[i]
-        entries = passage.flight[i]
+        entries = linearised.flight[i]
         if i > 0 and t == orbit.duration[i - 1]:
             for k in range(4):
-                copy_1(passage.flight[i - 1, k], entries[k])
+                copy_1(linearised.flight[i - 1, k], entries[k])
         else:
             set_flight(flight, t, entries)
-        fly(flight, t, entries, x, size, square, lines[0])
+        linearised_flight(flight, t, entries, x, size, square, lines[0])
         contact = orbit.contact[j]
         if contact >= 0:
             impacts += 1
-            strike_late(flight, contacts, contact, orbit.before[j], orbit.after[j], lines[0], passage.late[i])
-            strike(contacts, contact, passage.late[i], x, size, lines[2:])
+            arrival_sensitivity(flight, contacts, contact, orbit.before[j], orbit.after[j], lines[0], linearised.late[i])
+            linearised_impact(contacts, contact, linearised.late[i], x, size, lines[2:])
         else:
-            set_1(passage.late[i], 0.0)
+            set_1(linearised.late[i], 0.0)
     trivial_rows(flight, orbit, conservative, work)
     first = vectors[0]
     for r in range(size):

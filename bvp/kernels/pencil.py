@@ -13,9 +13,6 @@ turn it into
 whose cyclic product has the nontrivial Floquet multipliers as eigenvalues. E_i is singular only where an
 impact grazes; no inverse is formed.
 
-A node may also be a plain cut of a flight (no contact): it constrains nothing and its duration is fixed. The pencil is then
-rectangular there; row[i] < 0 marks such a node.
-
 `sweep` is periodic QR without shifts (Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001)
 2389): every factor is kept triangular, so that small multipliers survive beside large ones.
 """
@@ -53,14 +50,12 @@ def complement(vectors, count, out, factor):
 
 
 @inlined
-def _constraints(gap, weights, after, scale, conservative, cut, vectors):
+def _constraints(gap, weights, after, scale, conservative, vectors):
     """Rows that a perturbation of a node is orthogonal to; returns how many."""
     size = after.shape[0]
-    count = 0
-    if not cut:
-        for r in range(size):
-            vectors[count, r] = gap[r] * scale[r]
-        count += 1
+    for r in range(size):
+        vectors[0, r] = gap[r] * scale[r]
+    count = 1
     if conservative:
         for r in range(size):
             vectors[count, r] = weights[r] * after[r] * scale[r]
@@ -91,12 +86,12 @@ class ContactRows(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """The nodes of a closed orbit: its impacts, and cuts of flights."""
+    """The nodes of a closed orbit: its impacts."""
 
     before: np.ndarray  # (P, N) states before each
     after: np.ndarray  # (P, N) and after it
     duration: np.ndarray  # (P,) of the flight after each
-    row: np.ndarray  # (P,) int64 contact; -1 for a cut
+    row: np.ndarray  # (P,) int64 contact
     scale: np.ndarray  # (N,) sizes of the states' entries
     weights: np.ndarray  # (N,) H = sum(weights z^2)/2
 
@@ -109,13 +104,10 @@ class Linearised(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """A product pencil: factor i uses the first rows and columns of its arrays."""
+    """A product pencil: each factor (d, d) is the first rows and columns of its array."""
 
     left: np.ndarray  # (P, N, N) E_i
     right: np.ndarray  # (P, N, N) A_i
-    height: np.ndarray  # (P,) rows m_i
-    width: np.ndarray  # (P,) columns of E_i
-    square: bool  # all heights and widths are those of the frame, and are not looked at
 
 
 @inlined
@@ -127,9 +119,8 @@ def landings(flight, contacts, cycle, linear):
     # Equation (27): J_i and F_i, in scaled states.
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
-        contact = max(row[j], 0)
         flow_matrix(flight, duration[i], maps[i])
-        land(flight, contacts.rate, contacts.push, contact, 0.0 if row[j] < 0 else contacts.jump[contact], before[j], maps[i], along[i])
+        land(flight, contacts.rate, contacts.push, row[j], contacts.jump[row[j]], before[j], maps[i], along[i])
         for r in range(size):
             along[i, r] /= scale[r]
             for c in range(size):
@@ -141,8 +132,8 @@ def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor
     """Fill the left and right `factors` of the product pencil, without the f motions `free` (f, n) that no spring and no stop resists;
     None: there are none.
 
-    E_i is (m_i, d_{i+1}) and A_i is (m_i, d_i), where d = N - 2 f less the constraints of a node and m_i = d_{i+1}, or for a cut
-    m_i = d_{i+1} of an unconstrained node. linear: of `landings`. scratch (5, max(N, 2), N), factor (2 + 2 f,)."""
+    E_i and A_i are (d, d), where d = N - 2 f less the constraints of a node.
+    linear: of `landings`. scratch (5, max(N, 2), N), factor (2 + 2 f,)."""
     gap, weights = contacts.gap, cycle.weights
     after, row, scale = cycle.after, cycle.row, cycle.scale
     maps, along = linear
@@ -153,25 +144,20 @@ def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor
     rows = scratch[2]
     vectors = scratch[3]
     image = scratch[4, 0]
-    count = _constraints(gap[max(row[0], 0)], weights, after[0], scale, conservative, row[0] < 0, vectors)
+    count = _constraints(gap[row[0]], weights, after[0], scale, conservative, vectors)
     if free is not None:
         count = _leave_out(free, count, vectors)
     complement(vectors, count, basis, factor)
     dimension = size - count
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
-        contact = max(row[j], 0)
-        cut = row[j] < 0
-        count = _constraints(gap[contact], weights, after[j], scale, conservative, cut, vectors)
+        count = _constraints(gap[row[j]], weights, after[j], scale, conservative, vectors)
         if free is not None:
             count = _leave_out(free, count, vectors)
         complement(vectors, count, following, factor)
-        next_dimension = size - count
         # Q_i of equation (31): the rows that annihilate F_i, and the energy's gradient.
-        count = 0
-        if not cut:
-            copy_1(along[i], vectors[0])
-            count = 1
+        copy_1(along[i], vectors[0])
+        count = 1
         if conservative:
             for r in range(size):
                 vectors[count, r] = weights[r] * after[j, r] * scale[r]
@@ -179,16 +165,14 @@ def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor
         if free is not None:
             count = _leave_out(free, count, vectors)
         complement(vectors, count, rows, factor)
-        height = size - count
         # E_i and A_i of equation (31).
-        for a in range(height):
-            for b in range(next_dimension):
+        for a in range(dimension):
+            for b in range(dimension):
                 left[i, a, b] = inner(rows[a], following[b])
             for c in range(size):
                 image[c] = inner(rows[a], maps[i, :, c])
             for b in range(dimension):
                 right[i, a, b] = inner(image, basis[b])
-        dimension = next_dimension
         basis, following = following, basis
 
 
@@ -223,18 +207,16 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
     for count in range(repeats * nodes):
         i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
-        contact = max(row[j], 0)
-        cut = row[j] < 0
+        contact = row[j]
         times_matrix(maps[i], flow, work)
-        if not cut:
-            block_product(flight.pairs, flight.matrix, after[j], field)
-            hit = 0.0
-            speed = 0.0
-            for r in range(size):
-                hit += gap[contact, r] * scale[r] * work[r]
-                speed += gap[contact, r] * scale[r] * along[i, r]
-            for r in range(size):
-                work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
+        block_product(flight.pairs, flight.matrix, after[j], field)
+        hit = 0.0
+        speed = 0.0
+        for r in range(size):
+            hit += gap[contact, r] * scale[r] * work[r]
+            speed += gap[contact, r] * scale[r] * along[i, r]
+        for r in range(size):
+            work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
         copy_1(work, flow)
     kept_flow = departure(first, flow)
     for r in range(size):
@@ -244,17 +226,15 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
     for count in range(repeats * nodes - 1, -1, -1):
         i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
-        contact = max(row[j], 0)
-        cut = row[j] < 0
-        if not cut:
-            block_product(flight.pairs, flight.matrix, after[j], field)
-            along_flow = 0.0
-            speed = 0.0
-            for r in range(size):
-                along_flow += flow[r] * (field[r] / scale[r] - along[i, r])
-                speed += gap[contact, r] * scale[r] * along[i, r]
-            for r in range(size):
-                flow[r] += along_flow / speed * gap[contact, r] * scale[r]
+        contact = row[j]
+        block_product(flight.pairs, flight.matrix, after[j], field)
+        along_flow = 0.0
+        speed = 0.0
+        for r in range(size):
+            along_flow += flow[r] * (field[r] / scale[r] - along[i, r])
+            speed += gap[contact, r] * scale[r] * along[i, r]
+        for r in range(size):
+            flow[r] += along_flow / speed * gap[contact, r] * scale[r]
         for c in range(size):
             work[c] = inner(flow, maps[i, :, c])
         copy_1(work, flow)
@@ -274,10 +254,10 @@ def _rotation(a, b):
 def sweep(factors, repeats, scratch, frame, product, exponent):
     """One orthogonal sweep round the cycle, which runs through the given factors `repeats` times. scratch (4, N, N).
 
-    frame (d_0, w): orthonormal columns at node 0, replaced by those that node P is reached with.
+    frame (w, w): orthonormal columns at node 0, replaced by those that node P is reached with.
     product (w, w): upper triangular product of the factors U_i^-1 T_i, scaled by 2^-exponent[j] in row j. Returns the number of
     singular factors met (grazing impacts)."""
-    left, right, height, width, square = factors
+    left, right = factors
     w = frame.shape[1]
     nodes = left.shape[0]
     singular = 0
@@ -290,20 +270,17 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
     for c in range(w):
         product[c, c] = 1.0
         exponent[c] = 0.0
-    here = w if square else frame.shape[0]
-    for r in range(here):
+    for r in range(w):
         copy_1(frame[r], current[r, :w])
     for count in range(repeats * nodes):
         i = count % nodes
-        m = w if square else height[i]
-        d = w if square else width[i]
-        for a in range(m):
+        for a in range(w):
             for c in range(w):
-                top[a, c] = inner(right[i, a, :here], current[:here, c])
-            copy_1(left[i, a], e[a, :d])
+                top[a, c] = inner(right[i, a, :w], current[:w, c])
+            copy_1(left[i, a], e[a, :w])
         for c in range(w):
             # Rotations of the rows make A_i times the frame triangular.
-            for r in range(m - 1, c, -1):
+            for r in range(w - 1, c, -1):
                 if top[r, c] == 0.0:
                     continue
                 cs, sn = _rotation(top[r - 1, c], top[r, c])
@@ -312,33 +289,32 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
                     q = top[r, b]
                     top[r - 1, b] = cs * p + sn * q
                     top[r, b] = cs * q - sn * p
-                for b in range(d):
+                for b in range(w):
                     p = e[r - 1, b]
                     q = e[r, b]
                     e[r - 1, b] = cs * p + sn * q
                     e[r, b] = cs * q - sn * p
-        for a in range(d):
-            for b in range(d):
+        for a in range(w):
+            for b in range(w):
                 y[a, b] = 1.0 if a == b else 0.0
         # Rotations of the columns make E_i triangular; they turn the next frame.
-        for r in range(d - 1, -1, -1):
+        for r in range(w - 1, -1, -1):
             for c in range(r):
                 if e[r, c] == 0.0:
                     continue
                 cs, sn = _rotation(e[r, r], e[r, c])
-                for a in range(m):
+                for a in range(w):
                     p = e[a, r]
                     q = e[a, c]
                     e[a, r] = cs * p + sn * q
                     e[a, c] = cs * q - sn * p
-                for a in range(d):
+                for a in range(w):
                     p = y[a, r]
                     q = y[a, c]
                     y[a, r] = cs * p + sn * q
                     y[a, c] = cs * q - sn * p
-        for a in range(d):
+        for a in range(w):
             copy_1(y[a], current[a, :w])
-        here = d
         for c in range(w):
             for b in range(c, w):
                 total = 0.0
@@ -364,6 +340,6 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
                 scaled = True
                 for b in range(c, w):
                     product[c, b] *= 2.0**-shift
-    for r in range(here):
+    for r in range(w):
         copy_1(current[r], frame[r])
     return singular

@@ -259,7 +259,7 @@ def orbit_stability(packed, y, ends, period, result):
     contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
     cycle = Nodes(cycle_before, cycle_after, cycle_time, cycle_row, scale, segment.weights)
     linear = Linearised(maps, along)
-    factors = Factors(left, right, cycle_row, cycle_row, True)
+    factors = Factors(left, right)
     landings(segment.flight, contacts, cycle, linear)
     pencil(contacts, cycle, True, None, linear, factors, scratch.square, scratch.plane[0, 0])
     dimension = 2

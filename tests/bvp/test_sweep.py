@@ -15,8 +15,8 @@ def test_triangular_factor_of_products_beyond_the_range_of_floats(size):
     left, right = rng.normal(size=(4, 2, 2)), size * rng.normal(size=(4, 2, 2))
     frame = np.linalg.qr(rng.normal(size=(2, 2)))[0]
     first = mpmath.matrix(frame[:, 0].tolist())
-    product, exponent, width = np.empty((2, 2)), np.empty(2), np.array([2, 2, 2, 2])
-    assert sweep(Factors(left, right, width, width, False), 3, np.empty((4, 2, 2)), frame, product, exponent) == 0
+    product, exponent = np.empty((2, 2)), np.empty(2)
+    assert sweep(Factors(left, right), 3, np.empty((4, 2, 2)), frame, product, exponent) == 0
     with mpmath.workdps(60):
         whole = mpmath.eye(2)
         for i in [0, 1, 2, 3] * 3:

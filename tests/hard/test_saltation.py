@@ -148,8 +148,7 @@ def pencil_trace(cycle, names):
     landings = next(mutants(pencils.landings, names))[1]
     landings(modes.flight, contacts, scaled, linear)
     conservative = cycle.system.is_conservative
-    # The heights and widths are for the sweep alone.
-    factors = pencils.Factors(left, right, scaled.row, scaled.row, False)
+    factors = pencils.Factors(left, right)
     free = np.empty((0, size // 2))
     pencils.pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
     width = size - 1 - int(conservative)
