@@ -315,8 +315,8 @@ class Study:
 
     @property
     def nbytes(self) -> int:
-        """Number of bytes of its arrays."""
-        return sum(values.nbytes for values in self._columns.values())
+        """Number of bytes of its arrays. All of them are read for it."""
+        return sum(self._columns[name].nbytes for name in block_columns(self.plan))
 
     def endings(self) -> dict[Ending, int]:
         """Number of runs with each ending."""
