@@ -35,7 +35,8 @@ import numpy as np
 from benchmarks.backbone import origin_velocity
 from benchmarks.peers import auto
 from benchmarks.peers.auto_files import AutoSettings
-from benchmarks.speed_error.methods import SHORT_STEP
+from benchmarks.speed_error.exact import EXACT
+from benchmarks.speed_error.methods import OWN_SHORT, SHORT_STEP
 from benchmarks.speed_error.tasks import OUT_OF_PHASE
 from branches.family import Family
 from bvp import multipliers
@@ -74,13 +75,12 @@ for n, alpha in ((2, 1.7), (3, 1.3), (5, 1.2), (12, 1.05)):
         before, after = np.tile(cycle.before, (k, 1)), np.tile(cycle.after, (k, 1))
         one = Cycle(system, before, after, np.tile(cycle.duration, k), np.tile(cycle.contact, k), 0.0)
         found[f"multipliers {n} {impacts}"] = least(lambda: route(one))
-straight, y = OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()
-family = Family(straight)
-step = family.begin(y)
-found[OUT_OF_PHASE.title] = least(lambda: family.step(step.y, step.tangent, SHORT_STEP))
+straight = next(method for method in EXACT if method.name == OWN_SHORT).prepare(OUT_OF_PHASE, None)
+found[OUT_OF_PHASE.title] = min(straight.measured().seconds for _ in range(3))
 if auto.missing() is None:
     with auto.Auto() as program:
-        time = program.time_a_point(straight, y, AutoSettings(intervals=1, step=SHORT_STEP), short=auto.SHORT, long=auto.LONG)
+        orbit, settings = (OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()), AutoSettings(intervals=1, step=SHORT_STEP)
+        time = program.time_a_point(*orbit, settings, short=auto.SHORT, long=auto.LONG)
     found[OUT_OF_PHASE.title + ", AUTO-07p"] = time.processor
 print(json.dumps(found))
 """
