@@ -242,7 +242,7 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
 
 
 @inlined
-def _rotation(a, b):
+def rotation(a, b):
     """c, s with c a + s b = r, -s a + c b = 0."""
     if b == 0.0:
         return 1.0, 0.0
@@ -283,7 +283,7 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
             for r in range(w - 1, c, -1):
                 if top[r, c] == 0.0:
                     continue
-                cs, sn = _rotation(top[r - 1, c], top[r, c])
+                cs, sn = rotation(top[r - 1, c], top[r, c])
                 for b in range(c, w):
                     p = top[r - 1, b]
                     q = top[r, b]
@@ -302,7 +302,7 @@ def sweep(factors, repeats, scratch, frame, product, exponent):
             for c in range(r):
                 if e[r, c] == 0.0:
                     continue
-                cs, sn = _rotation(e[r, r], e[r, c])
+                cs, sn = rotation(e[r, r], e[r, c])
                 for a in range(w):
                     p = e[a, r]
                     q = e[a, c]

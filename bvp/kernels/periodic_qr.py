@@ -9,6 +9,7 @@ equal or nearly equal size, which sweeps without shifts do not.
 import math
 
 from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.pencil import rotation
 
 _EPSILON = 2.220446049250313e-16
 
@@ -17,15 +18,6 @@ _STEPS = 60
 
 _LARGE = 1e100
 """Products outside 1/this .. this are scaled by a power of two."""
-
-
-@inlined
-def _rotation(a, b):
-    """c, s with -s a + c b = 0."""
-    if b == 0.0:
-        return 1.0, 0.0
-    r = math.hypot(a, b)
-    return a / r, b / r
 
 
 @inlined
@@ -57,11 +49,11 @@ def _pass_on(factors, inverse, i, c, s, low, high, bottom):
         matrix = factors[k]
         if inverse[k] == 0:
             _turn_columns(matrix, i, c, s, low, i + 1)
-            c, s = _rotation(matrix[i, i], matrix[i + 1, i])
+            c, s = rotation(matrix[i, i], matrix[i + 1, i])
             _turn_rows(matrix, i, c, s, i, high)
         else:
             _turn_rows(matrix, i, c, s, i, high)
-            c, s = _rotation(matrix[i + 1, i + 1], -matrix[i + 1, i])
+            c, s = rotation(matrix[i + 1, i + 1], -matrix[i + 1, i])
             _turn_columns(matrix, i, c, s, low, i + 1)
         matrix[i + 1, i] = 0.0
     _turn_columns(factors[last], i, c, s, low, bottom)
@@ -78,14 +70,14 @@ def _triangular(factors, inverse, k):
         for r in range(size - 2, j - 1, -1):
             if inverse[k] == 0:
                 i = r
-                c, s = _rotation(matrix[i, j], matrix[i + 1, j])
+                c, s = rotation(matrix[i, j], matrix[i + 1, j])
                 _turn_rows(matrix, i, c, s, j, size - 1)
                 matrix[i + 1, j] = 0.0
             else:
                 # From the last row upwards.
                 row = size - 1 - j
                 i = size - 2 - r
-                c, s = _rotation(matrix[row, i + 1], -matrix[row, i])
+                c, s = rotation(matrix[row, i + 1], -matrix[row, i])
                 _turn_columns(matrix, i, c, s, 0, row)
                 matrix[row, i] = 0.0
             if inverse[after] == 0:
@@ -207,7 +199,7 @@ def _step(factors, inverse, low, high, exceptional, corner):
     for k in range(low - 1, high - 1):
         # A rotation of the last two of three rows, then one of the first two.
         if k + 3 <= high:
-            cosine, sine = _rotation(y, z)
+            cosine, sine = rotation(y, z)
             _turn_rows(h, k + 2, cosine, sine, max(k, low), high)
             _pass_on(factors, inverse, k + 2, cosine, sine, low, high, min(k + 5, high))
             if k >= low:
@@ -217,7 +209,7 @@ def _step(factors, inverse, low, high, exceptional, corner):
                 y = math.hypot(y, z)
         if k >= low:
             x = h[k + 1, k]
-        cosine, sine = _rotation(x, y)
+        cosine, sine = rotation(x, y)
         _turn_rows(h, k + 1, cosine, sine, max(k, low), high)
         _pass_on(factors, inverse, k + 1, cosine, sine, low, high, min(k + 4, high))
         if k >= low:
@@ -249,7 +241,7 @@ def product_eigenvalues(factors, inverse, corner, product, values):
                     return -1
     for j in range(size - 2):
         for i in range(size - 2, j, -1):
-            c, s = _rotation(h[i, j], h[i + 1, j])
+            c, s = rotation(h[i, j], h[i + 1, j])
             _turn_rows(h, i, c, s, j, size - 1)
             h[i + 1, j] = 0.0
             _pass_on(factors, inverse, i, c, s, 0, size - 1, size - 1)
