@@ -145,12 +145,13 @@ def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
 
     Examples
     --------
-    >>> coupled_groups(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2.0], [0.0, 2.0, 0.0]]))
+    >>> coupled_groups(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2e-9], [0.0, 2e-9, 0.0]]))
     [(1, 2), (0,)]
     """
     from scipy.sparse.csgraph import connected_components
 
-    count, member = connected_components(damping, directed=False)
+    # scipy would take entries below 1e-8 of a matrix of floats for zeros.
+    count, member = connected_components(damping != 0.0, directed=False)
     groups = [tuple(np.flatnonzero(member == k).tolist()) for k in range(count)]
     return sorted(groups, key=lambda group: (len(group) == 1, group))
 

@@ -5,7 +5,7 @@ Impacts magnify what they start from: motions are compared over times in which r
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bvp.fast_path import CLEARED, DECLINED, TIMED, fast_path_numbers, run_fast_path
@@ -68,6 +68,7 @@ def test_the_reference_system(lam, rho):
 @given(
     mu=st.floats(0.02, 1.0), sigma=st.floats(0.05, 2.0), lam=st.floats(0.0, 0.5), rho=st.floats(0.3, 1.0), seed=st.integers(0, 1000)
 )
+@example(mu=1.0, sigma=1.0, lam=9.574507052111664e-09, rho=1.0, seed=0)
 def test_other_systems_and_states(mu, sigma, lam, rho, seed):
     """Oracle: as above."""
     system = vibro_impact_nes(mu, sigma, lam, rho)
