@@ -154,12 +154,15 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
         real, imaginary = spectrum.values
         values = np.empty(len(real), complex)
         values.real, values.imag = real, imaginary
-        return _judged(values, max(flow, level), pairing if data.conservative else None, spectrum.matrix, sweeps)
+        return _judged(cycle, values, max(flow, level), pairing if data.conservative else None, spectrum.matrix, sweeps)
     return saddle_point_multipliers(cycle)
 
 
-def _judged(values: np.ndarray, trivial: float, pairing: float | None, matrix: np.ndarray, sweeps: int) -> Multipliers:
-    """The multipliers, with whether they are reliable."""
+def _judged(cycle: Cycle, values: np.ndarray, trivial: float, pairing: float | None, matrix: np.ndarray, sweeps: int) -> Multipliers:
+    """The sorted multipliers, with whether they are reliable. A plastic impact has a singular map: the smallest multiplier is 0, not what
+    rounding leaves of it."""
+    if pairing is None and np.any(cycle.system.modes.contacts.restitution[cycle.contact[cycle.contact >= 0]] == 0.0):
+        values[-1] = 0.0
     largest = max(1.0, abs(values[0])) if len(values) else 1.0
     faults = []
     if pairing is not None and not pairing < PAIRING_LIMIT:
@@ -218,7 +221,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     pairing = order_multipliers(found, np.empty_like(found), conservative)
     values = found[0] + 1j * found[1]
     pairing = pairing if conservative else None
-    return _judged(values, trivial, pairing, matrix, steps)
+    return _judged(cycle, values, trivial, pairing, matrix, steps)
 
 
 def _without_cuts(cycle: Cycle) -> Cycle:

@@ -121,21 +121,6 @@ def _corner(factors, inverse, first, count, out):
 
 
 @inlined
-def _is_zero(factors, inverse, at):
-    """Whether a factor has a diagonal entry that is rounding: it is singular, and so is the product."""
-    size = factors.shape[1]
-    for k in range(factors.shape[0]):
-        if inverse[k] == 0:
-            largest = 0.0
-            for r in range(size):
-                for c in range(size):
-                    largest = max(largest, abs(factors[k, r, c]))
-            if abs(factors[k, at, at]) <= 8.0 * _EPSILON * largest:
-                return True
-    return False
-
-
-@inlined
 def _two(factors, inverse, at, corner, values):
     """Eigenvalues of the diagonal block of two rows. The smaller real one is determinant / larger, which avoids cancellation."""
     h = factors[factors.shape[0] - 1]
@@ -267,7 +252,7 @@ def product_eigenvalues(factors, inverse, corner, product, values):
             low -= 1
         if low == high:
             unit = 2.0 ** _corner(factors, inverse, high, 1, corner)
-            values[0, high] = 0.0 if _is_zero(factors, inverse, high) else h[high, high] * corner[0, 0] * unit
+            values[0, high] = h[high, high] * corner[0, 0] * unit
             values[1, high] = 0.0
             high -= 1
             steps = 0

@@ -1,10 +1,13 @@
-"""Eigenvalues of products of matrices and inverses. Oracle: the eigenvalues of the same product, formed in 80 digits."""
+"""Eigenvalues of products of matrices and inverses. Oracle: the eigenvalues of the same product, formed in 80 digits, and what rounding of
+the factors changes of them."""
 
 import mpmath as mp
 import numpy as np
 import pytest
 
 from bvp.kernels.periodic_qr import product_eigenvalues
+
+EPS = np.finfo(float).eps
 
 
 def turned(radius, angle):
@@ -92,16 +95,48 @@ def test_double_eigenvalues_next_to_large_ones():
     assert error(found, values) < 1e-5
 
 
-def test_a_singular_factor_gives_zero():
-    """A plastic impact: one multiplier is 0 exactly, and the others are those of the product."""
-    factors, inverse = chain([3.0, 1.1, 0.9, 0.5], 21)
-    left, sizes, right = np.linalg.svd(factors[9])
-    factors[9] = left[:, :-1] * sizes[:-1] @ right[:-1]
-    _, found, _ = eigenvalues(factors, inverse)
-    assert sum(value == 0 for value in found) == 1
-    values = sorted(exact(factors, inverse), key=abs)
-    assert abs(values[0]) < 1e-12 * abs(values[1])
-    assert error([value for value in found if value != 0], values[1:]) < 1e-11
+def rounding(factors, inverse, value):
+    """Largest change of an eigenvalue, to first order, for changes of each factor by eps of its norm, from its vectors in 80 digits."""
+    with mp.workdps(80):
+        forward = [mp.matrix(factor.tolist()) ** (-1 if backwards else 1) for factor, backwards in zip(factors, inverse, strict=True)]
+        product = mp.eye(len(forward[0]))
+        for matrix in forward:
+            product = matrix * product
+        away = product - (value + mp.mpf(10) ** -60 * mp.norm(product)) * mp.eye(len(product))
+        start = mp.matrix([1] * len(product))
+        right, left = mp.lu_solve(away, start), mp.lu_solve(away.T, start)
+        right, left = mp.lu_solve(away, right), mp.lu_solve(away.T, left)
+        lefts = [left.T]
+        for matrix in forward[::-1]:
+            lefts.append(lefts[-1] * matrix)
+        total, scale = mp.mpf(0), abs((left.T * right)[0])
+        for k, (matrix, factor, backwards) in enumerate(zip(forward, factors, inverse, strict=True)):
+            before, after = right, matrix * right
+            ahead = lefts[len(forward) - 1 - k]
+            total += np.linalg.norm(factor) * (mp.norm(ahead * matrix) * mp.norm(after) if backwards else mp.norm(ahead) * mp.norm(before))
+            right = after
+        return float(EPS * total / scale)
+
+
+@pytest.mark.parametrize(
+    "m, pairs, plastic, grade",
+    [(3, 1, 1, 1.0), (3, 5, 5, 1e4), (5, 1, 1, 1e4), (5, 5, 1, 1.0), (5, 20, 7, 1e2), (9, 3, 2, 1e3)],
+)
+def test_factors_with_columns_of_zeros(m, pairs, plastic, grade):
+    """Random flights and impacts, some of them plastic: one eigenvalue is rounding, and the others are those of the product."""
+    for seed in range(2):
+        random = np.random.default_rng([m, pairs, seed])
+        flights = random.normal(size=(pairs, m, m)) * np.logspace(0.0, -np.log10(grade), m)
+        for k in random.choice(pairs, plastic, replace=False):
+            flights[k, :, random.integers(m)] = 0.0
+        factors = np.empty((2 * pairs, m, m))
+        factors[::2], factors[1::2] = random.normal(size=(pairs, m, m)), flights
+        inverse = np.tile(np.array([1, 0], np.int64), pairs)
+        steps, found, product = eigenvalues(factors, inverse)
+        values = sorted(exact(factors, inverse), key=abs)
+        assert steps > 0 and abs(values[0]) < 1e-60
+        assert min(map(abs, found)) < min(EPS * np.linalg.norm(product), 1e-10 * abs(values[1]))
+        assert all(min(abs(other - value) for other in found) < rounding(factors, inverse, value) for value in values[1:])
 
 
 def test_a_singular_inverse_is_said():
