@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from continuation.bracketing import StepRefused, bracketed_root
 from continuation.control import (
     ACCEPTED,
     BLOCK,
@@ -33,7 +34,7 @@ from continuation.control import (
     watch,
 )  # fmt: skip
 from continuation.events import EventFinder, FoundEvent, arclength_between, make_event
-from continuation.location import Locator, StepRefused, bracketed_root
+from continuation.location import Locator
 from continuation.problem import Advance, End, EndReason, Event, Goal, PlainPoints, Point, Problem, Recent, Step, Tally
 
 REPEATED = 1e-9

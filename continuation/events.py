@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of
-from continuation.location import JUMP_RATIO, Location, Locator, StepRefused
+from continuation.location import JUMP_RATIO, History, Location, Locator
 from continuation.problem import Event, EventDetails, Point, Problem, Step, TestFunction
-from continuation.resolution import History, Resolution
+from continuation.resolution import Resolution
 
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
@@ -61,21 +62,27 @@ class EventFinder:
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
+        fine, coarse = settings.location_tolerance, settings.coincidence_tolerance
+        self._tolerances = [(coarse, fine) if test.singular and self._refine else (fine,) for test in self._tests]
         absorbed = {code for test in self._tests if test.singular for code in test.absorbs}
         self._at_branch_points = [bool(test.singular) or test.code in absorbed for test in self._tests]
 
     def find(self, history: History, before: Point, after: Point, ds: float) -> list[FoundEvent]:
         """The events of a step from `before` to `after` of length ds, in order, as the problem classifies them.
 
-        `history`: test functions at earlier points, see `continuation.resolution.History`.
+        `history`: minus the arclength back to each of the earlier points, in order, and the test functions there.
 
         Raises
         ------
         StepRefused
             The family is not followed inside the step: the step is not to be accepted.
         """
-        locator = Locator(self._problem, before, ds, after.step, self._settings)
-        resolution = Resolution(self._tests, locator, history, _FLOOR * self._settings.location_tolerance)
+        # The length s of a step and the arclength a to its point differ in the second order: s = a + c a^2.
+        length = after.arclength - before.arclength
+        bend = (ds - length) / length**2
+        earlier = [(a + bend * a * a, tests) for a, tests in history]
+        locator = Locator(self._problem, before, ds, after.step, self._settings, earlier)
+        resolution = Resolution(self._tests, locator, _FLOOR * self._settings.location_tolerance)
         # The smooth ones first. Where several coincide (at a grazing an impact's speed has a plain zero, a clearance jumps and the
         # multipliers have a pole), the steps taken for one bracket the others.
         order: dict[str, list[int]] = {"guard": [], "crossing": [], "change": []}
@@ -168,14 +175,18 @@ class EventFinder:
                 for low, high in resolution.changes(index, limit):
                     if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(index, low, high):
                         continue
-                    found = locator.crossing(index, low, high, size=_LEFT * test.singular)
-                    done[index].append(found.between)
                     searching = True
+                    # What the problem's own equations locate needs no bracket as narrow as the location.
+                    for tolerance in self._tolerances[index]:
+                        given = locator.crossing(index, low, high, tolerance, size=_LEFT * test.singular)
+                        found = self._refined(index, given, before, ds)
+                        if found is not given:
+                            break
+                    done[index].append(found.between)
                     if locator.is_at_an_end(found):
                         continue
                     if math.isnan(found.step.tests[index]) and resolution.absorbed(index, low, high, found.step, _LEFT):
                         continue
-                    found = self._refined(index, found, before, ds)
                     if found.kind == "interrupted" and found.between[1] - found.between[0] > self._settings.coincidence_tolerance:
                         raise StepRefused(found.reason)
                     located.append((index, found))
@@ -258,7 +269,7 @@ class EventFinder:
                 limit = 0.0
                 continue
             for low, high in resolution.changes(index, limit, guard=True):
-                found = locator.crossing(index, low, high, guard=True)
+                found = locator.crossing(index, low, high, self._settings.location_tolerance, guard=True)
                 jumps = found.residual > JUMP_RATIO * max(abs(locator.value(index, low)), abs(locator.value(index, high)))
                 first, last = found.between
                 shared = (locator.value(i, first) > 0.0 >= locator.value(i, last) for i in guards if i != index)

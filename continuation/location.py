@@ -1,4 +1,5 @@
-"""Location of an event inside one step, by bracketing root finding and by bisection from the last accepted point.
+"""Location of an event inside one step, by bracketing root finding (`continuation.bracketing`) and by bisection from the last accepted
+point.
 
 The unknown is the length s of a step from the accepted point, so every trial is a corrected point of the family and no error
 is carried from trial to trial.
@@ -8,11 +9,12 @@ from __future__ import annotations
 
 import math
 from bisect import bisect, insort
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator, Sequence
 from itertools import chain, pairwise
 from operator import itemgetter
 from typing import Literal, NamedTuple
 
+from continuation.bracketing import RootBracket, StepRefused, bracketed_root
 from continuation.control import Settings
 from continuation.problem import Point, Problem, Status, Step
 
@@ -22,112 +24,13 @@ JUMP_RATIO = 0.01
 """A zero is found to the location tolerance, so a function with a larger part of its values at the bracket's ends left there jumps."""
 
 _STEEP = 4.0  # so many times steeper than on average a test function may be in the last bracket
-_OTHER_PLACES = (0.5, 0.25, 0.75, 0.1, 0.9, 0.03, 0.97)  # tried in a bracket whose best place, and what is near it, is refused
-_BESIDE = (1.0, 8.0, 64.0, 512.0, 4096.0, 32768.0)  # distances from a root that is refused, in smallest useful ones: far side first
 _ASIDE = 0.2  # relative difference of the direction of the unknowns from that between its neighbours, beyond their own difference
+_POLISHED = 1e-5  # a root is not improved that is as near as this part of its bracket to that of a straight line
 _VALID = 1e-3  # a guard is positive at its zero by this part of its value at the valid end of the bracket
-_REFUSALS = 3  # after so many at the best place, a bracket that is narrow enough is accepted without a value at its root
 _CHANGES = 16  # of one key in a step; a longer list needs a shorter step
 
-
-class StepRefused(RuntimeError):
-    """A step inside an accepted step cannot be taken; the message says why."""
-
-
-class RootBracket(NamedTuple):
-    """The best argument `root` with its `value`, in [`low`, `high`]; `interrupted` says why the search stopped early."""
-
-    root: float
-    value: float
-    low: float
-    high: float
-    interrupted: str = ""
-
-
-def bracketed_root(
-    function: Callable[[float], float],
-    low: float,
-    value_low: float,
-    high: float,
-    value_high: float,
-    tolerance: float,
-    coarse: float = 0.0,
-) -> RootBracket:
-    """Root of a function in a bracket by the method of Chandrupatla: inverse quadratic interpolation where it is safe, else
-    bisection.
-
-    Both ends close in, so the final bracket is an error bar. A function that changes sign by a jump or a pole is bracketed
-    too; its `value` then shows it.
-
-    Parameters
-    ----------
-    function : callable
-        Takes a float, gives a float. It may raise `StepRefused`; then other places in the bracket are tried.
-    low, high, value_low, value_high : float
-        Ends of the bracket, low < high, and the function there, of different sign (one may be 0).
-    tolerance, coarse : float
-        Width of the final bracket, and of one that does where the function cannot be evaluated at the best places inside.
-
-    Raises
-    ------
-    ValueError
-        The values have the same sign, or one is nan.
-
-    References
-    ----------
-    T. R. Chandrupatla, A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function without using
-    derivatives, Advances in Engineering Software 28 (1997) 145.
-
-    Examples
-    --------
-    >>> found = bracketed_root(lambda x: x * x - 2, 0.0, -2.0, 2.0, 2.0, 1e-12)
-    >>> abs(found.root - 2**0.5) < 1e-12, found.low <= 2**0.5 <= found.high
-    (True, True)
-    """
-    if value_low == 0:
-        return RootBracket(low, 0.0, low, low)
-    if value_high == 0:
-        return RootBracket(high, 0.0, high, high)
-    if not (value_low < 0 < value_high or value_high < 0 < value_low):
-        raise ValueError(f"expected values of different sign at the ends of the bracket, got {value_low!r} and {value_high!r}")
-    a, fa, b, fb, c, fc = high, value_high, low, value_low, math.nan, math.nan  # newest, other end, the one before
-    fraction = 0.5
-    refusals = 0
-    while True:
-        # The ends of the bracket may be nearer to the root than this part of it.
-        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(b), abs(a)))) / abs(b - a)
-        if c == c:  # after the first trial
-            if least > 0.5:
-                interrupted = ""
-                break
-            place, size = (a - b) / (c - b), (fa - fb) / (fc - fb)
-            fraction = 0.5
-            if size * size < place and (1 - size) ** 2 < 1 - place:
-                fraction = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-            fraction = min(max(fraction, least), 1 - least)
-        interrupted = ""
-        places: Iterable[float] = (fraction,)
-        if refusals < _REFUSALS or abs(b - a) > coarse:
-            nearby = (fraction + sign * factor * least for sign in (1.0, -1.0) for factor in _BESIDE)
-            places = chain(places, (part for part in nearby if least <= part <= 1.0 - least), _OTHER_PLACES)
-        for part in places:
-            trial = a + part * (b - a)
-            try:
-                value = function(trial)
-                break
-            except StepRefused as refused:
-                refusals += not interrupted
-                interrupted = str(refused)
-        else:
-            break
-        if (value > 0) == (fa > 0):
-            c, fc = a, fa
-        else:
-            c, fc, b, fb = b, fb, a, fa
-        a, fa = trial, value
-        if value == 0:
-            return RootBracket(trial, 0.0, trial, trial)
-    return RootBracket(*((a, fa) if abs(fa) < abs(fb) else (b, fb)), min(a, b), max(a, b), interrupted)
+History = Sequence[tuple[float, Sequence[float]]]
+"""Points before the step: the length of a step to each (a negative number, in order), and the test functions there."""
 
 
 class Location(NamedTuple):
@@ -177,6 +80,7 @@ class Locator:
     after : Step
         and this step.
     settings : Settings
+    history : History
 
     Attributes
     ----------
@@ -186,7 +90,8 @@ class Locator:
         Lengths of the steps around each zero of a guard that was located.
     """
 
-    def __init__(self, problem: Problem, before: Point, ds: float, after: Step, settings: Settings) -> None:
+    def __init__(self, problem: Problem, before: Point, ds: float, after: Step, settings: Settings, history: History = ()) -> None:
+        self.history = history
         self._problem = problem
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
@@ -254,8 +159,14 @@ class Locator:
             raise StepRefused("the test function is not defined inside the step")
         return value
 
-    def crossing(self, index: int, low: float, high: float, *, guard: bool = False, size: float = 0.0) -> Location:
-        """The change of sign of a test function between steps of length low and high.
+    def _values(self, index: int) -> Iterator[tuple[float, float]]:
+        """The known values of a test function, with their places, in order."""
+        for s, tests in chain(self.history, ((s, step.tests) for s, step in self.taken)):
+            if not math.isnan(value := float(tests[index])):
+                yield s, value
+
+    def crossing(self, index: int, low: float, high: float, tolerance: float, *, guard: bool = False, size: float = 0.0) -> Location:
+        """The change of sign of a test function between steps of length low and high, in a bracket as wide as the tolerance.
 
         A value at the root above `size` that has not gone down with the bracket is a jump or a pole.
         Of a `guard` the point is the last with a value of 0 or more, to rounding: beyond it the family is not valid.
@@ -268,8 +179,9 @@ class Locator:
         """
         value_low, value_high = self.value(index, low), self.value(index, high)
         scale = max(abs(value_low), abs(value_high))
-        tolerance, coincidence = self._settings.location_tolerance, self._settings.coincidence_tolerance
-        found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence)
+        coincidence = self._settings.coincidence_tolerance
+        known = [(s, value) for s, value in self._values(index) if not low <= s <= high]
+        found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence, known)
         if found.interrupted and not guard:
             line = self._polished(index, found)
             if line.root != found.root and math.isnan(float(self.step(line.root).tests[index])):
@@ -277,7 +189,9 @@ class Locator:
         if found.interrupted and found.high - found.low > coincidence and not size:
             raise StepRefused(found.interrupted)
         if guard and found.value < 0.0:
-            found = self._within(index, found)
+            found = self._polished(index, found, _VALID)
+            if found.value < 0.0:
+                found = self._within(index, found)
         residual = abs(found.value)
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
         if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
@@ -310,9 +224,10 @@ class Locator:
         a, b = self.value(index, found.low), self.value(index, found.high)
         if a == b:
             return found
-        positive = max(a, b)
-        s = found.low + (a - valid * positive) / (a - b) * (found.high - found.low)
-        if not found.low < s < found.high:
+        wanted = valid * max(a, b)
+        s = found.low + (a - wanted) / (a - b) * (found.high - found.low)
+        near = abs(s - found.root) < _POLISHED * (found.high - found.low) and (not valid or found.value > 0.0)
+        if near or not found.low < s < found.high:
             return found
         try:
             value = float(self.step(s).tests[index])
@@ -320,7 +235,8 @@ class Locator:
             return found
         if math.isnan(value):
             value = 0.0
-        better = abs(value) < abs(found.value) and (not valid or value > 0.0)
+        most = 2.0 * wanted if valid and found.value < 0.0 else abs(found.value)
+        better = abs(value) < most and (not valid or value > 0.0)
         return found._replace(root=s, value=value) if better else found
 
     def _within(self, index: int, found: RootBracket) -> RootBracket:

@@ -10,14 +10,12 @@ from dataclasses import dataclass, field
 from itertools import compress, pairwise
 from typing import NamedTuple
 
+from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, may_hide
-from continuation.location import Locator, StepRefused
+from continuation.location import Locator
 from continuation.problem import Step, TestFunction
 
-__all__ = ["History", "Resolution", "Zone"]
-
-History = Sequence[tuple[float, Sequence[float]]]
-"""Points before the step: minus the arclength back to each (a negative number, in order), and the test functions there."""
+__all__ = ["Resolution", "Zone"]
 
 _MOST = 256  # corrected points inside a step; a step that needs more is refused and halved
 _CORES = 2.0  # samples approach a place where a test function is undefined to within this many times its width
@@ -55,7 +53,6 @@ class Resolution:
 
     tests: Sequence[TestFunction]
     locator: Locator
-    history: History
     floor: float
     zones: list[Zone] = field(default_factory=list)
     _resolved: dict[int, set[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(set))
@@ -80,9 +77,9 @@ class Resolution:
             return found
         zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
         while True:
-            if len(self._places) != len(self.history) + len(taken):  # a step was taken since
-                self._places = [s for s, _ in self.history] + [s for s, _ in taken]
-                rows = [*(values for _, values in self.history), *(step.tests for _, step in taken)]
+            if len(self._places) != len(self.locator.history) + len(taken):  # a step was taken since
+                self._places = [s for s, _ in self.locator.history] + [s for s, _ in taken]
+                rows = [*(values for _, values in self.locator.history), *(step.tests for _, step in taken)]
                 self._columns = [tuple(map(float, column)) for column in zip(*rows, strict=True)]
             # Where the test function is to be trusted, its values there, and where it is not.
             places, values, gaps = self._places[: bisect_right(self._places, limit)], self._columns[index], list[float]()

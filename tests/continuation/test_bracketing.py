@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from continuation.location import StepRefused, bracketed_root
+from continuation.bracketing import StepRefused, bracketed_root
 
 FUNCTIONS = [
     (lambda s: s**3 - 2, 2 ** (1 / 3), 0.0, 3.0),
