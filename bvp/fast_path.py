@@ -197,7 +197,7 @@ def run_fast_path(
     rates = np.hypot(numbers[:, places.MEAN : places.MEAN + 2], numbers[:, places.FREQUENCY : places.FREQUENCY + 2])
     rests = np.all(numbers[:, places.MEAN : places.MEAN + 2] < -SETTLES * rates, axis=1) & to_rest
     wanted = np.array(fractions, dtype=float)
-    most = np.ascontiguousarray(np.broadcast_to(max_impacts, len(starts)), dtype=np.int64)
+    most = np.array(np.broadcast_to(max_impacts, len(starts)), dtype=np.int64)
     out = np.empty((len(starts), kernels.COLUMNS + len(wanted)))
     systems = kernels.Systems(numbers, terms, rests, np.ascontiguousarray(which, dtype=np.int64))
     kernels.fast_path_batch(systems, starts, initial, float(duration), most, wanted, np.empty(4), np.empty(places.PARTS), out)

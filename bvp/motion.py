@@ -16,9 +16,10 @@ from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
 from bvp.kernels.contact_mode import ContactModes
 from bvp.kernels.energy_budget import integral_work
-from bvp.kernels.extrema import PEAK_ROWS
+from bvp.kernels.extrema import PEAK_ROWS, peak_flight
+from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
-from bvp.kernels.motion import Flights, raise_peaks, sample, spent, states_after
+from bvp.kernels.motion import Flights, sample, spent, states_after
 from bvp.texts import brief, listed
 
 if TYPE_CHECKING:
@@ -232,10 +233,12 @@ class Motion:
     def peaks(self) -> np.ndarray:
         """Largest |u| of each coordinate, (n,); RuntimeError where the search for them gives up."""
         peaks = np.abs(self.start[: self.system.degrees_of_freedom])
-        size = self.contact_modes.matrix.shape[1]
+        modes, durations = self.contact_modes, np.diff(np.append(self.times, self.duration))
+        size = modes.matrix.shape[1]
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
-        for part in Pace().blocks(len(self.times)):
-            if not raise_peaks(self.contact_modes, self.flights(part), *scratch, peaks):
+        flights = [Flight(*(part[f] for part in (modes.pairs, modes.mean, modes.delta, modes.matrix))) for f in range(len(modes.pairs))]
+        for f, state, duration in zip(self.numbers[:, 2].tolist(), self.states, durations.tolist(), strict=True):
+            if not peak_flight(flights[f], modes.leave[f], state, duration, peaks, *scratch):
                 raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
         return read_only(peaks)
 

@@ -152,7 +152,7 @@ class Simulator:
                 status=STATUS.get(status, MotionStatus.INTERRUPTED),
                 duration=float(duration) if status == kernels.REACHED else float(clock[places.TIME]),
                 kinds=numbers[:, 0],
-                times=columns[:, 0],
+                times=columns[:, 0].copy(),  # contiguous, however many there are: kernels are compiled for one kind
                 contacts=numbers[:, 1],
                 speeds=columns[:, 1],
                 losses=columns[:, 2],

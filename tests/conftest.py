@@ -1,7 +1,12 @@
 """Settings of the whole test suite: no timed property tests, no window for pictures; and the small scene that many tests read."""
 
 import os
+import pickle
+import shutil
 import signal
+import time
+from contextlib import contextmanager
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -39,7 +44,28 @@ def small_scene(tmp_path_factory):
     from branches.catalogue import Catalogue
     from saltus.processes import open_executor
 
-    path = tmp_path_factory.mktemp("scene") / "small.sqlite"
-    with open_executor(2) as (executor, workers), Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
-        report = build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
-    return path, report
+    # The first worker of a parallel run builds it, the others wait. Each has its own copy.
+    folder = tmp_path_factory.mktemp("scene")
+    shared = tmp_path_factory.getbasetemp().parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+    built, kept = shared / "built.sqlite", shared / "built.report"
+    with alone(shared / "built.lock"):
+        if not kept.exists():
+            with open_executor(2) as (executor, workers), Catalogue(built, "a", scene=saltus.load_scene()) as catalogue:
+                report = build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
+            kept.write_bytes(pickle.dumps(report))
+    return Path(shutil.copy(built, folder / "small.sqlite")), pickle.loads(kept.read_bytes())
+
+
+@contextmanager
+def alone(lock):
+    """One process after the other: where the file `lock` exists, wait until it is removed."""
+    while True:
+        try:
+            lock.touch(exist_ok=False)
+            break
+        except FileExistsError:
+            time.sleep(0.05)
+    try:
+        yield
+    finally:
+        lock.unlink()

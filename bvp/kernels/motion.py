@@ -25,7 +25,6 @@ from bvp.kernels.contact_mode import (
     write_loads,
 )
 from bvp.kernels.energy_budget import damped, fly, log_chatter, lose, stop_contact
-from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import copy_1, fastest_rate, flight_at, flow_state, row_dot, set_1, times_matrix
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact, rounding_level
 from bvp.kernels.sticking import at_their_bounds, chatter, clash, comes_to_rest, impact_while_sticking, settle, sunk, touches_sticking
@@ -425,16 +424,3 @@ class Flights(NamedTuple):
     numbers: np.ndarray  # (F, 3) int64, of which the last is the contact mode
     states: np.ndarray  # (F, N) at the begin of each
     end: float  # time at which the last one ends
-
-
-@kernel
-def raise_peaks(modes, flights, scratch, edge, work, peaks):
-    """peaks (n,): the larger of themselves and |u| over the flights. scratch, edge, work and what is returned are those of
-    `peak_flight`."""
-    begins, numbers, states, end = flights
-    for k in range(begins.shape[0]):
-        f = numbers[k, 2]
-        flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
-        if not peak_flight(flight_of(modes, f), modes.leave[f], states[k], flight, peaks, scratch, edge, work):
-            return False
-    return True

@@ -64,19 +64,11 @@ def test_functions_are_compiled_in_kernel_files_alone():
     assert seen
 
 
-@pytest.fixture
-def project(tmp_path):
-    """A copy of the kernels with two more files, one of which calls the other; and a call that runs them in a new process: the value at 3,
-    whether it was loaded, which takes no compiler, and what was written to standard error."""
-    copy = tmp_path / "copy"
-    shutil.copytree(ROOT / "bvp", copy / "bvp", ignore=shutil.ignore_patterns("__pycache__"))
-    head = "from bvp.kernels.compiled import kernel\n"
-    inner = copy / "bvp/kernels/inner.py"
-    inner.write_text(head + "@kernel\ndef inner(x):\n    return 2.0 * x\n")
-    outer = "from bvp.kernels.inner import inner\n@kernel\ndef outer(x):\n    return inner(x) + 1.0\n"
-    (copy / "bvp/kernels/outer.py").write_text(head + outer)
+def runner(copy, place):
+    """A call that runs a copy of the kernels in a new process, by default with a cache folder `place`: the value at 3, whether it was
+    loaded, which takes no compiler, and what was written to standard error."""
 
-    def run(kept=tmp_path / "kept", **environment):
+    def run(kept=place, **environment):
         script = "import sys; from bvp.kernels.outer import outer; print(outer(3.0), int('numba' not in sys.modules))"
         place = {"NUMBA_CACHE_DIR": str(kept)} if kept else {}
         clean = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA", "PYTHON"))}
@@ -88,7 +80,34 @@ def project(tmp_path):
         value, hits = done.stdout.split()
         return float(value), hits == "1", done.stderr
 
-    return copy, inner, run
+    return run
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A copy of the kernels with two more files, one of which calls the other, that second file, and its `runner`."""
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT / "bvp", copy / "bvp", ignore=shutil.ignore_patterns("__pycache__"))
+    head = "from bvp.kernels.compiled import kernel\n"
+    inner = copy / "bvp/kernels/inner.py"
+    inner.write_text(head + "@kernel\ndef inner(x):\n    return 2.0 * x\n")
+    outer = "from bvp.kernels.inner import inner\n@kernel\ndef outer(x):\n    return inner(x) + 1.0\n"
+    (copy / "bvp/kernels/outer.py").write_text(head + outer)
+    return copy, inner, runner(copy, tmp_path / "kept")
+
+
+KEPT = []
+
+
+@pytest.fixture
+def kept(project, tmp_path, tmp_path_factory):
+    """The same after a first run. Copies of equal sources share their kernels, so these are compiled once for all tests."""
+    if not KEPT:
+        folder = tmp_path_factory.mktemp("kept")
+        assert project[2](folder) == (7.0, False, "")
+        KEPT.append(folder)
+    shutil.copytree(KEPT[0], tmp_path / "kept")
+    return project
 
 
 def test_kernels_are_loaded_where_nothing_changed_and_only_there(project):
@@ -115,10 +134,9 @@ def test_kernels_are_kept_in_the_cache_folder_of_the_user(project, tmp_path):
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"\x80" * len(data)], ids=["cut", "other"])
-def test_a_damaged_file_is_written_anew(project, tmp_path, damage):
+def test_a_damaged_file_is_written_anew(kept, tmp_path, damage):
     """Oracle: the value by hand, and a file that is loaded again."""
-    _, _, run = project
-    run()
+    _, _, run = kept
     for file in (tmp_path / "kept").rglob("outer-*"):
         if file.is_file():
             file.write_bytes(damage(file.read_bytes()))
@@ -127,10 +145,9 @@ def test_a_damaged_file_is_written_anew(project, tmp_path, damage):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")
-def test_a_folder_that_others_can_write_to_is_not_read(project, tmp_path):
+def test_a_folder_that_others_can_write_to_is_not_read(kept, tmp_path):
     """Oracle: nothing is loaded from it, nothing is written to it, and one line names it and the remedy, which helps."""
-    _, _, run = project
-    run()
+    _, _, run = kept
     folder = tmp_path / "kept/saltus-kernels"
     folder.chmod(0o777)
     before = sorted(folder.rglob("*"))
@@ -166,10 +183,9 @@ def test_without_a_folder_everything_is_compiled(project, tmp_path):
     assert said.count("not kept") == 1 and "cannot make the folder" in said
 
 
-def test_a_folder_that_cannot_be_written_is_read(project, tmp_path, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_read(kept, tmp_path, monkeypatch):
     """Oracle: what is there is loaded; what is not there is compiled; one line gives the reason."""
-    copy, inner, run = project
-    run()
+    copy, inner, run = kept
     (copy / "sitecustomize.py").write_text(
         "import os\ntrue = os.access\nos.access = lambda path, mode: mode != os.W_OK and true(path, mode)\n"
         "def refuse(*a, **o): raise PermissionError(13, 'read-only')\nos.replace = os.mkdir = refuse\n"
@@ -181,10 +197,9 @@ def test_a_folder_that_cannot_be_written_is_read(project, tmp_path, monkeypatch)
     assert run(PYTHONPATH=str(copy))[:2] == (16.0, False)
 
 
-def test_folders_that_were_not_used_are_removed(project, tmp_path):
+def test_folders_that_were_not_used_are_removed(kept, tmp_path):
     """Oracle: folders by hand, one used 29 and one 31 days ago. Loading renews the date of a folder."""
-    _, inner, run = project
-    run()
+    _, inner, run = kept
     root = tmp_path / "kept/saltus-kernels"
     days = {"old": 31, "recent": 29, **{folder.name: 29 for folder in root.iterdir()}}
     for name, age in days.items():
