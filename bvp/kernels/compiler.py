@@ -20,6 +20,7 @@ from numba.core import cgutils
 from numba.core.codegen import AOTCodeLibrary, AOTCPUCodegen
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.cpu import CPUContext
+from numba.core.datamodel import DataModelManager, default_manager, models
 from numba.core.registry import CPUDispatcher, CPUTarget
 from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, target_override, target_registry
 from numba.extending import intrinsic
@@ -38,11 +39,80 @@ if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
     raise ValueError("NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0")
 
 
+class _Lent:
+    """How a named tuple is passed from kernel to kernel: by the address at which it is kept. Numba would pass each length and stride of each
+    array in it, several hundred numbers with some tuples, and half of all intermediate code would be about that."""
+
+    def get_argument_type(self):
+        return cast(Any, self).get_value_type().as_pointer()
+
+    def as_argument(self, builder, value):
+        return value.operands[0] if _is_kept(builder, value) else cgutils.alloca_once_value(builder, value)
+
+    def from_argument(self, builder, address):
+        # As numba marks the address of the result: nothing else leads there, and it is not kept. Nothing is written to a named tuple.
+        for attribute in address.parent.args[0].attributes:
+            address.add_attribute(attribute)
+        return builder.load(address)
+
+
+class _LentTuple(_Lent, models.TupleModel):
+    """A named tuple of different types."""
+
+
+class _LentUniTuple(_Lent, models.UniTupleModel):
+    """A named tuple of equal types."""
+
+
+def _is_kept(builder: Any, value: Any) -> bool:
+    """Whether a value was read from an argument, or from a variable that was not written to since."""
+    if not isinstance(value, ir.LoadInstr):
+        return False
+    for instruction in reversed(builder.block.instructions):
+        if instruction is value or (isinstance(instruction, ir.StoreInstr) and instruction.operands[1] is value.operands[0]):
+            return instruction is value
+    return isinstance(value.operands[0], ir.Argument)
+
+
+_models = DataModelManager()
+_models.register(nb.types.NamedTuple, _LentTuple)
+_models.register(nb.types.NamedUniTuple, _LentUniTuple)
+
+
+def _keep_lent(module: ir.Module) -> None:
+    """Replace each variable that is a copy of a lent tuple, and nothing else, by the tuple itself: it need not be copied."""
+    for function in module.functions:
+        writes: dict[Any, list[Any]] = {}
+        for block in function.blocks:
+            for instruction in block.instructions:
+                if isinstance(instruction, ir.StoreInstr) and isinstance(instruction.operands[1], ir.AllocaInstr):
+                    writes.setdefault(instruction.operands[1], []).append(instruction)
+        copies = {variable: source for variable, stores in writes.items() if (source := _source(stores, function.args)) is not None}
+        for block in function.blocks:
+            block.instructions[:] = [one for one in block.instructions if not (isinstance(one, ir.StoreInstr) and one.operands[1] in copies)]
+            for instruction in block.instructions:
+                for variable in copies.keys() & set(instruction.operands):
+                    instruction.replace_usage(variable, copies[variable])
+
+
+def _source(stores: list[Any], arguments: Any) -> Any:
+    """The argument that these instructions copy; None if they write anything else. Numba clears a variable after its last use."""
+    values = [store.operands[0] for store in stores]
+    written = [value for value in values if not (isinstance(value, ir.Constant) and value.constant is None)]
+    if len(written) == 1 and isinstance(written[0], ir.LoadInstr) and written[0].operands[0] in arguments:
+        return written[0].operands[0]
+    return None
+
+
 class _Library(AOTCodeLibrary):
     """Intermediate code of one function. That which is `exported` receives the code of all functions that it calls, directly or not, and is
     then optimised; the others are left as they are."""
 
     exported: tuple[str, ...] = ()
+
+    def add_ir_module(self, ir_module):
+        _keep_lent(ir_module)
+        super().add_ir_module(ir_module)
 
     def _optimize_functions(self, ll_module):
         """Nothing for each function alone: all are optimised together, once."""
@@ -108,7 +178,7 @@ class _Target(CPUTarget):
     def _toplevel_target_context(self):
         context = CPUContext(self.typing_context, self._target_name)
         context.refresh()
-        return context.subtarget(_internal_codegen=_Codegen(), aot_mode=True)
+        return context.subtarget(_internal_codegen=_Codegen(), aot_mode=True, data_model_manager=_models.chain(default_manager))
 
 
 class _Dispatcher(CPUDispatcher):
@@ -223,10 +293,10 @@ def machine_code(kernel: Declared, types: Any, name: str) -> bytes:
 def _calling(result: Any) -> Any:
     def call(typing_context, address, arguments):
         def code(context, builder, signature, values):
-            types = [context.get_value_type(argument) for argument in signature.args[1].types]
-            shape = ir.FunctionType(context.get_value_type(result), types)
+            packer = context.get_arg_packer(signature.args[1].types)
+            shape = ir.FunctionType(context.get_value_type(result), packer.argument_types)
             pointer = builder.inttoptr(values[0], ir.PointerType(shape))
-            answer = builder.call(pointer, cgutils.unpack_tuple(builder, values[1]))
+            answer = builder.call(pointer, packer.as_arguments(builder, cgutils.unpack_tuple(builder, values[1])))
             return context.get_dummy_value() if result is nb.types.none else answer
 
         return result(address, arguments), code

@@ -172,10 +172,10 @@ def add_entry_points(context: Any, module: ir.Module, function: Any, name: str) 
     writer.python("PyErr_Clear")
     builder.ret(writer.constant("_Py_NotImplementedStruct"))
 
-    shape = ir.FunctionType(context.get_value_type(answer), [context.get_value_type(kind) for kind in kinds])
-    at = ir.Function(module, shape, f"at.{name}")
+    packer = context.get_arg_packer(kinds)
+    at = ir.Function(module, ir.FunctionType(context.get_value_type(answer), packer.argument_types), f"at.{name}")
     builder = ir.IRBuilder(at.append_basic_block())
-    status, result = convention.call_function(builder, compiled, answer, kinds, at.args)
+    status, result = convention.call_function(builder, compiled, answer, kinds, packer.from_arguments(builder, at.args))
     builder.ret(result)
     return call.name, at.name
 
