@@ -35,8 +35,7 @@ def _listed() -> dict[str, Any]:
 
 def missing(*groups: str) -> list[list[Any]]:
     """The kernels of some commands, of all where none is named, that have no machine code: seconds, module, name and types of each."""
-    from bvp.kernels.__main__ import types_from
-    from bvp.kernels.stored import files, symbol
+    from bvp.kernels.stored import files, symbol, types_from
 
     listed = _listed()
     indices = sorted({index for group in groups or listed["commands"] for index in listed["commands"].get(group, ())})
@@ -63,7 +62,7 @@ _tried: set[tuple[str, str]] = set()
 
 def prepare_with(module: str, name: str, types: Any) -> None:
     """Compile a kernel with all others of a group of commands: the group that lacks least. In a worker process nothing is done."""
-    from bvp.kernels.__main__ import types_from
+    from bvp.kernels.stored import types_from
 
     listed = _listed()
     places = [k for k, call in enumerate(listed["kernels"]) if call[1:3] == [module, name] and types_from(call[3]) == types]
@@ -140,7 +139,6 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
 def ship(place: Path) -> int:
     """Compile all kernels for the common processors of this kind of machine into a folder, for a wheel. Returns an exit code."""
     from bvp.kernels import stored
-    from bvp.kernels.__main__ import types_from
 
     level = stored.level()
     if level is None:
@@ -150,7 +148,7 @@ def ship(place: Path) -> int:
     calls = missing()
     done = compile_kernels(calls)
     for _, module, name, types in calls:
-        symbol = stored.symbol(name, types_from(types))
+        symbol = stored.symbol(name, stored.types_from(types))
         *_, source = stored.files(module, symbol)
         target = place / stored.shipped_name(module, level) / symbol
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -15,12 +15,12 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import integer_at, kernel
+from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, restitute_state
 from bvp.kernels.energy_budget import Products, integrals
 from bvp.kernels.extrema import peak_flight, rises
 from bvp.kernels.flight import flow_state, inner, row_dot, times_matrix
-from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED
+from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED, move
 from bvp.kernels.shooting import event
 
 __all__ = [
@@ -116,11 +116,11 @@ class Work(NamedTuple):
 
 
 @kernel
-def follow_section(simulate, modes, rows, starts, limits, first, orbit, out, work):
+def follow_section(modes, rows, starts, limits, first, orbit, out, work):
     """Follow each of `starts`, from number `first` on, to its P-th crossing. The starts lie on the section.
 
-    simulate: address of `bvp.kernels.motion.move` (`bvp.kernels.stored.Entry`). modes: the contact modes. rows, starts, limits,
-    orbit, out, work: `Rows`, `SectionStarts`, `SectionLimits`, `Following`, `Crossings`, `Work`.
+    modes: the contact modes. rows, starts, limits, orbit, out, work: `Rows`, `SectionStarts`, `SectionLimits`, `Following`, `Crossings`,
+    `Work`.
 
     Returns (M, 0) when all orbits are done. Returns (orbit, contacts) if the orbit needs one more contact mode, with these stops sticking:
     add it and call again; the orbit is then followed from its start. Returns (orbit, -1) if motion.counts[PASSES] are used up: set them and
@@ -152,7 +152,7 @@ def follow_section(simulate, modes, rows, starts, limits, first, orbit, out, wor
                 numbers[entry.EVENTS] = 0
                 orbit.clocks[SPAN] = min(limits.block_time, limits.longest - orbit.clocks[ELAPSED])
             numbers[entry.RUNNING] = 0
-            code = integer_at(simulate, (modes, orbit.clocks[SPAN], MOST, motion, work.log, work.scratch))
+            code = move(modes, orbit.clocks[SPAN], MOST, motion, work.log, work.scratch)
             if code == NEW_MODE:
                 return m, numbers[entry.PENDING]
             if code == PAUSED:

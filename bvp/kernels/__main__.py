@@ -7,14 +7,9 @@ import importlib
 import json
 import sys
 import time
-from typing import Any
 
 from bvp.kernels.compiled import Kernel
-
-
-def types_from(value: Any) -> Any:
-    """Types of arguments (`bvp.kernels.stored.types_of`) as they were before they were written as JSON."""
-    return tuple(map(types_from, value)) if isinstance(value, list) else value
+from bvp.kernels.stored import types_from
 
 
 def compile_requested() -> None:

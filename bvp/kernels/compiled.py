@@ -21,8 +21,8 @@ class Kernel(Declared):
         What is loaded, by the types of the arguments.
     """
 
-    def __init__(self, function: Callable[..., Any], **options: Any):
-        super().__init__(function, **options)
+    def __init__(self, function: Callable[..., Any], result: Any = None, **options: Any):
+        super().__init__(function, result, **options)
         self.entries: dict[Any, Entry] = {}
 
     def __call__(self, *arguments: Any) -> Any:
@@ -34,7 +34,10 @@ class Kernel(Declared):
 
     def entry(self, *arguments: Any) -> Entry:
         """The kernel for arguments of these types, from a file or else compiled."""
-        types = types_of(arguments)
+        return self.entry_for(types_of(arguments))
+
+    def entry_for(self, types: Any) -> Entry:
+        """The same for types (`types_of`)."""
         if types not in self.entries:
             name, module = symbol(self.function.__qualname__, types), self.function.__module__
             entry = load(module, name)
@@ -49,7 +52,7 @@ class Kernel(Declared):
         from bvp.kernels.compiler import machine_code
 
         name, folder = symbol(self.function.__qualname__, types), folder_of(self.function.__module__)
-        code = sealed(machine_code(self, types, name))
+        code = sealed(*machine_code(self, types, name))
         if folder is not None:
             keep(folder / name, code)
         return code
@@ -66,15 +69,21 @@ inlined: Any = partial(Kernel, forceinline=True, _nrt=False)
 The compiler then uses facts that the caller knows, such as a `sized` length. No arrays are passed, which for a dozen arrays takes longer
 than a short flight. Use it for a kernel with one caller, and for a few lines inside a loop."""
 
+
+def shared(result: Any) -> Any:
+    """Compile a function that several large kernels call only once: it is machine code of its own, and they call it there.
+
+    Without this, each of them contains its code. `result` says what it returns: "none", "integer", "float", "boolean", or a tuple of these.
+    It is then typed without being compiled. A call costs a few nanoseconds."""
+    return partial(Kernel, result=result, _nrt=False)
+
+
 allocating: Any = partial(Kernel, _nrt=True)
 """Compile a function that makes arrays. Only such a function may call another one that returns an array."""
 
 call_at: Any = Intrinsic("call_at")
-"""call_at(address, arguments): inside a kernel, call another one at its address (`Entry`). The tuple must have the argument types that it
-was compiled for. A kernel that calls another one by name compiles all of it again. This call keeps large kernels separate."""
-
-integer_at: Any = Intrinsic("integer_at")
-"""The same for a kernel that returns an integer; `call_at` is for those without a result."""
+"""call_at(address, arguments): inside a kernel, call another one, without a result, at its address (`Entry`): one of several that Python
+chooses. The tuple must have the argument types that it was compiled for."""
 
 sized: Any = Intrinsic("sized")
 """sized(array, n): the same array, whose last axis is known to have the written-out length n: loops along it are unrolled, in this kernel

@@ -6,7 +6,10 @@ lowered, but have no machine code of their own. Its entry point for Python reads
 
 import gc
 import importlib
+import inspect
 import os
+import re
+from collections.abc import Sequence
 from functools import cache, cached_property, partial
 from operator import attrgetter
 from types import FunctionType
@@ -20,7 +23,6 @@ from numba.core import cgutils
 from numba.core.codegen import AOTCodeLibrary, AOTCPUCodegen
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.cpu import CPUContext
-from numba.core.datamodel import DataModelManager, default_manager, models
 from numba.core.registry import CPUDispatcher, CPUTarget
 from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, target_override, target_registry
 from numba.extending import intrinsic
@@ -28,7 +30,8 @@ from numba.np.arrayobj import populate_array
 
 from bvp.kernels.declared import Declared, Intrinsic
 from bvp.kernels.entry_point import MEMORY, add_entry_points
-from bvp.kernels.stored import processor
+from bvp.kernels.lent import MODELS, keep_lent
+from bvp.kernels.stored import processor, symbol
 
 nb: Any = numba
 
@@ -39,79 +42,15 @@ if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
     raise ValueError("NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0")
 
 
-class _Lent:
-    """How a named tuple is passed from kernel to kernel: by the address at which it is kept. Numba would pass each length and stride of each
-    array in it, several hundred numbers with some tuples, and half of all intermediate code would be about that."""
-
-    def get_argument_type(self):
-        return cast(Any, self).get_value_type().as_pointer()
-
-    def as_argument(self, builder, value):
-        return value.operands[0] if _is_kept(builder, value) else cgutils.alloca_once_value(builder, value)
-
-    def from_argument(self, builder, address):
-        # As numba marks the address of the result: nothing else leads there, and it is not kept. Nothing is written to a named tuple.
-        for attribute in address.parent.args[0].attributes:
-            address.add_attribute(attribute)
-        return builder.load(address)
-
-
-class _LentTuple(_Lent, models.TupleModel):
-    """A named tuple of different types."""
-
-
-class _LentUniTuple(_Lent, models.UniTupleModel):
-    """A named tuple of equal types."""
-
-
-def _is_kept(builder: Any, value: Any) -> bool:
-    """Whether a value was read from an argument, or from a variable that was not written to since."""
-    if not isinstance(value, ir.LoadInstr):
-        return False
-    for instruction in reversed(builder.block.instructions):
-        if instruction is value or (isinstance(instruction, ir.StoreInstr) and instruction.operands[1] is value.operands[0]):
-            return instruction is value
-    return isinstance(value.operands[0], ir.Argument)
-
-
-_models = DataModelManager()
-_models.register(nb.types.NamedTuple, _LentTuple)
-_models.register(nb.types.NamedUniTuple, _LentUniTuple)
-
-
-def _keep_lent(module: ir.Module) -> None:
-    """Replace each variable that is a copy of a lent tuple, and nothing else, by the tuple itself: it need not be copied."""
-    for function in module.functions:
-        writes: dict[Any, list[Any]] = {}
-        for block in function.blocks:
-            for instruction in block.instructions:
-                if isinstance(instruction, ir.StoreInstr) and isinstance(instruction.operands[1], ir.AllocaInstr):
-                    writes.setdefault(instruction.operands[1], []).append(instruction)
-        copies = {variable: source for variable, stores in writes.items() if (source := _source(stores, function.args)) is not None}
-        for block in function.blocks:
-            block.instructions[:] = [one for one in block.instructions if not (isinstance(one, ir.StoreInstr) and one.operands[1] in copies)]
-            for instruction in block.instructions:
-                for variable in copies.keys() & set(instruction.operands):
-                    instruction.replace_usage(variable, copies[variable])
-
-
-def _source(stores: list[Any], arguments: Any) -> Any:
-    """The argument that these instructions copy; None if they write anything else. Numba clears a variable after its last use."""
-    values = [store.operands[0] for store in stores]
-    written = [value for value in values if not (isinstance(value, ir.Constant) and value.constant is None)]
-    if len(written) == 1 and isinstance(written[0], ir.LoadInstr) and written[0].operands[0] in arguments:
-        return written[0].operands[0]
-    return None
-
-
 class _Library(AOTCodeLibrary):
     """Intermediate code of one function. That which is `exported` receives the code of all functions that it calls, directly or not, and is
     then optimised; the others are left as they are."""
 
     exported: tuple[str, ...] = ()
+    callees: Sequence[Any] = ()
 
     def add_ir_module(self, ir_module):
-        _keep_lent(ir_module)
+        keep_lent(ir_module)
         super().add_ir_module(ir_module)
 
     def _optimize_functions(self, ll_module):
@@ -128,9 +67,10 @@ class _Library(AOTCodeLibrary):
             if library not in seen:
                 seen.add(library)
                 waiting.extend(library._linking_libraries)
-                module = library._final_module.clone()
-                _set_linkage(module.functions, "weak_odr")  # can be defined twice, and is linked before it is called
-                self._final_module.link_in(module)
+        for library in sorted(seen, key=_order):
+            module = library._final_module.clone()
+            _set_linkage(module.functions, "weak_odr")  # can be defined twice, and is linked before it is called
+            self._final_module.link_in(module)
         # A function that could be called from elsewhere is copied into its only caller if it is short, not always: an object whose
         # functions all become one takes several times as long to optimise.
         _set_linkage(self._final_module.functions, "linkonce_odr", self.exported)
@@ -139,9 +79,17 @@ class _Library(AOTCodeLibrary):
         passes.run(self._final_module, builder)
         _set_linkage(self._final_module.functions, "internal", self.exported)
         self._final_module.verify()
-        for function in self._final_module.functions:
-            if function.is_declaration and function.name.startswith(("numba_", "NRT_")):
-                raise NotImplementedError(f"a kernel calls {function.name}, which only numba has; expected arithmetic alone")
+        declared = [function.name for function in self._final_module.functions if function.is_declaration]
+        self.callees = [_shared_kernels[name] for name in declared if name in _shared_kernels]
+        for name in declared:
+            if name.startswith(("numba_", "NRT_")):
+                raise NotImplementedError(f"a kernel calls {name}, which only numba has; expected arithmetic alone")
+
+
+def _order(library: Any) -> list[str]:
+    """What a library defines, without the numbers that numba counts up. The order of functions decides which of them LLVM copies into their
+    callers, and so the speed: it must not depend on what was compiled before."""
+    return sorted(re.sub(r"B\d+v\d+", "", function.name) for function in library._final_module.functions if not function.is_declaration)
 
 
 _code_of = attrgetter("library")
@@ -178,7 +126,7 @@ class _Target(CPUTarget):
     def _toplevel_target_context(self):
         context = CPUContext(self.typing_context, self._target_name)
         context.refresh()
-        return context.subtarget(_internal_codegen=_Codegen(), aot_mode=True, data_model_manager=_models.chain(default_manager))
+        return context.subtarget(_internal_codegen=_Codegen(), aot_mode=True, data_model_manager=MODELS)
 
 
 class _Dispatcher(CPUDispatcher):
@@ -187,7 +135,8 @@ class _Dispatcher(CPUDispatcher):
     Literal integers are passed as ordinary integers: numba would compile a separate version for each literal."""
 
     def __init__(self, function: Any, **options: Any):
-        options = {"nopython": True, **options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        # Numba lets what is not set pass on from the caller that is compiled first: one inlined kernel would inline all that it calls.
+        options = {"nopython": True, "forceinline": False, **options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         super().__init__(function, targetoptions=options)
         cast(Any, self)._compiler._customize_flags = _without_machine_code
 
@@ -224,7 +173,7 @@ def _namespace(function: Any) -> dict[str, Any]:
         space = _namespaces[function.__module__] = dict(function.__globals__)
         for name, value in space.items():
             if isinstance(value, Declared):
-                space[name] = dispatcher(value)
+                space[name] = dispatcher(value) if value.result is None else _shared(value)
             elif isinstance(value, Intrinsic):
                 space[name] = globals()[value.name]
     return _namespaces[function.__module__]
@@ -257,12 +206,23 @@ def _numba_type(kind: Any) -> Any:
     return nb.types.BaseTuple.from_types(types, getattr(importlib.import_module(module), name))
 
 
+def _described(kind: Any) -> Any:
+    """What `types_of` writes for an argument of one of numba's types. An array that is lent for reading is taken as any other: the code
+    would be the same, and there would be two of it."""
+    if isinstance(kind, nb.types.Array):
+        return f"{kind.dtype.name} {kind.ndim} {kind.layout}"
+    if isinstance(kind, nb.types.BaseTuple):
+        owner = getattr(kind, "instance_class", None)
+        return "" if owner is None else f"{owner.__module__}.{owner.__qualname__}", *map(_described, kind.types)
+    return next(name for name, number in _NUMBERS.items() if number == kind)
+
+
 _SELDOM = 20_000, 50, 1000
 
 
-def machine_code(kernel: Declared, types: Any, name: str) -> bytes:
-    """The object file of a kernel for arguments of some types (`bvp.kernels.stored.types_of`): it defines
-    call.NAME, for Python, and at.NAME, for kernels.
+def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[Any]]:
+    """The object file of a kernel for arguments of some types (`bvp.kernels.stored.types_of`), and module, name and types of the separate
+    kernels that it calls. It defines call.NAME, for Python, and at.NAME, for kernels.
 
     Garbage collection is reduced meanwhile. The compiler makes millions of objects that stay, and collection would take a tenth of the
     time.
@@ -275,6 +235,8 @@ def machine_code(kernel: Declared, types: Any, name: str) -> bytes:
             inner: Any = dispatcher(kernel)
             inner.compile(kinds)
             result = inner.overloads[kinds]
+            if kernel.result is not None and result.signature.return_type != _result_type(kernel.result):
+                raise TypeError(f"{name} returns {result.signature.return_type}, and {kernel.result} is declared")
             context = inner.targetctx
             library = context.codegen().create_library(name)
             module = context.create_module(name)
@@ -282,7 +244,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> bytes:
             library.add_ir_module(module)
             library.add_llvm_module(llvm.parse_assembly(MEMORY))
             library.add_linking_library(_code_of(result))
-            return bytes(library.emit_native_object())
+            return bytes(library.emit_native_object()), library.callees
     finally:
         gc.set_threshold(*before)
 
@@ -290,22 +252,53 @@ def machine_code(kernel: Declared, types: Any, name: str) -> bytes:
 # -- operations on compiled code ----------------------------------------------------------------------------------------------------
 
 
-def _calling(result: Any) -> Any:
-    def call(typing_context, address, arguments):
+def _call_at(typing_context, address, arguments):
+    def code(context, builder, signature, values):
+        packer = context.get_arg_packer(signature.args[1].types)
+        shape = ir.FunctionType(context.get_value_type(nb.types.none), packer.argument_types)
+        pointer = builder.inttoptr(values[0], ir.PointerType(shape))
+        builder.call(pointer, packer.as_arguments(builder, cgutils.unpack_tuple(builder, values[1])))
+        return context.get_dummy_value()
+
+    return nb.types.none(address, arguments), code
+
+
+call_at = intrinsic(_call_at)
+
+
+def _shared(kernel: Declared) -> Any:
+    """A shared kernel as other kernels call it."""
+
+    def call(typing_context, *arguments):
+        types = tuple(map(nb.types.unliteral, arguments))
+        described = "", *map(_described, types)
+        name = f"at.{symbol(kernel.function.__qualname__, described)}"
+        _shared_kernels[name] = [kernel.function.__module__, kernel.function.__qualname__, described]
+
         def code(context, builder, signature, values):
-            packer = context.get_arg_packer(signature.args[1].types)
+            packer = context.get_arg_packer(types)
             shape = ir.FunctionType(context.get_value_type(result), packer.argument_types)
-            pointer = builder.inttoptr(values[0], ir.PointerType(shape))
-            answer = builder.call(pointer, packer.as_arguments(builder, cgutils.unpack_tuple(builder, values[1])))
+            function = cgutils.get_or_insert_function(builder.module, shape, name)
+            answer = builder.call(function, packer.as_arguments(builder, values))
             return context.get_dummy_value() if result is nb.types.none else answer
 
-        return result(address, arguments), code
+        return result(*types), code
 
+    result = _result_type(kernel.result)
+    parameters = inspect.signature(kernel.function).parameters.values()
+    context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    cast(Any, call).__signature__ = inspect.Signature([context, *parameters])
     return intrinsic(call)
 
 
-call_at = _calling(nb.types.none)
-integer_at = _calling(nb.types.int64)
+_shared_kernels: dict[str, list[Any]] = {}
+"""Module, name and types of the shared kernels that are called, by the names of their entry points."""
+
+
+def _result_type(kind: Any) -> Any:
+    """Numba's type of a declared result."""
+    return nb.types.none if kind == "none" else _numba_type(("", *kind) if isinstance(kind, tuple) else kind)
+
 
 
 def _sized(typing_context, array, size):

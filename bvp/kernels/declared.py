@@ -12,13 +12,16 @@ class Declared:
     ----------
     function : callable
         What it computes, in Python.
+    result : str, tuple or None
+        What it returns, as `bvp.kernels.stored.types_of` writes types, or "none"; None where only the compiler knows.
     options : dict
         How numba compiles it.
     """
 
-    def __init__(self, function: Callable[..., Any], **options: Any):
+    def __init__(self, function: Callable[..., Any], result: Any = None, **options: Any):
         update_wrapper(cast(Any, self), function)
         self.function = function
+        self.result = result
         self.options = options
 
 

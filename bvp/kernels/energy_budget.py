@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import allocating, inlined, kernel
+from bvp.kernels.compiled import allocating, inlined, kernel, shared
 from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, sums_of
 from bvp.kernels.extrema import peak_flight
 from bvp.kernels.flight import block_product, copy_1, fastest_rate, flow_matrix, flow_state, inner, row_dot, set_1, times_matrix
@@ -280,7 +280,7 @@ def doubled_integrals(flight, products, z, t, fastest, out):
         out[c] += weight[c] * total
 
 
-@kernel
+@shared("none")
 def integrals(flight, products, z, t, work, out):
     """out (R,) = weight times the integral of (first . z(s)) (second . z(s)) over 0 <= s <= t. `work` comes from `integral_work`."""
     first, second, weight = products

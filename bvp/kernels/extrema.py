@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, shared
 from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, inner, row_dot
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
@@ -264,7 +264,7 @@ def row_times_matrix(rows, c, matrix, out):
         out[0, r] = inner(rows[c], matrix[:, r])
 
 
-@kernel
+@shared("boolean")
 def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
     """Raise peaks (n,) to the largest |u| over a flight of `duration` from z (N,), with (u, v) = leave z. False if the search gave up.
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, shared
 from bvp.kernels.flight import amplitudes, block_product, copy_1, fastest_rate, flow_inside, flow_state, free_step, growth_rate, row_dot
 
 CONTACT_TOLERANCE = 1e-13
@@ -299,7 +299,7 @@ def near_return(coefficients, jerk, t, window):
     return True, root
 
 
-@kernel
+@shared(("integer", "integer", "float"))
 def next_impact(flight, contacts, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, shared
 from bvp.kernels.contact_mode import (
     begin_anew,
     bounce,
@@ -146,7 +146,7 @@ def request_mode(counts, sticking, kind):
     counts[entry.BOUNCES] = 0
 
 
-@kernel
+@shared("integer")
 def move(modes, duration, most, motion, log, scratch):
     """Carry a motion on until its duration, its most impacts, or a reason to return. Returns the reason.
 

@@ -7,6 +7,8 @@ is thus noticed, and copies of saltus with equal sources share their kernels.
 
 import ctypes
 import hashlib
+import importlib
+import json
 import multiprocessing
 import os
 import platform
@@ -30,7 +32,7 @@ _KEPT_DAYS = 30.0
 """A folder that was not used for so long is removed."""
 
 _SOURCES = Path(__file__).resolve().parents[2]
-_COMPILER = [Path(__file__).with_name(name) for name in ("compiler.py", "entry_point.py")]
+_COMPILER = [Path(__file__).with_name(name) for name in ("compiler.py", "entry_point.py", "lent.py")]
 _IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import \(?\s*(\w+)", re.MULTILINE)
 
 # -- the cache folder ---------------------------------------------------------------------------------------------------------------
@@ -205,7 +207,7 @@ class Entry(NamedTuple):
     """A kernel compiled for some types of arguments."""
 
     call: Callable[..., Any]  # from Python; gives NotImplemented where the arguments have other types
-    address: int  # in memory, for `call_at` and `integer_at`
+    address: int  # in memory, for `call_at`
 
 
 _DIGEST = 32
@@ -240,17 +242,27 @@ def _engine() -> Any:
     return llvm.create_mcjit_compiler(llvm.parse_assembly(""), llvm.Target.from_default_triple().create_target_machine())
 
 
-def sealed(code: bytes) -> bytes:
-    """A file of the cache: a hash, then an object file."""
-    return hashlib.sha256(code).digest() + code
+def sealed(code: bytes, callees: Any) -> bytes:
+    """A file of the cache: a hash; a line of JSON with module, name and types of the shared kernels that the code calls; the code, an
+    object file."""
+    content = json.dumps(callees).encode() + b"\n" + code
+    return hashlib.sha256(content).digest() + content
+
+
+def types_from(value: Any) -> Any:
+    """Types of arguments (`types_of`) as they were before they were written as JSON."""
+    return tuple(map(types_from, value)) if isinstance(value, list) else value
 
 
 def entry_of(code: bytes, name: str) -> Any:
     """The `Entry` of the kernel in a file of the cache; None where the file is damaged."""
     if hashlib.sha256(code[_DIGEST:]).digest() != code[:_DIGEST]:
         return None
+    callees, _, machine_code = code[_DIGEST:].partition(b"\n")
+    for module, kernel, types in json.loads(callees):
+        getattr(importlib.import_module(module), kernel).entry_for(types_from(types))
     engine = _engine()
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code[_DIGEST:]))
+    engine.add_object_file(llvm.ObjectFileRef.from_data(machine_code))
     engine.finalize_object()
     _methods.append(_Method(name.encode(), engine.get_function_address(f"call.{name}"), _FASTCALL, None))
     make = ctypes.pythonapi.PyCFunction_NewEx

@@ -43,7 +43,7 @@ def test_all_that_a_kernel_is_compiled_from_is_hashed(file):
     assert set(stored.sources(file)) == found
 
 
-@pytest.mark.parametrize("name", ["compiler.py", "entry_point.py"])
+@pytest.mark.parametrize("name", ["compiler.py", "entry_point.py", "lent.py"])
 def test_the_compiler_is_hashed(monkeypatch, name):
     """Oracle: another text of the compiler gives another folder."""
     before = stored._digest("bvp.kernels.flight", "")
@@ -142,6 +142,34 @@ def test_a_damaged_file_is_written_anew(kept, tmp_path, damage):
             file.write_bytes(damage(file.read_bytes()))
     assert run() == (7.0, False, "")
     assert run() == (7.0, True, "")
+
+
+def test_a_shared_kernel_is_code_of_its_own(project, tmp_path):
+    """Oracle: the values by hand. It is compiled once, and again when it changes or its file is lost. The declared result is checked."""
+    _, inner, run = project
+    text = inner.read_text().replace("import kernel", "import shared")
+
+    def files():
+        return {file.name: file.stat().st_ino for file in (tmp_path / "kept").rglob("*-*") if file.is_file()}
+
+    inner.write_text(text.replace("@kernel", '@shared("float")'))
+    assert run() == (7.0, False, "")
+    before = files()
+    assert sorted(name.split("-")[0] for name in before) == ["inner", "outer"]
+    assert run() == (7.0, True, "") and files() == before
+    for file in (tmp_path / "kept").rglob("inner-*"):
+        file.unlink()
+    assert run() == (7.0, False, "")
+    after = files()
+    assert after.keys() == before.keys() and [name for name in after if after[name] == before[name]] == [
+        name for name in before if name.startswith("outer")
+    ]
+    inner.write_text(text.replace("@kernel", '@shared("float")').replace("2.0", "5.0"))
+    assert run() == (16.0, False, "")
+    inner.write_text(text.replace("@kernel", '@shared("integer")'))
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        run()
+    assert "returns float64, and integer is declared" in caught.value.stderr
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")

@@ -226,11 +226,9 @@ def follow_crossings(
             rows = kernels.Rows(*plane.rows(modes))
             begun = kernels.SectionStarts(np.concatenate([u, v], 1), changes @ modes.enter[0].T)
             orbit, work = _arrays(simulator, modes)
-            # compiled for the types that `Simulator.run` uses, too
-            _, simulate = motion_kernels.move.entry(modes, 0.0, kernels.MOST, orbit.motion, work.log, work.scratch)
         orbit.motion.counts[PASSES] = pace.passes
         with pace:
-            first, sticking = kernels.follow_section(simulate, modes, rows, begun, limits, first, orbit, out, work)
+            first, sticking = kernels.follow_section(modes, rows, begun, limits, first, orbit, out, work)
         if first < count and sticking >= 0:
             simulator.table.add(int(sticking))
     return Section(plane, *out[:-1], ends=tuple(_ENDS[code] for code in out.statuses.tolist()))
