@@ -1,20 +1,24 @@
 """Periodic orbits in fifty digits from the multipoint equations. They decide what double precision cannot, and serve as references.
 
 The modes are computed anew from the system's matrices. The equations are those of `bvp.kernels.multipoint`, with the full start state
-as an unknown and the start's end as equations of their own. They are evaluated in fifty digits and corrected with the pseudo-inverse of
+as an unknown and the start's end as equations of their own. They are evaluated in fixed point and corrected with the pseudo-inverse of
 their Jacobian in double precision: near the orbit each round gains about as many digits as double precision has. The residual that is
 left bounds the error of the orbit.
+
+A number in fixed point is an integer, in units of 2^-BITS. Arrays of them cost a fraction of arrays of mpf.
 """
 
 from __future__ import annotations
 
-from copy import copy
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import mpmath as mp
 import numpy as np
+from mpmath.libmp import from_man_exp, mpf_cos_sin, mpf_cosh_sinh, to_fixed
 
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
@@ -23,25 +27,33 @@ from bvp.stability import DECISION, balance, verdict
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["DIGITS", "DigitModes", "DigitOrbit", "digit_modes", "orbit_in_digits"]
+__all__ = ["BITS", "DIGITS", "DigitModes", "DigitOrbit", "digit_modes", "orbit_in_digits"]
 
 DIGITS = 50
 """Decimal digits of the arithmetic."""
 
-_ROUNDS = 60
-_NEAR = mp.mpf(10) ** -8
-"""Residual below which the Jacobian no longer changes in double precision, so it is kept for further corrections."""
+BITS = 200
+"""Binary digits after the point in fixed point, which are 60 decimal ones."""
 
-_GOOD = mp.mpf(10) ** (10 - DIGITS)
-"""Largest residual of an orbit, relative to its state."""
+_ONE = 1 << BITS
+
+_ROUNDS = 60
+_NEAR = _ONE // 10**8
+"""Residual in fixed point below which the Jacobian no longer changes in double precision, so it is kept for further corrections."""
+
+_GOOD = _ONE // 10 ** (DIGITS - 10)
+"""Largest residual of an orbit, relative to its state, in fixed point."""
+
+_ENOUGH = _ONE // 10 ** (DIGITS - 8)
+"""An orbit with such a residual is corrected once more, and then as good as rounding allows."""
 
 _ENTRY = mp.mpf(10) ** (15 - DIGITS)
 """Error of an entry of the half map, relative to the largest: of a solution to `_GOOD` with a pivot of 1e-5 at least."""
 
 
 class DigitModes:
-    """Modes of an undamped system in many digits. A modal state is an array (2 n,) of mpf, displacements before velocities; an array
-    (m, 2 n) holds m of them.
+    """Modes of an undamped system in many digits. A modal state is an array (2 n,), displacements before velocities; an array (m, 2 n)
+    holds m of them. Those of flights and impacts are in fixed point.
 
     Parameters
     ----------
@@ -58,8 +70,8 @@ class DigitModes:
         Mass-normalised, one a column.
     gaps : (S, n) ndarray of mpf
         c . phi_k for each stop.
-    kicks : (S, n) ndarray of mpf
-        Change of the velocities at an impact of rate -1.
+    in_fixed, in_double : _Motion
+        Flights and impacts, in fixed point and in double precision.
     """
 
     def __init__(self, system: ImpactSystem) -> None:
@@ -76,19 +88,15 @@ class DigitModes:
             self.rates = [mp.sqrt(abs(square)) for square in self.squares]
             self.shapes = _array(inverse.T * vectors)
             self.gaps = _exact([stop.gap for stop in system.stops]) @ self.shapes
-            self.kicks = np.array([2 * b / (b @ b) for b in self.gaps])
             self.weights = self.shapes.T @ _array(mass)
+            squares, gaps, kicks = self.squares, self.gaps, np.array([2 * b / (b @ b) for b in self.gaps])
+            self.in_fixed = _Motion(_fixed(squares), _fixed(gaps), _fixed(kicks), BITS)
+            self.in_double = _Motion(squares.astype(float), gaps.astype(float), kicks.astype(float))
 
-    @cached_property
-    def in_double(self) -> DigitModes:
-        """The same modes in double precision, for derivatives. Its flights start from those in many digits."""
-        double = copy(self)
-        double.squares, double.gaps, double.kicks = (part.astype(float) for part in (self.squares, self.gaps, self.kicks))
-        return double
-
-    def state(self, physical: np.ndarray) -> np.ndarray:
-        """Modal state with displacements and velocities (2 n,)."""
-        return np.concatenate([self.weights @ _exact(part) for part in np.split(physical, 2)])
+    def states(self, physical: np.ndarray) -> np.ndarray:
+        """Modal states (m, 2 n) in fixed point of displacements and velocities (m, 2 n) in double precision."""
+        weights = _fixed(self.weights.T)
+        return np.concatenate([_whole(part) @ weights >> BITS for part in _halves(physical)], axis=1)
 
     def velocities(self, z: np.ndarray) -> list[Any]:
         """Velocities u' (n,) of a modal state."""
@@ -96,40 +104,89 @@ class DigitModes:
 
     def energy(self, z: np.ndarray) -> Any:
         """h."""
-        places, speeds = np.split(z, 2)
+        places, speeds = _halves(z)
         return (speeds @ speeds + self.squares @ places**2) / 2
 
-    def flight(self, time: Any) -> np.ndarray:
-        """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `flow`: (3, n)."""
-        out = []
-        for w, square in zip(self.rates, self.squares, strict=True):
-            c, s = mp.cos_sin(w * time) if square >= 0 else (mp.cosh(w * time), mp.sinh(w * time))
-            over = s / w if w else time
-            out.append((c, over, square * over))
-        return np.array(out).T
+    def flights(self, times: Sequence[int] | np.ndarray) -> np.ndarray:
+        """cos(w t), sin(w t)/w and w sin(w t) of each mode, for `_Motion.flow`: (3, m, n) for times (m,), all in fixed point."""
+        out = np.empty((3, len(times), self.size), dtype=object)
+        for k, (rate, square) in enumerate(zip(self.rates, self.squares, strict=True)):
+            functions = mpf_cos_sin if square >= 0 else mpf_cosh_sinh
+            w, squared = to_fixed(rate._mpf_, BITS), self.in_fixed.squares[k]
+            for i, time in enumerate(times):
+                c, s = (to_fixed(x, BITS) for x in functions(from_man_exp(w * time, -2 * BITS), BITS))
+                over = (s << BITS) // w if w else time
+                out[:, i, k] = c, over, squared * over >> BITS
+        return out
+
+
+class _Motion(NamedTuple):
+    """Flights and impacts of modal states, whose products are shifted by `bits`: in fixed point, and 0 in double precision."""
+
+    squares: np.ndarray
+    gaps: np.ndarray
+    kicks: np.ndarray  # change of the velocities at an impact of rate -1
+    bits: int = 0
+
+    def scaled(self, products: Any) -> Any:
+        """Products as numbers."""
+        return products >> self.bits if self.bits else products
 
     def flow(self, z: np.ndarray, flight: np.ndarray) -> np.ndarray:
         """States after a free flight."""
         c, over, times = flight
-        places, speeds = z[..., : self.size], z[..., self.size :]
-        return np.concatenate([c * places + over * speeds, c * speeds - times * places], axis=-1)
+        places, speeds = _halves(z)
+        return self.scaled(np.concatenate([c * places + over * speeds, c * speeds - times * places], axis=-1))
 
     def rate(self, z: np.ndarray) -> np.ndarray:
         """Velocities and accelerations of the modes."""
-        return np.concatenate([z[..., self.size :], -self.squares * z[..., : self.size]], axis=-1)
+        places, speeds = _halves(z)
+        return np.concatenate([speeds, -self.scaled(self.squares * places)], axis=-1)
 
-    def gap(self, stop: int, z: np.ndarray) -> Any:
+    def gap(self, stop: Any, z: np.ndarray) -> Any:
         """The gap coordinate."""
-        return z[..., : self.size] @ self.gaps[stop]
+        return self.scaled((z[..., : len(self.squares)] * self.gaps[stop]).sum(axis=-1))
 
-    def speed(self, stop: int, z: np.ndarray) -> Any:
+    def speed(self, stop: Any, z: np.ndarray) -> Any:
         """The rate of the gap coordinate."""
-        return z[..., self.size :] @ self.gaps[stop]
+        return self.scaled((z[..., len(self.squares) :] * self.gaps[stop]).sum(axis=-1))
 
-    def impact(self, stop: int, z: np.ndarray) -> np.ndarray:
+    def impact(self, stop: Any, z: np.ndarray) -> np.ndarray:
         """States after an elastic impact."""
-        kick = np.multiply.outer(self.speed(stop, z), self.kicks[stop])
-        return np.concatenate([z[..., : self.size], z[..., self.size :] - kick], axis=-1)
+        kick = self.scaled(np.asarray(self.speed(stop, z))[..., None] * self.kicks[stop])
+        places, speeds = _halves(z)
+        return np.concatenate([places, speeds - kick], axis=-1)
+
+
+def _halves(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Displacements and velocities of states."""
+    half = z.shape[-1] // 2
+    return z[..., :half], z[..., half:]
+
+
+def _fixed(values: Any) -> np.ndarray:
+    """Numbers of type mpf in fixed point."""
+    return np.frompyfunc(lambda x: to_fixed(x._mpf_, BITS), 1, 1)(np.asarray(values))
+
+
+def _whole(values: Any) -> np.ndarray:
+    """Doubles in fixed point, as the binary fractions that they are."""
+
+    def fixed(x: float) -> int:
+        numerator, denominator = float(x).as_integer_ratio()
+        return (numerator << BITS) // denominator
+
+    return np.frompyfunc(fixed, 1, 1)(np.asarray(values))
+
+
+def _real(numbers: Any) -> Any:
+    """Numbers in fixed point as mpf."""
+    return np.frompyfunc(lambda x: mp.mpf((x, -BITS)), 1, 1)(numbers)
+
+
+def _double(numbers: np.ndarray) -> np.ndarray:
+    """Numbers in fixed point in double precision."""
+    return (numbers / _ONE).astype(float)
 
 
 def _exact(values: Any) -> np.ndarray:
@@ -154,19 +211,16 @@ class DigitOrbit:
     Attributes
     ----------
     problem : MultipointProblem
-    states : (k + 1, 2 n) ndarray of mpf
-        Modal states at the start of each flight.
-    times : (k + 1,) ndarray of mpf
-        Flight times.
+    x : (k + 1, 2 n + 1) ndarray of int
+        The modal state at the start of each flight and the flight's time, in fixed point.
     residual : mpf
-        What is left of the equations.
+        What was left of the equations before the last correction.
     moved : float
         How far the start is from the given one: its state relative to sqrt(2 h), its quarter period relative to itself.
     """
 
     problem: MultipointProblem
-    states: np.ndarray
-    times: np.ndarray
+    x: np.ndarray
     residual: Any
     moved: float
 
@@ -175,10 +229,20 @@ class DigitOrbit:
         """Those of the system."""
         return digit_modes(self.problem.system)
 
+    @cached_property
+    def states(self) -> np.ndarray:
+        """Modal states at the start of each flight, (k + 1, 2 n) of mpf."""
+        return _real(self.x[:, :-1])
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """Flight times, (k + 1,) of mpf."""
+        return _real(self.x[:, -1])
+
     @property
     def energy(self) -> Any:
         """h."""
-        return self.modes.energy(self.states[0])
+        return self.modes.energy(_real(self.x[0, :-1]))
 
     @cached_property
     def half_map(self) -> Any:
@@ -189,12 +253,12 @@ class DigitOrbit:
             problem, modes = self.problem, self.modes
             n, stops = modes.size, problem.modes.contact_stop
             (start, end), (closing, opening) = problem.kinds, problem.contacts[-2:]
-            z = self.states[0]
+            z, motion = self.x[0, :-1], modes.in_fixed
             zero = _exact(np.zeros((problem.pairs, n)))
             held = self._held()
 
             def basis(kind: int, contact: int, at: np.ndarray) -> np.ndarray:
-                x = at[n:] if kind == ORIGIN else -modes.rate(at)[n:] if kind == REST else modes.gaps[stops[contact]]
+                x = modes.gaps[stops[contact]] if kind == STOP else _real(at[n:] if kind == ORIGIN else -motion.rate(at)[n:])
                 return _across(held @ x) @ held
 
             first = basis(start, opening, z)
@@ -203,9 +267,10 @@ class DigitOrbit:
                 kept, turned = turned, -kept
             if start == STOP:
                 stop = int(stops[opening])
-                slopes = first @ modes.rate(z)[n:] / modes.speed(stop, z)
+                slopes = first @ _real(motion.rate(z)[n:]) / _real(motion.speed(stop, z))
                 kept[:, n:] = np.multiply.outer(slopes, modes.gaps[stop])
-            carried, final = self._carried(np.vstack([kept, turned]))
+            carried, final = self._carried(_fixed(np.vstack([kept, turned])))
+            carried = _real(carried)
             last = basis(end, closing, final)
             displacements, velocities = carried[:, :n] @ last.T, carried[:, n:] @ last.T
             phi = np.hstack([velocities, -displacements] if end == ORIGIN else [displacements, velocities])
@@ -230,7 +295,7 @@ class DigitOrbit:
         """tau of the full period, for two degrees of freedom."""
         with mp.workdps(DIGITS):
             if self.problem.periodic:
-                return np.trace(self._carried(_exact(np.eye(self.problem.size)))[0]) - 2
+                return _real(np.trace(self._carried(_whole(np.eye(self.problem.size)))[0])) - 2
             half = 2 + 4 * self.half_map[0, 1] * self.half_map[1, 0]
             return half * half - 2 if self.problem.quarters == 1 else half
 
@@ -248,7 +313,7 @@ class DigitOrbit:
                 numbers = [(self.trace - 2) / 4], [error / 4], [(self.trace + 2) / 4], [error / 4]
             else:
                 phi = self.half_map
-                displacement = np.abs(self.states[:, : problem.half]).max()
+                displacement = _real(np.abs(self.x[:, : problem.half]).max())
                 factors = balance(problem, mp.sqrt(2 * self.energy) / displacement if displacement else mp.mpf(1))
                 places = (0, 0), (0, m), (m, 0), (m, m)
                 a, b, c, d = (f * phi[i : i + m, j : j + m] for f, (i, j) in zip(factors, places, strict=True))
@@ -260,21 +325,21 @@ class DigitOrbit:
 
     def _carried(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Perturbations (m, 2 n) at the start, carried to the far end: through saltation matrices; at a stop there onto the stop along the
-        flow. Then the state at the far end, before an impact there."""
-        problem, modes = self.problem, self.modes
-        for i, (z, time) in enumerate(zip(self.states, self.times, strict=True)):
-            flight = modes.flight(time)
-            columns, before = modes.flow(columns, flight), modes.flow(z, flight)
+        flow. Then the state at the far end, before an impact there. All in fixed point."""
+        problem, motion = self.problem, self.modes.in_fixed
+        flights = self.modes.flights(self.x[:, -1])
+        for i, before in enumerate(motion.flow(self.x[:, :-1], flights)):
+            columns = motion.flow(columns, flights[:, i])
             contact = problem.contacts[i]
             if contact < 0:
                 continue
             stop = int(problem.modes.contact_stop[contact])
-            late = modes.gap(stop, columns) / modes.speed(stop, before)
-            shift = -modes.rate(before)
+            late = (motion.gap(stop, columns) << BITS) // motion.speed(stop, before)
+            shift = -motion.rate(before)
             if i < problem.inner or problem.periodic:
-                shift = modes.rate(modes.impact(stop, before)) + modes.impact(stop, shift)
-                columns = modes.impact(stop, columns)
-            columns = columns + np.multiply.outer(late, shift)
+                shift = motion.rate(motion.impact(stop, before)) + motion.impact(stop, shift)
+                columns = motion.impact(stop, columns)
+            columns = columns + motion.scaled(np.multiply.outer(late, shift))
         return columns, before
 
 
@@ -293,61 +358,61 @@ def orbit_in_digits(problem: MultipointProblem, y: np.ndarray, quarter_period: f
 
 
 class _Equations:
-    """The equations of a segment; row i of x holds z_i and t_i, the states modal."""
+    """The equations of a segment, in fixed point; row i of x holds z_i and t_i, the states modal."""
 
     def __init__(self, problem: MultipointProblem, y: np.ndarray, quarter_period: float | None) -> None:
         self.problem = problem
         self.modes = modes = digit_modes(problem.system)
         self.n = n = modes.size
-        self.quarter_period = None if quarter_period is None else mp.mpf(float(quarter_period))
+        self.quarter_period = None if quarter_period is None else int(_whole(quarter_period))
         double = problem.modes
-        self.stops = [int(double.contact_stop[contact]) if contact >= 0 else -1 for contact in problem.contacts]
-        self.bounds = [mp.mpf(float(double.contacts.bound[contact])) if contact >= 0 else None for contact in problem.contacts]
-        starts = np.vstack([problem.start(y), problem.nodes(y)]) @ double.to_state.T
-        times = _exact(problem.flight_times(y))
-        self.x = np.array([[*modes.state(state), time] for state, time in zip(starts, times, strict=True)])
-        z = self.x[0, :-1]
-        self.speed = mp.sqrt(2 * modes.energy(z)) or mp.mpf(1)
-        self.sizes = np.tile([1.0] * n + [float(self.speed)] * n + [1.0], problem.inner + 1)
+        self.stops = np.array([int(double.contact_stop[contact]) if contact >= 0 else -1 for contact in problem.contacts])
+        self.bounds = _whole([float(double.contacts.bound[contact]) if contact >= 0 else 0.0 for contact in problem.contacts])
+        starts = np.vstack([problem.start(y), problem.nodes(y)])
+        self.x = np.column_stack([modes.states(starts @ double.to_state.T), _whole(problem.flight_times(y))])
+        self.speed = math.sqrt(2.0 * problem.energy(y)) or 1.0
+        self.sizes = np.tile([1.0] * n + [self.speed] * n + [1.0], problem.inner + 1)
         self.first = self._conditions(problem.kinds[0], problem.inner + 1)
         self.last = self._conditions(problem.kinds[1], problem.inner)
         # Energy is conserved, so one of the closure equations follows from the others: leave out the one that changes the energy most.
-        slopes = np.abs(np.concatenate([modes.rate(z)[n:], z[n:] * self.speed]))
+        z = _double(self.x[0, :-1])
+        slopes = np.abs(np.concatenate([modes.in_double.rate(z)[n:], z[n:] * self.speed]))
         self.kept = np.delete(np.arange(2 * n), np.argmax(slopes))
+        self.flights = np.empty((3, 0, n))
 
     def _conditions(self, kind: int, node: int) -> tuple[np.ndarray, np.ndarray]:
         """Rows L and values l of the conditions L z = l at an end."""
-        n, unit = self.n, _exact(np.eye(2 * self.n))
+        n, unit = self.n, _whole(np.eye(2 * self.n))
         if kind in (ORIGIN, REST):
-            return unit[:n] if kind == ORIGIN else unit[n:], _exact(np.zeros(n))
+            return unit[:n] if kind == ORIGIN else unit[n:], _whole(np.zeros(n))
         if kind == PERIODIC and node <= self.problem.inner:
             return unit[:0], unit[0, :0]
-        b = self.modes.gaps[self.stops[node]]
-        rows, values = [b @ unit[:n]], [self.bounds[node]]
+        b = self.modes.in_fixed.gaps[self.stops[node]]
+        rows, values = [b @ unit[:n] >> BITS], [self.bounds[node]]
         if kind == STOP:
             pivot = int(np.argmax(np.abs(b)))
-            rows += [b[pivot] * unit[n + k] - b[k] * unit[n + pivot] for k in range(n) if k != pivot]
-        return np.array(rows), np.array(values + [mp.mpf(0)] * (len(rows) - 1))
+            rows += [b[pivot] * unit[n + k] - b[k] * unit[n + pivot] >> BITS for k in range(n) if k != pivot]
+        return np.array(rows), np.array(values + [0] * (len(rows) - 1), dtype=object)
 
     def residual(self) -> np.ndarray:
         """The start's end holds, each flight ends on the next node, each node is on its stop, the far end holds."""
-        modes, inner = self.modes, self.problem.inner
-        states, times = self.x[:, :-1], self.x[:, -1]
-        out = [self.first[0] @ states[0] - self.first[1]]
-        for i, stop in enumerate(self.stops[: inner + 1]):
-            end = modes.flow(states[i], modes.flight(times[i]))
-            if i < inner:
-                out += [modes.impact(stop, end) - states[i + 1], [modes.gap(stop, states[i + 1]) - self.bounds[i]]]
-            elif self.problem.periodic:
-                out.append((modes.impact(stop, end) - states[0])[self.kept])
-        out.append(self.last[0] @ end - self.last[1])
+        motion, inner = self.modes.in_fixed, self.problem.inner
+        states, times, stops = self.x[:, :-1], self.x[:, -1], self.stops[: self.problem.inner]
+        self.flights = self.modes.flights(times)
+        ends = motion.flow(states, self.flights)
+        landed = motion.impact(stops, ends[:inner]) - states[1:]
+        above = motion.gap(stops, states[1:]) - self.bounds[:inner]
+        out = [(self.first[0] @ states[0] >> BITS) - self.first[1], np.column_stack([landed, above]).ravel()]
+        if self.problem.periodic:
+            out.append((motion.impact(self.stops[inner], ends[inner]) - states[0])[self.kept])
+        out.append((self.last[0] @ ends[inner] >> BITS) - self.last[1])
         if self.quarter_period is not None:
-            out.append([mp.fsum(times) - self.problem.quarters * self.quarter_period])
+            out.append(np.array([times.sum() - self.problem.quarters * self.quarter_period]))
         return np.concatenate(out)
 
     def jacobian(self) -> np.ndarray:
         """Derivative of the residual in double precision."""
-        modes, inner, size = self.modes.in_double, self.problem.inner, 2 * self.n
+        motion, inner, size = self.modes.in_double, self.problem.inner, 2 * self.n
         unit, count = np.eye(size), len(self.x)
         out: list[np.ndarray] = []
 
@@ -357,17 +422,17 @@ class _Equations:
                 part = np.atleast_2d(np.asarray(values, dtype=float))
                 out[-1][:, node, : part.shape[1]] += part
 
-        rows(len(self.first[0]), (0, self.first[0]))
+        flights = _double(self.flights)
+        arrivals = motion.rate(motion.flow(_double(self.x[:, :-1]), flights))
+        rows(len(self.first[0]), (0, _double(self.first[0])))
         for i, stop in enumerate(self.stops[: inner + 1]):
-            flight = self.modes.flight(self.x[i, -1]).astype(float)
-            arrival = modes.flow(self.x[i, :-1].astype(float), flight)
-            landing = np.vstack([modes.flow(unit, flight), modes.rate(arrival)])
+            landing = np.vstack([motion.flow(unit, flights[:, i]), arrivals[i]])
             if i < inner:
-                rows(size, (i, modes.impact(stop, landing).T), (i + 1, -unit))
-                rows(1, (i + 1, modes.gaps[stop]))
+                rows(size, (i, motion.impact(stop, landing).T), (i + 1, -unit))
+                rows(1, (i + 1, motion.gaps[stop]))
             elif self.problem.periodic:
-                rows(size - 1, (i, modes.impact(stop, landing).T[self.kept]), (0, -unit[self.kept]))
-        rows(len(self.last[0]), (inner, self.last[0].astype(float) @ landing.T))
+                rows(size - 1, (i, motion.impact(stop, landing).T[self.kept]), (0, -unit[self.kept]))
+        rows(len(self.last[0]), (inner, _double(self.last[0]) @ landing.T))
         if self.quarter_period is not None:
             rows(1)
             out[-1][:, :, -1] = 1.0
@@ -375,29 +440,31 @@ class _Equations:
 
     def solve(self) -> DigitOrbit:
         """Correct until nothing is gained any more."""
-        given = self.x
+        given = kept = self.x
         inverse = np.empty((0, 0))
-        worst = mp.inf
+        worst: float = math.inf
         for _ in range(_ROUNDS):
             residual = self.residual()
-            size = np.abs(residual).max()
+            size = int(np.abs(residual).max())
             if not size < worst:
                 break
             worst, kept = size, self.x
-            if size == 0:
-                break
             if size > _NEAR * self.speed or not inverse.size:
                 # The least correction, in units of the sizes: J' = Q R, J^+ = Q R'^-1.
                 q, r = np.linalg.qr((self.jacobian() * self.sizes).T)
                 inverse = self.sizes[:, None] * np.linalg.solve(r, q.T).T
-            update = inverse @ (residual / size).astype(float)
-            self.x = self.x - _exact(update.reshape(self.x.shape)) * size
-        if not worst < _GOOD * max(1, self.speed):
-            raise ArithmeticError(f"the orbit did not settle in {DIGITS} digits (residual {mp.nstr(worst, 3)})")
-        period = mp.fsum(kept[:, -1])
-        change = abs(period - mp.fsum(given[:, -1])) / period
-        apart = np.abs(kept[0, :-1] - given[0, :-1]).max() / self.speed
-        return DigitOrbit(self.problem, kept[:, :-1], kept[:, -1], worst, float(max(apart, change)))
+            update = inverse @ (residual / max(size, 1)).astype(float)
+            if not np.isfinite(update).all():
+                break
+            self.x = self.x - (_whole(update.reshape(self.x.shape)) * size >> BITS)
+            if size <= _ENOUGH:
+                kept = self.x
+                break
+        if not worst < _GOOD * max(1.0, self.speed):
+            raise ArithmeticError(f"the orbit did not settle in {DIGITS} digits (residual {mp.nstr(_real(int(worst)), 3)})")
+        period, before = kept[:, -1].sum(), given[:, -1].sum()
+        apart = np.abs(kept[0, :-1] - given[0, :-1]).max() / _ONE / self.speed
+        return DigitOrbit(self.problem, kept, _real(int(worst)), max(apart, abs(period - before) / period))
 
 
 def _eigenvalues(p: Any, q: Any, size: Any) -> tuple[list[Any], list[Any]]:

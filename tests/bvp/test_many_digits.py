@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.backbone import Backbone
 from branches.orbit import Orbit
-from bvp.many_digits import DIGITS, digit_modes, orbit_in_digits
+from bvp.many_digits import BITS, DIGITS, digit_modes, orbit_in_digits
 from bvp.multipoint import MultipointProblem
 from bvp.stability import balance, half_map_of, roundings, stability, velocity_scale
 from bvp.system import vibro_impact_nes
@@ -71,9 +71,9 @@ def test_a_rigid_body_mode_moves_on_in_a_straight_line():
     """Oracle: q(t) = q + p t."""
     modes = digit_modes(chain(np.random.default_rng(1), 3))
     assert modes.squares[0] == 0 and all(square > 0 for square in modes.squares[1:])
-    state = np.array([mp.mpf(k + 1) for k in range(6)])
-    moved = modes.flow(state, modes.flight(mp.mpf(2)))
-    assert moved[0] == 1 + 2 * 4 and moved[3] == 4
+    state = np.array([k + 1 << BITS for k in range(6)], dtype=object)
+    moved = modes.in_fixed.flow(state, modes.flights([2 << BITS])[:, 0])
+    assert moved[0] == 1 + 2 * 4 << BITS and moved[3] == 4 << BITS
 
 
 @pytest.mark.parametrize("apart", [1e-6, 1e-10, 1e-14])
