@@ -152,10 +152,9 @@ def backbone_family(name):
 
 
 def closed_traces(problem, alpha):
-    """The traces lambda + 1/lambda of the pairs of the half map composed with u -> -u, without those that are 2 or -2 for all alpha."""
-    half = Closed(problem.system, alpha).half_map()
-    with mpmath.workdps(50):
-        values = [complex(x) for x in mpmath.eig(half, left=False, right=False)]
+    """The traces lambda + 1/lambda of the pairs of the half map composed with u -> -u, without those that are 2 or -2 for all alpha. The
+    map has 50 digits, its eigenvalues those of double precision: their sides of a level are asked for."""
+    values = np.linalg.eigvals(np.array(Closed(problem.system, alpha).half_map().tolist(), complex)).tolist()
     trivial = [1.0, 1.0] + [-1.0, -1.0] * (problem.half - 1 - problem.pairs)
     for limit in trivial:
         values.remove(min(values, key=lambda x: abs(x - limit)))

@@ -16,12 +16,11 @@ from tests.bvp.twins import chain
 REST = mpmath.mpf(10) ** -25
 
 
-def shared(mass, rows, target, v):
-    """Velocities v after impulses at the contacts of `rows` that give these the rates `target`, and the impulses."""
+def shared(inverse, rows, target, v):
+    """Velocities v after impulses at the contacts of `rows` that give these the rates `target`, and the impulses; inverse: of the mass."""
     if not rows:
         return v, []
     k = len(rows)
-    inverse = mass**-1
     compliance = mpmath.matrix(k, k)
     for i, a in enumerate(rows):
         for j, b in enumerate(rows):
@@ -33,10 +32,10 @@ def shared(mass, rows, target, v):
     return out, list(impulses)
 
 
-def pressed(mass, candidates, free):
+def pressed(inverse, candidates, free):
     """The candidates that press where the accelerations without contact are `free`, and the accelerations then."""
     for held in sorted((tuple(c for i, c in enumerate(candidates) if bits >> i & 1) for bits in range(1 << len(candidates))), key=len):
-        after, forces = shared(mass, held, [mpmath.mpf(0)] * len(held), free)
+        after, forces = shared(inverse, held, [mpmath.mpf(0)] * len(held), free)
         if all(force >= 0 for force in forces) and all(after[c] >= 0 for c in candidates if c not in held):
             return held, after
     raise AssertionError("no set")
@@ -46,12 +45,12 @@ def bounce_by_bounce(mass, force, restitution, u, v, end):
     """u_0 >= 0 and u_1 >= 0 of M u'' = f, event by event in fifty digits down to speeds of 1e-25: (u, v) at `end`, impacts, time of the
     last one, contacts held."""
     with mpmath.workdps(50):
-        mass, u, v = mpmath.matrix(mass.tolist()), mpmath.matrix(list(u)), mpmath.matrix(list(v))
-        free = mass**-1 * mpmath.matrix(list(force))
+        inverse, u, v = mpmath.matrix(mass.tolist()) ** -1, mpmath.matrix(list(u)), mpmath.matrix(list(v))
+        free = inverse * mpmath.matrix(list(force))
         held: tuple[int, ...] = ()
         time, impacts, last = mpmath.mpf(0), 0, None
         while True:
-            held, a = pressed(mass, held, free)
+            held, a = pressed(inverse, held, free)
             waits = {}
             for c in {0, 1} - set(held):
                 root = v[c] ** 2 - 2 * a[c] * u[c]
@@ -68,7 +67,7 @@ def bounce_by_bounce(mass, force, restitution, u, v, end):
             impacts, last = impacts + 1, time
             stay = held
             while True:
-                after, impulses = shared(mass, (*stay, c), [*[mpmath.mpf(0)] * len(stay), -restitution[c] * v[c]], v)
+                after, impulses = shared(inverse, (*stay, c), [*[mpmath.mpf(0)] * len(stay), -restitution[c] * v[c]], v)
                 pulled = [k for k, impulse in zip(stay, impulses, strict=False) if impulse < 0]
                 if not pulled:
                     break
@@ -77,7 +76,7 @@ def bounce_by_bounce(mass, force, restitution, u, v, end):
             if v[c] < REST:
                 near = [k for k in (0, 1) if k not in (*held, c) and u[k] < REST and abs(v[k]) < REST]
                 held = (*held, c, *near)
-                v, _ = shared(mass, held, [mpmath.mpf(0)] * len(held), v)
+                v, _ = shared(inverse, held, [mpmath.mpf(0)] * len(held), v)
 
 
 def coupled(seed, share):
