@@ -1,5 +1,6 @@
 """Settings of the whole test suite: no timed property tests, no window for pictures; and the small scene that many tests read."""
 
+import gc
 import os
 import pickle
 import shutil
@@ -22,6 +23,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The first call of a compiled kernel takes seconds and later ones microseconds, so no example is timed.
 hypothesis.settings.register_profile("saltus", deadline=None, print_blob=True)
 hypothesis.settings.load_profile("saltus")
+
+
+# What the collection of the tests makes stays. To look through it for garbage, again and again, takes a third of the time.
+gc.disable()
+
+
+def pytest_collection_finish(session):
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_sessionstart(session):
