@@ -254,10 +254,10 @@ class MultipointProblem:
     def curvature_blocks(self) -> list[np.ndarray]:
         """Indices of the unknowns of each flight, (k + 1) arrays: the state where it starts, and its time.
 
-        The equations are sums over the flights, so no second derivative is by unknowns of two flights. A periodic orbit is one block: its
-        unfolding parameter acts on all flights."""
-        every = np.arange(self.unknowns)
-        return [every] if self.periodic else np.split(every, self.parameters + 1 + (self.size + 1) * np.arange(self.inner))
+        The equations are sums over the flights, so no second derivative is by unknowns of two flights. The unfolding parameter of a
+        periodic orbit acts on all flights, and is in no block."""
+        every = np.arange(self.unknowns - int(self.periodic))
+        return np.split(every, self.parameters + 1 + (self.size + 1) * np.arange(self.inner))
 
     # -- solution and step ----------------------------------------------------------------------------------------------------
 

@@ -169,8 +169,8 @@ def other_branch_starts(
 class Equations(Protocol):
     """n equations in n + 1 unknowns: F(y), (n,), and F'(y), (n, n + 1).
 
-    Optional, found by name: ``curvature_blocks``, index arrays that together have all unknowns. No second derivative of F is by unknowns
-    of two blocks, so that one difference of F' serves a column of each block.
+    Optional, found by name: ``curvature_blocks``, index arrays of unknowns. No second derivative of F is by unknowns of two blocks, so that
+    one difference of F' serves a column of each block. Unknowns in no block act on all, and need a difference each.
     """
 
     def residual(self, y: np.ndarray) -> np.ndarray: ...
@@ -189,7 +189,8 @@ def refine_branch_point(
         F(y) + m psi = 0,    F'(y)^T psi = 0,    psi . psi = 1
 
     has a simple branch point as a regular solution, with m = 0. Newton's method on it takes psi . F'' from differences of the Jacobian,
-    and keeps it while the steps shrink. For equations with ``curvature_blocks`` it needs as many as the largest block has unknowns.
+    and keeps it while the steps shrink. For equations with ``curvature_blocks`` it needs as many as the largest block has unknowns, and one
+    for each unknown in no block.
 
     `scale`: sizes of the unknowns (n + 1,), by default 1. The result is None if the iteration does not converge, converges to no solution
     of F = 0, or goes more than `farthest` away, in units of the sizes.
@@ -211,6 +212,13 @@ def refine_branch_point(
     n = psi.size
     excess, last, length = 0.0, math.inf, 0.0
     blocks: Sequence[np.ndarray] = getattr(equations, "curvature_blocks", (np.arange(n + 1),))
+    alone = np.setdiff1d(np.arange(n + 1), np.concatenate(blocks))
+    groups = []  # for each difference of F': the unknowns moved, and the places in psi . F'' that it gives
+    for members in zip_longest(*blocks):
+        pairs = [(j, block) for j, block in zip(members, blocks, strict=True) if j is not None]
+        moved = [j for j, _ in pairs]
+        groups.append((moved, np.concatenate([block for _, block in pairs]), np.repeat(moved, [len(block) for _, block in pairs])))
+    groups += [([j], np.arange(n + 1), np.full(n + 1, j)) for j in alone.tolist()]
     matrix = np.zeros((2 * n + 2, 2 * n + 2))
     for _ in range(_ROUNDS):
         plain = np.asarray(equations.jacobian(place), dtype=float)
@@ -220,17 +228,13 @@ def refine_branch_point(
         matrix[:n, -1] = psi
         if not 0.0 < length <= _SHRUNK * last:
             slope = psi @ jacobian
-            unchanged = scale * (psi @ plain) - slope  # rounding
-            for members in zip_longest(*blocks):  # psi . F'', a column of each block
+            bend = np.repeat((scale * (psi @ plain) - slope)[:, None], n + 1, axis=1)  # psi . F''; rounding where it is 0
+            for moved, rows, columns in groups:
                 apart = np.zeros(n + 1)
-                moved = [j for j in members if j is not None]
                 apart[moved] = _NEWTON_DIFFERENCE * scale[moved]
-                change = scale * (psi @ np.asarray(equations.jacobian(place + apart))) - slope
-                for j, block in zip(members, blocks, strict=True):
-                    if j is not None:
-                        column = unchanged.copy()
-                        column[block] = change[block]
-                        matrix[n : 2 * n + 1, j] = column / _NEWTON_DIFFERENCE
+                bend[rows, columns] = (scale * (psi @ np.asarray(equations.jacobian(place + apart))) - slope)[rows]
+            bend[alone] = bend[:, alone].T
+            matrix[n : 2 * n + 1, : n + 1] = bend / _NEWTON_DIFFERENCE
         matrix[n : 2 * n + 1, n + 1 : -1] = jacobian.T
         matrix[-1, n + 1 : -1] = psi
         residual = np.concatenate(

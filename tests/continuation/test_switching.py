@@ -191,6 +191,35 @@ def test_one_difference_serves_a_column_of_each_block():
     assert wrong is None or not np.array_equal(found, wrong)
 
 
+class Coupled:
+    """F = ((x - 1)(y - 2)(1 + p), v^3 - 8 + x - 1 + p v, p (1 + v) + y - 2): p acts on the blocks of x and y, and of v."""
+
+    curvature_blocks = (np.array([0, 1]), np.array([2]))
+
+    def __init__(self):
+        self.taken = 0
+
+    def residual(self, at):
+        x, y, v, p = at
+        return np.array([(x - 1.0) * (y - 2.0) * (1.0 + p), v**3 - 8.0 + x - 1.0 + p * v, p * (1.0 + v) + y - 2.0])
+
+    def jacobian(self, at):
+        self.taken += 1
+        x, y, v, p = at
+        first = [(y - 2.0) * (1.0 + p), (x - 1.0) * (1.0 + p), 0.0, (x - 1.0) * (y - 2.0)]
+        return np.array([first, [1.0, 0.0, 3.0 * v * v + p, v], [0.0, 1.0, p, 1.0 + v]])
+
+
+def test_an_unknown_that_acts_on_all_blocks():
+    """Oracle: the place in closed form; column by column it is the same, with more differences."""
+    near = np.array([1.001, 1.999, 2.0005, 0.0004])
+    coupled, plain = Coupled(), Coupled()
+    plain.curvature_blocks = (np.arange(4),)
+    found, other = (refine_branch_point(equations, near) for equations in (coupled, plain))
+    assert np.max(np.abs(found - [1.0, 2.0, 2.0, 0.0])) < 1e-13 and np.max(np.abs(found - other)) < 1e-13
+    assert coupled.taken < plain.taken
+
+
 def test_where_no_branch_point_is_near_none_is_refined():
     """Oracle: a circle has none; lines that cross farther away than asked for are left alone."""
     circle_problem = GenericProblem(lambda y: np.array([y @ y - 1.0]), lambda y: 2.0 * y[None, :])
