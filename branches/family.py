@@ -238,10 +238,11 @@ class Family:
     @cached_property
     def _watched(self) -> WatchedTests:
         singular = np.array([test.singular for test in self.tests], dtype=float)
-        address = 0 if self._two_dof else self._general()[1]
+        address = 0 if self._two_dof else self._general[1]
         targets = np.array(self._targets, dtype=float)
         return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
 
+    @cached_property
     def _general(self) -> tuple[Any, int]:
         """The test functions for any number of degrees of freedom: with their address."""
         problem = self.problem
@@ -278,10 +279,10 @@ class Family:
             two_dof_tests(result, self.problem.quarters, self._targets, tests)
         else:
             values = np.empty(self._computed)
-            take, _ = self._general()
-            take(self.problem._packed, solution.y, solution.ends, self._work, solution.result, self._watched.targets, values)
+            take, targets = self._general[0], self._watched.targets
+            take(self.problem._packed, solution.y, solution.ends, self._work, solution.result, targets, values)
             tests[COMMON:] = values[COMMON:].tolist()
-        return _step_of(solution, result, tests[: len(self.tests)])
+        return _step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
 
     def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
         problem = self.problem

@@ -38,6 +38,8 @@ __all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "So
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
 _ENTRIES = len(RESULT)
+_NOTHING = np.full(_ENTRIES, np.nan)
+"""No entry of a result is known. A copy takes a fifth of the time of making it."""
 
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
 """The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
@@ -273,7 +275,7 @@ class MultipointProblem:
         """
         self.refuse_drift()
         unknowns = self.unknowns
-        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(_ENTRIES, np.nan))
+        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), _NOTHING.copy())
         metric, ends = np.empty((4, self.size + 2)), np.empty((self.inner + 1, self.size))
         wanted = tuple(math.nan if value is None else float(value) for value in (energy, quarter_period))
         outcome, change, previous = solve_orbit(self.compiled(), wanted, np.array(y, float), self._zero, metric, landing, ends)
@@ -291,7 +293,7 @@ class MultipointProblem:
         """The unknowns of the family's orbit at a position of the arclength's metric, to a distance `near`, after at most so many
         corrections from the orbit y of the family; None if it has none there. along (u,): direction of the family at y."""
         unknowns = self.unknowns
-        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(_ENTRIES, np.nan))
+        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), _NOTHING.copy())
         here, metric = np.empty((2, self.size + 2)), np.empty((4, self.size + 2))
         tangent = np.concatenate([along, np.zeros(unknowns)])
         place = np.array(position, float), float(near)
@@ -303,7 +305,7 @@ class MultipointProblem:
         residual); `_factor` is that at the last y."""
         unknowns = self.unknowns
         self._factor.work[5, :unknowns] = row
-        out, result, metric = np.empty(unknowns), np.full(_ENTRIES, np.nan), np.empty((4, self.size + 2))
+        out, result, metric = np.empty(unknowns), _NOTHING.copy(), np.empty((4, self.size + 2))
         landing = Landing(out, np.empty(2 * unknowns), result)
         take, _ = self._kernel(0)
         take(self._packed, self._factor, y, self._zero, Request(0.0, target, maximum), metric, landing)
@@ -319,7 +321,7 @@ class MultipointProblem:
         unknowns = self.unknowns
         out = np.empty(unknowns)
         out_tangent = np.empty(2 * unknowns)
-        result = np.full(_ENTRIES, np.nan)
+        result = _NOTHING.copy()
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor
         landing = Landing(out, out_tangent, result)
