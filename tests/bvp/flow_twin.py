@@ -1,10 +1,11 @@
 """A second event-driven flow of impacting systems, in plain numpy and in physical coordinates: an oracle for tests.
 
 It shares nothing with `bvp`: the modes come from numpy's eigenproblems (damped systems must not be critically damped), impacts
-are found by sampling the gaps and their rates and by bisection; tests keep away from grazing.
+are found by sampling the gaps and their rates, by Brent's method and by bisection; tests keep away from grazing.
 """
 
 import numpy as np
+from scipy.optimize import brentq
 
 from benchmarks.backbone import modes_of
 from tests.bvp.twins import first_order
@@ -114,11 +115,23 @@ class Twin:
 
     def _bisect(self, x, contact, low, high):
         c, side, bound, _, _ = self.contacts[contact]
+
+        def distance(t):
+            return side * (bound - c @ self.flow(x, t)[: self.n])
+
+        if distance(low) > 0.0 > distance(high):
+            # The last bits by bisection.
+            root = brentq(distance, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps)
+            for reach in (8.0, 64.0):
+                near, far = root - reach * np.spacing(root), root + reach * np.spacing(root)
+                if low < near and far < high and distance(near) > 0.0 > distance(far):
+                    low, high = near, far
+                    break
         for _ in range(200):
             middle = 0.5 * (low + high)
             if middle in (low, high):
                 break
-            if side * (bound - c @ self.flow(x, middle)[: self.n]) < 0.0:
+            if distance(middle) < 0.0:
                 high = middle
             else:
                 low = middle
