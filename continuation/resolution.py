@@ -41,6 +41,17 @@ class Zone(NamedTuple):
         return test is self.test or test.code in self.test.absorbs
 
 
+class _Interval(NamedTuple):
+    """An interval between two neighbouring places: the number of the first, both, these with the places next to them, and the nodes of the
+    second differences over it, (place, number) each."""
+
+    first: int
+    low: float
+    high: float
+    around: tuple[float, ...]
+    nodes: list[tuple[float, int]]
+
+
 @dataclass(eq=False)
 class Resolution:
     """The test functions of one step.
@@ -58,6 +69,7 @@ class Resolution:
     _resolved: dict[int, set[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(set))
     _places: list[float] = field(default_factory=list)
     _columns: list[tuple[float, ...]] = field(default_factory=list)
+    _intervals: dict[int, list[_Interval]] = field(default_factory=dict)  # by the number of places that they are between
     _found: dict[tuple[int, float, bool], tuple[Sequence[tuple[float, float]], int, int]] = field(default_factory=dict)
 
     def changes(self, index: int, limit: float, *, guard: bool = False) -> Sequence[tuple[float, float]]:
@@ -81,15 +93,20 @@ class Resolution:
                 self._places = [s for s, _ in self.locator.history] + [s for s, _ in taken]
                 rows = [*(values for _, values in self.locator.history), *(step.tests for _, step in taken)]
                 self._columns = [tuple(map(float, column)) for column in zip(*rows, strict=True)]
+                self._intervals.clear()
             # Where the test function is to be trusted, its values there, and where it is not.
             places, values, gaps = self._places[: bisect_right(self._places, limit)], self._columns[index], list[float]()
             values = values[: len(places)]
+            intervals = self._intervals.get(len(places))
             if zones or not math.isfinite(sum(values)):
                 trusted = [v == v and not any(zone.low < s < zone.high for zone in zones) for s, v in zip(places, values, strict=True)]
                 gaps = [s for s, sure in zip(places, trusted, strict=True) if not sure]
                 values = tuple(compress(values, trusted))
                 places = list(compress(places, trusted))
-            division = self._unresolved(places, values, gaps, guard, self._resolved[index])
+                intervals = _intervals_between(places, self.floor)
+            elif intervals is None:
+                intervals = self._intervals[len(places)] = _intervals_between(places, self.floor)
+            division = self._unresolved(intervals, values, gaps, guard, self._resolved[index])
             if division is None:
                 break
             if len(taken) > _MOST:
@@ -104,9 +121,10 @@ class Resolution:
             else:
                 raise cause
         changes: list[tuple[float, float]] = []
-        for (low, a), (high, b) in pairwise(zip(places, values, strict=True)):
-            if low >= 0.0 and (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard):
-                changes.append((low, high))
+        if values and min(values) <= 0.0 < max(values):
+            for (low, a), (high, b) in pairwise(zip(places, values, strict=True)):
+                if low >= 0.0 and (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard):
+                    changes.append((low, high))
         self._found[index, limit, guard] = changes, len(taken), len(self.zones)
         return changes
 
@@ -166,17 +184,18 @@ class Resolution:
         return beyond
 
     def _unresolved(
-        self, places: list[float], values: Sequence[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
+        self, intervals: list[_Interval], values: Sequence[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
     ) -> tuple[float, float, float] | None:
         """The longest interval that is to be divided, and where.
 
         The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. resolved: the
         intervals that need no division, each with the places next to it; the function adds those that it finds."""
         longest, division = self.floor, None
-        for j in range(bisect_left(places, 0.0), len(places) - 1):
-            low, high, a, b = places[j], places[j + 1], values[j], values[j + 1]
-            length = high - low
-            if length <= longest or (guard and not a > 0.0):
+        for j, low, high, around, nodes in intervals:
+            a, b, length = values[j], values[j + 1], high - low
+            if length <= longest:
+                break
+            if guard and not a > 0.0:
                 continue
             inside = [gap for gap in gaps if low < gap < high] if gaps else gaps
             if inside:
@@ -184,12 +203,9 @@ class Resolution:
                 if high - low > max(longest, _CORES * max(inside[-1] - inside[0], self.floor)):
                     longest, division = high - low, (low, high, 0.5)
                 continue
-            if (a > 0.0) is not (b > 0.0):
+            if (a > 0.0) is not (b > 0.0) or around in resolved:
                 continue
-            around = tuple(places[max(j - 1, 0) : j + 3])
-            if around in resolved:
-                continue
-            bends = _bends(places, values, j)
+            bends = _bends(nodes, values)
             if len(bends) < 2:
                 longest, division = length, (low, high, 0.5)
             elif may_hide(a, b, length, *bends):
@@ -202,10 +218,20 @@ class Resolution:
         return division
 
 
-def _bends(places: list[float], values: Sequence[float], j: int) -> list[float]:
-    """Second divided differences of interval j with its neighbours on both sides; at an end of the samples, with two on one side.
+def _intervals_between(places: list[float], floor: float) -> list[_Interval]:
+    """The intervals of a step between places in order, the longest first, without those up to a length `floor`."""
+    found = []
+    for j in range(bisect_left(places, 0.0), len(places) - 1):
+        if places[j + 1] - places[j] > floor:
+            around = tuple(places[max(j - 1, 0) : j + 3])
+            found.append(_Interval(j, places[j], places[j + 1], around, [(places[i], i) for i in _nodes(places, j)]))
+    return sorted(found, key=lambda interval: interval.low - interval.high)
 
-    A neighbour closer than a part of the interval is passed over. A difference is 0 where a value is infinite.
+
+def _nodes(places: list[float], j: int) -> list[int]:
+    """The ends of interval j with its neighbours on both sides; at an end of the places, with two on one side.
+
+    A neighbour closer than a part of the interval is passed over.
     """
     least = _APART * (places[j + 1] - places[j])
     first, last = j, j + 1
@@ -227,9 +253,13 @@ def _bends(places: list[float], values: Sequence[float], j: int) -> list[float]:
             if i < len(places):
                 nodes.append(i)
                 last = i
+    return nodes
+
+
+def _bends(nodes: list[tuple[float, int]], values: Sequence[float]) -> list[float]:
+    """Second divided differences of each three consecutive nodes, (place, index of its value) each; 0 where a value is infinite."""
     bends = []
-    for a, b, c in zip(nodes, nodes[1:], nodes[2:], strict=False):
-        rise = (values[b] - values[a]) / (places[b] - places[a])
-        bend = ((values[c] - values[b]) / (places[c] - places[b]) - rise) / (places[c] - places[a])
+    for (p, i), (q, j), (r, k) in zip(nodes, nodes[1:], nodes[2:], strict=False):
+        bend = ((values[k] - values[j]) / (r - q) - (values[j] - values[i]) / (q - p)) / (r - p)
         bends.append(bend if math.isfinite(bend) else 0.0)
     return bends

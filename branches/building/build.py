@@ -33,7 +33,7 @@ from branches.building.plan import (
 )
 from branches.building.work import is_searched, work
 from branches.catalogue.database import readable
-from branches.catalogue.members import FamilyPlace, KnownFamilies, distance_from_orbit, orbit_of_event, unknowns_of
+from branches.catalogue.members import FamilyPlace, KnownFamilies, distances_from_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.events import DigitWork
 from branches.linear_modes import MOST_COVERS, linear_modes
@@ -414,7 +414,7 @@ class _Build:
             return same[0][0] if same else ""
         # Two families can meet more than once at one energy. An orbit and its image are equal for this purpose: the first will do.
         problem, y = self._solved(link.there)
-        apart = [distance_from_orbit(problem, y, np.array(orbit.start)) for _, orbit in same]
+        apart = distances_from_orbit(problem, y, [np.array(orbit.start) for _, orbit in same])
         return next(id for (id, _), far in zip(same, apart, strict=True) if far < 10.0 * max(min(apart), _SAME))
 
 

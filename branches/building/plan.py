@@ -311,7 +311,7 @@ def plain_seed(seed: Seed) -> dict[str, Any]:
         "value": _plain(seed.value),
         "wide": seed.wide,
         "further": seed.further,
-        "link": None if seed.link is None else asdict(seed.link),
+        "link": None if seed.link is None else {name: _plain(value) for name, value in vars(seed.link).items()},
     }
 
 
@@ -331,8 +331,8 @@ def read_seed(plain: dict[str, Any], plan: BuildPlan) -> Seed:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Grazing):
-        return {"orbit": asdict(value.orbit), "rising": value.rising, "mark": value.mark}
-    return asdict(value) if isinstance(value, EventOrbit) else value
+        return {"orbit": vars(value.orbit), "rising": value.rising, "mark": value.mark}
+    return vars(value) if isinstance(value, EventOrbit) else value
 
 
 def _kept(plain: dict[str, Any]) -> EventOrbit:

@@ -11,7 +11,7 @@ import numpy as np
 
 from branches.between_events import missed_events
 from branches.catalogue.database import CatalogueDamaged
-from branches.catalogue.members import distance_from_orbit, unknowns_of
+from branches.catalogue.members import distances_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, Node
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem, Solution
@@ -246,7 +246,7 @@ def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], n
         yield from _solves(problem, y, side, orbit, edge)
         solved.append((problem, y))
     if len(solved) == 2:
-        apart = distance_from_orbit(*solved[0], _start(*solved[1]))
+        apart = distances_from_orbit(*solved[0], [_start(*solved[1])])[0]
         if not apart <= SAME:
             yield f"its two orbits are not the same: they are {apart:.1e} of their size apart"
 

@@ -7,7 +7,8 @@ An edge stores the orbit of its event as each of the two families has it, so tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "FamilyPlace", "KnownFamilies", "distance_from_orbit", "event_orbit", "family_of", "kept_orbit", "orbit_of_event",
+    "FamilyPlace", "KnownFamilies", "distances_from_orbit", "event_orbit", "family_of", "kept_orbit", "orbit_of_event",
     "presented", "seen_from", "switch_edge", "unknowns_of",
 ]  # fmt: skip
 
@@ -319,9 +320,9 @@ def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
     return problem.pack(start, None, np.array(orbit.flight_times))
 
 
-def distance_from_orbit(problem: MultipointProblem, y: np.ndarray, start: np.ndarray) -> float:
-    """The distance of a state (2 n,), in physical coordinates, from the orbit y, its mirror image and both run backwards, relative to the
-    size of the state. A state determines the complete motion."""
+def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iterable[np.ndarray]) -> list[float]:
+    """The distances of states (2 n,), in physical coordinates, from the orbit y, its mirror image and both run backwards, relative to the
+    size of each state. A state determines the complete motion."""
     modes, half = problem.modes, problem.half
     if problem.inner or problem.periodic or any(kind == STOP for kind in problem.kinds):
         cycle = cycle_of(problem, y)
@@ -331,16 +332,15 @@ def distance_from_orbit(problem: MultipointProblem, y: np.ndarray, start: np.nda
         begins, durations = problem.start(y)[None], np.array([4.0 * problem.quarter_period(y)])
     signs = (1.0, -1.0) if problem.system.has_odd_symmetry else (1.0,)
     back = np.concatenate([np.ones(half), -np.ones(half)])
-    images = [modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
-    size = float(np.linalg.norm(images[0]))
     state = np.empty(2 * half)
     times = np.linspace(0.0, 1.0, _SAMPLES)
     track = np.empty((len(durations), _SAMPLES, 2 * half))
     for i, duration in enumerate(durations):
         for j, part in enumerate(times):
             flow_state(modes.flight, begins[i], float(part * duration), track[i, j])
-    best = np.inf
-    for image in images:
+
+    def distance(image: np.ndarray) -> float:
+        best = math.inf
         away = np.linalg.norm(track - image, axis=2)
         for i, j in zip(*_dips(away, track), strict=True):
             t = times[j] * durations[i]
@@ -350,7 +350,13 @@ def distance_from_orbit(problem: MultipointProblem, y: np.ndarray, start: np.nda
                 t = min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
             flow_state(modes.flight, begins[i], float(t), state)
             best = min(best, float(np.linalg.norm(state - image)))
-    return best / size
+        return best
+
+    out = []
+    for start in states:
+        images = [modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
+        out.append(min(map(distance, images)) / float(np.linalg.norm(images[0])))
+    return out
 
 
 def _dips(away: np.ndarray, track: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -251,7 +251,7 @@ class Edge:
 
     def values(self) -> tuple[Any, ...]:
         """The values of its row in the catalogue."""
-        orbits = (None if orbit is None else compact_json(astuple(orbit)) for orbit in (self.source_orbit, self.target_orbit))
+        orbits = (None if orbit is None else compact_json([*vars(orbit).values()]) for orbit in (self.source_orbit, self.target_orbit))
         return (
             self.source, self.source_event, self.type, self.kind, self.target, self.target_event, float(self.h), float(self.alpha),
             self.stop, self.note, *orbits,

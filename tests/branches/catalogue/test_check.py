@@ -8,7 +8,7 @@ import pytest
 import saltus
 from branches.catalogue import Edge, EventOrbit
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.members import distance_from_orbit, event_orbit, seen_from, switch_edge, unknowns_of
+from branches.catalogue.members import distances_from_orbit, event_orbit, seen_from, switch_edge, unknowns_of
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem
 from tests.branches.catalogue.families import real, same_columns, scene, sql
@@ -132,8 +132,8 @@ def test_an_orbit_is_known_in_all_its_images():
     u, v = orbit.sample(times)
     for state in np.concatenate([u, v], axis=1):
         for image in (state, -state, state * [1, 1, -1, -1]):
-            assert distance_from_orbit(branch.problem, orbit.solution.y, image) < 1e-12
-        assert distance_from_orbit(branch.problem, orbit.solution.y, state * [1, 1, 1, 1.01]) > 1e-4
+            assert distances_from_orbit(branch.problem, orbit.solution.y, [image])[0] < 1e-12
+        assert distances_from_orbit(branch.problem, orbit.solution.y, [state * [1, 1, 1, 1.01]])[0] > 1e-4
 
 
 def test_an_orbit_is_seen_from_the_problems_that_it_solves():
