@@ -316,10 +316,11 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
 def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
     """What identifies the family: the lowest of its ends, else of its folds, else of where it leaves the window."""
     problem = family.problem
-    if curve.grazing:
-        kind, orbits = "GR", [_polished(family, y, _GUARDS) for y in curve.grazing]
-    elif curve.folds:
-        kind, orbits = "SN", [_polished(family, y, _FOLD) for y in curve.folds]
+    kind, orbits, tests = ("GR", curve.grazing, _GUARDS) if curve.grazing else ("SN", curve.folds, _FOLD)
+    if orbits:
+        # Polishing moves log h by no more than `_REACH`.
+        highest = min(map(problem.energy, orbits)) * (1.0 + 10.0 * _REACH)
+        orbits = [_polished(family, y, tests) for y in orbits if problem.energy(y) <= highest]
     else:
         kind, orbits = "EP", curve.cuts
     marks = []

@@ -234,7 +234,7 @@ def _shifts(cycle: Cycle, tolerance: float = SAME) -> tuple[int, bool]:
 
 def presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
     """`all_presentations` of an orbit that have its canonical ends and sequence; several where the sequence is its own image."""
-    return with_canonical_sequence(problem.system, all_presentations(problem, y))
+    return with_canonical_sequence(problem.system, all_presentations(problem, y, canonical=True))
 
 
 def with_canonical_sequence(system: ImpactSystem, images: Iterable[Presentation]) -> list[Presentation]:
@@ -244,11 +244,11 @@ def with_canonical_sequence(system: ImpactSystem, images: Iterable[Presentation]
     return [image for image in images if image.ends == ends and image.sequence == sequence]
 
 
-def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+def all_presentations(problem: MultipointProblem, y: np.ndarray, *, canonical: bool = False) -> list[Presentation]:
     """All presentations of an orbit, or of the primitive one that it repeats.
 
     They go from each instant of reversal to the next, or from each impact where there is no reversal; forwards and backwards in time, and
-    mirrored where the system has odd symmetry.
+    mirrored where the system has odd symmetry. `canonical`: those without the canonical sequence may be missing.
     """
     cycle = cycle_of(problem, y)
     found = symmetries(cycle)
@@ -256,7 +256,8 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Present
         once = slice(len(cycle.duration) // found.cover)
         cycle = Cycle(cycle.system, cycle.before[once], cycle.after[once], cycle.duration[once], cycle.contact[once], cycle.lead)
     if not found.reversals:
-        return closed_presentations(cycle)
+        odd = cycle.system.has_odd_symmetry
+        return closed_presentations(cycle, canonical_sequence(cycle.letters, PERIODIC, odd_symmetry=odd)[0] if canonical else None)
     kinds = []
     for instant, e in found.reversals:
         distance = np.abs((cycle.times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
@@ -268,10 +269,18 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray) -> list[Present
     return _with_mirrored(cycle.system, images)
 
 
-def closed_presentations(cycle: Cycle) -> list[Presentation]:
-    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry."""
-    each = range(len(cycle.duration))
-    return _with_mirrored(cycle.system, [closed_presentation(cycle, first=i, backwards=back) for back in (False, True) for i in each])
+def closed_presentations(cycle: Cycle, sequence: ImpactSequence | None = None) -> list[Presentation]:
+    """The orbit closed on itself: from each impact, forwards and backwards, and mirrored where the system has odd symmetry; with a
+    `sequence` those alone that have it."""
+    images = []
+    for mirrored, back in itertools.product((False, True)[: 1 + cycle.system.has_odd_symmetry], (False, True)):
+        letters = cycle.letters[::-1] if back else cycle.letters
+        letters = mirror(letters) if mirrored else letters
+        for i in range(len(letters)):
+            if sequence is None or letters[i:] + letters[:i] == sequence:
+                image = closed_presentation(cycle, first=i, backwards=back)
+                images.append(image.mirrored() if mirrored else image)
+    return images
 
 
 def segment_images(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
