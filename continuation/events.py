@@ -234,10 +234,9 @@ class EventFinder:
             if 0.0 <= place <= end and not math.isnan(value := float(locator.step(place).tests[index])):
                 near.append((float(k), value))
         if len(near) > _BESIDE:
-            places, around = np.array(near).T
-            line = np.polynomial.Polynomial.fit(places, around, 1).convert()
-            noise = max(noise, _SURE * float(np.max(np.abs(around - line(places)))))
-            slope = float(line.deriv()(0.0))
+            places, around = (column - column.mean() for column in np.array(near).T)
+            slope = float(places @ around / (places @ places))  # of the straight line of least squares
+            noise = max(noise, _SURE * float(np.max(np.abs(around - slope * places))))
             reach = 2.0 * width * noise / abs(slope) if slope else 0.0
             for place in (last.s - reach, last.s + reach):
                 if reach > _BESIDE * width and 0.0 < place < end:
