@@ -13,7 +13,7 @@ from branches.search.impulsive_motions import impulsive_manifold, impulsive_stat
 from branches.search.impulsive_orbits import impulsive_orbits, solve_impulsive
 from branches.tracing import follow_family
 from bvp.multipoint import NotConverged
-from bvp.simulate import simulate
+from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.control import Settings
 from tests.branches.traced import traced
@@ -75,11 +75,11 @@ def test_orbits_of_the_paper():
 def dense(low, high, longest, count):
     """Energies and times at which the impulsive motion passes the origin, from a fine grid of energies: crossings of the gap coordinate
     through zero are matched between neighbours by their place among the impacts, and changes of sign of the other displacement kept."""
-    zeros, before = [], {}
+    zeros, before, simulator = [], {}, Simulator(SYSTEM)
     times = np.linspace(1e-9, longest, 3000)
     for h in np.geomspace(low, high, count):
         u, v = impulsive_state(SYSTEM, h)
-        motion = simulate(SYSTEM, u, v, longest)
+        motion = simulator.run(u, v, longest)
         states, _ = motion.sample(times)
         met = motion.stop_events
         gap, other = states[:, 0] - states[:, 1], states[:, 0] + states[:, 1]
