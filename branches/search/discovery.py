@@ -21,6 +21,7 @@ from branches.orbit import Orbit, label_at
 from branches.presentation import cover_of, same_orbit
 from branches.search.intervals import SAME_START, Limits, Opening, segment_limits, segments
 from branches.search.known import Boxes, recognised
+from branches.search.meetings import nothing_new
 from branches.search.starts import FROM_LINEAR_MODES, ScannedSegment, StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.checks import is_finite, require_system
@@ -369,7 +370,8 @@ def discover_orbits(
         a million starts, or fewer if the phase of the fastest mode advances by more than `LONG` within a segment.
     known : mapping, optional
         Boxes around the orbits of known families at this energy (`branches.search.known`). The result leaves out the orbits that are
-        recognised by them. They are not solved.
+        recognised by them. They are not solved. If a search by meetings (`branches.search.meetings`) shows that there are no others, the
+        complete scan is left out, and `counts` are of the search by meetings.
 
     Raises
     ------
@@ -391,6 +393,10 @@ def discover_orbits(
     if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
         raise ValueError(f"the most starts is {shown(budget)}, expected an integer above 0 and below 2^63")
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
+    if known and impacts is not None:
+        counts = nothing_new(system, energy, wanted, quarter_period, impacts, known)
+        if counts is not None:
+            return Discovery(system, energy, quarter_period, impacts, tuple(ends), [], [], [], {stage: counts[stage] for stage in STAGES})
     search = OrbitSearch(system, _kept_problems(system))
     scanned: list[ScannedSegment] = []
     for start in ("origin", "rest", "stop"):
@@ -401,8 +407,8 @@ def discover_orbits(
     search.solve(scanned, partial(MultipointProblem.solve, energy=energy), known)
     orbits = [Orbit(orbit.problem, orbit.solution) for orbit in search.orbits(quarter_period, impacts)]
     search.counts["over_budget"] = search.counts["budget"]
-    counts = {stage: search.counts[stage] for stage in STAGES}
-    return Discovery(system, energy, quarter_period, impacts, tuple(ends), orbits, search.unpolished, search.open, counts)
+    of_stages = {stage: search.counts[stage] for stage in STAGES}
+    return Discovery(system, energy, quarter_period, impacts, tuple(ends), orbits, search.unpolished, search.open, of_stages)
 
 
 def default_budget(system: ImpactSystem, quarter_period: float) -> int:

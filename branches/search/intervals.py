@@ -9,6 +9,7 @@ because it solves for all states at once.
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -20,10 +21,11 @@ import numpy as np
 from branches.search.starts import INSET, QUADRATIC, Path, ScannedSegment, StartCurve
 from branches.sequences import impacts_per_period, mirror, segments_per_period, unfolded_sequence
 from bvp.interrupts import Pace
+from bvp.kernels.arcs import ARC
 from bvp.kernels.intervals import CANDIDATES, COUNTS, OPENINGS, STATE, begin_interval, scan_interval
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
 from bvp.kernels.shooting import COLUMNS, CONTACT, DERIVATIVE, DURATION, TIME, follow_impacts
-from bvp.kernels.verdict import ENDLESS, GRAZED, StartSearch
+from bvp.kernels.verdict import ENDLESS, GRAZED, MIDDLE, StartSearch
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -145,25 +147,39 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
 
     At most `budget` starts are followed. The intervals left then stay open.
     """
-    gone, since = _lead(curve)
+    gone, since = lead(curve)
     most = max((curve.most_impacts if impacts is None else impacts for _, impacts in limits.values()), default=0) - gone
-    times = np.full(3, -1.0)
-    impacts = np.zeros(3, dtype=np.int64)
+    times = np.full(4, -1.0)
+    impacts = np.array([0, 0, 0, -1, 0])
     for end, (time, count) in limits.items():
         # Without a bound there is always one impact more to follow, so that a start with too many of them is left open, not dropped.
         left_of_them = (curve.most_impacts + 1 if count is None else count) - gone
         times[KINDS[end]] = time - since if left_of_them >= 0 else -1.0
         impacts[KINDS[end]] = left_of_them
-    longest = float(times.max())
+    rows, opened, counts = decide(curve, times, impacts, math.inf, most, budget)
+    names = {number: name for name, number in KINDS.items()}
+    crossings = []
+    for row in rows:
+        place, flight, residual, converged, low, high = row[2:8].tolist()
+        crossings.append(EndCrossing(names[int(row[0])], gone + int(row[1]), place, flight, residual, converged == 1.0, low, high))
+    return crossings, [opening._replace(flight=gone + opening.flight) for opening in opened], counts
+
+
+def decide(
+    curve: StartCurve, times: np.ndarray, impacts: np.ndarray, latest: float, most: int, budget: int
+) -> tuple[np.ndarray, list[Opening], dict[str, int]]:
+    """What `scan_interval` finds on a curve: rows, openings, and counts by the names of `bvp.kernels.intervals.COUNTS`.
+
+    times, impacts, latest, most: of its `StartSearch`."""
+    longest, columns = float(times.max()), ARC if impacts[MIDDLE] >= 0 else 8
     records = np.zeros((3 * DEPTH + 3, most + 2, COLUMNS))
     levels = np.zeros(3 * DEPTH + 3, dtype=np.int64)
     stack = np.zeros((2 * DEPTH, 10))
-    search = StartSearch(curve.flow, times, impacts, longest, most, records, levels, np.zeros((16, 16)))
-    candidates = np.zeros((4096, 8))
+    search = StartSearch(curve.flow, times, impacts, longest, latest, most, records, levels, np.zeros((16, 16)))
+    candidates = np.zeros((4096, columns))
     openings = np.zeros((256, 4))
     total = np.zeros(len(COUNTS), dtype=np.int64)
-    names = {number: name for name, number in KINDS.items()}
-    crossings: list[EndCrossing] = []
+    rows: list[np.ndarray] = []
     open_ones: list[Opening] = []
     state = np.zeros(STATE, dtype=np.int64)
     pace = Pace()
@@ -184,17 +200,15 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
             found, opened = int(state[CANDIDATES]), int(state[OPENINGS])
             if found <= len(candidates) and opened <= len(openings):
                 break
-            candidates = np.zeros((max(2 * found, len(candidates)), 8))
+            candidates = np.zeros((max(2 * found, len(candidates)), columns))
             openings = np.zeros((max(2 * opened, len(openings)), 4))
         total += counts
-        for row in candidates[:found]:
-            place, flight, residual, converged, low, high = row[2:8].tolist()
-            crossings.append(EndCrossing(names[int(row[0])], gone + int(row[1]), place, flight, residual, converged == 1.0, low, high))
-        open_ones += [Opening(float(row[0]), float(row[1]), gone + int(row[2]), int(row[3])) for row in openings[:opened]]
-    return crossings, open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
+        rows.append(candidates[:found].copy())
+        open_ones += [Opening(float(row[0]), float(row[1]), int(row[2]), int(row[3])) for row in openings[:opened]]
+    return np.concatenate(rows), open_ones, dict(zip(COUNTS, total.tolist(), strict=True))
 
 
-def _lead(curve: StartCurve) -> tuple[int, float]:
+def lead(curve: StartCurve) -> tuple[int, float]:
     """Impacts and time before the starts of a curve, which may be the image of a piece of another."""
     return (0, 0.0) if curve.before is None else (len(curve.before.contacts), float(curve.before.instants[-1]))
 
@@ -203,10 +217,10 @@ def follow_start(curve: StartCurve, parameter: float, impacts: int, longest: flo
     """One start of a curve, followed through so many impacts, or fewer where the time ends before.
 
     Of a curve with motion `before` it, that is part of the path and of its impacts and its time."""
-    before, (gone, since) = curve.before, _lead(curve)
+    before, (gone, since) = curve.before, lead(curve)
     impacts -= gone
     record = np.zeros((impacts + 2, COLUMNS))
-    rows = follow_impacts(curve.flow, parameter, longest - since, impacts, record, np.zeros((16, 16)))
+    rows = follow_impacts(curve.flow, parameter, longest - since, math.inf, impacts, record, np.zeros((16, 16)))
     hit = min(next((i for i, contact in enumerate(record[:rows, CONTACT].tolist()) if contact < 0.0), rows), impacts + 1)
     inner = min(hit, impacts, rows - 1)
     start, contacts = record[0, :4].copy(), record[:hit, CONTACT].astype(np.int64)
@@ -237,7 +251,7 @@ def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve |
 
     It is None where the interval is open for another reason than rounding, so that its image would be so as well.
     """
-    gone, since = _lead(curve)
+    gone, since = lead(curve)
     flight = opening.flight - gone
     if flight < 1 or opening.reason == ENDLESS or opening.width > NARROW * max(1.0, abs(opening.parameter)):
         return None
@@ -247,7 +261,7 @@ def resumed(curve: StartCurve, opening: Opening, longest: float) -> StartCurve |
     samples = []
     for parameter in (opening.parameter, middle, opening.parameter + opening.width):
         record = np.zeros((flight + 2, COLUMNS))
-        if follow_impacts(curve.flow, parameter, longest - since, flight, record, work) <= flight:
+        if follow_impacts(curve.flow, parameter, longest - since, math.inf, flight, record, work) <= flight:
             return None
         samples.append(record)
     low, here, high = samples

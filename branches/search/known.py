@@ -7,7 +7,7 @@ Where two orbits could be confused, nothing is recognised, and the segments are 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -18,13 +18,15 @@ from branches.sequences import Ends, ImpactSequence, canonical_sequence, mirror
 if TYPE_CHECKING:
     from branches.search.starts import ScannedSegment
 
-__all__ = ["Boxes", "Kind", "boxes_between", "recognised"]
+__all__ = ["Boxes", "Kind", "are_known", "boxes_between", "recognised"]
 
 Kind = tuple[Ends, ImpactSequence]
 """Canonical ends and sequence."""
 
 Boxes = Mapping[Kind, np.ndarray]
 """For each kind of orbit the boxes (m, 2, k + 1) of flight times that contain an orbit of a known family: lowest and highest times."""
+
+Limit = Callable[[tuple[str, str]], tuple[float, int]]
 
 _OWN, _OTHERS, _ROUNDING = 0.5, 0.1, 1e-6
 """Margin of a box around the flight times of two points: parts of the difference of that time, of the largest difference, and of the
@@ -47,6 +49,26 @@ def recognised(segments: Sequence[ScannedSegment], known: Boxes, *, odd_symmetry
 
     An orbit with two ends of one kind is found from both. It is recognised if both segments are there and agree.
     """
+    return _matched(segments, known, odd_symmetry)[0]
+
+
+def are_known(segments: Sequence[ScannedSegment], known: Boxes, limit: Limit, *, odd_symmetry: bool) -> bool:
+    """Whether segments are the orbits of known families and no others: each is recognised, and each family has its orbit among them.
+
+    limit: of two kinds of end, the longest time and the most inner impacts of the segments. A family may have its orbit beyond it."""
+    found, met = _matched(segments, known, odd_symmetry)
+    if len(found) < len(segments):
+        return False
+    for (ends, sequence), boxes in known.items():
+        longest, most = limit((ends[0].rstrip("+-"), ends[1].rstrip("+-")))
+        has_segment = met.get((ends, sequence), np.zeros(len(boxes), dtype=bool))
+        if len(sequence) <= most and np.any(~has_segment & (boxes[:, 1].sum(axis=1) <= longest)):
+            return False
+    return True
+
+
+def _matched(segments: Sequence[ScannedSegment], known: Boxes, odd_symmetry: bool) -> tuple[set[int], dict[Kind, np.ndarray]]:
+    """Indices of the segments that are recognised; and for each kind that segments have, whether each box has a segment."""
     groups: dict[Kind, list[tuple[int, bool, np.ndarray]]] = {}
     for index, segment in enumerate(segments):
         kind, forwards, backwards = _directions(segment.ends, segment.sequence, odd_symmetry)
@@ -57,9 +79,11 @@ def recognised(segments: Sequence[ScannedSegment], known: Boxes, *, odd_symmetry
             if backwards:
                 group.append((index, True, segment.flight_times[::-1]))
     found: set[int] = set()
+    has_segment: dict[Kind, np.ndarray] = {}
     for kind, group in groups.items():
         boxes, times = known[kind], np.array([times for *_, times in group])
         inside = np.all((boxes[:, :1] <= times) & (times <= boxes[:, 1:]), axis=2)
+        has_segment[kind] = np.any(inside, axis=1)
         first, last = (end.rstrip("+-") for end in kind[0])
         in_box = [[group[row] for row in np.flatnonzero(rows).tolist()] for rows in inside]
         met = [{index for index, *_ in rows} for rows in in_box]
@@ -68,7 +92,7 @@ def recognised(segments: Sequence[ScannedSegment], known: Boxes, *, odd_symmetry
             if len(here) == 1 + (first == last) and all(there == here or here.isdisjoint(there) for there in met):
                 if first != last or _is_one_orbit(rows):
                     found |= here
-    return found
+    return found, has_segment
 
 
 def _is_one_orbit(rows: Sequence[tuple[int, bool, np.ndarray]]) -> bool:

@@ -21,14 +21,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
+from bvp.kernels.arcs import ArcRange, fill_arc, has_arc
 from bvp.kernels.compiled import allocating, inlined, kernel
 from bvp.kernels.shooting import ACCELERATION, CLEARANCE, CONTACT, DURATION, SPEED, find_clearance, follow_impacts
 from bvp.kernels.verdict import (
     CLOSED,
     DONE,
     ENDLESS,
+    FOLDED,
     GRAZED,
     JUMP,
+    MIDDLE,
     SPLIT,
     Sample,
     StartBracket,
@@ -128,7 +131,7 @@ def grazing_between(search, k, ends, first, grain):
 
     Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), `coarse` and the number of starts followed. coarse:
     rounding of the starts hides much more of the grazing than the contact tolerance does (see `COARSE`)."""
-    flow, _, _, longest, most, records, levels, work = search
+    flow, _, _, longest, latest, most, records, levels, work = search
     theta_a, theta_b, i_a, i_b = ends
     one = i_a
     two = i_b
@@ -159,7 +162,7 @@ def grazing_between(search, k, ends, first, grain):
         if not (theta_1 < probe < theta_2):
             break
         slot = third(one, two, first)
-        levels[slot] = follow_impacts(flow, probe, longest, k, records[slot], work)
+        levels[slot] = follow_impacts(flow, probe, longest, math.inf, k, records[slot], work)
         followed += 1
         if levels[slot] <= k:
             break
@@ -189,18 +192,18 @@ def grazing_between(search, k, ends, first, grain):
     moved_2 = edge_2 < theta_2 < theta_b
     if moved_1:
         one = third(one, two, first)
-        levels[one] = follow_impacts(flow, theta_1, longest, most, records[one], work)
+        levels[one] = follow_impacts(flow, theta_1, longest, latest, most, records[one], work)
         followed += 1
     if moved_2:
         two = third(one, two, first)
-        levels[two] = follow_impacts(flow, theta_2, longest, most, records[two], work)
+        levels[two] = follow_impacts(flow, theta_2, longest, latest, most, records[two], work)
         followed += 1
     coarse = hidden > COARSE * touch_distance(flow, records[late, k])
     # Probes were followed to the grazing only; one that becomes the end of an interval is followed to its end.
     if not moved_1 and one != i_a:
-        levels[one] = follow_impacts(flow, edge_1, longest, most, records[one], work)
+        levels[one] = follow_impacts(flow, edge_1, longest, latest, most, records[one], work)
     if not moved_2 and two != i_b:
-        levels[two] = follow_impacts(flow, edge_2, longest, most, records[two], work)
+        levels[two] = follow_impacts(flow, edge_2, longest, latest, most, records[two], work)
     return one, two, theta_1, theta_2, edge_1, edge_2, coarse, followed
 
 
@@ -210,9 +213,9 @@ def begin_interval(search, low, high, ends, stack, counts, state):
 
     ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
     state (STATE,): filled. Else as of `scan_interval`."""
-    flow, _, _, longest, most, records, levels, work = search
-    levels[0] = follow_impacts(flow, low, longest, most, records[0], work)
-    levels[1] = follow_impacts(flow, high, longest, most, records[1], work)
+    flow, _, _, longest, latest, most, records, levels, work = search
+    levels[0] = follow_impacts(flow, low, longest, latest, most, records[0], work)
+    levels[1] = follow_impacts(flow, high, longest, latest, most, records[1], work)
     counts[STARTS] += 2
     state[:] = 0
     coordinate = StartMap(ends[0], ends[1], int64(ends[2]))
@@ -228,7 +231,7 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
     openings (O, 4): theta, width, flight and reason of what stays open, GRAZED where that is as narrow as rounding about a grazing.
     counts (7,): see COUNTS, added to. state (STATE,): see there; more candidates or openings than their room say that there was too little
     of it. Returns whether the interval is done."""
-    flow, _, _, longest, most, records, levels, work = search
+    flow, _, _, longest, latest, most, records, levels, work = search
     found = np.empty((3, 8))
     count = np.zeros(3, np.int64)
     out = np.empty(3)
@@ -270,7 +273,7 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
         _, jac_m = place(coordinate, x_m)
         i_m = FIRST_SPARE + 3 * depth
         if not within:
-            levels[i_m] = follow_impacts(flow, theta_m, longest, most, records[i_m], work)
+            levels[i_m] = follow_impacts(flow, theta_m, longest, latest, most, records[i_m], work)
             counts[STARTS] += 1
             used += 1
             flights += levels[i_m]
@@ -319,6 +322,14 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
             if verdict == SPLIT:
                 candidate = first
                 break
+            if verdict == CLOSED and k <= search.impacts[MIDDLE] and has_arc(k, sample_a, sample_m, sample_b):
+                if candidate < candidates.shape[0]:
+                    rounding = 8.0 * grain / jac_m
+                    before = x_a - unplace(coordinate, max(theta_a - SLIVER, coordinate.low)) if root_a else rounding
+                    after = unplace(coordinate, min(theta_b + SLIVER, coordinate.high)) - x_b if root_b else rounding
+                    reach = ArcRange(x_a, x_b, before, after, rounding)
+                    fill_arc(flow, k, sample_a, sample_m, sample_b, coordinate, reach, search.impacts[FOLDED] > 0, candidates[candidate])
+                candidate += 1
             k += 1
         if verdict == CLOSED:
             # The next call closes it for the flights that are left.

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import allocating, kernel, sized
+from bvp.kernels.compiled import allocating, kernel, shared, sized
 from bvp.kernels.contact_mode import arrive, restitute_state
 from bvp.kernels.extrema import crossing_times, next_sign_change, refine, track_of
 from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
@@ -32,8 +32,9 @@ contact hit at its end; speed of approach there; velocity along the stop there; 
 stop at a turning point inside the flight; the second least; number of turning points; time of the one with the least. Where a column
 has two entries, the second one is the derivative by the parameter."""
 
-FREE, STUCK = -1.0, -2.0
-"""In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up."""
+FREE, STUCK, AHEAD = -1.0, -2.0, -3.0
+"""In the column of the contact: no impact within the time searched; pressed against a stop, or a search that gave up; a flight that is not
+followed, because it begins later than any that is asked for."""
 
 
 class Flow(NamedTuple):
@@ -105,9 +106,11 @@ def amplitude(square, q, p, horizon, order):
     return abs(p) * c - square * abs(q) * s if order == 1 else -square * size
 
 
-@kernel
-def follow_impacts(flow, theta, longest, most, record, work):
-    """Follow one start up to `most` impacts and a little past the time `longest`, filling rows of `record`. Returns the rows filled."""
+@shared("integer")
+def follow_impacts(flow, theta, longest, latest, most, record, work):
+    """Follow one start up to `most` impacts and a little past the time `longest`, filling rows of `record`. Returns the rows filled.
+
+    A flight that begins more than a little past `latest` is not followed: its row has the state at its start and the contact `AHEAD`."""
     z = sized(work[5, :4], 4)
     dz = sized(work[6, :4], 4)
     y = sized(work[7, :4], 4)
@@ -131,6 +134,9 @@ def follow_impacts(flow, theta, longest, most, record, work):
         record[k, TIME] = time
         record[k, TIME + 1] = time_rate
         record[k, CLEARANCE] = math.nan
+        if time > latest + slack:
+            record[k, CONTACT] = AHEAD
+            return k + 1
         horizon = longest - time + 2.0 * slack
         found = int64(DECLINED)
         contact = int64(-1)

@@ -19,13 +19,22 @@ MARGIN = 1.2
 """Factor on the bounds that are drawn from samples."""
 
 
+MIDDLE = 3
+"""Besides the kinds of far ends: an impact in the middle of a segment. What is looked for are the states after the impacts that end flights
+which begin up to the time `latest` of a search (`bvp.kernels.arcs`)."""
+
+FOLDED = 4
+"""In the impacts of a search: 1 if a mirror image stands for the states after the impacts at the lower stop, else 0."""
+
+
 class StartSearch(NamedTuple):
     """The data of a scan of starts: its end sets and limits, and the records of the starts. D: number of times an interval is halved."""
 
     flow: Flow
-    times: np.ndarray  # (3,) for each kind of far end the longest time; negative where it is not looked for
-    impacts: np.ndarray  # (3,) int64 and the most inner impacts
+    times: np.ndarray  # (4,) for each kind of far end the longest time; negative where it is not looked for
+    impacts: np.ndarray  # (5,) int64 and the most inner impacts; and `FOLDED`
     longest: float  # time that starts are followed for
+    latest: float  # time up to which flights begin
     most: int  # and impacts
     records: np.ndarray  # (3 D + 3, K + 2, COLUMNS) see `follow_impacts`
     levels: np.ndarray  # (3 D + 3,) int64 rows filled of each record
@@ -228,7 +237,7 @@ def refine_zero(search, kind, k, theta, time, bracket, record, pattern, out):
     last = math.inf
     span = high - low
     for count in range(12):
-        levels = follow_impacts(flow, theta, search.longest, k, record, work)
+        levels = follow_impacts(flow, theta, search.longest, math.inf, k, record, work)
         if levels <= k:
             return False, count
         for i in range(k):
@@ -334,7 +343,7 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
     """Judge flight k of an interval from its ends and middle; r: half its width in x; grain: of the starts, as floating-point numbers.
 
     found (3, P): times of crossings of each kind (for STOP of the impact), count (3,): how many. Returns the verdict."""
-    flow, times, impacts, longest, most, _, _, work = search
+    flow, times, impacts, longest, latest, most, _, _, work = search
     a, levels_a, jac_a = sample_a
     b, levels_b, jac_b = sample_b
     m, levels_m, jac_m = sample_m
@@ -351,6 +360,9 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
             horizon = max(horizon, times[kind] - earliest)
             if k < impacts[kind]:
                 onward = True
+    if k <= impacts[MIDDLE] and earliest <= latest:
+        horizon = max(horizon, times[MIDDLE] - earliest)
+        onward = True
     if horizon < 0.0:
         return DONE
     if k >= levels_a or k >= levels_b or k >= levels_m:
@@ -359,6 +371,8 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
     ra = a[k]
     rb = b[k]
     rm = m[k]
+    if ra[column.CONTACT] == column.AHEAD or rb[column.CONTACT] == column.AHEAD or rm[column.CONTACT] == column.AHEAD:
+        return ENDED
     if ra[column.CONTACT] == column.STUCK or rb[column.CONTACT] == column.STUCK or rm[column.CONTACT] == column.STUCK:
         return PRESSED
     far = 0
@@ -376,6 +390,8 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
         # The same stop, but one flight goes on past the impact that ends the other.
         if r * jac_m < 1e-4 and abs(rb[column.DURATION] - ra[column.DURATION]) > 20.0 * r * steepest + 1e-9:
             return JUMP
+        if k <= impacts[MIDDLE] and (k + 1 >= levels_a or k + 1 >= levels_b or k + 1 >= levels_m):
+            return ENDED
     if onward and not last and k == most:
         return ENDLESS
     # -- the tube about the flight of the middle

@@ -1,5 +1,7 @@
 """One start followed with its derivative. Oracles: the event-driven run; central differences; dense samples of the flight."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -18,8 +20,21 @@ SYSTEMS = [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81), saltu
 
 def record_of(curve, parameter, longest=9.0, most=6):
     record = np.full((most + 2, column.COLUMNS), np.nan)
-    rows = follow_impacts(curve.flow, parameter, longest, most, record, np.zeros((16, 16)))
+    rows = follow_impacts(curve.flow, parameter, longest, math.inf, most, record, np.zeros((16, 16)))
     return record, rows
+
+
+def test_a_flight_that_begins_too_late_is_not_followed():
+    """Oracle: the same start followed through all its flights. The slack is a twentieth of the longest time."""
+    (curve,) = curves(SYSTEMS[0], "stop", 5.0)
+    full, rows = record_of(curve, 0.4)
+    assert rows > 4 and full[3, column.TIME] > 0.5
+    for before, is_followed in ((0.44, True), (0.46, False)):
+        record = np.full_like(full, np.nan)
+        latest = float(full[3, column.TIME]) - before
+        assert (follow_impacts(curve.flow, 0.4, 9.0, latest, 3, record, np.zeros((16, 16)))) == 4
+        assert np.array_equal(record[:3], full[:3], equal_nan=True) and np.array_equal(record[3, :10], full[3, :10])
+        assert record[3, column.CONTACT] == (full[3, column.CONTACT] if is_followed else column.AHEAD)
 
 
 def start_of(curve, parameter):

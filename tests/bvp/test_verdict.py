@@ -1,5 +1,6 @@
 """Verdicts on an interval of starts. Oracles: dense samples of the interval; straight lines past the origin; counts of impacts."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +18,14 @@ LONGEST, MOST = 6.0, 5
 
 def record_of(curve, parameter):
     record = np.full((MOST + 2, COLUMNS), np.nan)
-    return record, follow_impacts(curve.flow, parameter, LONGEST, MOST, record, np.zeros((16, 16)))
+    return record, follow_impacts(curve.flow, parameter, LONGEST, math.inf, MOST, record, np.zeros((16, 16)))
 
 
 def search_of(curve, times, impacts, longest, most):
     """A search that keeps no starts."""
-    return StartSearch(curve.flow, times, impacts, longest, most, np.empty((0, 0, COLUMNS)), np.empty(0, np.int64), np.zeros((16, 16)))
+    return StartSearch(
+        curve.flow, times, impacts, longest, math.inf, most, np.empty((0, 0, COLUMNS)), np.empty(0, np.int64), np.zeros((16, 16))
+    )
 
 
 @pytest.mark.parametrize("system", [saltus.vibro_impact_nes(), saltus.vibro_impact_nes(0.37, 0.81)])
@@ -30,7 +33,7 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
     """Random intervals, as wide as can just be closed: whatever flight is closed, every start between has it with the same contact,
     or none in the time searched."""
     rng = np.random.default_rng(2)
-    times, impacts = np.full(3, LONGEST), np.full(3, MOST)
+    times, impacts = np.full(4, LONGEST), np.array([MOST, MOST, MOST, -1, 0])
     closed = 0
     for end, energy in (("origin", 1.3), ("origin", 0.2), ("rest", 1.0), ("stop", 0.7)):
         (curve,) = curves(system, end, energy)
@@ -82,7 +85,7 @@ def width_of(curve, along, window, r=1e-3, acceleration=2.0):
             row[:4], row[DERIVATIVE : DERIVATIVE + 4] = (0.3, -0.2, 0.9, 0.4), along
             row[TIME], row[DURATION], row[CONTACT], row[CLEARANCE] = 1.0, window, 0.0, np.inf
             row[SPEED], row[ACCELERATION], row[RESIDUAL] = speed, acceleration, 1e6
-        times, impacts = np.array([-1.0, -1.0, 2.0 + window]), np.array([1, 1, 1])
+        times, impacts = np.array([-1.0, -1.0, 2.0 + window, -1.0]), np.array([1, 1, 1, -1, 0])
         samples = (Sample(record, 2, 1.0) for record in records)
         search = search_of(curve, times, impacts, 2.0 + window, 1)
         return flight_verdict(search, 1, *samples, r, 4.5e-16, np.empty((3, 8)), np.zeros(3, np.int64))
