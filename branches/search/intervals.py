@@ -156,7 +156,7 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
         left_of_them = (curve.most_impacts + 1 if count is None else count) - gone
         times[KINDS[end]] = time - since if left_of_them >= 0 else -1.0
         impacts[KINDS[end]] = left_of_them
-    rows, opened, counts = decide(curve, times, impacts, math.inf, most, budget)
+    rows, opened, counts = decide_intervals(curve, times, impacts, math.inf, most, budget)
     names = {number: name for name, number in KINDS.items()}
     crossings = []
     for row in rows:
@@ -165,7 +165,7 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
     return crossings, [opening._replace(flight=gone + opening.flight) for opening in opened], counts
 
 
-def decide(
+def decide_intervals(
     curve: StartCurve, times: np.ndarray, impacts: np.ndarray, latest: float, most: int, budget: int
 ) -> tuple[np.ndarray, list[Opening], dict[str, int]]:
     """What `scan_interval` finds on a curve: rows, openings, and counts by the names of `bvp.kernels.intervals.COUNTS`.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.search.intervals import SAME_START, EndCrossing, decide, first_crossings, lead, resumed, segment_limits
+from branches.search.intervals import SAME_START, EndCrossing, decide_intervals, first_crossings, lead, resumed, segment_limits
 from branches.search.known import Boxes, are_known
 from branches.search.starts import ScannedSegment, StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, mirror
@@ -104,7 +104,7 @@ def met_segments(
         beyond = max(most, 1) - gone
         if beyond < 1 or since > PART * longest:
             continue
-        rows, openings, of_scan = decide(
+        rows, openings, of_scan = decide_intervals(
             curve, np.array([-1.0, -1.0, -1.0, longest - since]), np.array([0, 0, 0, beyond - 1, int(system.has_odd_symmetry)]),
             PART * longest - since, beyond, max(1, BUDGET - counts["starts"]),
         )  # fmt: skip

@@ -14,7 +14,7 @@ from bvp.kernels.compiled import inlined, kernel
 
 
 @inlined
-def cross(a0, a1, b0, b1):
+def cross_product(a0, a1, b0, b1):
     """Cross product of two plane vectors."""
     return a0 * b1 - a1 * b0
 
@@ -36,7 +36,7 @@ def choose_chart(a, b):
         low = int64(min(c, d))
         high = int64(max(c, d))
         size = abs(
-            cross(
+            cross_product(
                 a[at.RATE + 3 * low + 1], a[at.RATE + 3 * high + 1],
                 mirrored(low) * b[at.RATE + 3 * low + 1], mirrored(high) * b[at.RATE + 3 * high + 1],
             )
@@ -73,7 +73,7 @@ def turn_between(a, b):
     sign = 0.0
     for i in range(3):
         for j in range(3):
-            value = cross(a[i, 0], a[i, 1], b[j, 0], b[j, 1])
+            value = cross_product(a[i, 0], a[i, 1], b[j, 0], b[j, 1])
             error = abs(a[i, 0]) * b[3, 1] + abs(a[i, 1]) * b[3, 0] + abs(b[j, 0]) * a[3, 1] + abs(b[j, 1]) * a[3, 0]
             error += a[3, 0] * b[3, 1] + a[3, 1] * b[3, 0]
             if not abs(value) > error or value * sign < 0.0:
@@ -87,7 +87,7 @@ def side_of(f0, f1, noise0, noise1, b):
     """The sign of the cross products of a vector, known up to noise, with all directions of a hull; 0 if it is not certain."""
     sign = 0.0
     for j in range(3):
-        value = cross(f0, f1, b[j, 0], b[j, 1])
+        value = cross_product(f0, f1, b[j, 0], b[j, 1])
         bound = abs(f0) * b[3, 1] + abs(f1) * b[3, 0] + noise0 * (abs(b[j, 1]) + b[3, 1]) + noise1 * (abs(b[j, 0]) + b[3, 0])
         if not abs(value) > bound or value * sign < 0.0:
             return 0.0

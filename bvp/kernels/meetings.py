@@ -22,7 +22,7 @@ from bvp.kernels.arc_pairs import (
     boxes_apart,
     choose_chart,
     copy_sample,
-    cross,
+    cross_product,
     hull,
     mirrored,
     model,
@@ -82,7 +82,7 @@ class MeetingSearch(NamedTuple):
 
 
 @kernel
-def evaluate(search, arc, u, record, out, slot):
+def follow_arc(search, arc, u, record, out, slot):
     """Fill sample `slot` of `out` with the point of an arc at u by following its start. Returns whether it arrives, the parameter, and its
     derivative by u."""
     half = 0.5 * (arc[at.LAST] - arc[at.FIRST])
@@ -133,12 +133,12 @@ def halve(search, arc, one, two):
         if modelled:
             model(arc, i - 0.5, new, i)
         else:
-            arrives, _, _ = evaluate(search, arc, i - 0.5, search.records[0], new, i)
+            arrives, _, _ = follow_arc(search, arc, i - 0.5, search.records[0], new, i)
             if not arrives:
                 return False
     if not modelled and arc[at.MODELLED] != 0.0:
         for i in range(3):
-            arrives, _, _ = evaluate(search, arc, i - 1.0, search.records[0], arc, i)
+            arrives, _, _ = follow_arc(search, arc, i - 1.0, search.records[0], arc, i)
             if not arrives:
                 return False
     copy_sample(arc, 0, one, 0)
@@ -188,10 +188,10 @@ def meeting(search, a, b, chart, hulls, sign, found):
                 noise0 = a[at.MISS + chart[0]] + b[at.MISS + chart[0]]
                 noise1 = a[at.MISS + chart[1]] + b[at.MISS + chart[1]]
             else:
-                arrives, theta_a, jac_a = evaluate(search, a, u, search.records[0], points, 0)
+                arrives, theta_a, jac_a = follow_arc(search, a, u, search.records[0], points, 0)
                 if not arrives:
                     return UNDECIDED
-                arrives, theta_b, jac_b = evaluate(search, b, w, search.records[1], points, 1)
+                arrives, theta_b, jac_b = follow_arc(search, b, w, search.records[1], points, 1)
                 if not arrives:
                     return UNDECIDED
                 noise0 = rounding_of(a, b, points, chart[0])
@@ -211,11 +211,11 @@ def meeting(search, a, b, chart, hulls, sign, found):
                 way = -sign * side_of(f0, f1, noise0, noise1, hulls[0])
                 if (w <= low_w and way < 0.0) or (w >= high_w and way > 0.0):
                     return APART
-            determinant = cross(a0, a1, b0, b1)
+            determinant = cross_product(a0, a1, b0, b1)
             if determinant == 0.0:
                 break
-            du = min(max(u - cross(f0, f1, b0, b1) / determinant, low_u), high_u) - u
-            dw = min(max(w - cross(f0, f1, a0, a1) / determinant, low_w), high_w) - w
+            du = min(max(u - cross_product(f0, f1, b0, b1) / determinant, low_u), high_u) - u
+            dw = min(max(w - cross_product(f0, f1, a0, a1) / determinant, low_w), high_w) - w
             if abs(du) < max(SETTLED, a[at.GRAIN]) and abs(dw) < max(SETTLED, b[at.GRAIN]):
                 settled = True
                 if stage == 1:

@@ -13,7 +13,7 @@ from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
 from bvp.kernels import arcs as at
 from bvp.kernels.arc_pairs import are_apart, boxes_apart, hull, model, turn_between
-from bvp.kernels.meetings import evaluate
+from bvp.kernels.meetings import follow_arc
 from bvp.kernels.shooting import DURATION, TIME
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 
@@ -88,7 +88,7 @@ def test_arcs_stay_within_their_bounds(scanned):
                 continue
             for u in rng.uniform(-1.0, 1.0, 3).tolist():
                 out = np.zeros(at.ARC)
-                arrives, _, _ = evaluate(search, arc, u, search.records[0], out, 0)
+                arrives, _, _ = follow_arc(search, arc, u, search.records[0], out, 0)
                 model(arc, u, out, 1)
                 assert arrives
                 if arc[at.IMPACTS] > 0:
