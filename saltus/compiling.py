@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from saltus.terminal import ProgressBar
+from saltus.terminal import ProgressBar, counted
 
 __all__ = ["LIST", "announce", "compile_kernels", "missing", "prepare", "prepare_with"]
 
@@ -75,7 +75,7 @@ def announce(calls: list[list[Any]]) -> None:
     """Say on standard error how many kernels are compiled, and about how long it takes."""
     seconds = sum(call[0] for call in calls) / workers_for(calls) + _START
     if sys.stderr is not None:
-        text = f"saltus: compiling {len(calls)} kernels, at the first run only: about {seconds:.0f} s"
+        text = f"saltus: compiling {counted(len(calls), 'kernel')}, at the first run only: about {seconds:.0f} s"
         print(text, file=sys.stderr, flush=True)
 
 
