@@ -283,14 +283,14 @@ def closed_presentations(cycle: Cycle, sequence: ImpactSequence | None = None) -
     return images
 
 
-def segment_images(problem: MultipointProblem, y: np.ndarray) -> list[Presentation]:
+def segment_images(problem: MultipointProblem, y: np.ndarray, sequence: ImpactSequence | None = None) -> list[Presentation]:
     """The solved segment and the same run backwards, and both mirrored where the system has odd symmetry; of a closed orbit its
-    `closed_presentations`.
+    `closed_presentations`, with a `sequence` those alone that have it.
 
     These are `all_presentations` of an orbit that is primitive and has no more reversals than its ends.
     """
     if problem.periodic:
-        return closed_presentations(cycle_of(problem, y))
+        return closed_presentations(cycle_of(problem, y), sequence)
     own = presentation_of(problem, y)
     return _with_mirrored(problem.system, [own, run_backwards(problem.system, own, problem)])
 

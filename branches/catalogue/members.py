@@ -272,15 +272,16 @@ def _kind(end: str) -> str:
 def presented(problem: MultipointProblem, y: np.ndarray, ends: Ends, sequence: ImpactSequence) -> EventOrbit | None:
     """The orbit y as an orbit of the problem with other ends and impact sequence, in any presentation: mirrored or run backwards, as
     `seen_from`, from another impact, or the primitive orbit that it covers. None if there is none."""
-    for image in segment_images(problem, y):
-        if (image.ends, tuple(image.sequence)) == (ends, tuple(sequence)):
+    sequence = tuple(sequence)
+    for image in segment_images(problem, y, sequence):
+        if (image.ends, tuple(image.sequence)) == (ends, sequence):
             return kept_orbit(problem.system, image)
     found = seen_from(problem, y, ends, sequence)
     if found is not None:
         return found
-    closed = closed_presentations(cycle_of(problem, y)) if ends == PERIODIC else []
+    closed = closed_presentations(cycle_of(problem, y), sequence) if ends == PERIODIC else []
     for presentation in (*closed, *presentations(problem, y)):
-        if (presentation.ends, tuple(presentation.sequence)) == (ends, tuple(sequence)):
+        if (presentation.ends, tuple(presentation.sequence)) == (ends, sequence):
             other = MultipointProblem(problem.system, ends, sequence)
             try:
                 # A part of an orbit of singular equations has the square root of their accuracy.

@@ -143,24 +143,24 @@ class Touching:
         flip = np.repeat([-1.0, 1.0], half)
         signs = (1.0, -1.0) if self.system.has_odd_symmetry else (1.0,)
         numbers = np.arange(count)
-        gaps = np.diff(np.append(self.times, self.times[0] + self.period))
+        gaps, slack = np.diff(np.append(self.times, self.times[0] + self.period)), _SAME * self.period
+        # The gaps exclude most symmetries, all at once: a row of these numbers the instants of the image.
+        shifts, turns = (numbers[:, None] + numbers) % count, (numbers[:, None] - numbers) % count
+        may_shift = (np.abs(gaps[shifts] - gaps) <= slack).all(axis=1)
+        may_turn = (np.abs(gaps[turns - 1] - gaps) <= slack).all(axis=1)
 
         def same(a: np.ndarray, b: np.ndarray) -> bool:
             return bool(np.all(np.abs(a - b) <= _SAME * size))
 
         out = []
-        for d in range(count):
-            shifted = (numbers + d) % count
-            if not np.allclose(gaps[shifted], gaps, rtol=0.0, atol=_SAME * self.period):
-                continue
+        for d in np.flatnonzero(may_shift):
+            shifted = shifts[d]
             for sign in signs:
                 if (self.grazing[shifted] == self.grazing).all() and same(self.after[shifted], sign * self.after):
                     shift = float(self.times[d] - self.times[0])
                     out.append(Symmetry(tuple(shifted.tolist()), None, shift, sign < 0.0))
-        for c in range(count):
-            turned = (c - numbers) % count
-            if not np.allclose(gaps[(turned - 1) % count], gaps, rtol=0.0, atol=_SAME * self.period):
-                continue
+        for c in np.flatnonzero(may_turn):
+            turned = turns[c]
             for kind, turn in (("origin", flip), ("rest", -flip))[2 - len(signs) :]:
                 if (self.grazing[turned] == self.grazing).all() and same(self.after[turned], turn * self.before):
                     axis = 0.5 * float(self.times[0] + self.times[c]) % (0.5 * self.period)
