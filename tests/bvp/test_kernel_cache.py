@@ -150,7 +150,7 @@ def test_a_shared_kernel_is_code_of_its_own(project, tmp_path):
     text = inner.read_text().replace("import kernel", "import shared")
 
     def files():
-        return {file.name: file.stat().st_ino for file in (tmp_path / "kept").rglob("*-*") if file.is_file()}
+        return {file.name: file.stat().st_mtime_ns for file in (tmp_path / "kept").rglob("*-*") if file.is_file()}
 
     inner.write_text(text.replace("@kernel", '@shared("float")'))
     assert run() == (7.0, False, "")
