@@ -58,7 +58,7 @@ def small_scene(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scene")
     shared = tmp_path_factory.getbasetemp().parent if "PYTEST_XDIST_WORKER" in os.environ else folder
     built, kept = shared / "built.sqlite", shared / "built.report"
-    with alone(shared / "built.lock"):
+    with alone(shared / "built.report"):
         if not kept.exists():
             with open_executor(2) as (executor, workers), Catalogue(built, "a", scene=saltus.load_scene()) as catalogue:
                 report = build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
@@ -67,15 +67,17 @@ def small_scene(tmp_path_factory):
 
 
 @contextmanager
-def alone(lock):
-    """One process after the other: where the file `lock` exists, wait until it is removed."""
-    while True:
+def alone(path):
+    """One process after the other. A lock ends with the process that holds it."""
+    from branches.catalogue.database import CatalogueInUse, WriterLock
+
+    lock = None
+    while lock is None:
         try:
-            lock.touch(exist_ok=False)
-            break
-        except FileExistsError:
+            lock = WriterLock(path)
+        except CatalogueInUse:
             time.sleep(0.05)
     try:
         yield
     finally:
-        lock.unlink()
+        lock.release()
