@@ -106,7 +106,6 @@ def run(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = folder
         new = [[0.0, *call] for call in kernels if repr(call) not in seconds]
-        new = [[0.0, *call] for call in kernels if repr(call) not in seconds]
         seconds |= {repr(call[1:]): call[0] for call in compile_kernels(new, 1)}
     lines = ",\n".join(json.dumps([round(seconds[repr(call)], 1), *call]) for call in kernels)
     groups = ",\n".join(f"{json.dumps(group)}: {json.dumps(places)}" for group, places in commands.items())
