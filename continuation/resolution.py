@@ -92,7 +92,8 @@ class Resolution:
             if len(self._places) != len(self.locator.history) + len(taken):  # a step was taken since
                 self._places = [s for s, _ in self.locator.history] + [s for s, _ in taken]
                 rows = [*(values for _, values in self.locator.history), *(step.tests for _, step in taken)]
-                self._columns = [tuple(map(float, column)) for column in zip(*rows, strict=True)]
+                # Lists have floats already; items of arrays are slower.
+                self._columns = list(zip(*(row if type(row) is list else map(float, row) for row in rows), strict=True))
                 self._intervals.clear()
             # Where the test function is to be trusted, its values there, and where it is not.
             places, values, gaps = self._places[: bisect_right(self._places, limit)], self._columns[index], list[float]()
