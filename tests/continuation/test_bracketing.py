@@ -85,3 +85,36 @@ def test_says_why_it_was_interrupted_and_keeps_its_bracket():
     found = bracketed_root(function, 0.0, -0.3, 1.0, 0.7, 1e-10)
     assert found.interrupted == "no curve there"
     assert found.low <= 0.2 and found.high >= 0.4
+
+
+def test_values_outside_the_bracket_save_calls():
+    """Oracle: the root in closed form; inverse interpolation of fifth order needs two calls for 1e-10, and one for the other end."""
+    root, asked = math.log(5), []
+    known = [(s, math.exp(s) - 5) for s in (1.50, 1.55, 1.70, 1.75)]
+
+    def function(s):
+        asked.append(s)
+        return math.exp(s) - 5
+
+    found = bracketed_root(function, 1.60, math.exp(1.60) - 5, 1.65, math.exp(1.65) - 5, 1e-10, known=known)
+    assert found.low <= root <= found.high and found.high - found.low <= 1e-10
+    assert len(asked) == 3
+    alone = len(asked)
+    bracketed_root(function, 1.60, math.exp(1.60) - 5, 1.65, math.exp(1.65) - 5, 1e-10)
+    assert len(asked) - alone > alone
+
+
+def test_a_refused_place_is_not_tried_again():
+    """Oracle: the places asked for, near a zero whose values are refused for being rounding."""
+    refused = []
+
+    def function(s):
+        if abs(s - 0.3) < 3e-10:
+            refused.append(s)
+            raise StepRefused("rounding")
+        return s - 0.3
+
+    found = bracketed_root(function, 0.0, -0.3, 1.0, 0.7, 1e-10, coarse=1e-6)
+    assert found.interrupted == "rounding" and found.low <= 0.3 <= found.high and found.high - found.low < 1e-8
+    refused.sort()
+    assert len(refused) > 1 and all(later - earlier >= 0.25e-10 for earlier, later in zip(refused, refused[1:], strict=False))
