@@ -54,6 +54,10 @@ ROUNDING = 1e-13
 SETTLED = 1e-6
 """Newton's method has converged if its step is smaller, in u: the next one would be as small as its square."""
 
+CLOSE = 1e-7
+"""A start beyond an end of its arc by less than this, in u, is not followed: a grazing may be between them. Its point is taken from the end
+and the derivative there, and is wrong by the square of this."""
+
 COORDINATE = 1e-6
 """Largest difference at a meeting of the coordinate that Newton's method leaves out. A larger one has the other sign on the other arc."""
 
@@ -83,8 +87,8 @@ class MeetingSearch(NamedTuple):
 
 @kernel
 def follow_arc(search, arc, u, record, out, slot):
-    """Fill sample `slot` of `out` with the point of an arc at u by following its start. Returns whether it arrives, the parameter, and its
-    derivative by u."""
+    """Fill sample `slot` of `out` with the point of an arc at u by following its start. Returns whether it arrives in the arc's box,
+    the parameter, and its derivative by u."""
     half = 0.5 * (arc[at.LAST] - arc[at.FIRST])
     theta, jacobian = place(StartMap(arc[at.LOW], arc[at.HIGH], int64(arc[at.KIND])), 0.5 * (arc[at.FIRST] + arc[at.LAST]) + half * u)
     jacobian *= half
@@ -104,7 +108,18 @@ def follow_arc(search, arc, u, record, out, slot):
             return False, theta, jacobian
         contact = int64(record[count - 1, column.CONTACT])
     set_sample(flow, flow.contacts.side[contact], search.fold, z, dz, jacobian, out, slot)
+    # A start beyond a grazing arrives elsewhere.
+    for c in range(3):
+        if not arc[at.BOX + 2 * c] <= out[at.VALUE + 3 * c + slot] <= arc[at.BOX + 2 * c + 1]:
+            return False, theta, jacobian
     return True, theta, jacobian
+
+
+@kernel
+def followed_place(u):
+    """The place on an arc whose start is followed instead of that at u."""
+    end = min(max(u, -1.0), 1.0)
+    return end if abs(u - end) <= CLOSE else u
 
 
 @kernel
@@ -181,27 +196,29 @@ def meeting(search, a, b, chart, hulls, sign, found):
     for stage in range(2):
         settled = False
         for _ in range(12):
-            theta_a = theta_b = jac_a = jac_b = 0.0
+            theta_a = theta_b = jac_a = jac_b = beyond_u = beyond_w = 0.0
             if stage == 0:
                 model(a, u, points, 0)
                 model(b, w, points, 1)
                 noise0 = a[at.MISS + chart[0]] + b[at.MISS + chart[0]]
                 noise1 = a[at.MISS + chart[1]] + b[at.MISS + chart[1]]
             else:
-                arrives, theta_a, jac_a = follow_arc(search, a, u, search.records[0], points, 0)
+                beyond_u = u - followed_place(u)
+                beyond_w = w - followed_place(w)
+                arrives, theta_a, jac_a = follow_arc(search, a, u - beyond_u, search.records[0], points, 0)
                 if not arrives:
                     return UNDECIDED
-                arrives, theta_b, jac_b = follow_arc(search, b, w, search.records[1], points, 1)
+                arrives, theta_b, jac_b = follow_arc(search, b, w - beyond_w, search.records[1], points, 1)
                 if not arrives:
                     return UNDECIDED
                 noise0 = rounding_of(a, b, points, chart[0])
                 noise1 = rounding_of(a, b, points, chart[1])
-            f0 = points[at.VALUE + first] - sign0 * points[at.VALUE + first + 1]
-            f1 = points[at.VALUE + second] - sign1 * points[at.VALUE + second + 1]
             a0 = points[at.RATE + first]
             a1 = points[at.RATE + second]
             b0 = sign0 * points[at.RATE + first + 1]
             b1 = sign1 * points[at.RATE + second + 1]
+            f0 = points[at.VALUE + first] - sign0 * points[at.VALUE + first + 1] + beyond_u * a0 - beyond_w * b0
+            f1 = points[at.VALUE + second] - sign1 * points[at.VALUE + second + 1] + beyond_u * a1 - beyond_w * b1
             # A difference f that a du - b dw shall cancel: du is -(f x b)/(a x b), dw is -(f x a)/(a x b).
             if u <= low_u or u >= high_u:
                 way = -sign * side_of(f0, f1, noise0, noise1, hulls[1])
@@ -223,9 +240,11 @@ def meeting(search, a, b, chart, hulls, sign, found):
                     here = points[at.VALUE + c] - mirrored(c // 3) * points[at.VALUE + c + 1]
                     if abs(here) > COORDINATE * (1.0 + abs(points[at.VALUE + c])):
                         return APART
-                    found[MET_A] = theta_a + jac_a * du
-                    found[MET_B] = theta_b + jac_b * dw
-                    collect(search, a, b, jac_a * du, jac_b * dw, found)
+                    change_a = jac_a * (beyond_u + du)
+                    change_b = jac_b * (beyond_w + dw)
+                    found[MET_A] = theta_a + change_a
+                    found[MET_B] = theta_b + change_b
+                    collect(search, a, b, change_a, change_b, found)
                     return ONE
                 break
             u += du

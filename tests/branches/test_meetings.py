@@ -67,6 +67,23 @@ def test_each_orbit_is_met_from_both_its_ends_and_no_other_motion(system, energy
     assert mine == expected
 
 
+@pytest.mark.parametrize(
+    ("system", "energy", "quarter_period", "impacts", "clearance"),
+    [
+        (SYSTEM, 0.6042481981963775, 3.0, 3, 4e-6), (SYSTEM, 0.6042488018409312, 3.0, 3, 4e-9),
+        (UNEQUAL, 2.4028485278714795, 3.0, 4, 1e-6),
+    ],
+)  # fmt: skip
+def test_an_orbit_that_nearly_grazes_is_met(system, energy, quarter_period, impacts, clearance):
+    """Oracle: the complete scan. Starts next to that of this orbit hit the stop at the grazing, and go elsewhere."""
+    ends, wanted = searched(system)
+    found = discover_orbits(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends)
+    near = [orbit for orbit in found.orbits if orbit.solution["clearance"] < clearance]
+    met, _ = met_segments(system, energy, wanted, quarter_period, impacts)
+    assert found.complete and len(near) == 1 and met is not None
+    assert any(segment.alpha == pytest.approx(near[0].alpha, abs=1e-8) for segment in met)
+
+
 @pytest.fixture(scope="module")
 def scanned():
     """The arcs of all searched curves, and what their starts are followed with."""
