@@ -279,6 +279,8 @@ def _shared(kernel: Declared) -> Any:
             packer = context.get_arg_packer(types)
             shape = ir.FunctionType(context.get_value_type(result), packer.argument_types)
             function = cgutils.get_or_insert_function(builder.module, shape, name)
+            # By an address of 64 bits: objects that are loaded at different times can be more than 2 GB apart.
+            function.attributes.add("nonlazybind")
             answer = builder.call(function, packer.as_arguments(builder, values))
             return context.get_dummy_value() if result is nb.types.none else answer
 

@@ -239,7 +239,9 @@ def _engine() -> Any:
     """What puts machine code into memory."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), llvm.Target.from_default_triple().create_target_machine())
+    machine = llvm.Target.from_default_triple().create_target_machine()
+    # The sections of one object are kept together: its code reaches its constants by distances of 32 bits.
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine, use_lmm=True)
 
 
 def sealed(code: bytes, callees: Any) -> bytes:

@@ -172,6 +172,31 @@ def test_a_shared_kernel_is_code_of_its_own(project, tmp_path):
     assert "returns float64, and integer is declared" in caught.value.stderr
 
 
+FAR = """
+import ctypes, sys
+from bvp.kernels.inner import inner
+from bvp.kernels.outer import outer
+reserve = ctypes.CDLL(None).mmap
+reserve.restype, reserve.argtypes = ctypes.c_void_p, (ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long)
+inner(3.0)
+for size, times in (1 << 32, 1), (1 << 16, 30_000), (1 << 12, 20_000):
+    for _ in range(times):
+        reserve(None, size, 0, 0x4022, -1, 0)
+print(outer(3.0), int(abs(outer.entry(3.0).address - inner.entry(3.0).address) > 1 << 31))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the numbers of mmap are those of Linux")
+def test_a_shared_kernel_can_be_far_from_its_callers(project, tmp_path):
+    """Oracle: the values by hand. Between the loading of both, all gaps near the first are reserved, and 4 GB."""
+    copy, inner, run = project
+    inner.write_text(inner.read_text().replace("import kernel", "import shared").replace("@kernel", '@shared("float")'))
+    run()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    done = subprocess.run([sys.executable, "-c", FAR], cwd=copy, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "7.0 1\n"), done.stderr
+
+
 @pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")
 def test_a_folder_that_others_can_write_to_is_not_read(kept, tmp_path):
     """Oracle: nothing is loaded from it, nothing is written to it, and one line names it and the remedy, which helps."""
