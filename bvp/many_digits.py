@@ -441,6 +441,9 @@ class _Equations:
     def solve(self) -> DigitOrbit:
         """Correct until nothing is gained any more."""
         given = kept = self.x
+        # In small units a residual is to be small beside the displacements and velocities.
+        displacement = float(np.abs(given[:, : self.n]).max() / _ONE)
+        least = min(1.0, displacement or 1.0, self.speed)
         inverse = np.empty((0, 0))
         worst: float = math.inf
         for _ in range(_ROUNDS):
@@ -457,7 +460,7 @@ class _Equations:
             if not np.isfinite(update).all():
                 break
             self.x = self.x - (_whole(update.reshape(self.x.shape)) * size >> BITS)
-            if size <= _ENOUGH:
+            if size <= _ENOUGH * least:
                 kept = self.x
                 break
         if not worst < _GOOD * max(1.0, self.speed):

@@ -10,10 +10,11 @@ import pytest
 
 from benchmarks.backbone import Backbone
 from branches.orbit import Orbit
+from branches.search.discovery import discover_orbits
 from bvp.many_digits import BITS, DIGITS, digit_modes, orbit_in_digits
 from bvp.multipoint import MultipointProblem
 from bvp.stability import balance, half_map_of, roundings, stability, velocity_scale
-from bvp.system import vibro_impact_nes
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.branches.many_digits import ManyDigits
 from tests.branches.paper_names import family
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
@@ -125,3 +126,29 @@ def test_the_orbit_is_the_nearest_one():
     assert 1e-8 < exact.moved < 1e-5
     solved = MultipointProblem(problem.system, problem.ends, problem.sequence).solve(y, energy=float(exact.energy))
     assert abs(Orbit(problem, solved).tau - float(exact.trace)) < 1e-9 * (1.0 + abs(float(exact.trace)))
+
+
+@pytest.mark.parametrize(("length", "mass", "stiffness"), [(1e-9, 1.0, 1e6), (1e-9, 1e-3, 1e12), (1e6, 1e-3, 1e-9)])
+def test_an_orbit_is_as_exact_in_all_units(length, mass, stiffness):
+    """Oracle: flights and impacts with the sines and cosines of mpmath, relative to the largest displacement and velocity."""
+    plain = vibro_impact_nes()
+    stop = Stop((1.0, -1.0), upper=length, lower=-length)
+    system = ImpactSystem(mass * plain.mass, 0.0 * plain.damping, stiffness * plain.stiffness, [stop])
+    size, time = length * mass**0.5, (mass / stiffness) ** 0.5
+    modes, checked = digit_modes(system), 0
+    for orbit in discover_orbits(plain, 0.6, quarter_period=4.0, impacts=4).orbits:
+        one, scales = orbit.problem, np.repeat([size, size / time], 2)
+        problem = MultipointProblem(system, one.ends, one.sequence)
+        states = [part(orbit.solution.y) * scales for part in (one.start, one.nodes)]
+        found = orbit_in_digits(problem, problem.pack(*states, one.flight_times(orbit.solution.y) * time))
+        with mp.workdps(DIGITS):
+            (q, p), largest_two = np.split(found.states, 2, axis=1), np.abs(found.states).reshape(-1, 2, 2).max(axis=(0, 2))
+            for i, t in enumerate(found.times[:-1]):
+                w, b = [mp.sqrt(square) for square in modes.squares], modes.gaps[0]
+                places = [q[i, k] * mp.cos(w[k] * t) + p[i, k] * mp.sin(w[k] * t) / w[k] for k in (0, 1)]
+                speeds = np.array([p[i, k] * mp.cos(w[k] * t) - q[i, k] * mp.sin(w[k] * t) * w[k] for k in (0, 1)])
+                after = speeds - 2 * (b @ speeds) / (b @ b) * b
+                left = np.abs(places - q[i + 1]).max() / largest_two[0], np.abs(after - p[i + 1]).max() / largest_two[1]
+                assert max(left) < mp.mpf(10) ** -46
+                checked += 1
+    assert checked > 3
