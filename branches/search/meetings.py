@@ -101,7 +101,8 @@ def met_segments(
         if curve.before is None and _kind(curve) == "stop":
             arcs.append(_stop_arcs(curve, system.has_odd_symmetry))
             arcs[-1][:, at.CURVE] = number
-        beyond = max(most, 1) - gone
+        # Of a segment to a stop, that impact can be the one more where the halves meet.
+        beyond = most + 1 - gone
         if beyond < 1 or since > PART * longest:
             continue
         rows, openings, of_scan = decide_intervals(
