@@ -79,6 +79,9 @@ def announce(calls: list[list[Any]]) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
+_MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(1 << 29), "MALLOC_MMAP_THRESHOLD_": str(1 << 29), "MALLOC_TOP_PAD_": str(1 << 26)}
+"""Lets a process that compiles keep its memory. To give it back to the system and ask for it again takes a tenth of the time (glibc)."""
+
 _START = 3.0
 """Seconds that a process takes until it can compile."""
 
@@ -119,7 +122,7 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
                 processes.append(
                     subprocess.Popen(
                         _COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-                        env={**os.environ, "PYTHONPATH": paths},
+                        env={**os.environ, **_MEMORY, "PYTHONPATH": paths},
                     )
                 )  # fmt: skip
             threads = [threading.Thread(target=feed, args=(process,), daemon=True) for process in processes]
