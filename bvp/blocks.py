@@ -218,7 +218,9 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
         end = start + _schur_size(t, start)
         while end < size:
             solution, scale, info = lapack.dtrsyl(t[start:end, start:end], t[end:, end:], -t[start:end, end:], isgn=-1)
-            if info == 0 and scale > 0.0 and np.abs(solution).max() <= limit * scale:
+            # Two real rates in one block cost no more than apart, so they are cut apart only if that magnifies nothing.
+            most = min(limit, 1.0) if end == start + 1 and _schur_size(t, end) == 1 else limit
+            if info == 0 and scale > 0.0 and np.abs(solution).max() <= most * scale:
                 break
             nearest = _nearest(t, start, end)
             if nearest > end:

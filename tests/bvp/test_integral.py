@@ -4,7 +4,7 @@
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bvp.kernels.energy_budget import Products, doubled_integrals, integral_work, integrals, series_integrals
@@ -79,6 +79,8 @@ def test_light_damping_over_a_flight_without_end():
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 3), st.integers(0, 2**31), st.floats(-3, 1.0), st.floats(1e-3, 10.0))
+@example(3, 29, -2.0, 1.0)
+@example(2, 1606785832, -1.2288444397180198, 0.6286338468107386)
 def test_random_systems_and_unequal_rows(n, seed, size, t):
     """Any damping; the product of two different rates; scaled by the integrals of their squares."""
     rng = np.random.default_rng(seed)
