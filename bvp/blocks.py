@@ -11,6 +11,7 @@ x 4 block.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -217,12 +218,12 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
     while start < size:
         end = start + _schur_size(t, start)
         while end < size:
-            solution, scale, info = lapack.dtrsyl(t[start:end, start:end], t[end:, end:], -t[start:end, end:], isgn=-1)
-            # Two real rates in one block cost no more than apart, so they are cut apart only if that magnifies nothing.
-            most = min(limit, 1.0) if end == start + 1 and _schur_size(t, end) == 1 else limit
-            if info == 0 and scale > 0.0 and np.abs(solution).max() <= most * scale:
+            solution, magnified = _cutting(t, start, end)
+            is_rate = end == start + 1
+            if magnified <= (min(limit, 1.0) if is_rate else limit):
                 break
             nearest = _nearest(t, start, end)
+            width = _schur_size(t, nearest)
             if nearest > end:
                 basis = np.eye(size)
                 t, basis, info = lapack.dtrexc(t, basis, nearest + 1, end + 1)
@@ -230,9 +231,12 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
                     raise RuntimeError(f"eigenvalues of a damped system of {size} states could not be reordered (info {info})")
                 forward = forward @ basis
                 backward = basis.T @ backward
-            end += _schur_size(t, end)
+            # Two real rates in one block cost no more than apart, and then cutting them apart magnifies nothing. A larger block would.
+            if is_rate and magnified <= limit and (width > 1 or _cutting(t, start, end + 1)[1] > limit):
+                solution, _ = _cutting(t, start, end)
+                break
+            end += width
         if end < size:
-            solution = solution / scale
             forward[:, end:] += forward[:, start:end] @ solution
             backward[start:end] -= solution @ backward[end:]
             t[start:end, end:] = 0.0
@@ -242,6 +246,18 @@ def cut(matrix: np.ndarray, limit: float = SEPARATION_LIMIT) -> tuple[list[np.nd
         blocks.append(block)
         start = end
     return blocks, forward, backward
+
+
+def _cutting(t: np.ndarray, start: int, end: int) -> tuple[np.ndarray, float]:
+    """The Sylvester solution that cuts the block start..end off those after it, and its largest entry; infinite where there is none."""
+    from scipy.linalg import lapack
+
+    if end == len(t):
+        return np.zeros((end - start, 0)), 0.0
+    solution, scale, info = lapack.dtrsyl(t[start:end, start:end], t[end:, end:], -t[start:end, end:], isgn=-1)
+    if info != 0 or not scale > 0.0:
+        return solution, math.inf
+    return solution / scale, float(np.abs(solution).max() / scale)
 
 
 def _schur_size(t: np.ndarray, start: int) -> int:

@@ -86,6 +86,7 @@ def test_sign_changes_against_dense_samples(n, damped, velocity, duration, seed)
 @settings(max_examples=80)
 @given(st.integers(1, 4), st.booleans(), st.floats(0.1, 40.0), st.integers(0, 2**32 - 1))
 @example(n=1, damped=False, duration=0.1, seed=0)
+@example(n=3, damped=True, duration=30.0, seed=755)
 def test_clearance_against_dense_samples(n, damped, duration, seed):
     rng = np.random.default_rng(seed)
     system = random_system(rng, n, damped)
