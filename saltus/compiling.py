@@ -40,7 +40,11 @@ def missing(*groups: str) -> list[list[Any]]:
     listed = _listed()
     indices = sorted({index for group in groups or listed["commands"] for index in listed["commands"].get(group, ())})
     calls = [listed["kernels"][index] for index in indices]
-    return [call for call in calls if not any(file.is_file() for file in files(call[1], symbol(call[2], types_from(call[3]))))]
+
+    def is_there(_: float, module: str, name: str, types: Any) -> bool:
+        return any(file.is_file() for file in files(module, symbol(module, name, types_from(types))))
+
+    return [call for call in calls if not is_there(*call)]
 
 
 def prepare(*groups: str) -> None:
@@ -151,7 +155,7 @@ def ship(place: Path) -> int:
     calls = missing()
     done = compile_kernels(calls)
     for _, module, name, types in calls:
-        symbol = stored.symbol(name, stored.types_from(types))
+        symbol = stored.symbol(module, name, stored.types_from(types))
         *_, source = stored.files(module, symbol)
         target = place / stored.shipped_name(module, level) / symbol
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
-from functools import cache, lru_cache
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,23 +80,7 @@ def figure_settings() -> AbstractContextManager[Any]:
     """Settings for making and saving a figure. The user's own matplotlib settings have no effect and are restored afterwards."""
     from matplotlib import style
 
-    _keep_formulas()
     return style.context(_SETTINGS, after_reset=True)
-
-
-@cache
-def _keep_formulas() -> None:
-    """Let matplotlib keep the formulas that it has parsed, each of which takes milliseconds. By itself it keeps 50, and those of each
-    figure and resolution apart; an atlas has more names."""
-    from matplotlib import mathtext
-
-    parser: Any = mathtext.MathTextParser
-    parse = getattr(getattr(parser, "_parse_cached", None), "__wrapped__", None)
-    if parse is None:  # another version of matplotlib
-        return
-    shared = lru_cache(4096)(lambda kind, *arguments: parse(parser(kind), *arguments))
-    kinds = {"vector": "path", "raster": "agg"}
-    parser._parse_cached = lambda self, *arguments: shared(kinds[self._output_type], *arguments)
 
 
 def new_figure(height: float) -> Figure:

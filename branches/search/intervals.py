@@ -150,13 +150,13 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
     gone, since = lead(curve)
     most = max((curve.most_impacts if impacts is None else impacts for _, impacts in limits.values()), default=0) - gone
     times = np.full(4, -1.0)
-    impacts = np.array([0, 0, 0, -1, 0])
+    impacts = np.array([0, 0, 0, -1])
     for end, (time, count) in limits.items():
         # Without a bound there is always one impact more to follow, so that a start with too many of them is left open, not dropped.
         left_of_them = (curve.most_impacts + 1 if count is None else count) - gone
         times[KINDS[end]] = time - since if left_of_them >= 0 else -1.0
         impacts[KINDS[end]] = left_of_them
-    rows, opened, counts = decide_intervals(curve, times, impacts, math.inf, most, budget)
+    rows, opened, counts = decide_intervals(curve, times, impacts, math.inf, most, budget, fold=False)
     names = {number: name for name, number in KINDS.items()}
     crossings = []
     for row in rows:
@@ -166,16 +166,16 @@ def scan(curve: StartCurve, limits: Limits, budget: int) -> tuple[list[EndCrossi
 
 
 def decide_intervals(
-    curve: StartCurve, times: np.ndarray, impacts: np.ndarray, latest: float, most: int, budget: int
+    curve: StartCurve, times: np.ndarray, impacts: np.ndarray, latest: float, most: int, budget: int, *, fold: bool
 ) -> tuple[np.ndarray, list[Opening], dict[str, int]]:
     """What `scan_interval` finds on a curve: rows, openings, and counts by the names of `bvp.kernels.intervals.COUNTS`.
 
-    times, impacts, latest, most: of its `StartSearch`."""
+    times, impacts, latest, most, fold: of its `StartSearch`."""
     longest, columns = float(times.max()), ARC if impacts[MIDDLE] >= 0 else 8
     records = np.zeros((3 * DEPTH + 3, most + 2, COLUMNS))
     levels = np.zeros(3 * DEPTH + 3, dtype=np.int64)
     stack = np.zeros((2 * DEPTH, 10))
-    search = StartSearch(curve.flow, times, impacts, longest, latest, most, records, levels, np.zeros((16, 16)))
+    search = StartSearch(curve.flow, times, impacts, fold, longest, latest, most, records, levels, np.zeros((16, 16)))
     candidates = np.zeros((4096, columns))
     openings = np.zeros((256, 4))
     total = np.zeros(len(COUNTS), dtype=np.int64)

@@ -106,8 +106,8 @@ def met_segments(
         if beyond < 1 or since > PART * longest:
             continue
         rows, openings, of_scan = decide_intervals(
-            curve, np.array([-1.0, -1.0, -1.0, longest - since]), np.array([0, 0, 0, beyond - 1, int(system.has_odd_symmetry)]),
-            PART * longest - since, beyond, max(1, BUDGET - counts["starts"]),
+            curve, np.array([-1.0, -1.0, -1.0, longest - since]), np.array([0, 0, 0, beyond - 1]), PART * longest - since, beyond,
+            max(1, BUDGET - counts["starts"]), fold=system.has_odd_symmetry,
         )  # fmt: skip
         counts.update(of_scan)
         if counts["budget"]:

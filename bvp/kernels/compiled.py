@@ -39,7 +39,8 @@ class Kernel(Declared):
     def entry_for(self, types: Any) -> Entry:
         """The same for types (`types_of`)."""
         if types not in self.entries:
-            name, module = symbol(self.function.__qualname__, types), self.function.__module__
+            module = self.function.__module__
+            name = symbol(module, self.function.__qualname__, types)
             entry = load(module, name)
             if entry is None and hook.before_compiling is not None:
                 hook.before_compiling(module, self.function.__qualname__, types)
@@ -51,7 +52,8 @@ class Kernel(Declared):
         """Compile the kernel for arguments of some types (`types_of`), and keep it in the cache folder."""
         from bvp.kernels.compiler import machine_code
 
-        name, folder = symbol(self.function.__qualname__, types), folder_of(self.function.__module__)
+        module = self.function.__module__
+        name, folder = symbol(module, self.function.__qualname__, types), folder_of(module)
         code = sealed(*machine_code(self, types, name))
         if folder is not None:
             keep(folder / name, code)
@@ -71,10 +73,10 @@ than a short flight. Use it for a kernel with one caller, and for a few lines in
 
 
 def shared(result: Any) -> Any:
-    """Compile a function that several large kernels call only once: it is machine code of its own, and they call it there.
+    """Compile a large function that several kernels call: it is machine code of its own, and they call it there.
 
     Without this, each of them contains its code. `result` says what it returns: "none", "integer", "float", "boolean", or a tuple of these.
-    It is then typed without being compiled. A call costs a few nanoseconds."""
+    Its callers are then compiled without it. A call costs a few nanoseconds. It writes to no array that its callers have for reading."""
     return partial(Kernel, result=result, _nrt=False)
 
 

@@ -92,7 +92,7 @@ def _order(library: Any) -> list[str]:
     return sorted(re.sub(r"B\d+v\d+", "", function.name) for function in library._final_module.functions if not function.is_declaration)
 
 
-_code_of = attrgetter("library")
+intermediate_code = attrgetter("library")
 """The intermediate code of a function that numba has compiled."""
 
 
@@ -149,7 +149,7 @@ class _Dispatcher(CPUDispatcher):
 
     def add_overload(self, cres):
         cres = cres._replace(entry_point=object())
-        self.targetctx.insert_user_function(cres.entry_point, cres.fndesc, [_code_of(cres)])
+        self.targetctx.insert_user_function(cres.entry_point, cres.fndesc, [intermediate_code(cres)])
         self.overloads[tuple(cres.signature.args)] = cres
 
 
@@ -221,7 +221,7 @@ _SELDOM = 20_000, 50, 1000
 
 
 def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[Any]]:
-    """The object file of a kernel for arguments of some types (`bvp.kernels.stored.types_of`), and module, name and types of the separate
+    """The object file of a kernel for arguments of some types (`bvp.kernels.stored.types_of`), and module, name and types of the shared
     kernels that it calls. It defines call.NAME, for Python, and at.NAME, for kernels.
 
     Garbage collection is reduced meanwhile. The compiler makes millions of objects that stay, and collection would take a tenth of the
@@ -243,7 +243,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
             library.exported = add_entry_points(context, module, result.fndesc, name)
             library.add_ir_module(module)
             library.add_llvm_module(llvm.parse_assembly(MEMORY))
-            library.add_linking_library(_code_of(result))
+            library.add_linking_library(intermediate_code(result))
             return bytes(library.emit_native_object()), library.callees
     finally:
         gc.set_threshold(*before)
@@ -252,13 +252,20 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
 # -- operations on compiled code ----------------------------------------------------------------------------------------------------
 
 
+def _call_entry(context: Any, builder: Any, signature: Any, values: Any, entry: Any) -> Any:
+    """Call the entry point at.NAME of another kernel. entry: gives it for its type."""
+    packer = context.get_arg_packer(signature.args)
+    shape = ir.FunctionType(context.get_value_type(signature.return_type), packer.argument_types)
+    answer = builder.call(entry(shape), packer.as_arguments(builder, values))
+    return context.get_dummy_value() if signature.return_type is nb.types.none else answer
+
+
 def _call_at(typing_context, address, arguments):
     def code(context, builder, signature, values):
-        packer = context.get_arg_packer(signature.args[1].types)
-        shape = ir.FunctionType(context.get_value_type(nb.types.none), packer.argument_types)
-        pointer = builder.inttoptr(values[0], ir.PointerType(shape))
-        builder.call(pointer, packer.as_arguments(builder, cgutils.unpack_tuple(builder, values[1])))
-        return context.get_dummy_value()
+        place, packed = values
+        of_entry = signature.return_type(*signature.args[1].types)
+        parts = cgutils.unpack_tuple(builder, packed)
+        return _call_entry(context, builder, of_entry, parts, lambda shape: builder.inttoptr(place, ir.PointerType(shape)))
 
     return nb.types.none(address, arguments), code
 
@@ -271,18 +278,18 @@ def _shared(kernel: Declared) -> Any:
 
     def call(typing_context, *arguments):
         types = tuple(map(nb.types.unliteral, arguments))
-        described = "", *map(_described, types)
-        name = f"at.{symbol(kernel.function.__qualname__, described)}"
-        _shared_kernels[name] = [kernel.function.__module__, kernel.function.__qualname__, described]
+        called = kernel.function.__module__, kernel.function.__qualname__, ("", *map(_described, types))
+        name = f"at.{symbol(*called)}"
+        _shared_kernels[name] = called
 
         def code(context, builder, signature, values):
-            packer = context.get_arg_packer(types)
-            shape = ir.FunctionType(context.get_value_type(result), packer.argument_types)
-            function = cgutils.get_or_insert_function(builder.module, shape, name)
-            # By an address of 64 bits: objects that are loaded at different times can be more than 2 GB apart.
-            function.attributes.add("nonlazybind")
-            answer = builder.call(function, packer.as_arguments(builder, values))
-            return context.get_dummy_value() if result is nb.types.none else answer
+            def entry(shape):
+                function = cgutils.get_or_insert_function(builder.module, shape, name)
+                # By an address of 64 bits: objects that are loaded at different times can be more than 2 GB apart.
+                function.attributes.add("nonlazybind")
+                return function
+
+            return _call_entry(context, builder, signature, values, entry)
 
         return result(*types), code
 
@@ -293,14 +300,13 @@ def _shared(kernel: Declared) -> Any:
     return intrinsic(call)
 
 
-_shared_kernels: dict[str, list[Any]] = {}
+_shared_kernels: dict[str, tuple[str, str, Any]] = {}
 """Module, name and types of the shared kernels that are called, by the names of their entry points."""
 
 
 def _result_type(kind: Any) -> Any:
     """Numba's type of a declared result."""
     return nb.types.none if kind == "none" else _numba_type(("", *kind) if isinstance(kind, tuple) else kind)
-
 
 
 def _sized(typing_context, array, size):

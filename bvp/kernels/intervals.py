@@ -28,7 +28,6 @@ from bvp.kernels.verdict import (
     CLOSED,
     DONE,
     ENDLESS,
-    FOLDED,
     GRAZED,
     JUMP,
     MIDDLE,
@@ -131,7 +130,7 @@ def grazing_between(search, k, ends, first, grain):
 
     Returns (record, record, theta, theta) of both sides, the bracket (theta, theta), `coarse` and the number of starts followed. coarse:
     rounding of the starts hides much more of the grazing than the contact tolerance does (see `COARSE`)."""
-    flow, _, _, longest, latest, most, records, levels, work = search
+    flow, _, _, _, longest, latest, most, records, levels, work = search
     theta_a, theta_b, i_a, i_b = ends
     one = i_a
     two = i_b
@@ -213,7 +212,7 @@ def begin_interval(search, low, high, ends, stack, counts, state):
 
     ends (3,): those between which `place` maps, and its kind: where the curve of starts itself ends at a stop, its end is one of them.
     state (STATE,): filled. Else as of `scan_interval`."""
-    flow, _, _, longest, latest, most, records, levels, work = search
+    flow, _, _, _, longest, latest, most, records, levels, work = search
     levels[0] = follow_impacts(flow, low, longest, latest, most, records[0], work)
     levels[1] = follow_impacts(flow, high, longest, latest, most, records[1], work)
     counts[STARTS] += 2
@@ -231,7 +230,7 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
     openings (O, 4): theta, width, flight and reason of what stays open, GRAZED where that is as narrow as rounding about a grazing.
     counts (7,): see COUNTS, added to. state (STATE,): see there; more candidates or openings than their room say that there was too little
     of it. Returns whether the interval is done."""
-    flow, _, _, longest, latest, most, records, levels, work = search
+    flow, _, _, _, longest, latest, most, records, levels, work = search
     found = np.empty((3, 8))
     count = np.zeros(3, np.int64)
     out = np.empty(3)
@@ -328,7 +327,7 @@ def scan_interval(search, stack, candidates, openings, budget, counts, passes, s
                     before = x_a - unplace(coordinate, max(theta_a - SLIVER, coordinate.low)) if root_a else rounding
                     after = unplace(coordinate, min(theta_b + SLIVER, coordinate.high)) - x_b if root_b else rounding
                     reach = ArcRange(x_a, x_b, before, after, rounding)
-                    fill_arc(flow, k, sample_a, sample_m, sample_b, coordinate, reach, search.impacts[FOLDED] > 0, candidates[candidate])
+                    fill_arc(flow, k, sample_a, sample_m, sample_b, coordinate, reach, search.fold, candidates[candidate])
                 candidate += 1
             k += 1
         if verdict == CLOSED:

@@ -154,9 +154,10 @@ def files(module: str, symbol: str) -> list[Path]:
     return [folder / symbol for folder in (_shipped(module), folder_of(module)) if folder is not None]
 
 
-def symbol(name: str, types: Any) -> str:
-    """The name of the machine code of a kernel for arguments of some types (`types_of`)."""
-    return f"{name}-{hashlib.sha256(repr(types).encode()).hexdigest()[:16]}"
+def symbol(module: str, name: str, types: Any) -> str:
+    """The name of the machine code of a kernel of a file for arguments of some types (`types_of`). No two kernels have the same, so that
+    code is linked to what it calls by it."""
+    return f"{name}-{hashlib.sha256(repr((module, types)).encode()).hexdigest()[:16]}"
 
 
 def keep(file: Path, code: bytes) -> None:

@@ -23,16 +23,14 @@ MIDDLE = 3
 """Besides the kinds of far ends: an impact in the middle of a segment. What is looked for are the states after the impacts that end flights
 which begin up to the time `latest` of a search (`bvp.kernels.arcs`)."""
 
-FOLDED = 4
-"""In the impacts of a search: 1 if a mirror image stands for the states after the impacts at the lower stop, else 0."""
-
 
 class StartSearch(NamedTuple):
     """The data of a scan of starts: its end sets and limits, and the records of the starts. D: number of times an interval is halved."""
 
     flow: Flow
     times: np.ndarray  # (4,) for each kind of far end the longest time; negative where it is not looked for
-    impacts: np.ndarray  # (5,) int64 and the most inner impacts; and `FOLDED`
+    impacts: np.ndarray  # (4,) int64 and the most inner impacts
+    fold: bool  # whether a mirror image stands for the states after the impacts at the lower stop
     longest: float  # time that starts are followed for
     latest: float  # time up to which flights begin
     most: int  # and impacts
@@ -343,7 +341,7 @@ def flight_verdict(search, k, sample_a, sample_b, sample_m, r, grain, found, cou
     """Judge flight k of an interval from its ends and middle; r: half its width in x; grain: of the starts, as floating-point numbers.
 
     found (3, P): times of crossings of each kind (for STOP of the impact), count (3,): how many. Returns the verdict."""
-    flow, times, impacts, longest, latest, most, _, _, work = search
+    flow, times, impacts, _, longest, latest, most, _, _, work = search
     a, levels_a, jac_a = sample_a
     b, levels_b, jac_b = sample_b
     m, levels_m, jac_m = sample_m

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import os
 import shutil
 import subprocess
@@ -50,6 +51,13 @@ def test_the_compiler_is_hashed(monkeypatch, name):
     read = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" if path.name == name else read(path))
     assert stored._digest("bvp.kernels.flight", "") != before
+
+
+def test_kernels_of_one_name_in_two_files_have_different_code():
+    """Oracle: code is linked by its name, and all of it is loaded into one place."""
+    parts = itertools.product(("a", "b"), ("f", "g"), (("", "float"), ("", "integer")))
+    names = {stored.symbol(*part) for part in parts}
+    assert len(names) == 8
 
 
 def test_functions_are_compiled_in_kernel_files_alone():

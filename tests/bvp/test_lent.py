@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.compiler import dispatcher, machine_code
+from bvp.kernels.compiler import dispatcher, intermediate_code, machine_code
 from bvp.kernels.stored import types_of
 
 
@@ -99,6 +99,6 @@ def test_what_an_inlined_kernel_calls_is_not_inlined_for_that():
     marked = {}
     for one in (product, scaled):
         (compiled,) = dispatcher(one).overloads.values()
-        (function,) = [item for item in compiled.library._final_module.functions if not item.is_declaration]
+        (function,) = [item for item in intermediate_code(compiled)._final_module.functions if not item.is_declaration]
         marked[one] = any(b"alwaysinline" in attributes for attributes in function.attributes)
     assert marked == {product: False, scaled: True}

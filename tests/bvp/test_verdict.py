@@ -24,7 +24,7 @@ def record_of(curve, parameter):
 def search_of(curve, times, impacts, longest, most):
     """A search that keeps no starts."""
     return StartSearch(
-        curve.flow, times, impacts, longest, math.inf, most, np.empty((0, 0, COLUMNS)), np.empty(0, np.int64), np.zeros((16, 16))
+        curve.flow, times, impacts, False, longest, math.inf, most, np.empty((0, 0, COLUMNS)), np.empty(0, np.int64), np.zeros((16, 16))
     )
 
 
@@ -33,7 +33,7 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
     """Random intervals, as wide as can just be closed: whatever flight is closed, every start between has it with the same contact,
     or none in the time searched."""
     rng = np.random.default_rng(2)
-    times, impacts = np.full(4, LONGEST), np.array([MOST, MOST, MOST, -1, 0])
+    times, impacts = np.full(4, LONGEST), np.array([MOST, MOST, MOST, -1])
     closed = 0
     for end, energy in (("origin", 1.3), ("origin", 0.2), ("rest", 1.0), ("stop", 0.7)):
         (curve,) = curves(system, end, energy)

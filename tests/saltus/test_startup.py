@@ -51,7 +51,7 @@ def test_all_that_is_missing_is_compiled_and_nothing_twice(empty, capsys):
     compiling.prepare("continue")
     assert capsys.readouterr() == ("", "saltus: compiling 1 kernel, at the first run only: about 4 s\n")
     for seconds, module, name, types in empty["kernels"][:1]:
-        assert seconds and any(file.is_file() for file in files(module, symbol(name, types_from(types))))
+        assert seconds and any(file.is_file() for file in files(module, symbol(module, name, types_from(types))))
     compiling.prepare("continue")
     assert capsys.readouterr() == ("", "")
     assert compiling.missing() == empty["kernels"][1:]
