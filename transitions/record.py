@@ -12,8 +12,7 @@ import numpy as np
 from bvp.checks import read_only, reals, require_motion
 from bvp.interrupts import Pace
 from bvp.kernels.energy_budget import integral_work
-from bvp.kernels.extrema import PEAK_ROWS, peak_flight
-from bvp.kernels.flight import Flight
+from bvp.kernels.extrema import PEAK_ROWS
 from bvp.kernels.impact import work_array
 from bvp.texts import brief, shown
 from transitions.kernels import ExtentsScratch, extents_of_motion
@@ -265,10 +264,9 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
 
     def reached(c: int, duration: float) -> bool:
         """Whether a peak is reached within this part of its flight."""
-        k, f, best = where[c], motion.numbers[where[c], 2], np.zeros(1)
-        own = np.ascontiguousarray(rows[f, [c, count + c]])
-        flight = Flight(modes.pairs[f], modes.mean[f], modes.delta[f], modes.matrix[f])
-        peak_flight(flight, own, motion.states[k], duration, best, *scratch)
+        flight = motion.flights(slice(where[c], where[c] + 1))._replace(begins=read_only(np.zeros(1)), end=duration)
+        own, best = np.ascontiguousarray(rows[:, [c, count + c]]), np.zeros(1)
+        extents_of_motion(modes, flight, own, np.ones(1), work, best, np.zeros(1, dtype=np.int64), np.zeros(1))
         return bool(best[0] >= peaks[c] * (1.0 - 1e-15))
 
     times = np.zeros(count)

@@ -72,12 +72,13 @@ The compiler then uses facts that the caller knows, such as a `sized` length. No
 than a short flight. Use it for a kernel with one caller, and for a few lines inside a loop."""
 
 
-def shared(result: Any) -> Any:
+def shared(result: Any, *, allocates: bool = False) -> Any:
     """Compile a large function that several kernels call: it is machine code of its own, and they call it there.
 
     Without this, each of them contains its code. `result` says what it returns: "none", "integer", "float", "boolean", or a tuple of these.
-    Its callers are then compiled without it. A call costs a few nanoseconds. It writes to no array that its callers have for reading."""
-    return partial(Kernel, result=result, _nrt=False)
+    Its callers are then compiled without it. A call costs a few nanoseconds. It writes to no array that its callers have for reading.
+    allocates: it makes arrays."""
+    return partial(Kernel, result=result, _nrt=allocates)
 
 
 allocating: Any = partial(Kernel, _nrt=True)

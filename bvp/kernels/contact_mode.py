@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, shared
 from bvp.kernels.flight import Contacts, Flight, amplitudes, block_product, copy_1, inner, row_dot, set_1, set_2
 
 START, IMPACT, TOUCHED, STICK, RELEASE, BREAK, PIECE, CHATTER = range(8)
@@ -140,7 +140,7 @@ def find_mode(modes, sticking):
     return -1
 
 
-@kernel
+@shared("boolean")
 def cannot_hit(modes, f, z):
     """True if the bound of every gap, for all later times, stays below its stop."""
     # Equation (24) over all time to come.

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import allocating, inlined, kernel
+from bvp.kernels.compiled import allocating, inlined, kernel, shared
 
 SERIES_LIMIT = 0.03
 """|delta t^2| below which the Taylor series (seven terms, truncation below 1e-19) replaces the closed form."""
@@ -164,7 +164,7 @@ def flow_block(mean, matrix, start, size, t):
     return total
 
 
-@allocating
+@shared("none", allocates=True)
 def block_matrix(mean, matrix, start, size, t, out):
     """The block of `size` indices from `start` of out = exp(B t)."""
     block = flow_block(mean, matrix, start, size, t)
@@ -172,7 +172,7 @@ def block_matrix(mean, matrix, start, size, t, out):
         copy_1(block[r], out[start + r, start : start + size])
 
 
-@allocating
+@shared("none", allocates=True)
 def block_state(mean, matrix, start, size, t, z, out):
     """The `size` entries from `start` of out = exp(B t) z."""
     block = flow_block(mean, matrix, start, size, t)
@@ -397,7 +397,7 @@ def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
     return level, second, third
 
 
-@kernel
+@shared(("float", "float", "float"))
 def amplitudes(flight, rows, c, z, horizon):
     """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
     pairs, mean, delta, matrix = flight

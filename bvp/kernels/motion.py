@@ -59,7 +59,7 @@ def count_impact(modes, c, speed, loss, motion):
     counts[entry.CONTACT] = c
 
 
-@kernel
+@shared(("integer", "boolean"))
 def resolve_impact(modes, still, moving, c, motion, scratch):
     """Resolve the impact at contact c in mode 0. still, moving: of `at_their_bounds`.
 
