@@ -7,51 +7,33 @@ What is not quadratic (or, in a gap, not linear) is refused and named; nothing i
 
 from __future__ import annotations
 
-import ast
 import math
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from typing import Any
 
 from bvp.checks import is_finite, real
+from bvp.expressions import ExpressionError, is_plain, not_too_deep, parsed, require_small
 from bvp.texts import shown
 
-__all__ = ["FUNCTIONS", "LagrangianError", "parts_from_lagrangian"]
-
-FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Abs")
-"""Functions that an expression given as text may use (of parameters: they are nonlinear in a coordinate)."""
-
-LARGEST_POWER = 20
-"""Largest number in an exponent given as text: what is above can only be a slip, or take for ever to multiply out."""
-
-MOST_TERMS = 20_000
-"""Terms of an expression that is multiplied out: springs between all pairs of 100 coordinates give 14,850."""
-
-MOST_BITS = 4096
-"""Bits of a number in an expression: no float has more than 1,024 before or 1,074 behind its point."""
-
-ARITHMETIC = (
-    (ast.Expression, ast.BinOp, ast.UnaryOp, ast.Load) + (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow) + (ast.UAdd, ast.USub)
-)
-"""What else a text's syntax tree may consist of."""
-
+__all__ = ["LagrangianError", "parts_from_lagrangian"]
 
 class LagrangianError(ValueError):
     """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
 
 
 @contextmanager
-def _not_too_deep() -> Iterator[None]:
-    """Within it, expressions that sympy cannot follow to their innermost part are refused."""
+def _as_of_lagrangian() -> Iterator[None]:
+    """Within it, an expression that cannot be read is an error of the energies or gaps."""
     try:
-        yield
-    except RecursionError:
-        raise LagrangianError("an expression of the system is nested too deeply to be read") from None
+        with not_too_deep("an expression of the system"):
+            yield
+    except ExpressionError as error:
+        raise LagrangianError(str(error)) from None
 
 
-@_not_too_deep()
+@_as_of_lagrangian()
 def parts_from_lagrangian(
     kinetic: Any,
     potential: Any,
@@ -67,7 +49,7 @@ def parts_from_lagrangian(
 ) -> dict[str, Any]:
     """The parts of the linear system M u'' + C u' + K u = 0 between stops that has the given energies.
 
-    Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `FUNCTIONS`, nothing else.
+    Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `bvp.expressions.FUNCTIONS`, nothing else.
 
     Parameters
     ----------
@@ -177,6 +159,7 @@ class _Names:
             {item: sympy.Symbol(item.func.__name__) for item in functions},
         )
         self.values = {_name(key, "parameter"): _exact(value, f"parameter {key}") for key, value in (parameters or {}).items()}
+        self.symbol_values = {sympy.Symbol(name): value for name, value in self.values.items()}
         known = [*self.coordinates, *self.velocities, *self.values]
         double = sorted({name for name in known if known.count(name) > 1})
         if double:
@@ -188,10 +171,7 @@ class _Names:
         from sympy.core.function import AppliedUndef
 
         if isinstance(expression, str):
-            with sympy.evaluate(False):
-                unevaluated = _parsed(expression, what)
-            self.require_small(unevaluated, what)
-            expression = _parsed(expression, what)
+            expression = parsed(expression, what, self.symbol_values)
         try:
             expression = sympy.sympify(expression, strict=True)
         except sympy.SympifyError:
@@ -207,7 +187,7 @@ class _Names:
         if unknown:
             raise LagrangianError(f"{what} has {unknown[0]}, which is neither a coordinate nor a velocity ({described})")
         expression = expression.xreplace({symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols})
-        self.require_small(expression, what)
+        require_small(expression, what, self.symbol_values)
         expression = sympy.expand(expression)
         for name in sorted({symbol.name for symbol in expression.free_symbols} - {*self.values, *allowed}):
             if name in self.coordinates or name in self.velocities:
@@ -224,52 +204,12 @@ class _Names:
             )
         return expression
 
-    def require_small(self, expression: Any, what: str) -> None:
-        """Refuse an expression, evaluated or not, on which sympy could spend hours: multiplied out, or as a number."""
-        import sympy
-
-        values = {sympy.Symbol(name): value for name, value in self.values.items()}
-        parts = [expression]
-        for part in parts:
-            parts.extend(part.args)
-        sizes: dict[int, tuple[int, float]] = {}
-        for part in reversed(parts):
-            terms, bits = sizes[id(part)] = _size(part, [sizes[id(argument)] for argument in part.args], values)
-            if terms > MOST_TERMS or bits > MOST_BITS:
-                raise LagrangianError(
-                    f"{what} is too large, expected at most {MOST_TERMS} terms when multiplied out, and numbers that floats can hold, "
-                    f"of at most {MOST_BITS} bits"
-                )
-
     def substitute(self, expression: Any) -> Any:
         """The expression with the parameters' exact values and exact rationals for its decimal numbers."""
         import sympy
 
-        expression = expression.xreplace({sympy.Symbol(name): value for name, value in self.values.items()})
+        expression = expression.xreplace(self.symbol_values)
         return expression.xreplace({number: sympy.Rational(number) for number in expression.atoms(sympy.Float)})
-
-
-def _size(part: Any, inner: Sequence[tuple[int, float]], values: Mapping[Any, Any]) -> tuple[int, float]:
-    """At most so many terms of an expression that is multiplied out, and bits of its numbers, from those of its arguments."""
-    terms, bits = [size[0] for size in inner], [size[1] for size in inner]
-    if part.is_Rational:
-        return 1, part.p.bit_length() + part.q.bit_length()
-    if part.is_Add:
-        return sum(terms), max(bits) + len(bits)
-    if part.is_Mul:
-        return math.prod(terms), sum(bits)
-    if part.is_Pow:
-        exponent = part.exp.xreplace(values).doit()
-        if exponent.is_Rational or exponent.is_Float:
-            k, count = math.ceil(abs(exponent)), terms[0]
-            # where there are too many terms, their exact number takes long itself
-            return math.comb(count + k - 1, k) if count == 1 or k * count <= MOST_TERMS else k * count, k * bits[0]
-    if part.is_Function:
-        number = part.xreplace(values)
-        value = number if number.free_symbols else number.evalf()
-        if value.is_Float and abs(value) > sys.float_info.max:
-            return 1, math.inf
-    return 1, 1 if part.is_Symbol and part not in values else 64
 
 
 def _form(names: _Names, expression: Any, what: str, kind: str) -> Any:
@@ -328,7 +268,7 @@ def _name(item: Any, what: str) -> str:
     import sympy
 
     name = item.name if isinstance(item, sympy.Symbol) else item
-    if not isinstance(name, str) or (isinstance(item, str) and not _is_plain(name)):
+    if not isinstance(name, str) or (isinstance(item, str) and not is_plain(name)):
         raise LagrangianError(f"{what} {shown(item)} is neither a name nor a symbol")
     return name
 
@@ -340,58 +280,3 @@ def _exact(value: Any, what: str) -> Any:
     if not is_finite(value):
         raise LagrangianError(f"{what} is a finite real number; received {shown(value)}")
     return sympy.Rational(value if isinstance(value, (int, sympy.Rational)) else real(value))
-
-
-def _is_plain(name: str) -> bool:
-    """Whether text may be the name of a symbol."""
-    return name.isidentifier() and "__" not in name
-
-
-def _parsed(text: str, what: str) -> Any:
-    """Text as a sympy expression: checked to be plain arithmetic before sympy, which evaluates what it reads, sees it."""
-    import sympy
-    from sympy.parsing.sympy_parser import auto_number, parse_expr
-
-    text = " ".join(text.split())
-    unread = f'{what} "{text if len(text) <= 60 else text[:57] + "..."}" cannot be read'
-    try:
-        parts = list(ast.walk(ast.parse(text, mode="eval")))
-    except SyntaxError as error:
-        raise LagrangianError(f"{unread}: not an expression at character {error.offset or 1}") from None
-    except (ValueError, RecursionError, MemoryError):
-        raise LagrangianError(f"{unread}: too long, or no text") from None
-    for node in parts:
-        refused = _refused(node)
-        if refused:
-            raise LagrangianError(f"{unread}: {refused}")
-    names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
-    called = {node.func.id for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
-    names |= {name: getattr(sympy, name) for name in called}
-    numbers = {"Integer": sympy.Integer, "Float": sympy.Float, "__builtins__": {}}
-    try:
-        return parse_expr(text, local_dict=names, global_dict=numbers, transformations=(auto_number,))
-    except (TypeError, ValueError, ArithmeticError) as error:
-        raise LagrangianError(f"{unread}: {error}") from None
-
-
-def _refused(node: ast.AST) -> str | None:
-    """Why a part of a text's syntax tree is not plain arithmetic, None where it is."""
-    if isinstance(node, ast.Name):
-        return None if _is_plain(node.id) else f"the name {node.id} is not allowed"
-    if isinstance(node, ast.Constant):
-        good = isinstance(node.value, (int, float)) and not isinstance(node.value, bool) and math.isfinite(node.value)
-        return None if good else f"{node.value!r} is not a finite real number"
-    if isinstance(node, ast.Attribute):
-        return f"attributes such as .{node.attr} are not allowed"
-    if isinstance(node, ast.Call):
-        allowed = isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and len(node.args) == 1 and not node.keywords
-        return None if allowed else f"the functions known, of one argument, are {', '.join(FUNCTIONS)}"
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
-        return "a power is written **"
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
-        parts = list(ast.walk(node.right))
-        numbers = [abs(part.value) for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, (int, float))]
-        plain = len(numbers) <= 2 and not any(isinstance(part, ast.Pow) for part in parts)
-        good = plain and max(numbers, default=0) <= LARGEST_POWER
-        return None if good else f"a power is at most {LARGEST_POWER}, without powers in it"
-    return None if isinstance(node, ARITHMETIC) else "only + - * / **, numbers, names and functions are allowed"

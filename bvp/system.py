@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import string
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -254,7 +254,7 @@ class ImpactSystem(Matrices):
         """The system as plain lists, numbers and strings, for JSON and TOML; `from_description` is the inverse."""
         if self.model in MODELS and self.parameters is not None:
             # `dataclasses.replace` may have changed the system, and then it is no longer that of its model.
-            other = MODELS[self.model][0](**self.parameters)
+            other = MODELS[self.model].make(**self.parameters)
             same = all(np.array_equal(getattr(self, key), getattr(other, key)) for key in ("mass", "damping", "stiffness"))
             if same and all(getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary")):
                 return {"model": self.model, **{key: float(value) for key, value in self.parameters.items()}}
@@ -302,9 +302,8 @@ class ImpactSystem(Matrices):
             name = given.pop("model")
             if not isinstance(name, str) or name not in MODELS:
                 raise InvalidSystem(f"unknown model {name!r}; known: {', '.join(MODELS)}")
-            function, keys = MODELS[name]
-            refuse_unknown(given, keys, f"model {name}")
-            return function(**given)
+            refuse_unknown(given, tuple(MODELS[name].domains), f"model {name}")
+            return MODELS[name].make(**given)
         refuse_unknown(given, ("mass", "damping", "stiffness", "stops", "coordinates"), "the system")
         for key in ("mass", "stiffness", "stops"):
             if key not in given:
@@ -374,11 +373,12 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
             raise InvalidSystem(f"{key}, {meaning}, {expected}; received {value:g}")
         values[key] = value
     mu, sigma, lam, rho = values.values()
+    parts = _nes_parts(**values)
     return ImpactSystem(
-        mass=np.array([[mu, 0.0], [0.0, 1.0]]),
-        damping=np.array([[0.0, 0.0], [0.0, lam]]),
-        stiffness=np.array([[sigma, -sigma], [-sigma, 1.0 + sigma]]),
-        stops=(Stop((1.0, -1.0), -1.0, 1.0, rho),),
+        mass=np.array(parts["mass"], dtype=float),
+        damping=np.array(parts["damping"], dtype=float),
+        stiffness=np.array(parts["stiffness"], dtype=float),
+        stops=(Stop(*parts["stops"][0]),),
         absorber=0,
         primary=1,
         model="vibro_impact_nes",
@@ -386,5 +386,27 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
     )
 
 
-MODELS = {"vibro_impact_nes": (vibro_impact_nes, ("mu", "sigma", "lam", "rho"))}
-"""Named models: the function that makes one and the names of its parameters."""
+def _nes_parts(mu: Any, sigma: Any, lam: Any, rho: Any) -> dict[str, Any]:
+    """Matrices, and the row, bounds and restitution of the stop, of numbers or of expressions."""
+    return {
+        "mass": [[mu, 0], [0, 1]],
+        "damping": [[0, 0], [0, lam]],
+        "stiffness": [[sigma, -sigma], [-sigma, 1 + sigma]],
+        "stops": [((1, -1), -1, 1, rho)],
+    }
+
+
+class Model(NamedTuple):
+    """A named model."""
+
+    make: Callable[..., ImpactSystem]
+    parts: Callable[..., dict[str, Any]]  # matrices and stops, also of expressions
+    domains: Mapping[str, tuple[float, float]]  # the names of its parameters, and between which values each lies
+
+
+MODELS = {
+    "vibro_impact_nes": Model(
+        vibro_impact_nes, _nes_parts, {"mu": (0.0, math.inf), "sigma": (0.0, math.inf), "lam": (0.0, math.inf), "rho": (0.0, 1.0)}
+    )
+}
+"""The named models."""

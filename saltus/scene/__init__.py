@@ -267,7 +267,7 @@ def _system(scene: TomlTable, overrides: Mapping[str, float]) -> tuple[ImpactSys
         for other in ("stops", "coordinates"):
             if other in scene.content:
                 raise BadInput(f"{scene.where}: [{other}] goes with matrices; model {model} brings its own")
-        known = MODELS[model][1] if model in MODELS else overrides
+        known = MODELS[model].domains if model in MODELS else overrides
         for name in overrides:
             if name not in known:
                 raise BadInput(f"unknown parameter {name!r} of model {model}{nearest(name, known)}")

@@ -1,0 +1,395 @@
+"""A system and its loads as functions of named parameters, with exact derivatives.
+
+A description is plain data: numbers, and texts that are expressions of the parameters. At values of the parameters it gives an
+`ImpactSystem` and loads. Sympy differentiates the expressions once. It is loaded only if an expression is more than a name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bvp.checks import Frozen, InvalidSystem, is_finite, refuse_unknown
+from bvp.description import BASE, FORCE, force_from, in_order, leaves, mapped, names_in, own_parameters, require_name
+from bvp.entries import Layout, entries_of, exact
+from bvp.expressions import parsed
+from bvp.forcing import Constant, Force, Harmonic
+from bvp.kernels.expressions import Program, run
+from bvp.programs import derivative, program_of, scratch_size
+from bvp.system import MODELS, ImpactSystem
+from bvp.texts import brief, listed, shown
+
+__all__ = ["ParametricSystem", "Released"]
+
+class Released(NamedTuple):
+    """What a kernel needs to compute the entries that depend on P released parameters.
+
+    ``run(program, parameters, scratch, out)`` of `bvp.kernels.expressions` receives the values of all parameters (N,), in the order of
+    `ParametricSystem.names`. It writes D entries, then their derivatives by the P parameters, entry by entry: out is (D + D P,)."""
+
+    program: Program
+    rows: np.ndarray  # (D,) int64, ascending: the entries, by `Layout`
+    columns: np.ndarray  # (P,) int64: the released parameters among the names
+    scratch: int  # length of the scratch
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class ParametricSystem:
+    """A system and its loads as functions of N named parameters.
+
+    Made by `from_description` or `of`.
+
+    Parameters
+    ----------
+    description : mapping
+        ``parameters``: a number, or an expression of other parameters, by name. ``system``: as `ImpactSystem.from_description` takes it.
+        ``forces``: a list of loads (`from_description`). Numbers of the system and of the loads can be texts: expressions.
+
+    Attributes
+    ----------
+    names : tuple of N str
+        The independent parameters: those with a number, then those of the model, then `BASE` of loads with one frequency.
+    values : mapping of str to float
+        Their default values.
+    derived : mapping of str to str
+        The other parameters: expressions of these.
+    layout : Layout
+        Of the entries. A ValueError if the loads have no common period.
+    """
+
+    description: Mapping[str, Any] = field(repr=False)
+    names: tuple[str, ...] = field(init=False)
+    values: Mapping[str, float] = field(init=False)
+    derived: Mapping[str, str] = field(init=False)
+    _system: dict[str, Any] = field(init=False, repr=False)
+    _forces: list[dict[str, Any]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        given = dict(self.description)
+        refuse_unknown(given, ("parameters", "system", "forces"), "the description")
+        table = dict(given.get("parameters", {}))
+        values: dict[str, float] = {}
+        for name, value in table.items():
+            require_name(name)
+            if not isinstance(value, str):
+                if not is_finite(value) or isinstance(value, bool):
+                    raise InvalidSystem(f"parameter {name} is a finite number or an expression of others; received {shown(value)}")
+                values[name] = float(value)
+        system, forces = dict(given["system"]), [dict(force) for force in given.get("forces", ())]
+        for force in forces:
+            refuse_unknown(force, FORCE, "a load")
+            if "harmonic" in force:
+                if BASE not in table:
+                    raise InvalidSystem(f"harmonic = {force['harmonic']} is a multiple of the parameter {BASE}, which is missing")
+                force["frequency"] = BASE if force["harmonic"] == 1 else f"{force['harmonic']}*{BASE}"
+        own = own_parameters(system, forces, table)
+        object.__setattr__(self, "description", given)
+        object.__setattr__(self, "names", (*values, *own))
+        object.__setattr__(self, "values", Frozen(values | own))
+        object.__setattr__(self, "derived", Frozen({name: value for name, value in table.items() if isinstance(value, str)}))
+        object.__setattr__(self, "_system", system)
+        object.__setattr__(self, "_forces", forces)
+        self._require_used(table)
+        self.forces()
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> ParametricSystem:
+        """The system of a description; `describe` is the inverse.
+
+        Parameters
+        ----------
+        description : mapping
+            Each load has ``load`` (n), a force on each coordinate, or ``ground`` (n), the direction in which the ground moves, and one of:
+            ``amplitude``, ``phase`` and ``frequency`` or ``harmonic`` = k, for amplitude cos(frequency t + phase), the frequency being
+            k w; ``constant``; ``times``, ``values`` and ``scale``. Or it has ``cosine`` and ``sine`` (n) with ``frequency``.
+
+        Raises
+        ------
+        InvalidSystem, ValueError
+            For an unknown, unused or impossible name, a cycle, an expression that cannot be read, values that a system cannot have.
+
+        Examples
+        --------
+        >>> stop = {"c": [1.0], "upper": "d", "restitution": 0.8}
+        >>> oscillator = ParametricSystem.from_description({
+        ...     "parameters": {"A": 0.5, "w": 1.2, "d": 1.0, "k": "w**2"},
+        ...     "system": {"mass": [[1.0]], "damping": [["A/10"]], "stiffness": [["k"]], "stops": [stop]},
+        ...     "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}]})
+        >>> oscillator.system({"w": 3.0}).stiffness, oscillator.forces()[0].frequency
+        (array([[9.]]), 1.2)
+        >>> oscillator.derivatives(None, ["w"])[oscillator.layout.stiffness]
+        array([[2.4]])
+        """
+        return cls(description)
+
+    @classmethod
+    def of(cls, system: ImpactSystem, forces: Sequence[Force] = ()) -> ParametricSystem:
+        """A system and its loads. The parameters are those of its model, and `BASE` if the loads have one frequency."""
+        loads = []
+        for force in forces:
+            if isinstance(force, Harmonic):
+                loads.append({"cosine": force.cosine.tolist(), "sine": force.sine.tolist(), "frequency": force.frequency})
+            elif isinstance(force, Constant):
+                loads.append({"load": force.load.tolist(), "constant": 1.0})
+            else:
+                loads.append({"load": force.load.tolist(), "times": force.times.tolist(), "values": force.values.tolist()})
+        return cls({"system": system.describe(), "forces": loads})
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        rows = [(name, f"{value:g}") for name, value in self.values.items()]
+        return f"ParametricSystem with {len(self.names)} parameters", rows + list(self.derived.items())
+
+    def describe(self) -> dict[str, Any]:
+        """The description, as plain data for JSON."""
+        return dict(self.description)
+
+    def domain(self, name: str) -> tuple[float, float]:
+        """The interval (low, high) in which a parameter can lie; an end may be excluded. `violation` says what holds at given values.
+
+        Known are the parameters of the model, and a parameter that is itself a mass, a restitution or a frequency."""
+        self._require_known(name)
+        model = self._system.get("model")
+        low, high = -math.inf, math.inf
+        if model is not None and self._system.get(name) == name:
+            low, high = MODELS[model].domains[name]
+        positive = [row[k] for k, row in enumerate(self._system.get("mass", ()))]
+        for force in self._forces:
+            positive += [force.get("frequency"), BASE if "harmonic" in force else None]
+        if name in positive:
+            low = 0.0
+        if name in [stop.get("restitution") for stop in self._system.get("stops", ())]:
+            low, high = max(low, 0.0), min(high, 1.0)
+        return low, high
+
+    def at(self, values: Mapping[str, float] | None = None) -> dict[str, float]:
+        """The values of all parameters: the defaults, and those that replace them.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name, with the nearest known one; for a value that is no finite number.
+        """
+        found = dict(self.values)
+        for name, value in (values or {}).items():
+            self._require_known(name)
+            if not is_finite(value):
+                raise InvalidSystem(f"parameter {name} is a finite number; received {shown(value)}")
+            found[name] = float(value)
+        return found
+
+    def system(self, values: Mapping[str, float] | None = None) -> ImpactSystem:
+        """The system at values of the parameters.
+
+        Raises
+        ------
+        InvalidSystem
+            For values that are outside their domain: the message names them.
+        """
+        return self._at_values(values, lambda numbers: self._system_from(numbers))
+
+    def forces(self, values: Mapping[str, float] | None = None) -> tuple[Force, ...]:
+        """The loads at values of the parameters; errors as for `system`."""
+
+        def loads(numbers: Mapping[str, float]) -> tuple[Force, ...]:
+            system = self._system_from(numbers)
+            return tuple(force_from(mapped(force, numbers.__getitem__), system) for force in self._forces)
+
+        return self._at_values(values, loads)
+
+    def violation(self, values: Mapping[str, float] | None = None) -> str | None:
+        """Why the parameters cannot have these values, None if they can."""
+        try:
+            self.forces(values)
+        except ValueError as error:
+            return str(error)
+        return None
+
+    def entries(self, values: Mapping[str, float] | None = None) -> np.ndarray:
+        """The entries (E,), as `layout` places them.
+
+        Raises
+        ------
+        ValueError
+            If the loads have no common period, or an entry is not finite.
+        """
+        entries = np.array([math.nan if index in self._variable else float(entry) for index, entry in enumerate(self._entries[1])])
+        released = self.program(())
+        entries[released.rows] = self._run(released, values)
+        return entries
+
+    def derivatives(self, values: Mapping[str, float] | None, names: Sequence[str]) -> np.ndarray:
+        """The derivatives (E, P) of the entries by P parameters; errors as for `entries`."""
+        released = self.program(names)
+        derivatives = np.zeros((self.layout.size, len(names)))
+        count = len(released.rows)
+        derivatives[released.rows] = self._run(released, values)[count:].reshape(count, len(names))
+        return derivatives
+
+    def program(self, names: Sequence[str]) -> Released:
+        """The program of the entries that depend on some parameters, and of their derivatives. Without names: of all that depend on any."""
+        key = tuple(names)
+        if key not in self._programs:
+            for name in key:
+                self._require_known(name)
+            symbols = [self._symbols[name] for name in key]
+            rows = [row for row, expression in self._variable.items() if not key or expression.free_symbols & set(symbols)]
+            entries = [self._variable[row] for row in rows]
+            slopes = [derivative(entry, symbol) for entry in entries for symbol in symbols]
+            program = program_of([*entries, *slopes], list(self._symbols.values()))
+            columns = np.array([self.names.index(name) for name in key], dtype=np.int64)
+            self._programs[key] = Released(program, np.array(rows, dtype=np.int64), columns, scratch_size(program, len(self.names)))
+        return self._programs[key]
+
+    @property
+    def layout(self) -> Layout:
+        return self._entries[0]
+
+    def _run(self, released: Released, values: Mapping[str, float] | None) -> np.ndarray:
+        at = self.at(values)
+        out = np.zeros(len(released.program.outputs))
+        if not run(released.program, np.array([at[name] for name in self.names]), np.zeros(released.scratch), out):
+            raise InvalidSystem(f"an entry of the system or its derivative is not finite{_where(at)}")
+        return out
+
+    def _require_known(self, name: str) -> None:
+        if name in self.derived:
+            raise InvalidSystem(f"parameter {name} is the expression {self.derived[name]}; expected one of {', '.join(self.names)}")
+        if name not in self.values:
+            raise InvalidSystem(f"unknown parameter {shown(name)}{_nearest(name, self.names)}")
+
+    def _require_used(self, table: Mapping[str, Any]) -> None:
+        """Refuse a parameter on which nothing depends."""
+        if not all(text in self.values for text in self._texts):
+            assert self._expressions is not None  # all of them can be read
+        used = {name for text in self._texts for name in names_in(text)}
+        waiting = list(used)
+        while waiting:
+            inner = names_in(self.derived.get(waiting.pop(), "")) - used
+            used |= inner
+            waiting += inner
+        for name in table:
+            if name not in used:
+                raise InvalidSystem(f"parameter {name} is used nowhere; expected it in an expression of the system or of a load")
+
+    @cached_property
+    def _texts(self) -> dict[str, str]:
+        """Each expression with the place where it was found first."""
+        places = [*leaves(self._system, "the system"), *leaves(self._forces, "forces")]
+        return dict(reversed(places))
+
+    @cached_property
+    def _symbols(self) -> dict[str, Any]:
+        import sympy
+
+        return {name: sympy.Symbol(name, real=True) for name in self.names}
+
+    @cached_property
+    def _expressions(self) -> dict[str, Any]:
+        """The expression of independent parameters that each text and derived parameter is."""
+        import sympy
+
+        known = dict(self._symbols) | {"pi": sympy.pi}
+        for name in in_order(self.derived):
+            known[name] = self._read(self.derived[name], f"parameter {name}", known)
+        return {text: known[text] if text in known else self._read(text, where, known) for text, where in self._texts.items()}
+
+    def _read(self, text: str, what: str, known: Mapping[str, Any]) -> Any:
+        import sympy
+
+        expression = parsed(text, what, {sympy.Symbol(name): exact(value) for name, value in self.values.items()}, exact=True)
+        for name in sorted(symbol.name for symbol in expression.free_symbols):
+            if name not in known:
+                raise InvalidSystem(f"{what} has the name {name}, which is no parameter{_nearest(name, [*known])}")
+        return expression.xreplace({symbol: known[symbol.name] for symbol in expression.free_symbols})
+
+    @cached_property
+    def _numbers_program(self) -> tuple[list[str], Program]:
+        texts = [text for text in self._texts if text not in self.values]
+        return texts, program_of([self._expressions[text] for text in texts], list(self._symbols.values()))
+
+    def _numbers(self, at: dict[str, float]) -> dict[str, float]:
+        """The value of each text."""
+        if all(text in at for text in self._texts):
+            return at
+        texts, program = self._numbers_program
+        out = np.zeros(len(texts))
+        if not run(program, np.array([at[name] for name in self.names]), np.zeros(scratch_size(program, len(at))), out):
+            k = int(np.argmin(np.isfinite(out)))
+            raise InvalidSystem(f"{self._texts[texts[k]]} is {texts[k]}, which is {out[k]:g}, expected a finite number")
+        return at | dict(zip(texts, out.tolist(), strict=True))
+
+    def _at_values(self, values: Mapping[str, float] | None, make: Callable[[Mapping[str, float]], Any]) -> Any:
+        at = self.at(values)
+        try:
+            return make(self._numbers(at))
+        except ValueError as error:
+            given = values or at if self.description.get("parameters") else {}
+            raise InvalidSystem(f"{error}{_where(given)}") from None
+
+    def _system_from(self, numbers: Mapping[str, float]) -> ImpactSystem:
+        return ImpactSystem.from_description(mapped(self._system, numbers.__getitem__))
+
+    @cached_property
+    def _entries(self) -> tuple[Layout, list[Any]]:
+        from sympy import cos, sin
+
+        read = self._expressions.__getitem__
+        content = mapped(self._system, read)
+        if "model" in content:
+            model = MODELS[content.pop("model")]
+            default = model.make().parameters or {}
+            parts = model.parts(**{name: exact(content.get(name, default[name])) for name in model.domains})
+        else:
+            stops = [(s["c"], s.get("lower", -math.inf), s.get("upper", math.inf), s.get("restitution", 1.0)) for s in content["stops"]]
+            zero = [[0.0] * len(content["mass"]) for _ in content["mass"]]
+            parts = {"mass": content["mass"], "damping": content.get("damping", zero), "stiffness": content["stiffness"], "stops": stops}
+        loads = []
+        for force, given in zip(self._forces, (mapped(force, read) for force in self._forces), strict=True):
+            if "times" in force:
+                raise ValueError("a load is a record, which has no period; expected harmonic and constant loads")
+            if "cosine" in given:
+                loads.append({**given, "text": str(force["frequency"])})
+                continue
+            if "ground" in given:
+                row = [-sum(exact(m) * exact(r) for m, r in zip(masses, given["ground"], strict=True)) for masses in parts["mass"]]
+            else:
+                row = [exact(entry) for entry in given["load"]]
+            if "constant" in given:
+                loads.append({"constant": [exact(given["constant"]) * entry for entry in row]})
+                continue
+            amplitude, phase = exact(given["amplitude"]), exact(given.get("phase", 0.0))
+            loads.append(
+                {
+                    "cosine": [amplitude * cos(phase) * entry for entry in row],
+                    "sine": [-amplitude * sin(phase) * entry for entry in row],
+                    "frequency": given["frequency"],
+                    "text": str(force["frequency"]),
+                }
+            )
+        return entries_of(parts, loads)
+
+    @cached_property
+    def _variable(self) -> dict[int, Any]:
+        """The entries that depend on parameters, by their index."""
+        return {k: entry for k, entry in enumerate(self._entries[1]) if getattr(entry, "free_symbols", None)}
+
+    @cached_property
+    def _programs(self) -> dict[tuple[str, ...], Released]:
+        return {}
+
+
+def _nearest(name: Any, known: Sequence[str]) -> str:
+    close = get_close_matches(str(name), known, 1, 0.5)
+    return f"; nearest: {close[0]}" if close else f"; known: {listed(known)}"
+
+
+def _where(values: Mapping[str, float]) -> str:
+    """The end of a message: the values of parameters."""
+    return f" (at {listed([f'{name} = {value:g}' for name, value in values.items()])})" if values else ""
