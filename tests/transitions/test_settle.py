@@ -1,0 +1,111 @@
+"""What a forced motion settles to.
+
+Oracles: closed forms of periodic motions; `simulate`; a linear oscillator without damping, whose motion is quasiperiodic; two chaotic
+motions that part; a load that presses for ever.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from bvp.forcing import Constant, Harmonic
+from bvp.motion import MotionStatus
+from bvp.simulate import BeyondStop, simulate
+from bvp.system import ImpactSystem, Stop
+from tests.transitions.test_sweep import impact_oscillator, one_impact, oscillator, pressed_chain
+from transitions.sweep.settle import SettledKind, settle
+
+
+def test_a_periodic_motion_with_its_impacts_and_multipliers():
+    """Oracle: the closed form of one impact in a period."""
+    system, forces = impact_oscillator(-0.1)
+    found = settle(system, forces, [-0.66], [0.0])
+    speed, phase, multipliers = one_impact(2.8, 0.8, 1, -0.1)
+    assert found.kind is SettledKind.PERIODIC and found.period == 1 and found.distance < 1e-10
+    assert found.stops == ("+",) and abs(found.impacts.speeds[0] - speed) < 1e-11 and abs(found.impacts.times[0] * 2.8 - phase) < 1e-11
+    assert np.allclose(found.impacts.before[0], [-0.1, speed], atol=1e-11)
+    assert np.allclose(found.impacts.after[0], [-0.1, -0.8 * speed], atol=1e-11)
+    assert np.allclose(np.sort_complex(found.multipliers), np.sort_complex(multipliers), atol=1e-9)
+    assert abs(found.exponent - math.log(0.8) * 2.8 / (2.0 * math.pi)) < 1e-10
+    assert "period 1 with 1 impacts" in found.text
+
+
+def test_a_motion_of_period_two_returns_in_the_simulation():
+    """Oracle: `simulate` over two periods of the loads."""
+    system, forces = impact_oscillator(-0.06)
+    found = settle(system, forces, [-0.66])
+    assert found.period == 2 and len(found.states) == 2 and len(found.impacts) == 2
+    end = simulate(system, found.states[0, :1], found.states[0, 1:], 2.0 * found.period_of_loads, forces=forces).final
+    assert np.abs(end - found.states[0]).max() < 1e-9
+
+
+def test_the_phase_of_the_start_counts():
+    """Oracle: `simulate` from phase 0 passes through the state at phase 2; both go on to the same states."""
+    system, forces = impact_oscillator(-0.06)
+    u, v = (part[0] for part in simulate(system, [-0.66], [0.0], 2.0 / 2.8, forces=forces).sample([2.0 / 2.8]))
+    later = settle(system, forces, u, v, phase=2.0, most=200)
+    first = settle(system, forces, [-0.66], [0.0], most=200)
+    assert later.period == first.period == 2
+    assert min(np.abs(later.states[0] - state).max() for state in first.states) < 1e-8
+
+
+def test_slow_convergence_is_reported_with_its_rate():
+    """Oracle: x'' + 1e-4 x' + x = cos(1.5 t) converges by exp(-5e-5 2 pi/1.5) in each period."""
+    system = oscillator(50.0, damping=1e-4)
+    found = settle(system, [Harmonic(1.5, [1.0])], [0.3], most=1000)
+    assert found.kind is SettledKind.NOT_CONVERGED and abs(found.growth + 5e-5 * 2.0 * math.pi / 1.5) < 1e-5
+    assert "allow more periods" in found.text
+
+
+def test_a_linear_oscillator_without_damping_is_quasiperiodic():
+    found = settle(oscillator(50.0), [Harmonic(math.sqrt(2.0), [1.0])], [0.3], most=4096)
+    assert found.kind is SettledKind.TORUS and abs(found.growth) < 1e-6 and found.period == 0
+    # Two thirds of the frequency of the load: the motion returns after three periods, and does not attract.
+    found = settle(oscillator(50.0), [Harmonic(1.5, [1.0])], [0.3])
+    assert found.kind is SettledKind.PERIODIC and found.period == 3 and abs(found.growth) < 1e-12
+
+
+def test_chaos_is_told_by_its_growing_tangent_vector():
+    """With the wall in the middle the impact oscillator is chaotic. Oracle: two motions from near starts part, too."""
+    system, forces = impact_oscillator(0.0)
+    found = settle(system, forces, [-0.3], [0.0])
+    assert found.kind is SettledKind.CHAOS and found.growth > 10.0 * found.growth_error > 0.0
+    near, growths = found.states[0], []
+    for _ in range(300):
+        far = near + 1e-9 * np.array([1.0, 1.0])
+        ends = [simulate(system, x[:1], x[1:], found.period_of_loads, forces=forces).final for x in (near, far) if x[0] <= 0.0]
+        if len(ends) == 2:
+            growths.append(np.linalg.norm((ends[1] - ends[0]) * [2.8, 1.0]) / np.linalg.norm((far - near) * [2.8, 1.0]))
+        near = ends[0]
+    assert np.mean(np.log(growths)) > 0.0
+
+
+def test_a_pressed_mass_is_at_rest():
+    system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), lower=0.0, restitution=0.3)])
+    found = settle(system, [Constant([-1.0]), Harmonic(1.0, [0.5])], [0.7])
+    assert found.kind is SettledKind.AT_REST and found.sticking == ("-",) and np.abs(found.states).max() < 1e-12
+    # One contact that sticks for ever, while the other mass moves, is a periodic motion.
+    chain, forces = pressed_chain(0.4, -1.2)
+    found = settle(chain, forces)
+    assert found.kind is SettledKind.PERIODIC and found.sticking == ("-",) and not found.stops
+    assert "sticking all the time" in found.text
+
+
+def test_a_simulation_that_ends_is_reported():
+    stops = [Stop((1.0, 0.0), lower=-1.0, restitution=0.9), Stop((1.0, 1.0), lower=-1.0, restitution=0.9)]
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops)
+    found = settle(system, [Harmonic(1.0, [0.0, 0.0])], [0.0, 0.0], [-1.0, 0.0])
+    assert found.kind is SettledKind.FAILED and found.status is MotionStatus.SIMULTANEOUS and "same instant" in found.text
+
+
+def test_bad_input():
+    system, forces = impact_oscillator(-0.1)
+    with pytest.raises(BeyondStop):
+        settle(system, forces, [0.0])
+    with pytest.raises(ValueError, match="phase is a number from 0"):
+        settle(system, forces, [-0.2], phase=7.0)
+    with pytest.raises(ValueError, match="most is an integer above 0"):
+        settle(system, forces, [-0.2], most=0)
+    with pytest.raises(ValueError, match="no load is periodic"):
+        settle(system, [Constant([1.0])], [-0.2])

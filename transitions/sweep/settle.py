@@ -1,0 +1,269 @@
+"""Simulate a forced motion until its transient is gone, and say what it has settled to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.checks import is_finite
+from bvp.motion import MotionStatus
+from bvp.texts import brief, shown
+from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
+from transitions.sweep.returns import RETURN, distance_scale, find_period, largest_exponent, mean_growth
+
+if TYPE_CHECKING:
+    from bvp.forcing import Force
+    from bvp.system import ImpactSystem
+
+__all__ = ["Settled", "SettledKind", "settle"]
+
+CLOSED = 1e-11
+"""Distance of a return, relative to the largest state, at which the transient is gone."""
+
+FIRST, LARGEST = 64, 2048
+"""Periods of the first block and of the largest one. Each is twice as long as the one before."""
+
+CERTAIN = 1024
+"""Periods after which a motion can be called chaotic."""
+
+SIGMAS = 5.0
+"""Standard errors that decide the sign of an exponent."""
+
+NEUTRAL = 1e-3
+"""Growth in a period below which a motion that does not return is called quasiperiodic."""
+
+PARTS = 16
+"""Parts of a block whose means give the standard error of its growth."""
+
+
+class SettledKind(Enum):
+    """What a motion has settled to. The value says it in words."""
+
+    PERIODIC = "a periodic motion"
+    AT_REST = "rest: it sticks to its stops for ever"
+    TORUS = "probably quasiperiodic motion (a torus): it does not return, and a tangent vector neither grows nor shrinks"
+    CHAOS = "chaotic motion: a tangent vector grows"
+    NOT_CONVERGED = "it has not settled yet; allow more periods"
+    FAILED = "the simulation ended before it settled"
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """What a forced motion has settled to.
+
+    Attributes
+    ----------
+    kind : SettledKind
+    period : int
+        p, in periods of the loads. For NOT_CONVERGED the period that the returns suggest. 0 if there is none.
+    states : (p, 2n) ndarray
+        (u, v) at phase 0 of the loads, at the start of each of the p periods; the last state alone if p is 0.
+    impacts : ImpactRecord
+        Impacts in these p periods, from states[0]; of one period if p is 0.
+    stops : tuple of str
+        Letter of the contact of each impact.
+    sticking : tuple of str
+        Contacts that stick all the time.
+    period_of_loads : float
+        2 pi/w.
+    multipliers : (2n,) complex ndarray
+        Of p stroboscopic maps, by descending modulus; empty if the motion is not periodic.
+    growth : float
+        Mean growth of a tangent vector in a period of the loads; for a periodic motion the logarithm of its largest multiplier over p.
+    growth_error : float
+        Its standard error; 0 for a periodic motion.
+    distance : float
+        Distance of the last return, of (w u, v), relative to the largest state; NaN if p is 0.
+    elapsed : int
+        Periods that were simulated.
+    status : MotionStatus
+        How the simulation ended, for FAILED.
+    """
+
+    kind: SettledKind
+    period: int
+    states: np.ndarray
+    impacts: ImpactRecord
+    stops: tuple[str, ...]
+    sticking: tuple[str, ...]
+    period_of_loads: float
+    multipliers: np.ndarray
+    growth: float
+    growth_error: float
+    distance: float
+    elapsed: int
+    status: MotionStatus
+
+    @property
+    def exponent(self) -> float:
+        """Largest Lyapunov exponent, per unit of time."""
+        return self.growth / self.period_of_loads
+
+    @property
+    def text(self) -> str:
+        """What was found, in one line."""
+        after = f"after {self.elapsed} periods of the loads"
+        rate = f"growth {self.growth:.4g}{self.growth_error and f' +- {self.growth_error:.1g}' or ''} in a period"
+        if self.kind is SettledKind.PERIODIC:
+            stuck = f", {' and '.join(self.sticking)} sticking all the time" if self.sticking else ""
+            return f"{self.kind.value} of period {self.period} with {len(self.impacts)} impacts{stuck}, {after}; {rate}"
+        if self.kind is SettledKind.NOT_CONVERGED:
+            near = f"; near period {self.period}, {self.distance:.1e} from closing" if self.period else ""
+            return f"{self.kind.value} ({after}{near}; {rate})"
+        if self.kind is SettledKind.FAILED:
+            return f"{self.kind.value}, {after}: {self.status.value}"
+        return f"{self.kind.value} ({after}; {rate})"
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        return f"Settled: {self.text}", []
+
+
+def settle(
+    system: ImpactSystem,
+    forces: Sequence[Force],
+    u: Any = None,
+    v: Any = None,
+    *,
+    phase: float = 0.0,
+    most: int = 20_000,
+    longest: int = 128,
+) -> Settled:
+    """Simulate a motion under periodic loads until its transient is gone.
+
+    It is periodic if its states at phase 0 return to rounding. Otherwise the growth of a tangent vector decides between chaos, a torus and
+    a motion that needs more periods. A transient can look like each of these for any time, so all but a periodic motion is a
+    statement about the periods that were simulated.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    forces : sequence of loads
+        Harmonic with a common base frequency w, and constant.
+    u, v : (n,) array_like, optional
+        The start; by default rest at zero, moved to the bounds of the stops that exclude it.
+    phase : float
+        Phase w t of the start, in [0, 2 pi).
+    most : int
+        Most periods.
+    longest : int
+        Largest period p that is sought.
+
+    Returns
+    -------
+    Settled
+
+    Raises
+    ------
+    BeyondStop
+        For a start beyond a stop.
+    ValueError
+        For loads without a base frequency, other numbers than those expected.
+
+    Examples
+    --------
+    >>> from bvp.forcing import Harmonic
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> oscillator = ImpactSystem([[1.0]], [[0.1]], [[1.0]], [Stop((1.0,), upper=1.0, restitution=0.8)])
+    >>> found = settle(oscillator, [Harmonic(1.0, [0.099])])
+    >>> found.kind.name, found.period, len(found.impacts)
+    ('PERIODIC', 1, 0)
+    """
+    if not (is_finite(phase) and 0.0 <= phase < 2.0 * math.pi):
+        raise ValueError(f"phase is a number from 0 to below 2 pi; received {shown(phase)}")
+    for name, value in (("most", most), ("longest", longest)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= 10**9:
+            raise ValueError(f"{name} is an integer above 0; received {shown(value)}")
+    n = system.degrees_of_freedom
+    zero = np.zeros(n)
+    start = Carried(require_inside(system, zero if u is None else u, zero if v is None else v)) if u is not None or v is not None else None
+    motion = ForcedMotion(system, forces, start or carried_into(system, Carried(np.zeros(2 * n)))[0], phase=phase)
+    frequency = 2.0 * math.pi / motion.period
+    elapsed, block, last = 0, FIRST, math.nan
+    growths, states = np.zeros(0), np.zeros((0, 2 * n))
+    while True:
+        record = motion.advance(max(1, min(block, most - elapsed)))
+        elapsed += len(record.states)
+        # Of the growths the later half counts: the tangent vector has turned by then.
+        growths = np.concatenate([growths, record.growths])
+        states = np.concatenate([states, record.states])[-2 * longest :]
+        record = replace(record, growths=growths[len(growths) // 2 :], states=states)
+        if record.status is not MotionStatus.DURATION_REACHED:
+            return _settled(SettledKind.FAILED, 0, motion, record, elapsed)
+        p = find_period(states, frequency, -math.inf, elapsed)
+        if p:
+            distance = _return(states, p, frequency)
+            # Rounding ends the convergence. A motion that keeps its distance has come as close as it will.
+            if distance <= CLOSED or (distance <= RETURN and distance >= 0.5 * last):
+                return _settled(SettledKind.PERIODIC, p, motion, record, elapsed)
+            last = distance
+        growth, error = _growth(record.growths)
+        if not p and elapsed >= CERTAIN and growth > max(SIGMAS * error, NEUTRAL):
+            return _settled(SettledKind.CHAOS, 0, motion, record, elapsed)
+        if elapsed >= most:
+            break
+        block = min(2 * block, LARGEST)
+    p = p or find_period(states, frequency, growth, elapsed)
+    if p and _return(states, p, frequency) <= RETURN:
+        return _settled(SettledKind.PERIODIC, p, motion, record, elapsed)
+    halves = [abs(mean_growth(part)) for part in np.array_split(record.growths, 2)]
+    torus = not p and elapsed >= CERTAIN and max(halves) <= NEUTRAL
+    return _settled(SettledKind.TORUS if torus else SettledKind.NOT_CONVERGED, p, motion, record, elapsed)
+
+
+def _return(states: np.ndarray, p: int, frequency: float) -> float:
+    """Distance of the last p states from those p before, relative to the largest state."""
+    points = distance_scale(states, frequency)
+    size = float(np.linalg.norm(points, axis=1).max())
+    return float(np.linalg.norm(points[-p:] - points[-2 * p : -p], axis=1).max()) / size if size > 0.0 else 0.0
+
+
+def _growth(growths: np.ndarray) -> tuple[float, float]:
+    """The mean growth in a period, and its standard error by the means of parts."""
+    mean = mean_growth(growths)
+    if not math.isfinite(mean):
+        return mean, 0.0
+    parts = np.array([part.mean() for part in np.array_split(growths, min(PARTS, len(growths)))])
+    return mean, float(parts.std(ddof=1) / math.sqrt(len(parts))) if len(parts) > 1 else math.inf
+
+
+def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodRecord, elapsed: int) -> Settled:
+    """The result, with the impacts of the next p periods."""
+    growth, error = _growth(record.growths)
+    start = motion.carried.state
+    if kind is SettledKind.FAILED:
+        orbit, states = record, start[None]
+    else:
+        orbit = motion.advance(max(p, 1), impacts=True)
+        states = np.concatenate([start[None], orbit.states[:-1]])[: max(p, 1)]
+    multipliers = np.zeros(0, dtype=complex)
+    if kind is SettledKind.PERIODIC:
+        values = np.linalg.eigvals(motion.monodromy(p)).astype(complex)
+        multipliers = values[np.lexsort((np.angle(values), -np.abs(values)))]
+        growth, error = largest_exponent(multipliers, float(p)), 0.0
+    kept = set(orbit.kept[0]).intersection(*orbit.kept[1:]) if orbit.kept else set()
+    n = motion.system.degrees_of_freedom
+    if kind is SettledKind.PERIODIC and kept and not (orbit.count or np.any(states[:, n:]) or np.any(orbit.states[:, n:])):
+        kind = SettledKind.AT_REST
+    frequency = 2.0 * math.pi / motion.period
+    letters = motion.system.modes.contact_letters
+    return Settled(
+        kind=kind,
+        period=p,
+        states=states,
+        impacts=orbit.impacts,
+        stops=tuple(letters[c] for c in orbit.impacts.contacts),
+        sticking=tuple(sorted(kept)),
+        period_of_loads=motion.period,
+        multipliers=multipliers,
+        growth=growth,
+        growth_error=error,
+        distance=_return(record.states, p, frequency) if p else math.nan,
+        elapsed=elapsed,
+        status=record.status,
+    )
