@@ -7,7 +7,7 @@ A description is plain data: numbers, and texts that are expressions of the para
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
@@ -22,7 +22,7 @@ from bvp.expressions import parsed
 from bvp.forcing import Constant, Force, Harmonic
 from bvp.kernels.expressions import Program, run
 from bvp.programs import derivative, program_of, scratch_size
-from bvp.system import MODELS, ImpactSystem
+from bvp.system import MODELS, STOP_KEYS, SYSTEM_KEYS, ImpactSystem
 from bvp.texts import brief, listed, shown
 
 __all__ = ["ParametricSystem", "Released"]
@@ -89,6 +89,10 @@ class ParametricSystem:
                 if BASE not in table:
                     raise InvalidSystem(f"harmonic = {force['harmonic']} is a multiple of the parameter {BASE}, which is missing")
                 force["frequency"] = BASE if force["harmonic"] == 1 else f"{force['harmonic']}*{BASE}"
+        if "model" not in system:
+            refuse_unknown(system, SYSTEM_KEYS, "the system")
+            for stop in system.get("stops", ()):
+                refuse_unknown(stop, STOP_KEYS, "a stop")
         own = own_parameters(system, forces, table)
         object.__setattr__(self, "description", given)
         object.__setattr__(self, "names", (*values, *own))
@@ -97,7 +101,7 @@ class ParametricSystem:
         object.__setattr__(self, "_system", system)
         object.__setattr__(self, "_forces", forces)
         self._require_used(table)
-        self.forces()
+        self.system()  # it can be made
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> ParametricSystem:
@@ -146,9 +150,39 @@ class ParametricSystem:
         rows = [(name, f"{value:g}") for name, value in self.values.items()]
         return f"ParametricSystem with {len(self.names)} parameters", rows + list(self.derived.items())
 
+    @property
+    def has_table(self) -> bool:
+        """Whether the description has parameters of its own, besides those of its model and the frequency of its loads."""
+        return bool(self.description.get("parameters"))
+
     def describe(self) -> dict[str, Any]:
         """The description, as plain data for JSON."""
         return dict(self.description)
+
+    def all_values(self, values: Mapping[str, float] | None = None) -> dict[str, float]:
+        """The values of all parameters, also of the derived ones, at values of the independent ones; errors as for `system`."""
+        numbers = self._numbers(self.at(values))
+        return {name: numbers[name] for name in (*self.names, *self.derived)}
+
+    def replaced(self, values: Mapping[str, float]) -> ParametricSystem:
+        """The same with other default values.
+
+        Raises
+        ------
+        InvalidSystem
+            For an unknown name, and for values outside their domain.
+        """
+        self.system(values)
+        at = self.at(values)
+        given = dict(self.description)
+        table = dict(given.get("parameters", {}))
+        own = [name for name in self.names if name not in table]
+        given["system"] = {**given["system"], **{name: at[name] for name in own if name in self._system}}
+        if BASE in own:
+            given["forces"] = [{**force, "frequency": at[BASE]} if "frequency" in force else force for force in given["forces"]]
+        if table:
+            given["parameters"] = {name: at.get(name, value) for name, value in table.items()}
+        return ParametricSystem(given)
 
     def domain(self, name: str) -> tuple[float, float]:
         """The interval (low, high) in which a parameter can lie; an end may be excluded. `violation` says what holds at given values.
@@ -192,21 +226,16 @@ class ParametricSystem:
         InvalidSystem
             For values that are outside their domain: the message names them.
         """
-        return self._at_values(values, lambda numbers: self._system_from(numbers))
+        return self._defaults[0] if not values else self._made(values)[0]
 
     def forces(self, values: Mapping[str, float] | None = None) -> tuple[Force, ...]:
         """The loads at values of the parameters; errors as for `system`."""
-
-        def loads(numbers: Mapping[str, float]) -> tuple[Force, ...]:
-            system = self._system_from(numbers)
-            return tuple(force_from(mapped(force, numbers.__getitem__), system) for force in self._forces)
-
-        return self._at_values(values, loads)
+        return self._defaults[1] if not values else self._made(values)[1]
 
     def violation(self, values: Mapping[str, float] | None = None) -> str | None:
         """Why the parameters cannot have these values, None if they can."""
         try:
-            self.forces(values)
+            self.system(values)
         except ValueError as error:
             return str(error)
         return None
@@ -267,7 +296,7 @@ class ParametricSystem:
     def _require_used(self, table: Mapping[str, Any]) -> None:
         """Refuse a parameter on which nothing depends."""
         if not all(text in self.values for text in self._texts):
-            assert self._expressions is not None  # all of them can be read
+            _ = self._expressions  # what cannot be read is refused first
         used = {name for text in self._texts for name in names_in(text)}
         waiting = list(used)
         while waiting:
@@ -298,7 +327,7 @@ class ParametricSystem:
         known = dict(self._symbols) | {"pi": sympy.pi}
         for name in in_order(self.derived):
             known[name] = self._read(self.derived[name], f"parameter {name}", known)
-        return {text: known[text] if text in known else self._read(text, where, known) for text, where in self._texts.items()}
+        return known | {text: self._read(text, where, known) for text, where in self._texts.items() if text not in known}
 
     def _read(self, text: str, what: str, known: Mapping[str, Any]) -> Any:
         import sympy
@@ -311,30 +340,35 @@ class ParametricSystem:
 
     @cached_property
     def _numbers_program(self) -> tuple[list[str], Program]:
-        texts = [text for text in self._texts if text not in self.values]
+        texts = [text for text in dict.fromkeys([*self.derived, *self._texts]) if text not in self.values]
         return texts, program_of([self._expressions[text] for text in texts], list(self._symbols.values()))
 
     def _numbers(self, at: dict[str, float]) -> dict[str, float]:
         """The value of each text."""
-        if all(text in at for text in self._texts):
+        if not self.derived and all(text in at for text in self._texts):
             return at
         texts, program = self._numbers_program
         out = np.zeros(len(texts))
         if not run(program, np.array([at[name] for name in self.names]), np.zeros(scratch_size(program, len(at))), out):
             k = int(np.argmin(np.isfinite(out)))
-            raise InvalidSystem(f"{self._texts[texts[k]]} is {texts[k]}, which is {out[k]:g}, expected a finite number")
+            name = self._texts.get(texts[k], "parameter")
+            raise InvalidSystem(f"{name} is {self.derived.get(texts[k], texts[k])}, which is {out[k]:g}; expected a finite number")
         return at | dict(zip(texts, out.tolist(), strict=True))
 
-    def _at_values(self, values: Mapping[str, float] | None, make: Callable[[Mapping[str, float]], Any]) -> Any:
+    @cached_property
+    def _defaults(self) -> tuple[ImpactSystem, tuple[Force, ...]]:
+        return self._made({})
+
+    def _made(self, values: Mapping[str, float]) -> tuple[ImpactSystem, tuple[Force, ...]]:
+        """The system and the loads."""
         at = self.at(values)
         try:
-            return make(self._numbers(at))
+            read = self._numbers(at).__getitem__
+            system = ImpactSystem.from_description(mapped(self._system, read))
+            return system, tuple(force_from(mapped(force, read), system) for force in self._forces)
         except ValueError as error:
             given = values or at if self.description.get("parameters") else {}
             raise InvalidSystem(f"{error}{_where(given)}") from None
-
-    def _system_from(self, numbers: Mapping[str, float]) -> ImpactSystem:
-        return ImpactSystem.from_description(mapped(self._system, numbers.__getitem__))
 
     @cached_property
     def _entries(self) -> tuple[Layout, list[Any]]:

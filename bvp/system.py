@@ -23,6 +23,10 @@ from bvp.texts import brief, listed, shown
 
 __all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
 
+SYSTEM_KEYS = ("mass", "damping", "stiffness", "stops", "coordinates")
+STOP_KEYS = ("c", "lower", "upper", "restitution", "name")
+"""Keys of the description of a system without a model, and of a stop."""
+
 
 @brief
 @dataclass(frozen=True)
@@ -304,7 +308,7 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem(f"unknown model {name!r}; known: {', '.join(MODELS)}")
             refuse_unknown(given, tuple(MODELS[name].domains), f"model {name}")
             return MODELS[name].make(**given)
-        refuse_unknown(given, ("mass", "damping", "stiffness", "stops", "coordinates"), "the system")
+        refuse_unknown(given, SYSTEM_KEYS, "the system")
         for key in ("mass", "stiffness", "stops"):
             if key not in given:
                 raise InvalidSystem(f"the system lacks {key!r}; give mass, stiffness and stops, or a model")
@@ -317,7 +321,7 @@ class ImpactSystem(Matrices):
         for entry in given["stops"]:
             if not isinstance(entry, Mapping):
                 raise InvalidSystem(f"a stop is a table with c, lower, upper, restitution; received {shown(entry)}")
-            refuse_unknown(entry, ("c", "lower", "upper", "restitution", "name"), "a stop")
+            refuse_unknown(entry, STOP_KEYS, "a stop")
             if "c" not in entry:
                 raise InvalidSystem("a stop lacks its gap row 'c'")
             stops.append(Stop(entry["c"], **{key: value for key, value in entry.items() if key != "c"}))

@@ -32,6 +32,7 @@ from bvp.forcing import ground_load as ground_load
 from bvp.forcing import record_text as record_text
 from bvp.forcing import synthetic_record as synthetic_record
 from bvp.motion import Motion as Motion
+from bvp.parameters import ParametricSystem as ParametricSystem
 from bvp.simulate import Simulator as Simulator
 from bvp.simulate import simulate as simulate
 from bvp.system import ImpactSystem as ImpactSystem

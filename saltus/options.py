@@ -22,6 +22,7 @@ __all__ = [
     "ValueType",
     "add_filters",
     "add_scene",
+    "add_set",
     "add_shared",
     "completion_script",
     "energy_range",
@@ -125,6 +126,12 @@ _impacts = ValueType(
     "a number of impacts N, or LO:HI with 0 <= LO <= HI",
 )
 
+_assignment = ValueType(
+    lambda text: (text.partition("=")[0], float(text.partition("=")[2])),
+    lambda pair: pair[0] != "" and math.isfinite(pair[1]),
+    "NAME=VALUE, the name of a parameter and a finite number",
+)
+
 _PARAMETERS = {
     "mu": "mass ratio, above 0",
     "sigma": "coupling stiffness, 0 or more",
@@ -168,8 +175,16 @@ def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = (), *, mo
     parser.add_argument("--scene", metavar="FILE", help="TOML file of the system and its bounds (default: lee2009)")
     for name, meaning in _PARAMETERS.items():
         parser.add_argument(f"--{name}", metavar="X", type=number, help=f"{meaning}, instead of the scene's")
+    add_set(parser)
     if model:
         parser.add_argument("--model", action="store_true", help="print which model was chosen, and why")
+
+
+def add_set(parser: argparse.ArgumentParser) -> None:
+    """Add ``--set``, which can be repeated."""
+    parser.add_argument(
+        "--set", metavar="NAME=VALUE", action="append", type=_assignment, help="value of a parameter, instead of the scene's; repeatable"
+    )
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
@@ -182,8 +197,13 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
 
 
 def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
-    """Return the parameters of the model that were given in place of the scene's."""
-    return {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name, None) is not None}
+    """Return the parameters that were given in place of the scene's."""
+    found = {name: getattr(arguments, name) for name in _PARAMETERS if getattr(arguments, name, None) is not None}
+    for name, value in getattr(arguments, "set", None) or ():
+        if name in found:
+            raise BadInput(f"{name} is given twice, {found[name]:g} and {value:g}; expected one value")
+        found[name] = value
+    return found
 
 
 @dataclass(frozen=True)

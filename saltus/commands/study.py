@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("file", metavar="FILE", help="TOML file of the study")
     parser.add_argument("--out", metavar="FOLDER", help="folder of the results (default: FILE with .study instead of .toml)")
+    options.add_set(parser)
     options.add_shared(parser, "workers", "dask")
     parser.add_argument("--format", metavar="KIND", choices=FORMATS, default="npz", help="npz (default), or parquet")
 
@@ -35,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from saltus.motion.study import check_folder, read_study_file
 
-    study = read_study_file(arguments.file)
+    study = read_study_file(arguments.file, options.parameters_of(arguments))
     folder = _folder(arguments)
     if arguments.format == "parquet" and find_spec("pyarrow") is None:
         raise BadInput("--format parquet needs the package pyarrow, which is not installed; expected pip install 'saltus[parquet]'")

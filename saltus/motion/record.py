@@ -50,6 +50,7 @@ def motion_record(
         "schema": SCHEMA,
         "system": scene.system.describe(),
         "forces": [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, scene.forces)],
+        "parameters": scene.parameters,
         "units": {"clearance": units.length, "natural_frequency": units.frequency},
         "initial": {
             **start.record(),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -74,8 +74,9 @@ class StudyFile:
     plan: StudyPlan
 
 
-def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
-    """Read a study's file. Unknown and missing keys and values out of range are refused in one line."""
+def read_study_file(path: str | os.PathLike[str], parameters: Mapping[str, float] | None = None) -> StudyFile:
+    """Read a study's file. Unknown and missing keys and values out of range are refused in one line. `parameters` replace those of the
+    scene."""
     from saltus.scene import load_scene
     from transitions.study.plan import FAMILY, StudyPlan
 
@@ -94,7 +95,11 @@ def read_study_file(path: str | os.PathLike[str]) -> StudyFile:
     # A scene's file is in the folder of the study's file.
     if place is not None and (folder / place).exists():
         place = str(folder / place)
-    scene = load_scene(place, **{name: fixed.pop(name) for name in _OF_MODEL if name in fixed})
+    replaced = {name: fixed.pop(name) for name in _OF_MODEL if name in fixed}
+    for name in parameters or ():
+        if name in (*varied, *replaced):
+            raise BadInput(f"{file.where}: {name} is {'varied' if name in varied else 'fixed'} in the file; expected --set for another one")
+    scene = load_scene(place, **replaced, **(parameters or {}))
     of_model = [name for name in varied if name in _OF_MODEL]
     if of_model and "model" not in scene.system.describe():
         raise BadInput(f"{file.where}: {of_model[0]} is a parameter of a model, and the scene gives matrices instead of a model")

@@ -5,6 +5,7 @@ A scene is a TOML file. Unknown keys are refused.
 - ``[system]``: ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``; or matrices ``mass``, ``damping``, ``stiffness``.
 - ``[[stops]]``, with matrices: ``c``, ``lower``, ``upper``, ``restitution``, ``name``.
 - ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
+- ``[parameters]``: names with a number or an expression of others. Numbers of the tables above and of the loads can then be expressions.
 - ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.reading`).
 - ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched.
 - ``[complete]``: the same three, up to which a build finds every family.
@@ -16,7 +17,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ from saltus.scene.reading import INTEGER, NUMBERS, POSITIVE, TEXT, TEXTS, Kind, 
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
+    from bvp.parameters import ParametricSystem
     from bvp.system import ImpactSystem
 
 __all__ = ["DEFAULT", "LOADS", "SHIPPED", "Scene", "load_scene"]
@@ -67,7 +69,7 @@ _MARK = Kind(
     default=(),
 )
 _COORDINATES = {"names": TEXTS._replace(default=()), "NES": _MARK, "LO": _MARK}
-_KEYS = ("system", "stops", "coordinates", "ground", "forces", "bounds", "complete", "sections", "names", "title", "source")
+_KEYS = ("parameters", "system", "stops", "coordinates", "ground", "forces", "bounds", "complete", "sections", "names", "title", "source")
 
 
 @brief
@@ -103,6 +105,8 @@ class Scene:
         Motion of the ground and forces on coordinates.
     loads : tuple of str
         The tables, of `LOADS`, that they were read from.
+    parametric : bvp.parameters.ParametricSystem, optional
+        The system and the loads as functions of the scene's parameters, or of those of its model, whose values are those of the scene.
     """
 
     system: ImpactSystem
@@ -120,6 +124,7 @@ class Scene:
     lo: tuple[int, ...] = ()
     forces: tuple[Force, ...] = ()
     loads: tuple[str, ...] = ()
+    parametric: ParametricSystem | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         reference_points = {name: Frozen(point) for name, point in self.reference_points.items()}
@@ -135,12 +140,23 @@ class Scene:
             (type(force), {item.name: np.asarray(getattr(force, item.name)).tolist() for item in fields(force)}) for force in self.forces
         ]
         content = {item.name: getattr(self, item.name) for item in fields(self)}
-        return content | {"system": self.system.describe(), "forces": forces}
+        parametric = self.parametric and self.parametric.describe()
+        return content | {"system": self.system.describe(), "forces": forces, "parametric": parametric}
 
     @property
     def underlying(self) -> Scene:
         """The scene of the undamped elastic system without loads, against whose families damped motion is read."""
-        return replace(self, system=self.system.underlying, forces=(), loads=())
+        if self.system.is_conservative and not self.forces:
+            return self
+        from bvp.parameters import ParametricSystem
+
+        system = self.system.underlying
+        return replace(self, system=system, forces=(), loads=(), parametric=ParametricSystem.of(system))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The values of the parameters, also of those that are expressions of others."""
+        return {} if self.parametric is None else self.parametric.all_values()
 
     def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
         """Refuse a scene with loads that a computation does not use. Its result would belong to another system. `what` names the command or
@@ -169,7 +185,7 @@ class Scene:
         return {name: dict(self.reference_points.get(name, {})) for name in self.names}
 
 
-def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) -> Scene:
+def load_scene(path: str | os.PathLike[str] | None = None, /, **parameters: float) -> Scene:
     """Read a scene from a TOML file, or one that ships with saltus.
 
     Parameters
@@ -177,7 +193,7 @@ def load_scene(path: str | os.PathLike[str] | None = None, **parameters: float) 
     path : path-like, optional
         A TOML file, or the bare name of a scene that ships with saltus; by default the reference scene.
     **parameters : float
-        Values that replace those of the scene's model: ``mu``, ``sigma``, ``lam``, ``rho``.
+        Values that replace those of the scene's parameters or of its model: ``mu``, ``sigma``, ``lam``, ``rho``.
 
     Returns
     -------
@@ -211,7 +227,8 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
     from branches.naming.labels import parse_name
 
     scene.only(*_KEYS)
-    own, system, nes, lo = _system(scene, overrides)
+    own, parametric, nes, lo = _system(scene, overrides, folder)
+    system = parametric.system()
     bounds = scene.table("bounds").fields(_BOUNDS)
     sections = scene.table("sections", {})
     energies = sections.fields(_SECTIONS)
@@ -228,11 +245,6 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
     # A cited point says nothing about another system; damping and restitution do not belong to the one whose families have names.
     holds = system.underlying.describe() == own.underlying.describe()
     loads = tuple(name for name in LOADS if name in scene.content)
-    forces: tuple[Force, ...] = ()
-    if loads:
-        from saltus.scene.reading import read_loads
-
-        forces = read_loads(scene, system, folder)
     return Scene(
         system=system,
         **bounds,
@@ -245,45 +257,69 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
         source=scene.get("source", TEXT, ""),
         nes=nes,
         lo=lo,
-        forces=forces,
+        forces=parametric.forces(),
         loads=loads,
+        parametric=parametric,
     )
 
 
-def _system(scene: TomlTable, overrides: Mapping[str, float]) -> tuple[ImpactSystem, ImpactSystem, tuple[int, ...], tuple[int, ...]]:
-    """The system of ``[system]``, ``[[stops]]`` and ``[coordinates]``, that with the overriding parameters, and the indices of the
-    coordinates of the NES and of the LO."""
+def _system(
+    scene: TomlTable, overrides: Mapping[str, float], folder: Path
+) -> tuple[ImpactSystem, ParametricSystem, tuple[int, ...], tuple[int, ...]]:
+    """The system of ``[system]``, ``[[stops]]`` and ``[coordinates]``; the system with its loads and the overriding parameters; and the
+    indices of the coordinates of the NES and of the LO."""
+    from bvp.parameters import ParametricSystem
     from bvp.system import MODELS, ImpactSystem
+    from saltus.scene.reading import read_loads
 
     description = dict(scene.table("system").content)
     marks = scene.table("coordinates", {}).fields(_COORDINATES)
     model = description.get("model")
     if model is None:
-        if overrides:
-            name = next(iter(overrides))
-            raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
         description |= {"stops": [stop.content for stop in scene.tables("stops")], "coordinates": {"names": marks["names"]}}
     else:
         for other in ("stops", "coordinates"):
             if other in scene.content:
                 raise BadInput(f"{scene.where}: [{other}] goes with matrices; model {model} brings its own")
-        known = MODELS[model].domains if model in MODELS else overrides
-        for name in overrides:
-            if name not in known:
-                raise BadInput(f"unknown parameter {name!r} of model {model}{nearest(name, known)}")
+    whole: dict[str, Any] = {"system": description}
+    if "parameters" in scene.content:
+        whole["parameters"] = scene.table("parameters").content
     try:
-        own = ImpactSystem.from_description(description)
+        # Texts are expressions in a scene with parameters only.
+        plain = None if "parameters" in scene.content else ImpactSystem.from_description(description)
+        if plain is None and model in MODELS:
+            plain = MODELS[model].make()
+        coordinates = plain.coordinates if plain is not None else marks["names"] or _default_names(description.get("mass"))
+        nes, lo = (_places(scene, marks, key, coordinates) for key in ("NES", "LO"))
+        if model is None:
+            single = {name: coordinates[found[0]] for name, found in (("absorber", nes), ("primary", lo)) if len(found) == 1}
+            description["coordinates"] |= single
+        elif plain is not None:
+            nes, lo = (() if index is None else (index,) for index in (plain.absorber, plain.primary))
+        whole["forces"] = read_loads(scene, coordinates, folder)
+        parametric = ParametricSystem.from_description(whole)
+        own = parametric.system()
+    except BadInput:
+        raise
     except (ValueError, TypeError) as error:
         raise BadInput(f"{scene.where}: {one_line(error)}") from error
-    if model is not None:
-        places = [() if index is None else (index,) for index in (own.absorber, own.primary)]
-        return own, ImpactSystem.from_description({**description, **overrides}) if overrides else own, places[0], places[1]
-    for name in (*marks["NES"], *marks["LO"]):
-        if name not in own.coordinates:
-            listed = ", ".join(own.coordinates)
-            raise BadInput(f"{scene.where} [coordinates]: {name!r} is none of the coordinates {listed}{nearest(name, own.coordinates)}")
+    if overrides and not parametric.names:
+        name = next(iter(overrides))
+        raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
+    return own, parametric.replaced(overrides) if overrides else parametric, nes, lo
+
+
+def _default_names(mass: Any) -> tuple[str, ...]:
+    """Names of coordinates that have none."""
+    return tuple(f"u{k}" for k in range(1, len(mass) + 1)) if isinstance(mass, list) else ("u1",)
+
+
+def _places(scene: TomlTable, marks: Mapping[str, Any], key: str, coordinates: Sequence[str]) -> tuple[int, ...]:
+    """The indices of the coordinates that are marked as NES or LO."""
+    for name in marks[key]:
+        if name not in coordinates:
+            listed = ", ".join(coordinates)
+            raise BadInput(f"{scene.where} [coordinates]: {name!r} is none of the coordinates {listed}{nearest(name, coordinates)}")
         if (*marks["NES"], *marks["LO"]).count(name) > 1:
             raise BadInput(f"{scene.where} [coordinates]: {name} is marked twice, as NES or LO; expected once")
-    nes, lo = (tuple(own.coordinates.index(name) for name in marks[key]) for key in ("NES", "LO"))
-    own = replace(own, absorber=nes[0] if len(nes) == 1 else None, primary=lo[0] if len(lo) == 1 else None)
-    return own, own, nes, lo
+    return tuple(coordinates.index(name) for name in marks[key])

@@ -3,29 +3,27 @@ and expected.
 
 The loads are ``[ground]``, the motion of the ground, and ``[[forces]]`` on coordinates. The course of a load in time is ``record`` (a CSV
 file with a column ``time``, linear between its rows, nothing before the first and after the last), or ``amplitude`` with ``frequency``
-(radians a unit of time) and ``phase``, amplitude cos(frequency t + phase), or ``constant``. Each force acts ``on`` a coordinate, or on all
-of them by ``load``, a force on each for the value 1. The ground's course is its acceleration a(t): in displacements relative to the ground
-it is the load -M r a(t), r being ``direction``, all 1 by default.
+(radians a unit of time) and ``phase``, amplitude cos(frequency t + phase), or ``constant``. In place of ``frequency``, ``harmonic`` = k
+gives k times the parameter w. In a scene with ``[parameters]`` these numbers can be expressions of them.
+
+Each force acts ``on`` a coordinate, or on all of them by ``load``, a force on each for the value 1. The ground's course is its acceleration
+a(t): in displacements relative to the ground it is the load -M r a(t), r being ``direction``, all 1 by default.
 """
 
 from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.files import read_input
 from bvp.texts import shown
 from saltus.errors import BadInput, nearest, one_line
-
-if TYPE_CHECKING:
-    from bvp.forcing import Force
-    from bvp.system import ImpactSystem
 
 __all__ = [
     "FINITE", "INTEGER", "Kind", "NUMBER", "NUMBERS", "POSITIVE", "TEXT", "TEXTS", "TomlTable", "one_of", "read_loads",
@@ -153,59 +151,70 @@ def read_toml(path: Path, where: str, names: Iterable[str] = (), expected: str =
         raise BadInput(f"cannot read {where} as TOML: {one_line(error)}") from error
 
 
-_COURSES: dict[str, dict[str, Kind]] = {
-    "record": {"record": TEXT, "column": TEXT._replace(default=None), "scale": FINITE._replace(default=1.0)},
-    "amplitude": {"amplitude": FINITE, "frequency": POSITIVE, "phase": FINITE._replace(default=0.0)},
-    "constant": {"constant": FINITE},
-}
-"""The entries of each kind of course."""
+_EXPRESSION = Kind("a finite number or an expression of parameters", lambda value: FINITE.fits(value) or isinstance(value, str))
+_HARMONIC = Kind("a positive integer", lambda value: INTEGER.fits(value) and value > 0, default=None)
 
 
-def read_loads(scene: TomlTable, system: ImpactSystem, folder: Path) -> tuple[Force, ...]:
-    """The loads of a scene. Relative names of records start at `folder`. Messages name the place in the scene or in the record."""
-    loads: list[Force] = []
-    size = system.degrees_of_freedom
-    row = Kind(f"a list of {size} numbers", lambda value: NUMBERS.fits(value) and len(value) == size, NUMBERS.read, default=None)
+def _courses(number: Kind, frequency: Kind) -> dict[str, dict[str, Kind]]:
+    """The entries of each kind of course."""
+    return {
+        "record": {"record": TEXT, "column": TEXT._replace(default=None), "scale": FINITE._replace(default=1.0)},
+        "amplitude": {"amplitude": number, "frequency": frequency, "harmonic": _HARMONIC, "phase": number._replace(default=0.0)},
+        "constant": {"constant": number},
+    }
+
+
+def read_loads(scene: TomlTable, coordinates: Sequence[str], folder: Path) -> list[dict[str, Any]]:
+    """The loads of a scene, as `bvp.parameters.ParametricSystem.from_description` takes them. Relative names of records start at `folder`.
+    Messages name the place in the scene or in the record."""
+    loads: list[dict[str, Any]] = []
+    size = len(coordinates)
+    number = _EXPRESSION if "parameters" in scene.content else FINITE
+    courses = _courses(number, _EXPRESSION if "parameters" in scene.content else POSITIVE)
+    row = Kind(
+        f"a list of {size} numbers",
+        lambda value: isinstance(value, list) and len(value) == size and all(map(number.fits, value)),
+        lambda value: list(map(number.read, value)),
+        default=None,
+    )
     if "ground" in scene.content:
-        from bvp.forcing import ground_load
-
         ground = scene.table("ground")
-        values = ground.fields({"direction": row, **_course(ground)})
-        loads.append(_load(ground_load(system, values["direction"]), values, "acceleration", folder, ground.where))
+        values = ground.fields({"direction": row, **_course(ground, courses)})
+        direction = values.pop("direction")
+        loads.append(_load({"ground": direction or [1.0] * size, **values}, "acceleration", folder, ground.where))
     for force in scene.tables("forces"):
-        values = force.fields({"on": TEXT._replace(default=None), "load": row, **_course(force)})
-        on, load = values["on"], values["load"]
+        values = force.fields({"on": TEXT._replace(default=None), "load": row, **_course(force, courses)})
+        on, load = values.pop("on"), values["load"]
         if (on is None) == (load is None):
-            raise BadInput(f"{force.where}: a force acts on = {system.coordinates[0]!r}, a coordinate, or has load, one force each")
+            raise BadInput(f"{force.where}: a force acts on = {coordinates[0]!r}, a coordinate, or has load, one force each")
         if load is None:
-            if on not in system.coordinates:
-                known = ", ".join(system.coordinates)
-                raise force.wrong("on", on, f"one of the coordinates {known}{nearest(on, system.coordinates)}")
-            load = [float(on == name) for name in system.coordinates]
-        loads.append(_load(np.array(load), values, "force", folder, force.where))
-    return tuple(loads)
+            if on not in coordinates:
+                raise force.wrong("on", on, f"one of the coordinates {', '.join(coordinates)}{nearest(on, coordinates)}")
+            values["load"] = [float(on == name) for name in coordinates]
+        loads.append(_load(values, "force", folder, force.where))
+    return loads
 
 
-def _course(table: TomlTable) -> dict[str, Kind]:
+def _course(table: TomlTable, courses: dict[str, dict[str, Kind]]) -> dict[str, Kind]:
     """The entries of the course that a table gives."""
-    kinds = [key for key in _COURSES if key in table.content]
+    kinds = [key for key in courses if key in table.content]
     if len(kinds) != 1:
         received = ", ".join(kinds) or "none"
         raise BadInput(f"{table.where}: the course of a load is record, amplitude (with frequency) or constant; received {received}")
-    return _COURSES[kinds[0]]
+    course = courses[kinds[0]]
+    if "frequency" in course:
+        if "frequency" in table.content and "harmonic" in table.content:
+            raise BadInput(f"{table.where}: frequency and harmonic each give the frequency; expected one of them")
+        course = {key: kind for key, kind in course.items() if key != ("frequency" if "harmonic" in table.content else "harmonic")}
+    return course
 
 
-def _load(load: np.ndarray, values: dict[str, Any], column: str, folder: Path, where: str) -> Force:
-    """The load on each coordinate, with its course in time. `column` is that of a record which names none."""
-    from bvp.forcing import Constant, Harmonic, Record
-
+def _load(values: dict[str, Any], column: str, folder: Path, where: str) -> dict[str, Any]:
+    """A load, with the samples of its record. `column` is that of a record which names none."""
     if "record" in values:
-        times, course = read_record(folder / values["record"], values["column"] or column, where)
-        return Record((values["scale"] * load).tolist(), times, course)
-    if "constant" in values:
-        return Constant((values["constant"] * load).tolist())
-    amplitude, phase = values["amplitude"], values["phase"]
-    return Harmonic(values["frequency"], (amplitude * math.cos(phase) * load).tolist(), (-amplitude * math.sin(phase) * load).tolist())
+        times, course = read_record(folder / values.pop("record"), values.pop("column") or column, where)
+        values |= {"times": times.tolist(), "values": course.tolist()}
+    return values
 
 
 def read_record(path: Path, column: str, where: str) -> tuple[np.ndarray, np.ndarray]:
