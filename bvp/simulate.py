@@ -57,7 +57,7 @@ class Simulator:
         self.dampers = split_damping(system, dampers)
         self.terms = budget_terms(self.dampers, self.forcing, len(system.stops))
         self.table = ContactModeTable(system, self.forcing, self.terms)
-        self.parts = (*self.dampers, *(f"stop {stop.name}" for stop in system.stops))
+        self.parts = parts_of(system, self.dampers)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         return f"Simulator of a system with {self.system.degrees_of_freedom} degrees of freedom", [("parts", listed(self.parts))]
@@ -346,6 +346,12 @@ def simulate(
     (3.0, ('-',), True)
     """
     return Simulator(system, forces, dampers).run(u, v, duration, max_impacts, leaving, marks, on_progress)
+
+
+def parts_of(system: ImpactSystem, dampers: Mapping[str, Any] | None = None) -> tuple[str, ...]:
+    """Names of the parts that dissipate energy: the dampers, by default those of `split_damping`, then the stops."""
+    named = split_damping(system) if dampers is None else dampers
+    return (*named, *(f"stop {stop.name}" for stop in system.stops))
 
 
 def checked_state(system: ImpactSystem, u: Any, v: Any) -> np.ndarray:

@@ -56,6 +56,13 @@ from transitions.stage import changes as changes
 from transitions.stages import stages_of as stages_of
 from transitions.study.runs import Ending as Ending
 from transitions.study.study import Study as Study
+from transitions.sweep.forced import Carried as Carried
+from transitions.sweep.settle import Settled as Settled
+from transitions.sweep.settle import SettledKind as SettledKind
+from transitions.sweep.settle import settle as settle
+from transitions.sweep.sweep import Sweep as Sweep
+from transitions.sweep.sweep import SweepSettings as SweepSettings
+from transitions.sweep.sweep import sweep as sweep
 from transitions.transition import Transition as Transition
 from transitions.transition import read_transition as read_transition
 from transitions.transition import write_transition as write_transition

@@ -147,3 +147,16 @@ def test_the_columns_of_a_section_are_listed(tmp_path, capsys):
     assert main(["section", "--energy", "0.06", "--orbits", "2", "--crossings", "2", "--npz", str(path)]) == 0
     capsys.readouterr()
     assert set(np.load(path).files) == {*keys("Section"), "about"}
+
+
+def test_the_columns_of_a_sweep_are_listed(tmp_path, capsys):
+    """Oracle: the files of a short sweep of the scene on the page about sweeps."""
+    text = re.search(r"```toml\n(.*?)```", page("../how-to/forced.md"), re.DOTALL)[1]
+    (tmp_path / "stop.toml").write_text(text, encoding="utf-8")
+    words = ["sweep", "--scene", str(tmp_path / "stop.toml"), "--in", "s", "--range=-0.1:0", "--points", "2", "--up", "--record", "2"]
+    data = record(tmp_path, capsys, *words)
+    listed = re.search(r"`saltus sweep` writes .*? JSON is `\{(.*?)\}`", page("files.md"), re.DOTALL)[1]
+    assert re.findall(r'"(\w+)"', listed) == list(data)
+    part = page("files.md").partition("\n## Sweep\n")[2].partition("\n## ")[0]
+    dotted = {name.partition(".")[0] for name in re.findall(r"`(\w+\.\w+)`", part)}
+    assert {name.partition(".")[0] for name in data["points"][0]} == {*keys("Sweep"), *dotted}

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from transitions.averages import weighted_mean
 from transitions.section.plane import SectionPlane, checked_points
 from transitions.section.section import Section, follow_crossings
 
@@ -193,9 +194,9 @@ def _mean_step(angles: np.ndarray) -> tuple[float, float] | None:
     closed = np.append(steps[order], steps[order[0]])
     spread = float(np.ptp(steps))
     half = len(steps) // 2
-    if np.abs(np.diff(closed)).max() > _JUMP or abs(_mean(steps[:half]) - _mean(steps[half:])) > SETTLED * 2.0 * math.pi:
+    if np.abs(np.diff(closed)).max() > _JUMP or abs(weighted_mean(steps[:half]) - weighted_mean(steps[half:])) > SETTLED * 2.0 * math.pi:
         return math.nan, spread
-    return _mean(steps) / (2.0 * math.pi), spread
+    return weighted_mean(steps) / (2.0 * math.pi), spread
 
 
 def _angles(points: np.ndarray) -> np.ndarray:
@@ -207,9 +208,3 @@ def _widest_gap(angles: np.ndarray) -> float:
     """Width of the widest range of the circle without an angle."""
     ordered = np.sort(np.mod(angles, 2.0 * math.pi))
     return float(np.diff(np.append(ordered, ordered[0] + 2.0 * math.pi)).max())
-
-
-def _mean(values: np.ndarray) -> float:
-    t = (np.arange(len(values)) + 0.5) / len(values)
-    weights = np.exp(-1.0 / (t * (1.0 - t)))
-    return float(weights @ values / weights.sum())

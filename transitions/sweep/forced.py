@@ -14,7 +14,6 @@ from bvp.forcing import Harmonic, Record
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as entry
 from bvp.kernels import motion as motion_kernels
-from bvp.kernels.contact_mode import begin_anew
 from bvp.motion import STATUS, MotionStatus
 from bvp.simulate import BeyondStop, Simulator, checked_state
 from transitions.sweep import kernels
@@ -163,8 +162,8 @@ class PeriodRecord:
         (u, v) at the end of each.
     growths : (P,) ndarray
         Logarithm of the growth of the tangent vector, whose size is that of (w du, dv); -inf where it vanished.
-    kept : tuple of P tuples of str
-        Contacts that stick throughout the period.
+    kept : (P,) int64 ndarray
+        Bits of the contacts that stick throughout the period.
     impacts : ImpactRecord
     count : int
         Number of impacts.
@@ -178,7 +177,7 @@ class PeriodRecord:
 
     states: np.ndarray
     growths: np.ndarray
-    kept: tuple[tuple[str, ...], ...]
+    kept: np.ndarray
     impacts: ImpactRecord
     count: int
     totals: np.ndarray
@@ -188,7 +187,7 @@ class PeriodRecord:
 
     def without_periods(self) -> PeriodRecord:
         """The same without what was recorded."""
-        return replace(self, states=self.states[:0], growths=self.growths[:0], kept=(), peaks=None)
+        return replace(self, states=self.states[:0], growths=self.growths[:0], kept=self.kept[:0], peaks=None)
 
 
 class ForcedMotion:
@@ -229,7 +228,7 @@ class ForcedMotion:
         angles = np.array(multiples) * phase
         sticking, self.released = self._kept(start, angles)
         state = self.simulator.state(0, 0)
-        begin_anew(state)
+        state.counts[entry.LEAVING] = -1
         state.counts[entry.PENDING] = sticking
         state.x[: 2 * n] = start.state
         state.angles[:, 0] = angles
@@ -325,7 +324,7 @@ class ForcedMotion:
         return PeriodRecord(
             states=strobes.states[:done],
             growths=strobes.growths[:done],
-            kept=tuple(self._named(bits) for bits in strobes.kept[:done].tolist()),
+            kept=strobes.kept[:done],
             impacts=found,
             count=int(motion.counts[entry.IMPACTS]) - started[1],
             totals=motion.sums.sum(axis=1) - started[0],
@@ -340,7 +339,8 @@ class ForcedMotion:
         self._forced.places[kernels.FOUND] = 0
         return kernels.Impacts(*(array[:found].copy() for array in record))
 
-    def _named(self, sticking: int) -> tuple[str, ...]:
+    def named(self, sticking: int) -> tuple[str, ...]:
+        """Letters of the contacts of the bits of `sticking`."""
         return tuple(letter for c, letter in enumerate(self._letters) if sticking >> c & 1)
 
     def monodromy(self, periods: int) -> np.ndarray:
@@ -364,4 +364,4 @@ class ForcedMotion:
         f = int(motion.counts[entry.MODE])
         tangent = self._forced.tangent.copy()
         usable = bool(np.any(tangent) and np.isfinite(tangent).all())
-        return Carried(self._modes.leave[f] @ motion.z, self._named(int(self._modes.sticking[f])), tangent if usable else None)
+        return Carried(self._modes.leave[f] @ motion.z, self.named(int(self._modes.sticking[f])), tangent if usable else None)

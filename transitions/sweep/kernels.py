@@ -5,11 +5,11 @@ derivative of this map. In flight it moves as the state does, without loads. A p
 
     dt = -(c . du)/(c . v)
 
-and the impact R takes d to R (d + f- dt) - f+ dt, where f- and f+ are (v, v') before and after the impact, with the loads. This is the
-saltation matrix: the difference of f- and R^-1 f+ has the term of the loads. No force jumps at a release, so d passes it unchanged. A
-contact that begins to stick takes the parts of d across its gap away: two dimensions for each such stop. Coordinates along the stop take no
-impulse there, so this also holds at the end of bounces that are summed. Motion across the gap acts on them during these bounces by springs
-and dampers; the little of it that is left when the sum begins is neglected.
+and the impact R takes d to R (d + f- dt) - f+ dt, equation (37), where f- and f+ are (v, v') before and after the impact, with the loads.
+This is the saltation matrix: R f- - f+ has the term of the loads. No force jumps at a release, so d passes it unchanged. A contact that
+begins to stick takes the parts of d across its gap away: two dimensions for each such stop. Coordinates along the stop take no impulse
+there, so this also holds at the end of bounces that are summed. Motion across the gap acts on them during these bounces by springs and
+dampers; the little of it that is left when the sum begins is neglected.
 """
 
 import math
@@ -139,7 +139,7 @@ def pass_event(modes, carry, k, forced, work):
         return
     times_matrix(carry[f], tangent, work.image)
     shift = -row_dot(modes.gap[f], c, work.image) / speed
-    # d + f- dt.
+    # Equation (37): d + f- dt.
     block_product(flight.pairs, flight.matrix, work.state, work.velocity)
     times_matrix(modes.leave[f], work.velocity, work.rate)
     for r in range(tangent.shape[0]):
@@ -157,7 +157,7 @@ def pass_event(modes, carry, k, forced, work):
         if impulses_of(modes, active, modes.rate[0], c, jump, work.image, table):
             push_off(modes, work.image, table)
         times_matrix(modes.leave[0], work.image, tangent)
-    # - f+ dt.
+    # Equation (37): - f+ dt.
     flight = flight_of(modes, after)
     block_product(flight.pairs, flight.matrix, log.states[k], work.velocity)
     times_matrix(modes.leave[after], work.velocity, work.rate)

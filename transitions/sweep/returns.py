@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from transitions.averages import weighted_mean
+
 __all__ = ["LOOSEST", "RETURN", "distance_scale", "find_period", "largest_exponent", "mean_growth"]
 
 RETURN = 1e-9
@@ -19,10 +21,7 @@ LOOSEST = 1e-4
 
 
 def mean_growth(growths: np.ndarray) -> float:
-    """The mean of logarithmic growths (P,), weighted by the bump function exp(-1/(x (1 - x))) of x = (k + 1)/(P + 1).
-
-    Along a quasiperiodic motion, and a periodic one with complex multipliers, this converges faster than any power of 1/P, where the
-    plain mean converges as 1/P (Das, Saiki, Sander & Yorke, Nonlinearity 30 (2017) 4111). -inf where a growth is -inf, NaN without growths.
+    """The `weighted_mean` of logarithmic growths (P,): -inf where one of them is -inf, NaN without growths.
 
     Examples
     --------
@@ -32,11 +31,7 @@ def mean_growth(growths: np.ndarray) -> float:
     """
     if not len(growths):
         return math.nan
-    if np.any(np.isneginf(growths)):
-        return -math.inf
-    x = np.arange(1, len(growths) + 1) / (len(growths) + 1)
-    weights = np.exp(-1.0 / (x * (1.0 - x)))
-    return float(weights @ growths / weights.sum())
+    return -math.inf if np.any(np.isneginf(growths)) else weighted_mean(growths)
 
 
 def largest_exponent(multipliers: np.ndarray, time: float) -> float:

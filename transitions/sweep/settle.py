@@ -246,7 +246,7 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         values = np.linalg.eigvals(motion.monodromy(p)).astype(complex)
         multipliers = values[np.lexsort((np.angle(values), -np.abs(values)))]
         growth, error = largest_exponent(multipliers, float(p)), 0.0
-    kept = set(orbit.kept[0]).intersection(*orbit.kept[1:]) if orbit.kept else set()
+    kept = motion.named(int(np.bitwise_and.reduce(orbit.kept))) if len(orbit.kept) else ()
     n = motion.system.degrees_of_freedom
     if kind is SettledKind.PERIODIC and kept and not (orbit.count or np.any(states[:, n:]) or np.any(orbit.states[:, n:])):
         kind = SettledKind.AT_REST
@@ -258,7 +258,7 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         states=states,
         impacts=orbit.impacts,
         stops=tuple(letters[c] for c in orbit.impacts.contacts),
-        sticking=tuple(sorted(kept)),
+        sticking=kept,
         period_of_loads=motion.period,
         multipliers=multipliers,
         growth=growth,

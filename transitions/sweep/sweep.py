@@ -207,6 +207,7 @@ def sweep(
             zero = np.zeros(n)
             carried = Carried(require_inside(system, zero if u is None else u, zero if v is None else v))
         inside, moved = carried_into(system, carried or Carried(np.zeros(2 * n)))
+        moved = 0.0 if carried is None else moved
         motion = ForcedMotion(system, forces, inside)
         part, ended = _one_value(motion, value, moved, settings)
         parts.append(part)

@@ -1,0 +1,216 @@
+"""`saltus sweep --in w --range LO:HI`: the brute-force bifurcation diagram of forced motion over one parameter."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.texts import listed, shown
+from saltus import compiling, options, outputs, processes
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
+from saltus.motion.simulation import state
+from saltus.options import ValueType, whole_above_zero
+from saltus.terminal import ProgressBar, table_lines
+
+if TYPE_CHECKING:
+    from saltus.scene import Scene
+    from transitions.sweep.runs import SweepPlan, SweepRun
+    from transitions.sweep.sweep import Sweep
+
+POINTS = 200
+MOST_ROWS = 30
+"""Rows of the table on the terminal for each sweep; the files have all values."""
+
+_range = ValueType(
+    lambda text: tuple(float(part) for part in text.split(":")),
+    lambda ends: len(ends) == 2 and ends[0] < ends[1] and all(map(math.isfinite, ends)),
+    "LO:HI with LO < HI",
+)
+_whole = ValueType(int, lambda value: 0 <= value <= 10**7, "an integer of 0 or more, up to 1e7")
+_recorded = ValueType(int, lambda value: 1 <= value <= 10**7, "an integer above 0, up to 1e7")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser of the command."""
+    parser.add_argument("--in", dest="parameter", metavar="NAME", help="the parameter that changes")
+    parser.add_argument("--range", metavar="LO:HI", type=_range, help="its range")
+    parser.add_argument(
+        "--points", metavar="N", type=whole_above_zero, default=POINTS, help=f"number of values in the range (default: {POINTS})"
+    )
+    parser.add_argument("--up", action="store_true", help="sweep from LO to HI (default: both ways)")
+    parser.add_argument("--down", action="store_true", help="sweep from HI to LO (default: both ways)")
+    parser.add_argument(
+        "--transient", metavar="N", type=_whole, default=200, help="periods of the load left out after each change (default: 200)"
+    )
+    parser.add_argument("--record", metavar="N", type=_recorded, default=100, help="periods of the load that are recorded (default: 100)")
+    parser.add_argument(
+        "--start",
+        metavar="U1,..,V1,..",
+        type=state,
+        action="append",
+        help="start with these displacements, then velocities (default: rest); can be repeated, each start is a sweep",
+    )
+    parser.add_argument("--y", metavar="WHAT", default="speed", help="measure of the figure: speed (default), max:u1, strobe:u1, ...")
+    options.add_shared(parser, "workers", "dask")
+    outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
+    options.add_scene(parser, uses=("ground", "forces"))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; return the exit code."""
+    files = outputs.outputs_of(arguments)
+    if arguments.parameter is None:
+        raise BadInput("--in NAME is required: the parameter that changes")
+    if arguments.range is None:
+        raise BadInput("--range LO:HI is required: the range of the parameter")
+    if arguments.points < 2:
+        raise BadInput(f"--points {arguments.points}: expected 2 at least, the ends of the range")
+    scene = options.scene_of(arguments)
+    plan = _plan(arguments, scene)
+
+    from transitions.sweep.figure import measures_of
+    from transitions.sweep.runs import failures, run_sweeps, sweeps_table
+
+    if arguments.model:
+        from saltus.scene.model import explain_motion
+
+        files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
+    names = measures_of(scene.system.coordinates, _parts(scene))
+    if arguments.y not in names:
+        raise BadInput(f"--y {shown(arguments.y)}: expected one of {', '.join(names)}{nearest(arguments.y, names)}")
+    compiling.prepare("sweep")
+    sweeps = len(plan.directions) * max(1, len(plan.starts))
+    with ProgressBar(sweeps * plan.points, "values") as bar:
+        if sweeps == 1 and arguments.dask is None:
+            runs, interrupted = run_sweeps(plan, None, bar.update)
+        else:
+            with processes.open_executor(arguments.workers, arguments.dask) as (executor, _):
+                runs, interrupted = run_sweeps(plan, executor, bar.update)
+    if interrupted:
+        say("interrupted; the values that were finished are written")
+    files.report(_lines(runs, arguments.parameter))
+    failed = failures(runs)
+    for status, count in failed.items():
+        say(f"{count} of {sum(len(run.sweep) for run in runs)} values have no result: {status.value}")
+
+    from branches.tables import csv_text, plain_columns
+
+    table = sweeps_table(runs)
+    about = _about(plan, scene, runs)
+
+    def text() -> str:
+        columns = plain_columns(table)
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        return outputs.json_text({"schema": outputs.SCHEMA, **about, "points": rows})
+
+    figure = "transitions.sweep.figure:sweep_figure", runs, {"parameter": arguments.parameter, "y": arguments.y, "title": scene.title}
+    texts = {"json": text, "csv": lambda: csv_text(table)}
+    described = json.dumps({"schema": outputs.SCHEMA, **about}, allow_nan=False)
+    code = files.write(texts, table=lambda: table, about=lambda: described, figure=figure)
+    return INTERRUPTED if interrupted else max(code, FAILED if failed else DONE)
+
+
+def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
+    """The sweeps that were asked for; BadInput if the scene or the parameter cannot have them."""
+    from bvp.parameters import ParametricSystem
+    from transitions.sweep.runs import AlongParameter, SweepPlan, check_plan
+    from transitions.sweep.sweep import SweepSettings
+
+    name, n = arguments.parameter, scene.system.degrees_of_freedom
+    for start in arguments.start or ():
+        if len(start) != 2 * n:
+            coordinates = scene.system.coordinates
+            listed_names = ",".join([*coordinates, *(f"{coordinate}'" for coordinate in coordinates)])
+            raise BadInput(f"--start has {len(start)} numbers, expected {2 * n}: {listed_names}")
+    directions = [way for way, wanted in (("up", arguments.up), ("down", arguments.down)) if wanted]
+    low, high = arguments.range
+    plan = SweepPlan(
+        at=AlongParameter(scene.parametric or ParametricSystem.of(scene.system, scene.forces), name),
+        low=low,
+        high=high,
+        points=arguments.points,
+        directions=tuple(directions) or ("up", "down"),
+        starts=tuple(np.array(start) for start in arguments.start or ()),
+        settings=SweepSettings(arguments.transient, arguments.record),
+    )
+    try:
+        check_plan(plan)
+    except ValueError as error:
+        raise BadInput(one_line(error)) from error
+    return plan
+
+
+def _parts(scene: Scene) -> tuple[str, ...]:
+    from bvp.simulate import parts_of
+
+    return parts_of(scene.system)
+
+
+def _about(plan: SweepPlan, scene: Scene, runs: list[SweepRun]) -> dict[str, Any]:
+    """What holds for all rows."""
+    from transitions.study.plan import load_as_data
+
+    first = runs[0].sweep
+    return {
+        "system": scene.system.describe(),
+        "forces": [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, scene.forces)],
+        "parameter": plan.at.name,
+        "range": [plan.low, plan.high],
+        "transient": plan.settings.transient,
+        "record": plan.settings.record,
+        "coordinates": list(first.coordinates),
+        "contacts": list(first.contacts),
+        "parts": list(first.parts),
+    }
+
+
+def _lines(runs: list[SweepRun], parameter: str) -> list[str]:
+    """The table of a report: intervals of values with one period and one number of impacts."""
+    several = len({run.start for run in runs}) > 1
+    cells, left = [], 0
+    for run in runs:
+        rows = list(_intervals(run.sweep))
+        left += max(0, len(rows) - MOST_ROWS)
+        name = f"{run.direction} {run.start}" if several else run.direction
+        cells += [(name, *row) for row in rows[:MOST_ROWS]]
+    lines = table_lines(("sweep", f"{parameter} from", "to", "values", "period", "impacts", "exponent"), cells, columns="lrrrrrr")
+    if left:
+        lines.append(f"note     {left} more intervals; the files have all values")
+    return lines + _remarks(runs)
+
+
+def _intervals(sweep: Sweep) -> Iterator[tuple[str, ...]]:
+    """Rows of the table: consecutive values with one period and one number of impacts."""
+    count = np.where(sweep.periods > 0, np.round(sweep.impact_rates * sweep.periods), -1.0)
+    changes = np.flatnonzero((np.diff(sweep.periods) != 0) | (np.diff(count) != 0)) + 1
+    for part in np.split(np.arange(len(sweep)), changes):
+        p = int(sweep.periods[part[0]])
+        exponents = sweep.exponents[part]
+        finite = exponents[~np.isnan(exponents)]
+        impacts = f"{sweep.impact_rates[part].mean():.4g}"
+        largest = f"{_rounded(finite.max()):.3g}" if len(finite) else "-"
+        yield f"{sweep.values[part[0]]:.6g}", f"{sweep.values[part[-1]]:.6g}", str(len(part)), str(p or "none"), impacts, largest
+
+
+def _rounded(exponent: float) -> float:
+    """0 for what is rounding."""
+    return 0.0 if abs(exponent) < 1e-12 else exponent
+
+
+def _remarks(runs: list[SweepRun]) -> list[str]:
+    """What happened to states that could not be carried over as they were."""
+    moved = sum(int(np.sum(run.sweep.moved > 0.0)) for run in runs)
+    released = sum(sum(map(bool, run.sweep.released)) for run in runs)
+    lines = []
+    if moved:
+        most = max(float(run.sweep.moved.max()) for run in runs)
+        lines.append(f"moved    at {moved} values the new stop was beyond the state, which was moved to it, by {most:.3g} at most")
+    if released:
+        letters = sorted({letter for run in runs for found in run.sweep.released for letter in found})
+        lines.append(f"released at {released} values contacts that stuck were pulled open by the new loads: {listed(letters)}")
+    return lines
