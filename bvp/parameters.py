@@ -20,8 +20,8 @@ from bvp.description import BASE, FORCE, force_from, in_order, leaves, mapped, n
 from bvp.entries import Layout, entries_of, exact
 from bvp.expressions import parsed
 from bvp.forcing import Constant, Force, Harmonic
-from bvp.kernels.expressions import Program, run
-from bvp.programs import derivative, program_of, scratch_size
+from bvp.kernels.expressions import Program
+from bvp.programs import derivative, evaluate, program_of, scratch_size
 from bvp.system import MODELS, STOP_KEYS, SYSTEM_KEYS, ImpactSystem
 from bvp.texts import brief, listed, shown
 
@@ -282,8 +282,8 @@ class ParametricSystem:
 
     def _run(self, released: Released, values: Mapping[str, float] | None) -> np.ndarray:
         at = self.at(values)
-        out = np.zeros(len(released.program.outputs))
-        if not run(released.program, np.array([at[name] for name in self.names]), np.zeros(released.scratch), out):
+        out = evaluate(released.program, [at[name] for name in self.names])
+        if not np.isfinite(out).all():
             raise InvalidSystem(f"an entry of the system or its derivative is not finite{_where(at)}")
         return out
 
@@ -348,11 +348,13 @@ class ParametricSystem:
         if not self.derived and all(text in at for text in self._texts):
             return at
         texts, program = self._numbers_program
-        out = np.zeros(len(texts))
-        if not run(program, np.array([at[name] for name in self.names]), np.zeros(scratch_size(program, len(at))), out):
-            k = int(np.argmin(np.isfinite(out)))
-            name = self._texts.get(texts[k], "parameter")
-            raise InvalidSystem(f"{name} is {self.derived.get(texts[k], texts[k])}, which is {out[k]:g}; expected a finite number")
+        out = evaluate(program, list(at.values()))
+        if not np.isfinite(out).all():
+            symbols = list(self._symbols.values())
+            each = [evaluate(program_of([self._expressions[text]], symbols), list(at.values()))[0] for text in texts]
+            k = int(np.argmin(np.isfinite(each)))
+            place = self._texts.get(texts[k], f"parameter {texts[k]}")
+            raise InvalidSystem(f"{place} is {self.derived.get(texts[k], texts[k])}, which has no finite value")
         return at | dict(zip(texts, out.tolist(), strict=True))
 
     @cached_property

@@ -8,7 +8,7 @@ import sympy
 
 from bvp.expressions import ExpressionError, parsed
 from bvp.kernels.expressions import run
-from bvp.programs import derivative, program_of, scratch_size
+from bvp.programs import derivative, evaluate, program_of, scratch_size
 
 NAMES = ("a", "b", "c")
 TEXTS = [
@@ -69,6 +69,14 @@ def test_values_and_derivatives_are_those_of_sympy_in_forty_digits(point):
         assert abs(float(exact - sympy.Rational(value))) <= 8.0 * 2.3e-16 * max(inside, abs(float(exact))), expression
 
 
+@pytest.mark.parametrize("point", POINTS)
+def test_the_same_without_compiled_code(point):
+    """Oracle: the compiled program; the functions of both can differ in their last digit."""
+    expressions = [read(text) for text in TEXTS]
+    found = evaluate(program_of(expressions, symbols()), point)
+    np.testing.assert_allclose(found, values(expressions, point), rtol=1e-15)
+
+
 @pytest.mark.parametrize("text", [text for text in TEXTS if "abs" not in text])
 def test_derivatives_are_those_of_a_complex_step(text):
     """Im f(x + ih)/h, with f by numpy from the text: no part of the program or of sympy's derivative is in it."""
@@ -104,6 +112,7 @@ def test_a_value_that_is_not_finite_is_reported(text, point):
     out = np.zeros(2)
     assert not run(program, np.array(point, dtype=float), np.zeros(scratch_size(program, 3)), out)
     assert not math.isfinite(out[1])
+    assert not math.isfinite(evaluate(program, point)[1])
 
 
 def test_what_cannot_be_computed_is_refused():

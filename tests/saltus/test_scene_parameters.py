@@ -207,7 +207,7 @@ WRONG = [
     (changed("w0 = 1.5", 'w0 = "k"'), ["cycle: w0 -> k -> w0"]),
     (changed('[0, "m"]]', '[0, "mm"]]'), ["row 2 of mass has the name mm, which is no parameter", "nearest: m"]),
     (changed("m = 0.5", "m = 0"), ["mass must be positive definite; its diagonal entry 2 is 0 (at m = 0"]),
-    (changed("m = 0.5", "m = -0.5"), ["damping is 0.02*sqrt(k), which is nan", "(at m = -0.5"]),
+    (changed("m = 0.5", "m = -0.5"), ["damping is 0.02*sqrt(k), which has no finite value", "(at m = -0.5"]),
     (changed("r = 0.7", "r = 1.7"), ["restitution lies in [0, 1]; a stop has 1.7", "r = 1.7"]),
     (changed("d = 1.0", "d = [1.0]"), ["parameter d is a finite number or an expression of others; received [1.0]"]),
     (changed('"0.02*sqrt(k)"', "\"__import__('os').system('true')\""), ["cannot be read: the functions known"]),
