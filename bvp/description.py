@@ -16,10 +16,13 @@ from bvp.forcing import Constant, Force, Harmonic, Record, ground_load
 from bvp.system import MODELS, ImpactSystem
 from bvp.texts import shown
 
-__all__ = ["BASE", "FORCE", "force_from", "in_order", "leaves", "mapped", "names_in", "own_parameters", "require_name"]
+__all__ = ["BASE", "FORCE", "RESERVED", "force_from", "in_order", "leaves", "mapped", "names_in", "own_parameters", "require_name"]
 
 BASE = "w"
 """The parameter of which ``harmonic`` gives the multiple. If the loads have one frequency, a number, it is this parameter."""
+
+RESERVED = ("energy", "quarter_period")
+"""Parameters of every conservative family, which no scene defines."""
 
 FORCE = ("load", "ground", "amplitude", "phase", "frequency", "harmonic", "constant", "cosine", "sine", "times", "values", "scale")
 """Keys of a load."""
@@ -91,6 +94,9 @@ def mapped(node: Any, function: Callable[[str], Any]) -> Any:
 
 
 def require_name(name: str) -> None:
+    """Refuse the name of a parameter that expressions or commands take for something else."""
+    if name in RESERVED:
+        raise InvalidSystem(f"parameter {name} would hide the {name.replace('_', ' ')} of an orbit; expected another name")
     if name in FUNCTIONS or name == "pi":
         raise InvalidSystem(f"parameter {name} would hide the {'number' if name == 'pi' else 'function'} {name}; expected another name")
     if not is_plain(name) or keyword.iskeyword(name):

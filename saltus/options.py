@@ -30,6 +30,7 @@ __all__ = [
     "finite",
     "nothing_fits",
     "number",
+    "parameter_lines",
     "parameters_of",
     "positive",
     "scene_of",
@@ -204,6 +205,13 @@ def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
             raise BadInput(f"{name} is given twice, {found[name]:g} and {value:g}; expected one value")
         found[name] = value
     return found
+
+
+def parameter_lines(scene: Scene) -> list[str]:
+    """The line with the values of the parameters, if the scene has a table of them."""
+    if scene.parametric is None or not scene.parametric.has_table:
+        return []
+    return ["at       " + ", ".join(f"{name} = {value:.10g}" for name, value in scene.parameters.items())]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from saltus import catalogues, compiling, outputs
+from saltus import catalogues, compiling, options, outputs
 from saltus.errors import DONE, FAILED
 from saltus.terminal import ProgressBar, counted
 
@@ -30,8 +30,9 @@ def run(arguments: argparse.Namespace) -> int:
 
         with ProgressBar(len(catalogue), "families") as bar:
             counts, failures = check_catalogue(catalogue, bar.update)
+    lines = options.parameter_lines(options.scene_of(arguments)) if arguments.scene is not None else []
     looked = ", ".join(counted(counts[name], thing) for name, thing in THINGS.items())
-    lines = [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
+    lines += [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
     lines.append(f"{looked} looked at: " + (f"{counted(len(failures), 'failure')}" if failures else "all hold"))
     if counts["hidden"]:
         lines.append(f"{counted(counts['hidden'], 'event')} hidden by rounding: stability changes there, seen in fifty digits")

@@ -139,8 +139,7 @@ def _write(
     scale = options.Units(arguments.clearance, arguments.natural_frequency)
     record = motion_record(report, scene, start, scale, locked, modes)
     impacts = impact_table(report.motion, scale)
-    if scene.parametric is not None and scene.parametric.has_table:
-        files.report(["at       " + ", ".join(f"{name} = {value:.10g}" for name, value in record["parameters"].items())])
+    files.report(options.parameter_lines(scene))
     files.report(motion_lines(report, start, record, impacts))
     if arguments.emd:
         files.report(mode_lines(record))

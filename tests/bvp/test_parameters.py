@@ -189,6 +189,7 @@ WRONG = [
     (changed("parameters", "lambda", 1.0), "parameter 'lambda' cannot be named in expressions"),
     (changed("parameters", "__import__", 1.0), "parameter '__import__' cannot be named in expressions"),
     (changed("parameters", "sin", 1.0), "parameter sin would hide the function sin"),
+    (changed("parameters", "quarter_period", 3.0), "parameter quarter_period would hide the quarter period of an orbit"),
     (changed("parameters", "pi", 3.0), "parameter pi would hide the number pi"),
     (stiff(across="-kk"), "entry 2 of row 1 of stiffness has the name kk, which is no parameter; nearest: k"),
     (stiff(across="-m"), "stiffness must be symmetric"),

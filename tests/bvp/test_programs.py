@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bvp.expressions import ExpressionError, parsed
 from bvp.kernels.expressions import run
@@ -125,3 +127,28 @@ def test_decimals_are_exact_where_asked_for():
     """Oracle: 0.1 + 0.2 is 3/10, and not the sum of two floats."""
     assert parsed("0.1 + 0.2", "text", exact=True) == sympy.Rational(3, 10)
     assert float(parsed("0.1 + 0.2", "text")) == 0.1 + 0.2 != 0.3
+
+
+LEAVES = st.sampled_from(["a", "b", "c", "2", "0.3", "7"])
+TREES = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from(["+", "-", "*"]), inner).map(lambda parts: f"({' '.join(parts)})"),
+        st.tuples(inner, inner).map(lambda parts: f"({parts[0]}/(({parts[1]})**2 + 1))"),
+        st.tuples(inner, st.sampled_from([2, 3])).map(lambda parts: f"({parts[0]})**{parts[1]}"),
+        st.tuples(st.sampled_from(["sin", "cos", "tanh", "abs"]), inner).map(lambda parts: f"{parts[0]}({parts[1]})"),
+        inner.map(lambda part: f"sqrt(1 + ({part})**2)"),
+    ),
+    max_leaves=12,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(TREES, st.tuples(*[st.floats(0.1, 2.0)] * 3))
+def test_random_expressions_are_those_of_python(text, point):
+    """Oracle: Python's own arithmetic on the text, to the errors of the largest number inside."""
+    expression = read(text)
+    (value,) = values([expression], point)
+    python = eval(text, {name: getattr(math, name) for name in ("sin", "cos", "tanh", "sqrt")}, dict(zip(NAMES, point, strict=True)))
+    inside = max([abs(float(many_digits(part, point))) for part in sympy.postorder_traversal(sympy.expand(expression))])
+    assert abs(value - python) <= 1e-13 * max(inside, 1.0)

@@ -196,6 +196,26 @@ def test_a_study_takes_values_from_the_command_line(tmp_path, capsys):
     refused(run(capsys, "study", other, "--set", "mu=0.3"), "mu is fixed in the file")
 
 
+def test_a_conservative_scene_with_parameters_has_the_families_of_its_model(tmp_path, capsys):
+    """Oracle: the model with the same values: the ids are hashes of events. A catalogue belongs to one set of values."""
+    start = SCENE[SCENE.index("c = [-1, 1]") :]
+    text = (
+        "[parameters]\nmu = 0.1\nk = 0.1\n[system]\nmass = [['mu', 0], [0, 1]]\nstiffness = [['k', '-k'], ['-k', '1 + k']]\n[[stops]]\n"
+        + start[: start.index("restitution")].replace('"-d"', "-1").replace('"d"', "1").replace("[-1, 1]", "[1, -1]")
+        + '[coordinates]\nnames = ["u1", "u2"]\nLO = "u2"\nNES = "u1"\n'
+        + BOUNDS
+    )
+    path, place = written(tmp_path, text), str(tmp_path / "a.sqlite")
+    ids = []
+    for words in (["--scene", path, "--set", "k=0.12", "--catalogue", place, "--save"], ["--sigma", 0.12]):
+        code, _, _ = run(capsys, "continue", "S13+", "--energy", "0.2:1", "--json", tmp_path / "a.json", *words)
+        ids.append(json.loads((tmp_path / "a.json").read_text())["branch"]["id"])
+        assert code == 0
+    assert ids[0] == ids[1]
+    code, out, _ = run(capsys, "check", "--scene", path, "--mu", "0.1", "--set", "k=0.12", "--catalogue", place)
+    assert code == 0 and out.startswith("at       mu = 0.1, k = 0.12\n")
+
+
 def changed(old, new):
     """SCENE with one change."""
     assert SCENE.count(old) == 1, old
