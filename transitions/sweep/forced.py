@@ -275,13 +275,18 @@ class ForcedMotion:
         self._carry = np.array([self._carry_matrix(int(sticking), f) for f, sticking in enumerate(self._modes.sticking)])
 
     def _carry_matrix(self, sticking: int, f: int) -> np.ndarray:
-        """(N, 2n): from (u, v) to the state of contact mode f, without loads and without what its sticking stops take away."""
+        """(N, 2n): from (u, v) to the state of contact mode f, without loads and without what its sticking stops take away.
+
+        The last bounces before a contact sticks take a gap w to 0. On the way dampers C change the momentum of the other coordinates by
+        C U w, with the U of equation (6)."""
         n, modes = self.system.degrees_of_freedom, self.system.modes
         enter = self._modes.enter[f][:, : 2 * n].copy()
         closed = [c for c in range(len(modes.contacts.side)) if sticking >> c & 1]
         if closed:
             rows = np.array([self.system.stops[modes.contact_stop[c]].gap for c in closed])
-            enter[:, :n] -= enter[:, :n] @ _along(self.system, rows) @ rows
+            lift = _along(self.system, rows)
+            kept = np.eye(n) - lift @ rows
+            enter[:, :n] = enter[:, :n] @ kept + enter[:, n:] @ kept @ np.linalg.solve(self.system.mass, self.system.damping @ lift @ rows)
         return enter
 
     def advance(self, periods: int, *, impacts: bool = False, peaks: bool = False) -> PeriodRecord:

@@ -37,9 +37,9 @@ DONE, MODE, KEPT, FOUND, PLACES = range(5)
 """Entries of `Forced.places`: periods done; contact mode of the next flight; contacts that stick since the period began; impacts
 recorded; and their number."""
 
-STARTED, SPENT, CLOCKS = range(3)
-"""Entries of `Forced.clocks`: time in the period at which the next flight begins; energy dissipated when the period began; and their
-number."""
+STARTED, SPENT, SHIFT, CLOCKS = range(4)
+"""Entries of `Forced.clocks`: time in the period at which the next flight begins; energy dissipated when the period began; dt of the impact
+with which the next flight begins, 0 if it begins otherwise; and their number."""
 
 
 class Forced(NamedTuple):
@@ -121,6 +121,16 @@ def fly_tangent(modes, carry, duration, forced, work):
 
 
 @kernel
+def add_rate(modes, f, z, factor, forced, work):
+    """tangent += factor (v, v'), the rate of the state z of contact mode f."""
+    flight = flight_of(modes, f)
+    block_product(flight.pairs, flight.matrix, z, work.velocity)
+    times_matrix(modes.leave[f], work.velocity, work.rate)
+    for r in range(forced.tangent.shape[0]):
+        forced.tangent[r] += factor * work.rate[r]
+
+
+@kernel
 def pass_event(modes, carry, k, forced, work):
     """Carry the tangent vector over the flight that ends with event k of the log, and over this event."""
     tangent, log = forced.tangent, work.log
@@ -129,10 +139,14 @@ def pass_event(modes, carry, k, forced, work):
     c = log.numbers[k, 1]
     duration = max(0.0, log.values[k, 0] - forced.clocks[STARTED])
     fly_tangent(modes, carry, duration, forced, work)
+    if duration > 0.0:
+        forced.clocks[SHIFT] = 0.0
     if log.numbers[k, 0] != entry.IMPACT or (modes.sticking[f] >> c) & 1 != 0:
+        # An impact can change the force of a sticking contact so that it opens at once: then f+ is that of the open contact.
+        if f != after and forced.clocks[SHIFT] != 0.0:
+            add_rate(modes, f, forced.begin, forced.clocks[SHIFT], forced, work)
+            add_rate(modes, after, log.states[k], -forced.clocks[SHIFT], forced, work)
         return
-    flight = flight_of(modes, f)
-    flow_state(flight, forced.begin, duration, work.state)
     # Of a slow impact the difference of flown state and stop is rounding, and the logged speed is not.
     speed = modes.side[0, c] * log.values[k, 1]
     if speed == 0.0:
@@ -140,10 +154,8 @@ def pass_event(modes, carry, k, forced, work):
     times_matrix(carry[f], tangent, work.image)
     shift = -row_dot(modes.gap[f], c, work.image) / speed
     # Equation (37): d + f- dt.
-    block_product(flight.pairs, flight.matrix, work.state, work.velocity)
-    times_matrix(modes.leave[f], work.velocity, work.rate)
-    for r in range(tangent.shape[0]):
-        tangent[r] += shift * work.rate[r]
+    flow_state(flight_of(modes, f), forced.begin, duration, work.state)
+    add_rate(modes, f, work.state, shift, forced, work)
     # R of it: equation (4) within the contact mode, or equation (8) if the impact opens a sticking contact.
     jump = 1.0 + modes.restitution[c]
     if f == after:
@@ -158,11 +170,8 @@ def pass_event(modes, carry, k, forced, work):
             push_off(modes, work.image, table)
         times_matrix(modes.leave[0], work.image, tangent)
     # Equation (37): - f+ dt.
-    flight = flight_of(modes, after)
-    block_product(flight.pairs, flight.matrix, log.states[k], work.velocity)
-    times_matrix(modes.leave[after], work.velocity, work.rate)
-    for r in range(tangent.shape[0]):
-        tangent[r] -= shift * work.rate[r]
+    add_rate(modes, after, log.states[k], -shift, forced, work)
+    forced.clocks[SHIFT] = shift
 
 
 @kernel
@@ -218,6 +227,7 @@ def end_period(modes, carry, period, forced, strobes, work):
     clock[entry.INITIAL] = max(clock[entry.INITIAL], lost - forced.clocks[SPENT])
     forced.clocks[SPENT] = lost
     forced.clocks[STARTED] = 0.0
+    forced.clocks[SHIFT] = 0.0
     forced.places[MODE] = f
     forced.places[KEPT] = modes.sticking[f]
     forced.places[DONE] = row + 1
