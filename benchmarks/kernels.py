@@ -40,7 +40,7 @@ EXAMPLES: dict[str, list[str]] = {
         "section --energy 0.06 --colour rotation --orbits 3 --crossings 50",
     ],
     "impulsive": ["impulsive --energy 0.1:0.3"],
-    "sweep": ["sweep --scene sweep.toml --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
+    "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""
 
@@ -51,31 +51,6 @@ design = "grid"
 fixed = { lam = 0.01, rho = 0.7 }
 vary.energy = { from = 0.1, to = 10.0, points = 2 }
 vary.sigma = { from = 0.0, to = 0.1, points = 2 }
-"""
-
-_SWEEP = """
-[parameters]
-w = 1.0
-s = 0.1
-
-[system]
-mass = [[1.0]]
-stiffness = [[1.0]]
-
-[[stops]]
-c = [1.0]
-upper = "s**2"
-restitution = 0.5
-
-[[forces]]
-on = "u1"
-amplitude = 1.0
-harmonic = 1
-
-[bounds]
-energy = [0.05, 10.0]
-quarter_period = 5.0
-impacts = 5
 """
 
 _SCRIPT = """
@@ -103,7 +78,6 @@ def called(commands: list[str]) -> list[list[Any]]:
     """The kernels that some commands call: module, name and types of each, in order of their names."""
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "study.toml").write_text(_STUDY, encoding="utf-8")
-        Path(folder, "sweep.toml").write_text(_SWEEP, encoding="utf-8")
         paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
         done = subprocess.run(
             [sys.executable, "-c", _SCRIPT, json.dumps(commands)], cwd=folder, env={**os.environ, "PYTHONPATH": paths},
