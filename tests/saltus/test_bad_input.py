@@ -43,6 +43,9 @@ quarter_period = 8
 impacts = 6
 """
 
+PUSHED = "[parameters]\nf = 0.5\n" + FORCED.replace("amplitude = 0.5\nfrequency = 1.0", 'constant = "f"')
+BEATING = PUSHED + "".join(f'[[forces]]\non = "u2"\namplitude = 1.0\nfrequency = {frequency}\n' for frequency in (1.0, 1.4142135))
+
 CASES = [
     # a label that does not parse: points at the character
     ("continue S1x", ["S1x", "character 3", "half-waves"]),
@@ -241,6 +244,26 @@ CASES = [
     ("run --scene {unmarked} --impulse 1 --duration 5", ["LO under [coordinates]", "--state"]),
     ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --locked", ["no coordinate is marked as NES"]),
     ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --mu 0.2", ["mu", "matrices"]),
+    # sweeps
+    ("sweep --scene impact_oscillator --range 0.1:0.2", ["--in NAME is required"]),
+    ("sweep --scene impact_oscillator --in w", ["--range LO:HI is required"]),
+    ("sweep --scene impact_oscillator --in w --range 2:1", ["'2:1'", "LO:HI with LO < HI"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --points 0", ["--points", "'0'", "above 0"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --points 1", ["--points 1: expected 2 at least"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --record 0", ["--record", "'0'", "above 0"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --transient -1", ["--transient", "'-1'", "0 or more"]),
+    ("sweep --scene absorber --in sgma --range 0.1:0.2", ["'sgma'", "nearest: sigma"]),
+    ("sweep --scene impact_oscillator --in r --range 0.5:1.5", ["restitution", "[0, 1]", "r = 1."]),
+    ("sweep --scene impact_oscillator --in w --range -1:2", ["frequency", "above 0", "w = -1"]),
+    ("sweep --scene absorber --in w --range 1:2 --y max:u3", ["--y 'max:u3'", "nearest: max:u"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --start 1,2,3", ["3 numbers, expected 2", "x,x'"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --start 2,0", ["beyond stop a", "its gap is 2"]),
+    ("sweep --scene impact_oscillator --in w --range 1:2 --workers 2 --dask tcp://x", ["--workers", "--dask", "one of them"]),
+    ("sweep --in mu --range 0.1:0.2", ["no load is periodic", "amplitude and frequency"]),
+    ("sweep --scene three_storey_building --in w --range 0.1:0.2", ["a record has none", "harmonic and constant loads"]),
+    ("sweep --scene {constant} --in f --range 0.1:0.2", ["no load is periodic"]),
+    ("sweep --scene {unused} --in k --range 0.1:0.2", ["parameter k is used nowhere"]),
+    ("sweep --scene {beating} --in f --range 0.1:0.2", ["incommensurate"]),
     # the gallery
     ("gallery papr --out new", ["unknown gallery 'papr'", "nearest: paper"]),
     ("gallery --out new", ["required: NAME"]),
@@ -337,6 +360,9 @@ def places(tmp_path_factory, catalogue):
         "damped": DAMPED,
         "uneven": UNEVEN,
         "forced": FORCED,
+        "constant": PUSHED,
+        "unused": PUSHED.replace("f = 0.5", "f = 0.5\nk = 1.0"),
+        "beating": BEATING,
         "shaken": UNEVEN + "[ground]\namplitude = 1.0\nfrequency = 2.0\n",
         "extreme": UNEVEN.replace("[[1.0, 0.0]", "[[1e-300, 0.0]", 1),
         "twice": UNEVEN + '[coordinates]\nnames = ["x", "x"]\n',

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 
 import numpy as np
 import pytest
@@ -53,15 +52,6 @@ def run(*words):
     return main(["sweep", *map(str, words)])
 
 
-def refused(capsys, *words):
-    """The one line of a refusal."""
-    capsys.readouterr()
-    assert run(*words) == 2
-    out, err = capsys.readouterr()
-    assert not out and err.count("\n") == 1
-    return err
-
-
 def test_both_ways_by_default_and_all_files(scene, capsys):
     """Oracle: the linear response A/c below the grazing; CSV, JSON, NPZ have the same numbers."""
     files = ["--json", "a.json", "--csv", "a.csv", "--npz", "a.npz", "--mat", "a.mat", "--plot", "a.png"]
@@ -107,50 +97,8 @@ def test_states_that_were_moved_are_reported(scene, capsys):
     assert "moved    at 1 values the new stop was beyond the state" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--range", "0.1:0.2"], "--in NAME is required"),
-        (["--in", "w"], "--range LO:HI is required"),
-        (["--in", "w", "--range", "2:1"], "expected LO:HI with LO < HI"),
-        (["--in", "w", "--range", "1:2", "--points", "0"], "expected an integer above 0"),
-        (["--in", "w", "--range", "1:2", "--points", "1"], "expected 2 at least"),
-        (["--in", "w", "--range", "1:2", "--record", "0"], "expected an integer above 0"),
-        (["--in", "w", "--range", "1:2", "--transient", "-1"], "expected an integer of 0 or more"),
-        (["--in", "ww", "--range", "1:2"], "nearest: w"),
-        (["--in", "r", "--range", "0.5:1.5"], "restitution"),
-        (["--in", "w", "--range", "1:2", "--y", "max:u2"], "nearest: max:u1"),
-        (["--in", "w", "--range", "1:2", "--start", "1,2,3"], "--start has 3 numbers, expected 2: u1,u1'"),
-        (["--in", "w", "--range", "1:2", "--start", "2,0"], "the start lies beyond stop a"),
-        (["--in", "w", "--range", "1:2", "--plot", "a.pgn"], "nearest: png"),
-        (["--in", "w", "--range", "1:2", "--workers", "2", "--dask", "tcp://x"], "expected one of them"),
-    ],
-)
-def test_bad_input_is_one_line(scene, capsys, words, message):
-    assert message in refused(capsys, "--scene", scene, *words)
-
-
 def test_a_range_need_not_contain_the_present_value(scene):
     assert run("--scene", scene, "--in", "A", "--range", "0.01:0.02", "--up", *SHORT) == 0
-
-
-def test_a_scene_without_a_periodic_load_is_refused(scene, capsys, tmp_path):
-    assert "no load is periodic" in refused(capsys, "--in", "mu", "--range", "0.1:0.2")
-    constant = SCENE.replace('amplitude = "A"\nharmonic = 1', 'constant = "A"').replace("w = 1.0\n", "")
-    (tmp_path / "constant.toml").write_text(constant, encoding="utf-8")
-    assert "no load is periodic" in refused(capsys, "--scene", "constant.toml", "--in", "A", "--range", "0.1:0.2")
-    assert "a record has none" in refused(capsys, "--scene", "three_storey_building", "--in", "w", "--range", "0.1:0.2")
-
-
-def test_a_parameter_that_is_used_nowhere_is_refused(scene, capsys, tmp_path):
-    (tmp_path / "unused.toml").write_text(SCENE.replace("c = 0.1\n", "c = 0.1\nk = 2.0\n"), encoding="utf-8")
-    assert "parameter k is used nowhere" in refused(capsys, "--scene", "unused.toml", "--in", "k", "--range", "0.1:0.2")
-
-
-def test_incommensurate_loads_are_refused(scene, capsys, tmp_path):
-    more = f'\n[[forces]]\non = "u1"\namplitude = 0.1\nfrequency = {math.sqrt(2.0)}\n\n[bounds]'
-    (tmp_path / "two.toml").write_text(SCENE.replace("\n[bounds]", more), encoding="utf-8")
-    assert "incommensurate" in refused(capsys, "--scene", "two.toml", "--in", "A", "--range", "0.1:0.2")
 
 
 def test_a_simulation_that_ends_is_reported_and_the_rest_written(scene, capsys, tmp_path):
