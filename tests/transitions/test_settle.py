@@ -13,6 +13,7 @@ from bvp.forcing import Constant, Harmonic
 from bvp.motion import MotionStatus
 from bvp.simulate import BeyondStop, simulate
 from bvp.system import ImpactSystem, Stop
+from saltus.scene import load_scene
 from tests.transitions.test_sweep import impact_oscillator, one_impact, oscillator, pressed_chain
 from transitions.sweep.settle import SettledKind, settle
 
@@ -109,3 +110,36 @@ def test_bad_input():
         settle(system, forces, [-0.2], most=0)
     with pytest.raises(ValueError, match="no load is periodic"):
         settle(system, [Constant([1.0])], [-0.2])
+
+
+@pytest.mark.parametrize("name", ["absorber", "forced_chain", "forced_impact_damper", "oscillator_at_wall", "damped_impact_oscillator"])
+def test_the_product_of_the_multipliers_of_shipped_scenes(name):
+    """Oracle: the determinant of the map: restitution^2 for each impact, times exp(-tr(M^-1 C) T)."""
+    scene = load_scene(name)
+    found = settle(scene.system, scene.forces)
+    assert found.kind is SettledKind.PERIODIC
+    trace = float(np.trace(np.linalg.solve(scene.system.mass, scene.system.damping)))
+    expected = math.exp(-trace * found.period * found.period_of_loads)
+    for contact in found.impacts.contacts:
+        expected *= scene.system.stops[scene.system.modes.contact_stop[contact]].restitution ** 2
+    assert abs(np.prod(found.multipliers) / expected - 1.0) < 1e-8
+
+
+def test_a_motion_that_is_at_zero_at_phase_0_returns():
+    """Oracle: y'' = A cos(t) from rest: y = A (1 - cos(t)), which is 0 at phase 0, has period 1 and both multipliers 1."""
+    scene = load_scene("impact_pair")
+    found = settle(scene.system, scene.forces)
+    assert found.kind is SettledKind.PERIODIC and found.period == 1 and not found.stops
+    assert np.abs(found.states).max() < 1e-9 and np.allclose(found.multipliers, 1.0, atol=1e-6)
+
+
+def test_sticking_at_the_start_does_not_hide_chaos():
+    """The ball sticks to its table at the start, which leaves no tangent vector. Oracle: differences of `simulate` in one later period."""
+    scene = load_scene("bouncing_ball")
+    found = settle(scene.system, scene.forces)
+    assert found.kind is SettledKind.CHAOS and math.isfinite(found.growth)
+    near, step = found.states[0], 1e-8
+    ends = [
+        simulate(scene.system, near[:1] + sign * step, near[1:], found.period_of_loads, forces=scene.forces).final for sign in (1.0, -1.0)
+    ]
+    assert np.linalg.norm(ends[0] - ends[1]) > 2.0 * step

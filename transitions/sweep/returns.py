@@ -11,7 +11,7 @@ from transitions.averages import weighted_mean
 __all__ = ["LOOSEST", "RETURN", "distance_scale", "find_period", "largest_exponent", "mean_growth"]
 
 RETURN = 1e-9
-"""Distance of two states, relative to the largest one, that counts as a return in any case."""
+"""Distance of two states, relative to the largest state of the motion, that counts as a return in any case."""
 
 SLACK = 10.0
 """Factor on the distance that convergence leaves. Two states on opposite sides of their limit are twice as far from each other."""
@@ -52,7 +52,7 @@ def distance_scale(states: np.ndarray, frequency: float) -> np.ndarray:
     return np.concatenate([frequency * states[:, :n], states[:, n:]], axis=1)
 
 
-def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: int) -> int:
+def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: int, size: float = 0.0) -> int:
     """The period of stroboscopic states, in periods of the loads: the smallest p with which the last p states return; 0 if there is none.
 
     Parameters
@@ -66,9 +66,11 @@ def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: in
     elapsed : int
         Periods since the motion began. A motion that converges by exp(growth) in each period is still at a distance exp(growth elapsed)
         from its end. `SLACK` times this counts as a return, as `RETURN` does, up to `LOOSEST`.
+    size : float
+        Largest distance from 0 between the states, of (w u, v). At phase 0 a motion can be close to 0.
     """
     points = distance_scale(states, frequency)
-    size = float(np.linalg.norm(points, axis=1).max(initial=0.0))
+    size = max(size, float(np.linalg.norm(points, axis=1).max(initial=0.0)))
     if not math.isfinite(size):
         return 0
     left = math.exp(growth * elapsed) if growth < 0.0 else 0.0

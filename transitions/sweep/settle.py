@@ -187,7 +187,8 @@ def settle(
     elapsed, block, last = 0, FIRST, math.nan
     growths, states = np.zeros(0), np.zeros((0, 2 * n))
     while True:
-        record = motion.advance(max(1, min(block, most - elapsed)))
+        motion.renew_tangent()
+        record = motion.advance(max(1, min(block, most - elapsed)), peaks=True)
         elapsed += len(record.states)
         # Of the growths the later half counts: the tangent vector has turned by then.
         growths = np.concatenate([growths, record.growths])
@@ -195,9 +196,10 @@ def settle(
         record = replace(record, growths=growths[len(growths) // 2 :], states=states)
         if record.status is not MotionStatus.DURATION_REACHED:
             return _settled(SettledKind.FAILED, 0, motion, record, elapsed)
-        p = find_period(states, frequency, -math.inf, elapsed)
+        size = _size(record, frequency)
+        p = find_period(states, frequency, -math.inf, elapsed, size)
         if p:
-            distance = _return(states, p, frequency)
+            distance = _return(states, p, frequency, size)
             # Rounding ends the convergence. A motion that keeps its distance has come as close as it will.
             if distance <= CLOSED or (distance <= RETURN and distance >= 0.5 * last):
                 return _settled(SettledKind.PERIODIC, p, motion, record, elapsed)
@@ -208,18 +210,23 @@ def settle(
         if elapsed >= most:
             break
         block = min(2 * block, LARGEST)
-    p = p or find_period(states, frequency, growth, elapsed)
-    if p and _return(states, p, frequency) <= RETURN:
+    p = p or find_period(states, frequency, growth, elapsed, size)
+    if p and _return(states, p, frequency, size) <= RETURN:
         return _settled(SettledKind.PERIODIC, p, motion, record, elapsed)
     halves = [abs(mean_growth(part)) for part in np.array_split(record.growths, 2)]
     torus = not p and elapsed >= CERTAIN and max(halves) <= NEUTRAL
     return _settled(SettledKind.TORUS if torus else SettledKind.NOT_CONVERGED, p, motion, record, elapsed)
 
 
-def _return(states: np.ndarray, p: int, frequency: float) -> float:
-    """Distance of the last p states from those p before, relative to the largest state."""
+def _size(record: PeriodRecord, frequency: float) -> float:
+    """Size of the largest state (w u, v): at phase 0, or w times the largest displacement."""
+    largest = float(np.linalg.norm(distance_scale(record.states, frequency), axis=1).max())
+    return largest if record.peaks is None else max(largest, frequency * float(record.peaks.max()))
+
+
+def _return(states: np.ndarray, p: int, frequency: float, size: float) -> float:
+    """Distance of the last p states from those p before, relative to a size."""
     points = distance_scale(states, frequency)
-    size = float(np.linalg.norm(points, axis=1).max())
     return float(np.linalg.norm(points[-p:] - points[-2 * p : -p], axis=1).max()) / size if size > 0.0 else 0.0
 
 
@@ -263,7 +270,7 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         multipliers=multipliers,
         growth=growth,
         growth_error=error,
-        distance=_return(record.states, p, frequency) if p else math.nan,
+        distance=_return(record.states, p, frequency, _size(record, frequency)) if p else math.nan,
         elapsed=elapsed,
         status=record.status,
     )

@@ -235,7 +235,8 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
     done, impacts = max(len(record.states), 1), record.impacts
     states = np.full((1, settings.record, 2 * system.degrees_of_freedom), math.nan)
     states[0, : len(record.states)] = record.states
-    found = find_period(record.states, frequency, growth, elapsed) if complete else 0
+    peaks = _row(record, system.degrees_of_freedom)
+    found = find_period(record.states, frequency, growth, elapsed, frequency * float(peaks.max())) if complete else 0
     carried = motion.carried if complete else None
     exponent = growth / motion.period
     if found:
@@ -252,7 +253,7 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
         exponents=np.array([exponent]),
         impact_rates=np.array([blank * record.count / done]),
         sticking=np.array([blank * record.sticking_time / (done * motion.period)]),
-        peaks=blank * _row(record, system.degrees_of_freedom),
+        peaks=blank * peaks,
         dissipated=blank * record.totals[None, :-1] / done,
         work=blank * record.totals[-1:] / done,
         moved=np.array([moved]),
