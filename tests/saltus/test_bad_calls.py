@@ -124,7 +124,7 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", energy=(False, True)), "energy range (False, True): expected two numbers (LO, HI)"),
     (lambda branch: saltus.trace(5), "a name is text such as S13O00+ or U8353-@h=1.9; received 5"),
     (lambda branch: saltus.trace("S13O00+", 5), "the system is 5, expected an ImpactSystem"),
-    (lambda branch: saltus.trace("S13O00+", scene=5), "scene 5: expected a TOML file or the name of a scene; shipped: gear_pair, "),
+    (lambda branch: saltus.trace("S13O00+", scene=5), "scene 5: expected a TOML file or the name of a scene; shipped: absorber, "),
     (lambda branch: saltus.trace("S13O00+", points="a"), "points = 'a': expected an integer, at least 1"),
     (lambda branch: saltus.trace("S13O00+", stop_when=3), "stop_when = 3: expected a function of an orbit"),
     (lambda branch: saltus.trace("S13O00+", stop_wen=len), "unexpected keyword argument 'stop_wen'"),
