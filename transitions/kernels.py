@@ -38,6 +38,7 @@ __all__ = [
     "extents_of_motion",
     "follow_section",
     "link",
+    "renew_clock",
 ]
 
 COMPLETE, TIME_OVER = -1, -2
@@ -168,12 +169,19 @@ def follow_section(modes, rows, starts, limits, first, orbit, out, work):
                 break
             # The motion does not depend on time itself. Each block has its own clock, which rounds less.
             orbit.clocks[ELAPSED] += clock[entry.TIME]
-            clock[entry.REFERENCE] -= clock[entry.TIME]
-            clock[entry.REFERENCE_LOW] -= clock[entry.TIME_LOW]
-            clock[entry.TIME] = 0.0
-            clock[entry.TIME_LOW] = 0.0
+            renew_clock(clock)
         out.statuses[m] = status
     return starts.states.shape[0], int64(0)
+
+
+@kernel
+def renew_clock(clock):
+    """Begin a new block of a motion at time 0. Instants before it that are still needed become negative."""
+    clock[entry.REFERENCE] -= clock[entry.TIME]
+    clock[entry.REFERENCE_LOW] -= clock[entry.TIME_LOW]
+    clock[entry.PROGRESS] -= clock[entry.TIME]
+    clock[entry.TIME] = 0.0
+    clock[entry.TIME_LOW] = 0.0
 
 
 @kernel

@@ -378,3 +378,10 @@ def test_what_has_no_section_is_refused_in_one_line(make, words):
     with pytest.raises(ValueError, match=words) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_a_motion_without_impacts_is_followed_for_any_number_of_crossings():
+    """Each block of a motion has its own clock. Oracle: below the first grazing every crossing comes, and the energy stays."""
+    found = section(vibro_impact_nes(), 0.046, orbits=1, crossings=20_000)
+    assert found.ends == (SectionEnd.COMPLETE,) and found.counts.tolist() == [20_000] and not found.impacts.any()
+    assert found.drift < 1e-10

@@ -315,3 +315,10 @@ def test_many_impacts_are_all_recorded():
 def test_values_of_a_sweep():
     assert sweep_values(1.0, 2.0, 3).tolist() == [1.0, 1.5, 2.0]
     assert sweep_values(1.0, 2.0, 1, up=False).tolist() in ([1.0], [2.0])
+
+
+def test_a_motion_without_impacts_can_be_recorded_for_any_number_of_periods():
+    """Oracle: the linear response at phase 0 after 5000 periods."""
+    found, _ = sweep(lambda w: (oscillator(50.0, damping=0.3), [Harmonic(w, [1.0])]), [0.4], settings=SweepSettings(100, 5000))
+    assert found.periods.tolist() == [1]
+    assert np.abs(found.states[0, :, 0] - (1.0 / (1.0 - 0.16 + 0.12j)).real).max() < 1e-12

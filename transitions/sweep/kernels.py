@@ -25,6 +25,7 @@ from bvp.kernels.energy_budget import dissipated
 from bvp.kernels.flight import block_product, copy_1, flow_state, row_dot, set_2, times_matrix
 from bvp.kernels.motion import FULL, REACHED, move
 from bvp.kernels.sticking import impulses_of, push_off
+from transitions.kernels import renew_clock
 
 __all__ = ["EVENTS_AT_ONCE", "Forced", "Impacts", "Strobes", "Work", "follow_periods"]
 
@@ -212,12 +213,7 @@ def end_period(modes, carry, period, forced, strobes, work):
         strobes.growths[row] = -math.inf
     # The loads begin again at phase 0, exactly.
     set_2(motion.angles, 0.0)
-    clock[entry.REFERENCE] -= clock[entry.TIME]
-    clock[entry.REFERENCE_LOW] -= clock[entry.TIME_LOW]
-    clock[entry.TIME] = 0.0
-    clock[entry.TIME_LOW] = 0.0
-    clock[entry.PROGRESS] = 0.0
-    counts[entry.IDLE] = 0
+    renew_clock(clock)
     times_matrix(modes.to_modes[f], motion.z, motion.x)
     write_loads(modes, counts[entry.BREAK_INDEX], clock, motion.angles, motion.x)
     times_matrix(modes.from_modes[f], motion.x, motion.z)
