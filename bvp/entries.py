@@ -150,7 +150,8 @@ def _ratio(frequency: Any, first: Any) -> Fraction | None:
 
         ratio = sympy.cancel(exact(frequency) / exact(first))
         if ratio.free_symbols:
-            ratio = sympy.simplify(ratio)
+            # Roots of products, such as sqrt(k/m), can be divided where their parts are positive.
+            ratio = sympy.simplify(ratio.xreplace({symbol: sympy.Dummy(positive=True) for symbol in ratio.free_symbols}))
         if not ratio.is_number:
             return None
         value = float(ratio)

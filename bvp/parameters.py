@@ -336,7 +336,10 @@ class ParametricSystem:
         for name in sorted(symbol.name for symbol in expression.free_symbols):
             if name not in known:
                 raise InvalidSystem(f"{what} has the name {name}, which is no parameter{_nearest(name, [*known])}")
-        return expression.xreplace({symbol: known[symbol.name] for symbol in expression.free_symbols})
+        expression = expression.xreplace({symbol: known[symbol.name] for symbol in expression.free_symbols})
+        if expression.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I):
+            raise InvalidSystem(f"{what} is not a finite real expression; received {shown(text)}")
+        return expression
 
     @cached_property
     def _numbers_program(self) -> tuple[list[str], Program]:

@@ -139,7 +139,10 @@ class _Writer:
 
     def constant(self, value: Any) -> tuple[str, int]:
         """The register of a number, rounded once."""
-        number = float(value)
+        try:
+            number = float(value)
+        except (TypeError, OverflowError):
+            raise ExpressionError(f"{value} is no real number that a float can hold") from None
         return "constant", self.constants.setdefault(number, len(self.constants))
 
     def operation(self, code: int, first: tuple[str, int], second: Any = 0) -> tuple[str, int]:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import sympy
 
 from bvp.checks import InvalidSystem
 from bvp.entries import base_frequency
@@ -164,6 +165,9 @@ def test_base_frequencies():
     assert base_frequency([0.9, 1.5, 0.3]) == (pytest.approx(0.3, rel=1e-15), (3, 5, 1))
     assert base_frequency([2.0, 2.0]) == (2.0, (1, 1))
     assert base_frequency([1 / 3, 1 / 7]) == (pytest.approx(1 / 21, rel=1e-15), (7, 3))
+    k, m = sympy.symbols("k m", real=True)
+    assert base_frequency([sympy.sqrt(k / m), 3 * sympy.sqrt(k) / sympy.sqrt(m)])[1] == (1, 3)
+    assert base_frequency([(k + m) ** 2, k**2 / 2 + k * m + m**2 / 2])[1] == (2, 1)
     with pytest.raises(ValueError, match="the load frequencies 1 and 1.001 are incommensurate: they would be the multiples 1000 and 1001"):
         base_frequency([1.0, 1.001])
 
@@ -196,6 +200,8 @@ WRONG = [
     (stiff("k +"), 'entry 1 of row 1 of stiffness "k +" cannot be read: not an expression'),
     (stiff("k.real"), "attributes such as .real are not allowed"),
     (stiff("log(m - 0.2)"), "entry 1 of row 1 of stiffness is log(m - 0.2), which has no finite value (at m"),
+    (stiff("sqrt(-1)*k"), "entry 1 of row 1 of stiffness is not a finite real expression; received 'sqrt(-1)*k'"),
+    (stiff("k/(m - m)"), "entry 1 of row 1 of stiffness is not a finite real expression"),
     (stiff("k**(9**9)"), "a power is at most 20"),
     (changed("system", "stops", [{**STOP, "restitution": "r + 1"}]), "restitution lies in [0, 1]; a stop has 1.7 (at m = 0.2, w0 = 1.5"),
     ({**DESCRIPTION, "forces": [{"load": [1.0, "phi"], "constant": 1.0}]}, "entry 2 of load of force 1 has the name phi"),
