@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.admissible import GRAZING, describe_grazing
 from branches.kernels import (
     COMMON,
     Beginning,
@@ -30,18 +31,16 @@ from branches.kernels import (
     two_dof_tests,
 )
 from branches.orbit import label_at
-from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
-from bvp.kernels.newton import set_scale
+from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import stability
 from continuation.control import Control, Settings, kinds_of
 from continuation.problem import Advance, EventDetails, Goal, Point, Recent, Step, TestFunction
-from continuation.switching import refine_branch_point
 
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["AdvancedSteps", "Family", "RESONANCES", "SETTINGS", "multiplication", "scales_of", "unphysical"]
+__all__ = ["AdvancedSteps", "Family", "RESONANCES", "SETTINGS", "multiplication"]
 
 RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 """Rotation numbers p/q of the full period whose resonances are reported."""
@@ -56,84 +55,10 @@ _GENERAL: dict[bool, tuple[Any, int]] = {}
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
 
-BEYOND = 1e-8
-"""How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
-
-_BRANCHING = 1
-_SINGULAR = 1e-5
-"""Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
-
 _SHORT = 1e-3
-_ALONG = 0.9  # cosine of the angle up to which two directions of the unknowns are one
-
-
 def multiplication(p: int, q: int) -> float:
     """Trace 2 cos(2 pi p/q) of the full-period map at a p:q resonance."""
     return 2.0 * math.cos(2.0 * math.pi * p / q)
-
-
-_GRAZING = {
-    "touches": TestFunction("GR", "guard", True, "a flight touches a stop"),
-    "vanishes": TestFunction("GR", "guard", True, "the speed of an impact reaches zero"),
-    "merge": TestFunction("GR", "guard", True, "a flight time reaches zero"),
-}
-"""The three kinds of grazing, by the verb of their notes, with their test functions."""
-
-
-def _describe_grazing(problem: MultipointProblem, solution: Solution, verb: str) -> dict[str, Any]:
-    """What is known of a kind of grazing: the stop's letter and a note."""
-    inner = problem.inner
-    if verb == "touches":
-        modes = problem.modes
-        stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
-        letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
-        flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
-        where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
-        return {"stop": letter, "note": f"{where}: a new impact becomes possible"}
-    if verb == "vanishes":
-        node = int(solution["speed_node"])
-        letter = problem.modes.contact_letters[problem.contacts[node]]
-        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
-        note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
-        return {"stop": letter, "note": note}
-    flight = int(solution["flight_index"])
-    here = f"impact {flight}" if flight else "the start"
-    there = f"impact {flight + 1}" if flight < inner else "the far end"
-    return {"note": f"{here} and {there} merge: the flight between them has no duration"}
-
-
-def unphysical(problem: MultipointProblem, solution: Solution, tolerance: float = BEYOND) -> str | None:
-    """Why a solution of the equations is no orbit; None if it is one.
-
-    It can pass beyond a stop, an impact can pull, or a flight can go back in time. The grazing orbit counts as one unless `tolerance` is 0.
-
-    Examples
-    --------
-    >>> from bvp.system import vibro_impact_nes
-    >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
-    >>> start = problem.modes.from_state @ [0.0, 0.0, 4.6, 8.3]
-    >>> unphysical(problem, problem.solve(problem.pack(start, [], [1.635]), quarter_period=1.635))
-    'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
-    """
-    inner = problem.inner
-    if solution["clearance"] <= -tolerance:
-        letter, time = _describe_grazing(problem, solution, "touches")["stop"], solution["clearance_time"]
-        flight, depth = int(solution["clearance_flight"]) + 1, -solution["clearance"]
-        return f"flight {flight} of {inner + 1} passes beyond stop {letter} by {depth:.2g} at {time:.6g} after its start"
-    if solution["speed"] <= -tolerance * (2.0 * solution["energy"]) ** 0.5:
-        impact = _describe_grazing(problem, solution, "vanishes")["note"].partition(" vanishes")[0]
-        return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"
-    if solution["flight"] <= -tolerance * solution["quarter_period"]:
-        return f"flight {int(solution['flight_index']) + 1} of {inner + 1} goes back in time: it lasts {solution['flight']:.2g}"
-    return None
-
-
-def scales_of(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
-    """Typical size of each unknown at the orbit y, (len(y),): one scale each for displacements, velocities and times."""
-    problem.residual(y)
-    problem._factor.before[:] = problem.end_states(y)
-    set_scale(problem.segment, np.array(y, float), problem._factor)
-    return problem._factor.scale.copy()
 
 
 @dataclass(eq=False, slots=True)
@@ -150,18 +75,10 @@ class AdvancedSteps(Sequence[Step]):
         if isinstance(place, slice):
             return AdvancedSteps(Block(*(array[place] for array in block)))
         solution = Solution(block.y[place], block.tangent[place], block.position[place], block.ends[place], block.result[place])
-        return _step_of(solution, solution.result.tolist(), block.tests[place].tolist())
+        return step_of(solution, solution.result.tolist(), block.tests[place].tolist())
 
 
-def _step_of(solution: Solution, result: list[float], tests: list[float]) -> Step:
-    """A solution as the engine sees it; its result entries are at hand as a list."""
-    return Step(
-        True, solution.y, solution.tangent, tuple(solution.position.tolist()), result[TURN], result[CONTRACTION],
-        int(result[ITERATIONS]), result[RESIDUAL], result[ENERGY], result[SLOPE], tests, solution,
-    )  # fmt: skip
-
-
-class Family:
+class Family(SolvedFamily):
     """A family of orbits with given ends and sequence: a `continuation.Problem`.
 
     Parameters
@@ -192,8 +109,8 @@ class Family:
         self.problem = problem
         tests = [
             TestFunction("SN", "crossing", False, "fold in the energy", True),
-            TestFunction("BP", "crossing", False, "branch point", True, ("SN", "SB"), _SINGULAR),
-            *_GRAZING.values(),
+            TestFunction("BP", "crossing", False, "branch point", True, ("SN", "SB"), SINGULAR),
+            *GRAZING.values(),
             TestFunction("EP", "guard", True, "lowest energy asked for"),
             TestFunction("EP", "guard", True, "highest energy asked for"),
             TestFunction("EP", "guard", True, "longest quarter period asked for"),
@@ -253,26 +170,12 @@ class Family:
             _GENERAL[problem.periodic] = function, entry.address
         return _GENERAL[problem.periodic]
 
-    def begin(self, y: np.ndarray) -> Step:
-        """See `continuation.Problem`."""
-        return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0))
-
-    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
-        """See `continuation.Problem`; the tangent carries its curvature behind it, (2 u,)."""
-        return self._step(self.problem.step(y, tangent, ds))
-
-    def step_near(self, y: np.ndarray, tangent: np.ndarray, ds: float, guess: np.ndarray) -> Step:
-        """See `continuation.Problem`."""
-        along = tangent[: y.size]
-        # the prediction is y + ds (tangent + ds/2 curvature)
-        return self.step(y, np.concatenate([along, 2.0 * (guess - y - ds * along) / (ds * ds)]), ds)
-
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:
-            return _FAILED
+            return FAILED
         result = solution.result.tolist()
         if not is_orbit(result):
-            return _FAILED
+            return FAILED
         tests = [0.0] * self._computed
         common_tests(result, *self._limits, tests)
         if self._two_dof:
@@ -282,7 +185,7 @@ class Family:
             take, targets = self._general[0], self._watched.targets
             take(self.problem._packed, solution.y, solution.ends, self._work, solution.result, targets, values)
             tests[COMMON:] = values[COMMON:].tolist()
-        return _step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
+        return step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
 
     def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
         problem = self.problem
@@ -320,53 +223,6 @@ class Family:
             taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
-    def residual(self, y: np.ndarray) -> np.ndarray:
-        """F(y), for switching."""
-        return self.problem.residual(y)
-
-    def jacobian(self, y: np.ndarray) -> np.ndarray:
-        """F'(y), for switching."""
-        return self.problem.jacobian(y)
-
-    @property
-    def curvature_blocks(self) -> list[np.ndarray]:
-        """See `continuation.switching.Equations`."""
-        return self.problem.curvature_blocks
-
-    def refined(self, index: int, at: Step) -> Step | None:
-        """See `continuation.Problem`. At branch points the equations are singular, and steps nearby fall onto the other family."""
-        if index != _BRANCHING:
-            return None
-        y = refine_branch_point(self, at.y, scales_of(self.problem, at.y))
-        return None if y is None else self._branch_point(y, at)
-
-    def _branch_point(self, y: np.ndarray, near: Step) -> Step | None:
-        """A branch point, not corrected: the equations are singular there, and so is the tangent."""
-        solution = self.problem.step(y, near.tangent, 0.0, maximum=0)
-        found = self._step(None if solution is None else replace(solution, tangent=near.tangent))
-        return found._replace(turn=near.turn) if found.converged else None
-
-    def beyond(self, at: Step) -> tuple[Step, Step] | None:
-        """See `continuation.Problem`. The point behind the branch point begins as the image of the one before it."""
-
-        def is_along(one: np.ndarray, other: np.ndarray) -> bool:
-            return bool(one @ other > _ALONG * np.linalg.norm(one) * np.linalg.norm(other))
-
-        scale = scales_of(self.problem, at.y)
-        y = refine_branch_point(self, at.y, scale)
-        if y is None:
-            return None
-        ahead = (y - at.y) / scale
-        point, after = self._branch_point(y, at), self.begin(2.0 * y - at.y)
-        if point is None or not after.converged or not is_along(at.tangent[: y.size] / scale, ahead):
-            return None
-        behind = (after.y - y) / scale
-        if not is_along(ahead, behind) or not 0.5 < np.linalg.norm(behind) / np.linalg.norm(ahead) < 2.0:
-            return None
-        if after.tangent[: y.size] / scale @ behind < 0.0:
-            after = self.step(after.y, -after.tangent, 0.0)
-        return (point, after) if after.converged else None
-
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached."""
         return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}"
@@ -383,8 +239,8 @@ class Family:
         if code in ("GR", "IO"):
             counted = self._near(before, before.step, location.s, -1)
         if code == "GR":
-            verb = next(verb for verb, kind in _GRAZING.items() if kind == test)
-            data.update(_describe_grazing(self.problem, solution, verb))
+            verb = next(verb for verb, kind in GRAZING.items() if kind == test)
+            data.update(describe_grazing(self.problem, solution, verb))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "NS" and not self._is_krein_collision(solution):
@@ -430,10 +286,8 @@ class Family:
     def grazing(self, note: str, solution: Solution) -> dict[str, Any]:
         """What `classify` gives for the grazing of an orbit, from the note of its image."""
         data: dict[str, Any] = {"stop": None, "note": note}
-        for verb in _GRAZING:
+        for verb in GRAZING:
             if verb in note:
-                data.update(_describe_grazing(self.problem, solution, verb))
+                data.update(describe_grazing(self.problem, solution, verb))
         return data
 
-
-_FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, math.inf, 0, math.inf, math.nan, math.nan, [])

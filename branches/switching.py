@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -20,7 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.branch import Branch, BranchEvent
-from branches.family import Family, scales_of
+from branches.family import Family
+from branches.first_orbits import across_null_space, first_orbits
 from branches.orbit import label_at, orbit_columns
 from branches.presentation import (
     Presentation,
@@ -43,21 +43,8 @@ from continuation.switching import SwitchError, branch_directions, refine_branch
 
 __all__ = ["EmanatingFamily", "emanating_families", "switch"]
 
-DISTANCE = 0.02
-"""Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
-
 TYPES = ("BP", "SB", "PD", "RT")
 """Events that switching starts from."""
-
-_GAP = 1e-6
-"""Singular values below this fraction of the largest count as zero at a located bifurcation."""
-
-_CONVERGED = 1e-5
-"""Largest last Newton correction of a first orbit, relative to its distance from the bifurcation. It is loose because rounding is large
-near a singular point; following the family corrects the orbit again."""
-
-_BEND = 0.1
-"""How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
 
 NEAR = 1e-6
 """Relative difference within which an image of a located orbit is that orbit."""
@@ -258,7 +245,7 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
         direction = branch_directions(family, y, known)[0]
     except SwitchError as error:
         # A branch point is known as well as the square root of rounding, where the families are nearly parallel.
-        middle = refine_branch_point(family, y, scales_of(problem, y))
+        middle = refine_branch_point(family, y, problem.scales(y))
         if middle is None:
             raise RuntimeError(f"no second family at {event.id}: {error}") from error
         y = middle
@@ -266,7 +253,7 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
             direction = branch_directions(family, y, known)[0]
         except SwitchError as still:
             raise RuntimeError(f"no second family at {event.id}: {still}") from error
-    for step in _firsts(family, y, direction):
+    for step in first_orbits(family, y, direction):
         found = symmetries(cycle_of(problem, step.y))
         quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2
         if found.cover > 1 or quarter or (found.reversals and problem.periodic):
@@ -279,7 +266,7 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
 
 def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray) -> list[EmanatingFamily]:
     """Both sides of a family that leaves an orbit in a direction, as one where they are images of each other."""
-    steps = list(_firsts(Family(problem), middle, direction))
+    steps = list(first_orbits(Family(problem), middle, direction))
     images = images_between(problem, middle, steps[0].y) if steps else []
     if images:
         # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
@@ -299,7 +286,7 @@ def _printed(problem: MultipointProblem, middle: np.ndarray, step: Step) -> tupl
     begin = family.begin(presentation.unknowns(turned))
     if not begin.converged:
         return problem, step
-    away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / scales_of(turned, begin.y) ** 2
+    away = (begin.y - embed(problem, middle, (1, 2)).unknowns(turned)) / turned.scales(begin.y) ** 2
     if float(away @ begin.tangent[: turned.unknowns]) < 0.0:
         begin = family.step(begin.y, -begin.tangent, 0.0)
     return turned, begin
@@ -348,77 +335,16 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
 
 def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> np.ndarray:
     """The direction of the new family in the null space of the Jacobian."""
-    scale = scales_of(wide, y)
+    scale = wide.scales(y)
     if event.type == "RT" and wide.periodic:
         try:
             return tripling_direction(Family(wide), y, known, scale)
         except SwitchError as error:
             raise RuntimeError(f"no family of 3-fold orbits at {event.id}: {error}") from error
-    _, singular, rows = np.linalg.svd(wide.jacobian(y) * scale)
-    if singular[-1] > _GAP * singular[0]:
-        raise RuntimeError(
-            f"{event.id} is no bifurcation of the wider problem: its smallest singular value is {singular[-1] / singular[0]:.1e}"
-        )
     if event.type == "RT" and event.p_q is not None and event.p_q[1] == 3:
         # At a tripling the two families cross at an angle; else the new one leaves at right angles.
         try:
             return branch_directions(Family(wide), y, known)[0]
         except SwitchError as error:
             raise RuntimeError(f"no family of 3-fold orbits at {event.id}: {error}") from error
-    null = rows[-2:]
-    along = null @ (known / scale)
-    across = np.array([-along[1], along[0]]) / np.hypot(along[0], along[1])
-    direction: np.ndarray = (across @ null) * scale
-    return direction
-
-
-def _firsts(family: Family, y: np.ndarray, direction: np.ndarray) -> Iterator[Step]:
-    """The first orbits on both sides, where there are any."""
-    for side in (direction, -direction):
-        step = _first(family, y, side)
-        if step is not None:
-            yield step
-
-
-def _first(family: Family, y: np.ndarray, direction: np.ndarray) -> Step | None:
-    """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
-    problem = family.problem
-    scale = scales_of(problem, y)
-    way = direction / scale / np.linalg.norm(direction / scale)
-    ds = DISTANCE
-    for _ in range(12):
-        there, half = (_beside(problem, y, way, scale, distance) for distance in (ds, 0.5 * ds))
-        # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
-        if there is not None and half is not None and np.max(np.abs(half - 0.5 * there)) < _BEND * np.max(np.abs(there)):
-            begin = family.begin(y + there * scale)
-            if begin.converged and float(begin.tangent[: problem.unknowns] @ (there / scale)) < 0.0:
-                begin = family.step(begin.y, -begin.tangent, 0.0)
-            if begin.converged:
-                solution = begin.extra
-                if solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
-                    return begin
-        ds *= 0.5
-    return None
-
-
-def _beside(problem: MultipointProblem, y: np.ndarray, way: np.ndarray, scale: np.ndarray, distance: float) -> np.ndarray | None:
-    """The way from an orbit, in units of the scales, to the one at a distance along a unit direction; None where Newton fails.
-
-    The distance counts all unknowns. A branch's arclength measures the start state only, and in it a new family can leave almost along
-    the old one.
-    """
-    apart = distance * way
-    for _ in range(12):
-        there = y + apart * scale
-        matrix = np.vstack([problem.jacobian(there) * scale, way])
-        residual = np.concatenate([problem.residual(there), [float(way @ apart) - distance]])
-        try:
-            change = np.linalg.solve(matrix, -residual)
-        except np.linalg.LinAlgError:
-            return None
-        apart = apart + change
-        if not np.max(np.abs(apart)) < 4.0 * distance:
-            return None
-        if np.max(np.abs(change)) < _CONVERGED * distance:
-            return apart
-    return None
+    return across_null_space(wide, y, known, event.id)

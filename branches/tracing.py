@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from branches.admissible import unphysical
 from branches.between_events import Barrier, decide_between
 from branches.branch import Branch
 from branches.events import BranchEvent, Ended
-from branches.family import SETTINGS, Family, scales_of, unphysical
+from branches.family import SETTINGS, Family
 from branches.full_family import solutions_of
 from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range, require_branch
@@ -209,7 +210,7 @@ def _to_bound(branch: Branch, i: int, way: int, energy: tuple[float, float]) -> 
     """The few points from point i of a branch to the bound that lies before its next point in a direction."""
     y, family = branch.unknowns(i), Family(branch.problem, energy)
     step = family.begin(y)
-    if step.tangent[: y.size] / scales_of(branch.problem, y) ** 2 @ (branch.unknowns(i + way) - y) < 0.0:
+    if step.tangent[: y.size] / branch.problem.scales(y) ** 2 @ (branch.unknowns(i + way) - y) < 0.0:
         step = family.step(step.y, -step.tangent, 0.0)
     return follow_family(branch.problem, step, energy=energy, direction="along")
 

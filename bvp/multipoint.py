@@ -19,6 +19,7 @@ from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
+from bvp.kernels.newton import set_scale
 from bvp.kernels.stability import make_period, orbit_stability
 from bvp.kernels.step import (
     CompiledProblem,
@@ -221,6 +222,14 @@ class MultipointProblem:
         """alpha = T/4."""
         return float(np.sum(self.flight_times(y))) / self.quarters
 
+    def speed(self, solution: Solution) -> float:
+        """A typical speed of an orbit: sqrt(2 h)."""
+        return math.sqrt(2.0 * solution["energy"])
+
+    def duration(self, solution: Solution) -> float:
+        """A typical duration of its flights: the quarter period."""
+        return solution["quarter_period"]
+
     def end_states(self, y: np.ndarray) -> np.ndarray:
         """State at the end of each flight, before the impact there, (k + 1, N)."""
         out = np.empty((self.inner + 1, self.size))
@@ -251,6 +260,13 @@ class MultipointProblem:
             out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
         out[self.inner * rows :] = factor.closing
         return out
+
+    def scales(self, y: np.ndarray) -> np.ndarray:
+        """Typical size of each unknown at the orbit y, (u,): one scale each for displacements, velocities and times."""
+        self.residual(y)
+        self._factor.before[:] = self.end_states(y)
+        set_scale(self.segment, np.array(y, float), self._factor)
+        return self._factor.scale.copy()
 
     @property
     def curvature_blocks(self) -> list[np.ndarray]:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from branches.admissible import unphysical
 from branches.branch import Branch, BranchEvent
-from branches.family import Family, unphysical
+from branches.family import Family
 from branches.grazing.touching import Candidate, Touching, candidate, mode_name, mode_of, touching
 from branches.presentation import is_solved_as_it_is
 from branches.sequences import Ends, impacts_per_period

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from bvp.kernels import hook
-from bvp.kernels.declared import Declared, Intrinsic
+from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.stored import Entry, entry_of, folder_of, keep, load, sealed, symbol, types_of
 
 
@@ -83,6 +83,10 @@ def shared(result: Any, *, allocates: bool = False) -> Any:
 
 allocating: Any = partial(Kernel, _nrt=True)
 """Compile a function that makes arrays. Only such a function may call another one that returns an array."""
+
+chosen: Any = Chosen
+"""Declare a function that comes in kinds (`bvp.kernels.declared.Chosen`): `@name.of(Kind)` above a kernel makes it the one for arguments
+whose first is a `Kind`."""
 
 call_at: Any = Intrinsic("call_at")
 """call_at(address, arguments): inside a kernel, call another one, without a result, at its address (`Entry`): one of several that Python

@@ -28,7 +28,7 @@ from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, 
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-from bvp.kernels.declared import Declared, Intrinsic
+from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.entry_point import MEMORY, add_entry_points
 from bvp.kernels.lent import MODELS, keep_lent
 from bvp.kernels.stored import processor, symbol
@@ -153,6 +153,25 @@ class _Dispatcher(CPUDispatcher):
         self.overloads[tuple(cres.signature.args)] = cres
 
 
+class _Choice:
+    """A function with kinds as numba sees it: the kind for the type of the first argument takes its place."""
+
+    is_compiling = False  # no kind calls itself
+
+    def __init__(self, chosen: Chosen):
+        self._chosen = chosen
+        self._numba_type_ = nb.types.Dispatcher(self)
+
+    def _kind(self, arguments: Any) -> Any:
+        return dispatcher(self._chosen.kinds[arguments[0].instance_class])
+
+    def get_call_template(self, args, kws):
+        return self._kind(args).get_call_template(args, kws)
+
+    def get_overload(self, types):
+        return self._kind(types).get_overload(types)
+
+
 def _without_machine_code(flags: Any) -> Any:
     flags.no_compile = True
     return flags
@@ -174,6 +193,8 @@ def _namespace(function: Any) -> dict[str, Any]:
         for name, value in space.items():
             if isinstance(value, Declared):
                 space[name] = dispatcher(value) if value.result is None else _shared(value)
+            elif isinstance(value, Chosen):
+                space[name] = _Choice(value)
             elif isinstance(value, Intrinsic):
                 space[name] = globals()[value.name]
     return _namespaces[function.__module__]

@@ -25,6 +25,34 @@ class Declared:
         self.options = options
 
 
+class Chosen:
+    """A function that comes in kinds: the type of the first argument, a named tuple, selects the kernel that is called.
+
+    A kernel that calls it contains the kind for its own argument alone.
+
+    Attributes
+    ----------
+    kinds : dict of Declared
+        The kernels, by the types of their first arguments.
+    """
+
+    def __init__(self, function: Callable[..., Any]):
+        update_wrapper(cast(Any, self), function)
+        self.kinds: dict[type, Any] = {}
+
+    def of(self, kind: type) -> Callable[[Any], Any]:
+        """Declare the kernel for a type."""
+
+        def declare(kernel: Any) -> Any:
+            self.kinds[kind] = kernel
+            return kernel
+
+        return declare
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.kinds[type(arguments[0])](*arguments)
+
+
 class Intrinsic(NamedTuple):
     """An operation on compiled code, by its name in `bvp.kernels.compiler`."""
 

@@ -15,12 +15,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel, sized
+from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, land
 from bvp.kernels.flight import Flight, block_product, copy_1, flow_matrix, flow_state, inner, row_dot, set_2
 
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
+
+OPEN, UNFOLDED, CLOSED = 0, 1, 2
+"""Whether a segment runs between two ends, or closes on itself: with an unfolding parameter, or without."""
 
 
 class Segment(NamedTuple):
@@ -39,7 +42,7 @@ class Segment(NamedTuple):
     end_map: np.ndarray  # (c, N) L
     end_offset: np.ndarray  # (c,) l
     weights: np.ndarray  # (N,) H = sum(weights z^2)/2
-    shape: np.ndarray  # (5,) int64: inner impacts k; periodic 0/1; quarter periods solved 1, 2 or 4; kind of start; kind of end
+    shape: np.ndarray  # (5,) int64: inner impacts k; OPEN, UNFOLDED or CLOSED; quarter periods solved 1, 2 or 4; kind of start; kind of end
 
 
 @inlined
@@ -82,8 +85,14 @@ class PackedSegment(NamedTuple):
     shape: np.ndarray
 
 
-@inlined
+@chosen
 def unpack(packed):
+    """The segment of a problem as kernels use it, from the form in which Python gives it to them."""
+
+
+@unpack.of(PackedSegment)
+@inlined
+def unpack_segment(packed):
     """The `Segment` that `pack` packed."""
     pairs, rows, scalars, start_map, shape = packed
     size = rows.shape[1]
@@ -112,7 +121,7 @@ def unpack(packed):
 @inlined
 def two_dof_segment(packed):
     """The `Segment` that `pack` packed, known to be of states of four entries."""
-    return unpack(PackedSegment(sized(packed.pairs, 2), sized(packed.rows, 4), packed.scalars, packed.start_map, packed.shape))
+    return unpack_segment(PackedSegment(sized(packed.pairs, 2), sized(packed.rows, 4), packed.scalars, packed.start_map, packed.shape))
 
 
 def pack(segment):
@@ -254,11 +263,12 @@ class Factor(NamedTuple):
 
 def make_factor(segment):
     """Work space for `segment`."""
-    size = segment.flight.matrix.shape[1]
+    size = segment.gap.shape[1]
     k = int(segment.shape[0])
     start = segment.start_map.shape[1] + 1
-    closers = size + 1 if segment.shape[1] else segment.end_map.shape[0]
-    unknowns = start + k * (size + 1) + int(segment.shape[1])
+    unfolded = int(segment.shape[1] == UNFOLDED)
+    closers = size + unfolded if segment.shape[1] else segment.end_map.shape[0]
+    unknowns = start + k * (size + 1) + unfolded
     return Factor(
         np.zeros((k * (size + 1), start + 2 * (size + 1))),
         np.zeros((closers, unknowns)),
@@ -281,9 +291,16 @@ def sized_factor(factor):
     )  # fmt: skip
 
 
-@inlined
+@chosen
 def evaluate(segment, y, before, flights, z, residual):
-    """Residual of the problem at y, and for each flight the state at its end and exp(B t)."""
+    """Residual of the problem at y (u,). For each flight, before (k + 1, N) receives the node at its end, and flights (k + 1, N, N) its
+    derivative by the node at its begin. z (N,): scratch."""
+
+
+@evaluate.of(Segment)
+@inlined
+def evaluate_free(segment, y, before, flights, z, residual):
+    """See `evaluate`: flights are exp(B t)."""
     size = segment.flight.matrix.shape[1]
     k = segment.shape[0]
     s = segment.start_map.shape[1]
@@ -330,9 +347,15 @@ def jacobian_blocks(segment, i, factor, landing, push_rate):
     land(segment.flight, segment.gap_rate, segment.push, i, jump, factor.before[i], landing, push_rate)
 
 
-@inlined
+@chosen
 def fill(segment, y, factor):
     """Write the scaled transpose of the Jacobian at y into the factor arrays (before: `evaluate` at y)."""
+
+
+@fill.of(Segment)
+@inlined
+def fill_free(segment, y, factor):
+    """See `fill`."""
     size = segment.flight.matrix.shape[1]
     rows = size + 1
     k = segment.shape[0]

@@ -24,9 +24,9 @@ import math
 
 from numpy import int64, uint64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import copy_1, inner
-from bvp.kernels.multipoint import energy_sum, evaluate, fill, start_state
+from bvp.kernels.multipoint import Segment, energy_sum, evaluate, fill, start_state
 
 
 @inlined
@@ -176,10 +176,16 @@ SHORT_UPDATE = 1e-6
 """Newton's update, in units of the unknowns' sizes, below which the next one is beyond double precision: its square."""
 
 
-@inlined
+@chosen
 def set_scale(segment, y, factor):
+    """Fill factor.scale with the sizes of the unknowns at y. Returns those of displacements, velocities and flight times."""
+
+
+@set_scale.of(Segment)
+@inlined
+def set_free_scale(segment, y, factor):
     """Scale of the unknowns: largest displacement, largest velocity (both in modal units) and longest flight."""
-    size = segment.flight.matrix.shape[1]
+    size = segment.gap.shape[1]
     half = size // 2
     k = segment.shape[0]
     s = segment.start_map.shape[1]
@@ -236,11 +242,11 @@ def factorise(segment, y, factor, displacement, velocity):
     The length of a closing column is at least the scale of its end condition. Of a mode that moves alone, the column is only that mode's
     cosine. A pivot relative to the cosine would jump from -1 to 1 where the cosine is zero."""
     fill(segment, y, factor)
-    size = segment.flight.matrix.shape[1]
+    size = segment.gap.shape[1]
     rows = size + 1
     k = segment.shape[0]
     start = segment.start_map.shape[1] + 1
-    closing_first = 0 if segment.shape[1] == 1 else max(0, k - 1)
+    closing_first = 0 if segment.shape[1] != 0 else max(0, k - 1)
     norms = factor.work[1]
     for i in range(k):
         for e in range(rows):
@@ -266,7 +272,7 @@ def factorise(segment, y, factor, displacement, velocity):
 @inlined
 def solve(segment, factor, right, out):
     """Least-norm solution (in scaled unknowns) of J out = right; `right` is overwritten."""
-    rows = segment.flight.matrix.shape[1] + 1
+    rows = segment.gap.shape[1] + 1
     k = segment.shape[0]
     unknowns = factor.scale.shape[0]
     # Equation (32): the least-norm correction.
@@ -282,7 +288,7 @@ def solve(segment, factor, right, out):
 def conditioning(segment, factor, right):
     """Size of the smallest singular value of the last factorised Jacobian, its equations scaled to length 1: from the growth of two right
     sides of unit entries with irregular signs. `right` is overwritten."""
-    rows = segment.flight.matrix.shape[1] + 1
+    rows = segment.gap.shape[1] + 1
     norms = factor.work[1]
     largest = 0.0
     for pattern in range(2):
@@ -299,7 +305,7 @@ def conditioning(segment, factor, right):
 def null_vector(segment, factor, out):
     """Null vector of the last factorised Jacobian, unit length in the scaled unknowns; returned: its entry before unscaling
     is +1 along the last reflected axis, so its orientation is the one that the determinant's sign refers to."""
-    rows = segment.flight.matrix.shape[1] + 1
+    rows = segment.gap.shape[1] + 1
     unknowns = factor.scale.shape[0]
     # Equation (32): the tangent Q e_last.
     out[:unknowns] = 0.0
@@ -311,10 +317,16 @@ def null_vector(segment, factor, out):
         out[j] *= factor.scale[j]
 
 
-@inlined
+@chosen
 def scaled_residual(segment, residual, displacement, velocity):
     """Largest residual, displacements and velocities each by their own scale."""
-    size = segment.flight.matrix.shape[1]
+
+
+@scaled_residual.of(Segment)
+@inlined
+def scaled_free_residual(segment, residual, displacement, velocity):
+    """See `scaled_residual`."""
+    size = segment.gap.shape[1]
     half = size // 2
     rows = size + 1
     k = segment.shape[0]
@@ -353,7 +365,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     z = factor.work[2]
     update = factor.work[3]
     null = factor.work[4]
-    size = segment.flight.matrix.shape[1]
+    size = segment.gap.shape[1]
     constrained = False
     for j in range(unknowns):
         if row[j] != 0.0:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel, sized
+from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import flow_state, inner, row_dot, set_1
 from bvp.kernels.multipoint import (
@@ -20,6 +20,7 @@ from bvp.kernels.multipoint import (
     STOP,
     Factor,
     PackedSegment,
+    Segment,
     energy_sum,
     sized_factor,
     start_state,
@@ -78,7 +79,7 @@ class Landing(NamedTuple):
 
 
 @inlined
-def _orbit_step(segment, factor, y, tangent, request, metric, landing):
+def take_step(segment, factor, y, tangent, request, metric, landing):
     """Take a step from y along its `tangent` (2 u,): tangent and curvature.
 
     metric (4, N + 2): scratch, whose first row receives the position of the new point. The entries of the landing's result up to
@@ -123,14 +124,14 @@ def _orbit_step(segment, factor, y, tangent, request, metric, landing):
 
 @kernel
 def orbit_step(packed, factor, y, tangent, request, metric, landing):
-    """See `_orbit_step`."""
-    _orbit_step(unpack(packed), factor, y, tangent, request, metric, landing)
+    """See `take_step`."""
+    take_step(unpack(packed), factor, y, tangent, request, metric, landing)
 
 
 @kernel
 def two_dof_orbit_step(packed, factor, y, tangent, request, metric, landing):
-    """See `_orbit_step`; N = 4."""
-    _orbit_step(two_dof_segment(packed), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
+    """See `take_step`; N = 4."""
+    take_step(two_dof_segment(packed), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
 
 
 @kernel
@@ -154,9 +155,15 @@ class Metric(NamedTuple):
     direction: np.ndarray  # (N + 2,)
 
 
-@inlined
+@chosen
 def locate(segment, y, out):
     """(start state / sqrt(2 h), log h, log alpha) and (h, alpha)."""
+
+
+@locate.of(Segment)
+@inlined
+def locate_free(segment, y, out):
+    """See `locate`."""
     size = segment.flight.matrix.shape[1]
     start_state(segment.start_map, segment.start_offset, y, out[:size])
     energy = 0.5 * energy_sum(segment.weights, out[:size])
@@ -169,9 +176,15 @@ def locate(segment, y, out):
     return energy, alpha
 
 
-@inlined
+@chosen
 def metric_direction(segment, y, position, energy, alpha, tangent, out):
     """Change of `locate` along `tangent`; returns (d h, length)."""
+
+
+@metric_direction.of(Segment)
+@inlined
+def metric_direction_free(segment, y, position, energy, alpha, tangent, out):
+    """See `metric_direction`."""
     # Equation (33): dp/dy times the tangent.
     size = segment.flight.matrix.shape[1]
     s = segment.start_map.shape[1]
@@ -188,9 +201,15 @@ def metric_direction(segment, y, position, energy, alpha, tangent, out):
     return change, math.sqrt(inner(out, out))
 
 
-@inlined
+@chosen
 def constraint_row(segment, y, energy, alpha, position, direction, row):
     """Row r with r . dy = <direction, change of `locate` along dy>: the pseudo-arclength condition in the unknowns."""
+
+
+@constraint_row.of(Segment)
+@inlined
+def constraint_row_free(segment, y, energy, alpha, position, direction, row):
+    """See `constraint_row`."""
     # Equation (33): the row of the unknowns' changes.
     size = segment.flight.matrix.shape[1]
     s = segment.start_map.shape[1]

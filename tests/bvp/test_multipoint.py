@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks import backbone
-from branches.family import scales_of
 from bvp.closures import EndsError
 from bvp.kernels.multipoint import evaluate, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
@@ -178,7 +177,7 @@ def test_the_conditioning_is_the_smallest_singular_value(index):
     """Oracle: numpy's singular values of the Jacobian in scaled unknowns, its rows of length 1. The growth of n unit entries is sqrt(n)
     over the smallest one at most, and less as the signs and its singular vector have less in common."""
     orbit = collection()[index]
-    jacobian = orbit.problem.jacobian(orbit.solution.y) * scales_of(orbit.problem, orbit.solution.y)
+    jacobian = orbit.problem.jacobian(orbit.solution.y) * orbit.problem.scales(orbit.solution.y)
     jacobian /= np.linalg.norm(jacobian, axis=1)[:, None]
     smallest = np.linalg.svd(jacobian)[1][-1]
     assert smallest / np.sqrt(len(jacobian)) * (1.0 - 1e-6) < orbit.solution["conditioning"] < 30.0 * smallest

@@ -12,7 +12,6 @@ import pytest
 
 import saltus
 from branches.catalogue.database import CatalogueError
-from branches.family import scales_of
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.kernels.compiled import Kernel
@@ -259,7 +258,7 @@ def test_kernels_are_not_compiled_again_for_arrays_that_cannot_be_changed(branch
             y, tangent = branch.orbit(2).solution.y, branch.orbit(2).solution.tangent
             assert not y.flags.writeable
         problem.step(y, tangent, 1e-3), problem.residual(y), problem.jacobian(y), problem.end_states(y), cycle_of(problem, y)
-        stability(problem, problem.step(y, tangent, 0.0)), follow_family(problem, y, points=3), scales_of(problem, y)
+        stability(problem, problem.step(y, tangent, 0.0)), follow_family(problem, y, points=3), problem.scales(y)
     assert versions() == before
 
 

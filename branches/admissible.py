@@ -1,0 +1,71 @@
+"""Whether a solution of the equations is an orbit, and the three kinds of grazing at which its family ends."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from continuation.problem import TestFunction
+
+if TYPE_CHECKING:
+    from bvp.forced import ForcedProblem
+    from bvp.multipoint import MultipointProblem, Solution
+
+__all__ = ["BEYOND", "GRAZING", "describe_grazing", "unphysical"]
+
+BEYOND = 1e-8
+"""How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
+
+GRAZING = {
+    "touches": TestFunction("GR", "guard", True, "a flight touches a stop"),
+    "vanishes": TestFunction("GR", "guard", True, "the speed of an impact reaches zero"),
+    "merge": TestFunction("GR", "guard", True, "a flight time reaches zero"),
+}
+"""The three kinds of grazing, by the verb of their notes, with their test functions."""
+
+
+def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solution, verb: str) -> dict[str, Any]:
+    """What is known of a kind of grazing: the stop's letter and a note."""
+    inner = problem.inner
+    if verb == "touches":
+        modes = problem.modes
+        stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
+        letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
+        flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
+        where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
+        return {"stop": letter, "note": f"{where}: a new impact becomes possible"}
+    if verb == "vanishes":
+        node = int(solution["speed_node"])
+        letter = problem.modes.contact_letters[problem.contacts[node]]
+        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
+        note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
+        return {"stop": letter, "note": note}
+    flight = int(solution["flight_index"])
+    here = f"impact {flight}" if flight else "the start"
+    there = f"impact {flight + 1}" if flight < inner else "the far end"
+    return {"note": f"{here} and {there} merge: the flight between them has no duration"}
+
+
+def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, tolerance: float = BEYOND) -> str | None:
+    """Why a solution of the equations is no orbit; None if it is one.
+
+    It can pass beyond a stop, an impact can pull, or a flight can go back in time. The grazing orbit counts as one unless `tolerance` is 0.
+
+    Examples
+    --------
+    >>> from bvp.system import vibro_impact_nes
+    >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    >>> start = problem.modes.from_state @ [0.0, 0.0, 4.6, 8.3]
+    >>> unphysical(problem, problem.solve(problem.pack(start, [], [1.635]), quarter_period=1.635))
+    'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
+    """
+    inner = problem.inner
+    if solution["clearance"] <= -tolerance:
+        letter, time = describe_grazing(problem, solution, "touches")["stop"], solution["clearance_time"]
+        flight, depth = int(solution["clearance_flight"]) + 1, -solution["clearance"]
+        return f"flight {flight} of {inner + 1} passes beyond stop {letter} by {depth:.2g} at {time:.6g} after its start"
+    if solution["speed"] <= -tolerance * problem.speed(solution):
+        impact = describe_grazing(problem, solution, "vanishes")["note"].partition(" vanishes")[0]
+        return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"
+    if solution["flight"] <= -tolerance * problem.duration(solution):
+        return f"flight {int(solution['flight_index']) + 1} of {inner + 1} goes back in time: it lasts {solution['flight']:.2g}"
+    return None

@@ -1,0 +1,101 @@
+"""The first orbits of a family that leaves an orbit in a direction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from continuation.problem import Step
+
+if TYPE_CHECKING:
+    from branches.solved_family import SolvedFamily
+
+__all__ = ["DISTANCE", "across_null_space", "first_orbits"]
+
+DISTANCE = 0.02
+"""Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
+
+_GAP = 1e-6
+"""Singular values below this fraction of the largest count as zero at a located bifurcation."""
+
+_CONVERGED = 1e-5
+"""Largest last Newton correction of a first orbit, relative to its distance from the bifurcation. It is loose because rounding is large
+near a singular point; following the family corrects the orbit again."""
+
+_BEND = 0.1
+"""How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
+
+
+def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str) -> np.ndarray:
+    """The direction (u,) in the null space of the Jacobian at a located bifurcation that is at right angles to the known one.
+
+    Raises
+    ------
+    RuntimeError
+        Where the null space has one dimension; `what` names the bifurcation.
+    """
+    scale = problem.scales(y)
+    _, singular, rows = np.linalg.svd(problem.jacobian(y) * scale)
+    if singular[-1] > _GAP * singular[0]:
+        raise RuntimeError(
+            f"{what} is no bifurcation of the wider problem: its smallest singular value is {singular[-1] / singular[0]:.1e}"
+        )
+    null = rows[-2:]
+    along = null @ (known / scale)
+    across = np.array([-along[1], along[0]]) / np.hypot(along[0], along[1])
+    direction: np.ndarray = (across @ null) * scale
+    return direction
+
+
+def first_orbits(family: SolvedFamily, y: np.ndarray, direction: np.ndarray) -> Iterator[Step]:
+    """The first orbits on both sides, where there are any."""
+    for side in (direction, -direction):
+        step = _first(family, y, side)
+        if step is not None:
+            yield step
+
+
+def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray) -> Step | None:
+    """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
+    problem = family.problem
+    scale = problem.scales(y)
+    way = direction / scale / np.linalg.norm(direction / scale)
+    ds = DISTANCE
+    for _ in range(12):
+        there, half = (_beside(problem, y, way, scale, distance) for distance in (ds, 0.5 * ds))
+        # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
+        if there is not None and half is not None and np.max(np.abs(half - 0.5 * there)) < _BEND * np.max(np.abs(there)):
+            begin = family.begin(y + there * scale)
+            if begin.converged and float(begin.tangent[: problem.unknowns] @ (there / scale)) < 0.0:
+                begin = family.step(begin.y, -begin.tangent, 0.0)
+            if begin.converged:
+                solution = begin.extra
+                if solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
+                    return begin
+        ds *= 0.5
+    return None
+
+
+def _beside(problem: Any, y: np.ndarray, way: np.ndarray, scale: np.ndarray, distance: float) -> np.ndarray | None:
+    """The way from an orbit, in units of the scales, to the one at a distance along a unit direction; None where Newton fails.
+
+    The distance counts all unknowns. A branch's arclength measures the start state only, and in it a new family can leave almost along
+    the old one.
+    """
+    apart = distance * way
+    for _ in range(12):
+        there = y + apart * scale
+        matrix = np.vstack([problem.jacobian(there) * scale, way])
+        residual = np.concatenate([problem.residual(there), [float(way @ apart) - distance]])
+        try:
+            change = np.linalg.solve(matrix, -residual)
+        except np.linalg.LinAlgError:
+            return None
+        apart = apart + change
+        if not np.max(np.abs(apart)) < 4.0 * distance:
+            return None
+        if np.max(np.abs(change)) < _CONVERGED * distance:
+            return apart
+    return None

@@ -1,0 +1,127 @@
+"""A family of orbits under periodic loads as a problem of the continuation engine: test functions, and the classification of events.
+
+The test functions are those of the stroboscopic map M (`bvp.kernels.stroboscopic`): det(M + 1), and the product of 1 - mu_i mu_j over the
+pairs of its multipliers, which vanishes at a Neimark-Sacker bifurcation. Times a power of the impact speeds both are smooth at a grazing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.admissible import GRAZING, describe_grazing
+from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
+from bvp.forced import ForcedProblem
+from bvp.kernels.multipoint import BRANCHING, CLEARANCE, ENERGY, FLIGHT, GAVE_UP, RESIDUAL, SLOPE, SPEED
+from bvp.multipoint import Solution
+from continuation.problem import EventDetails, Point, Step, TestFunction
+
+if TYPE_CHECKING:
+    from continuation.location import Location
+
+__all__ = ["ForcedFamily"]
+
+_ACCURATE = 1e-12
+"""Scaled residual below which a solution is an orbit."""
+
+_CLEAR = 1e3
+"""Larger clearances are replaced by this value."""
+
+_ON_CIRCLE = 1e-6
+"""How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
+
+
+class ForcedFamily(SolvedFamily):
+    """A family of forced orbits in one parameter: a `continuation.Problem`.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+        Its first released parameter is the one that is reported.
+    interval : (float, float)
+        The family ends at these values of the parameter.
+    values : sequence of float
+        Values of the parameter that are marked.
+
+    Attributes
+    ----------
+    tests : tuple of TestFunction
+        In the order of their values in each step.
+    """
+
+    problem: ForcedProblem
+
+    def __init__(self, problem: ForcedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()):
+        self.problem = problem
+        self.values = values
+        name = problem.released[0]
+        low, high = problem.parametric.domain(name)
+        self.interval = max(low, interval[0]), min(high, interval[1])
+        first, last = (
+            f"{side} value of {name} asked for" if inside else f"{name} leaves its domain here"
+            for side, inside in (("lowest", interval[0] >= low), ("highest", interval[1] <= high))
+        )
+        turned = ("SB", "the half-period symmetry breaks") if problem.half else ("PD", "period doubling")
+        self.tests = (
+            TestFunction("SN", "crossing", False, f"fold in {name}", True),
+            TestFunction("BP", "crossing", False, "branch point", True, ("SN",), SINGULAR),
+            *GRAZING.values(),
+            TestFunction("EP", "guard", True, first),
+            TestFunction("EP", "guard", True, last),
+            TestFunction(turned[0], "crossing", False, turned[1]),
+            TestFunction("NS", "crossing", False, "Neimark-Sacker bifurcation"),
+            *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values),
+        )
+
+    def _step(self, solution: Solution | None) -> Step:
+        if solution is None:
+            return FAILED
+        result = solution.result.tolist()
+        if not result[RESIDUAL] < _ACCURATE or result[GAVE_UP] == 1.0:
+            return FAILED
+        value = result[ENERGY]
+        low, high = self.interval
+        tests = [
+            result[SLOPE],
+            result[BRANCHING],
+            min(result[CLEARANCE], _CLEAR),
+            min(result[SPEED], _CLEAR),
+            result[FLIGHT],
+            value - low if low > -math.inf else 1.0,
+            high - value if high < math.inf else 1.0,
+            *self.problem.tests(solution).tolist(),
+            *(value - wanted for wanted in self.values),
+        ]
+        return step_of(solution, result, tests)
+
+    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
+        """Where steps fail: the value of the parameter."""
+        return f"at {self.problem.released[0]} = {self.problem.parameters(y)[self.problem.released[0]]:.6g}"
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is, in the terms of the record."""
+        test = self.tests[index]
+        solution: Solution = at.extra
+        if location.kind in ("pole", "jump") and test.kind == "crossing":
+            return None
+        data: dict[str, Any] = {"stop": None, "note": test.label}
+        if test.code == "GR":
+            verb = next(verb for verb, kind in GRAZING.items() if kind == test)
+            data.update(describe_grazing(self.problem, solution, verb))
+        elif test.code == "NS":
+            angle = self._angle_of_pair(at)
+            if angle is None:
+                return None
+            data["angle"] = angle
+        return EventDetails(test.code, test.terminal, data)
+
+    def _angle_of_pair(self, at: Step) -> float | None:
+        """The angle in (0, pi) of a pair of multipliers on the unit circle; None where the product of two real ones is 1."""
+        found = self.problem.multipliers(at.y)
+        upper = found[found.imag > 0.0]
+        if not len(upper):
+            return None
+        nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
+        return float(np.angle(nearest)) if abs(abs(nearest) - 1.0) < _ON_CIRCLE else None

@@ -1,0 +1,192 @@
+"""Switching between families of forced orbits: at a period doubling, a broken symmetry, a branch point, and at a grazing.
+
+At a bifurcation the orbit is written as one of a wider problem: twice its period, or the full period of a half. There its Jacobian has one
+direction more, that of the new family. At a grazing the sequence on the other side is constructed: the impact that appears or vanishes is
+inserted or removed. Both families are regular there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.first_orbits import across_null_space, first_orbits
+from branches.forced_family import ForcedFamily
+from bvp.forced import ForcedProblem
+from bvp.multipoint import Solution
+from continuation.problem import Step
+from continuation.switching import branch_directions
+
+__all__ = ["GrazingNeighbour", "beside_grazing", "full_period", "leaving", "twice"]
+
+_SHORT = 1e-3
+"""Arclength of the first step away from a grazing."""
+
+
+def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit, traversed twice, as a solution of the problem with twice the period."""
+    wide = ForcedProblem(
+        problem.parametric, problem.sequence * 2, problem.released, turns=2 * problem.turns, values=problem.values
+    )
+    return wide, _repeated(problem, wide, y, np.eye(2 * problem.degrees_of_freedom), 0.5)
+
+
+def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit whose half period was solved, as a solution of the problem of its full period."""
+    modes = problem.modes
+    letters = modes.contact_letters
+    mirrored = [letters[int(modes.contact_opposite[letters.index(letter)])] for letter in problem.sequence]
+    wide = ForcedProblem(
+        problem.parametric, [*problem.sequence, *mirrored], problem.released, turns=problem.turns, values=problem.values
+    )
+    return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
+
+
+def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image: np.ndarray, part: float) -> np.ndarray:
+    """The unknowns of the wide problem: those of the narrow one, and their image. part: its period over that of the wide one. Linear in y
+    but for a constant."""
+    size = 2 * problem.degrees_of_freedom
+    if not problem.sequence:
+        out = np.array(y)
+        wide.flight_times(out)[:] *= 2.0
+        return out
+    out = np.zeros(wide.unknowns)
+    count = problem.inner + 1
+    nodes, times = wide.nodes(out), wide.flight_times(out)
+    nodes[:count] = nodes[count:] = problem.nodes(y)
+    nodes[count:, :size] = nodes[:count, :size] @ image.T
+    nodes[:, size] *= part
+    nodes[count:, size] += 0.5
+    times[:count] = times[count:] = problem.flight_times(y)
+    return out
+
+
+def leaving(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray, code: str) -> list[tuple[ForcedProblem, Step]]:
+    """The first orbits of the family that leaves another one at a bifurcation, with tangents that point away from it.
+
+    Parameters
+    ----------
+    problem, y : ForcedProblem, (u,) float
+        The orbit at the bifurcation.
+    tangent : (u,) float
+        Along its family.
+    code : {"PD", "SB", "BP"}
+
+    Raises
+    ------
+    RuntimeError
+        Where the orbit is at no bifurcation.
+
+    Notes
+    -----
+    Both sides of a period doubling are one family: each orbit is the other one begun a period later. Those of a broken symmetry are mirror
+    images.
+    """
+    if code == "BP":
+        direction = branch_directions(ForcedFamily(problem), y, tangent)[0]
+        return [(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction)]
+    wide, repeated = (twice if code == "PD" else full_period)(problem, y)
+    embed = twice if code == "PD" else full_period
+    known = embed(problem, y + 1e-6 * tangent)[1] - embed(problem, y - 1e-6 * tangent)[1]
+    direction = across_null_space(wide, repeated, known, code)
+    steps = list(first_orbits(ForcedFamily(wide), repeated, direction))
+    return [(wide, step) for step in (steps[:1] if code == "PD" else steps)]
+
+
+class GrazingNeighbour(NamedTuple):
+    """The family on the other side of a grazing.
+
+    Attributes
+    ----------
+    problem : ForcedProblem
+    step : Step
+        Its first orbit, with its tangent pointing away from the grazing.
+    persists : bool
+        Whether it exists on the other side of the parameter than the family that ends: the motion persists. Else both are on one side: a
+        nonsmooth fold.
+    """
+
+    problem: ForcedProblem
+    step: Step
+    persists: bool
+
+
+def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:
+    """The families that meet another one at a grazing orbit.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+    solution : Solution
+        The grazing orbit.
+    inwards : (u,) float
+        A direction along the family that ends, away from the grazing.
+    """
+    y = solution.y
+    make = _with_touch if abs(solution["clearance"]) < abs(solution["speed"]) else _without
+    neighbour, start = make(problem, solution)
+    family = ForcedFamily(neighbour)
+    begin = family.begin(start)
+    found = []
+    if begin.converged:
+        at = 2 * problem.degrees_of_freedom + 1
+        side = np.sign(inwards[at])
+        for sign in (1.0, -1.0):
+            turned = family.step(begin.y, sign * begin.tangent, 0.0)
+            step = family.step(turned.y, turned.tangent, _SHORT)
+            if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
+                found.append(GrazingNeighbour(neighbour, step, bool(np.sign(step.y[at] - y[at]) != side)))
+    return found
+
+
+def _with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns."""
+    n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
+    flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
+    side = solution["clearance_side"]
+    modes = problem.modes
+    contact = next(
+        c
+        for c in range(len(modes.contact_stop))
+        if modes.contact_stop[c] == int(solution["clearance_stop"]) and modes.contacts.side[c] == side
+    )
+    y = solution.y
+    nodes = problem.nodes(y)
+    state, fraction = problem.fly(nodes[flight], time)
+    # The touch is at zero speed: rounding of the place of the extremum must not leave an impact that pulls.
+    row = np.asarray(problem.system.stops[int(solution["clearance_stop"])].gap)
+    state[n:] -= row * (row @ state[n:]) / (row @ row)
+    letter = modes.contact_letters[contact]
+    states = nodes[:, :size]
+    fractions = nodes[:, size]
+    if not problem.sequence:
+        return _made(problem, [letter], state[None], np.array([fraction % 1.0]), y)
+    sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
+    return _made(problem, sequence, np.insert(states, flight + 1, state, axis=0), np.insert(fractions, flight + 1, fraction), y)
+
+
+def _without(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem without the impact whose speed has vanished, and the orbit in its unknowns."""
+    size = 2 * problem.degrees_of_freedom
+    nodes = problem.nodes(solution.y)
+    # Node i of the speeds is the impact that ends flight i; the last one is the first of the orbit.
+    gone = (int(solution["speed_node"]) + 1) % len(nodes)
+    sequence = [*problem.sequence[:gone], *problem.sequence[gone + 1 :]]
+    states, fractions = np.delete(nodes[:, :size], gone, axis=0), np.delete(nodes[:, size], gone)
+    if not sequence:
+        # Without impacts the orbit begins at the phase 0.
+        state, _ = problem.fly(nodes[0], (1.0 - nodes[0, size] % 1.0) * problem.period(solution.y))
+        return _made(problem, sequence, state[None], np.zeros(1), solution.y)
+    return _made(problem, sequence, states, fractions, solution.y)
+
+
+def _made(
+    problem: ForcedProblem, sequence: list[str], states: np.ndarray, fractions: np.ndarray, y: np.ndarray
+) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem with another sequence, and its unknowns."""
+    made = ForcedProblem(
+        problem.parametric, sequence, problem.released, turns=problem.turns, half=problem.half, values=problem.parameters(y)
+    )
+    at = problem.parameters(y)
+    return made, made.pack(states, fractions, [at[name] for name in problem.released])

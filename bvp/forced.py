@@ -1,0 +1,314 @@
+"""The multipoint problem of an orbit under periodic loads, in any released parameters.
+
+`ForcedProblem` binds a system with parameters, a closure and an impact sequence to the compiled kernels of `bvp.kernels.forced`: residual
+and Jacobian, and the step along the family.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bvp.closures import EndsError, contact_of
+from bvp.kernels.forced import LoadedSegment, Released, forced_residual, forced_step, set_parameters
+from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
+from bvp.kernels.loads import LoadedFlight, Loads, fly_loaded
+from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, make_factor
+from bvp.kernels.newton import set_scale
+from bvp.kernels.periodic_qr import product_eigenvalues
+from bvp.kernels.step import Landing, Request
+from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames, stroboscopic_tests
+from bvp.multipliers import GRAZING_LIMIT, sort_multipliers
+from bvp.multipoint import NotConverged, Solution
+from bvp.parameters import ParametricSystem
+
+__all__ = ["ForcedProblem"]
+
+
+class ForcedProblem:
+    """Periodic orbits of a system under periodic loads, with a given impact sequence, in one released parameter.
+
+    Parameters
+    ----------
+    parametric : ParametricSystem
+        Its loads have a base frequency.
+    sequence : sequence of str
+        Contact letters of the impacts in order of time: of the full period, or of half of it. Empty: the response without impacts.
+    released : sequence of str
+        Names of the parameters that vary along the family.
+    turns : int
+        p, the number of periods of the base frequency in one of the orbit.
+    half : bool
+        Solve half a period of an orbit with x(t + T/2) = -x(t).
+    values : mapping, optional
+        Values of the parameters that replace the defaults.
+
+    Raises
+    ------
+    EndsError
+        For a half period of a system or of loads without odd symmetry, or of an even p; for an unknown stop.
+    ValueError
+        For parameters that the system lacks, loads without a common period, and a parameter that changes masses, dampers or springs.
+
+    Notes
+    -----
+    The unknowns are y = (z_0, t_0, z_1, t_1, ..., z_k, t_k) of nodes z = (u, v, s, parameters): s is the time as a fraction of the period.
+    """
+
+    def __init__(
+        self,
+        parametric: ParametricSystem,
+        sequence: Sequence[str],
+        released: Sequence[str],
+        *,
+        turns: int = 1,
+        half: bool = False,
+        values: Mapping[str, float] | None = None,
+    ):
+        self.parametric = parametric
+        self.values = parametric.at(values)
+        self.system = system = parametric.system(self.values)
+        self.sequence = tuple(sequence)
+        self.released = tuple(released)
+        self.turns, self.half = turns, half
+        layout = parametric.layout
+        if not layout.harmonics:
+            raise ValueError("a forced orbit needs a harmonic load; this system has none")
+        if half:
+            self._refuse_half(turns)
+        self.degrees_of_freedom = n = system.degrees_of_freedom
+        found = parametric.program(self.released)
+        if len(found.rows) and found.rows[0] < layout.stiffness.stop:
+            raise ValueError(f"parameter {' or '.join(self.released)} changes masses, dampers or springs; expected one of loads or stops")
+        count = len(self.released)
+        self.size = size = 2 * n + 1 + count
+        self.modes = modes = system.modes
+        contacts = [contact_of(system, letter) for letter in self.sequence]
+        # The last impact of the segment is the first of the orbit, or its mirror image.
+        closing = [modes.contact_opposite[contacts[0]] if half else contacts[0]] if contacts else [-1]
+        self.contacts = np.array([*contacts[1:], *closing, contacts[0] if contacts else -1])
+        self.inner = len(self.contacts) - 2
+        self.unknowns = (self.inner + 1) * (size + 1)
+        nodes = self.inner + 2
+        gap, rate, push = (np.zeros((nodes, size)) for _ in range(3))
+        side, entries = np.zeros(nodes), np.full((nodes, 2), -1, dtype=np.int64)
+        for i, contact in enumerate(self.contacts.tolist()):
+            if contact >= 0:
+                stop = int(modes.contact_stop[contact])
+                row = np.asarray(system.stops[stop].gap)
+                along = np.linalg.solve(system.mass, row)
+                gap[i, :n], rate[i, n : 2 * n], push[i, n : 2 * n] = row, row, along / (row @ along)
+                side[i] = modes.contacts.side[contact]
+                bounds = layout.upper if side[i] > 0.0 else layout.lower
+                entries[i] = bounds.start + stop, layout.restitution.start + stop
+        harmonics = np.array([0.0, *layout.harmonics])
+        forces, slopes = np.zeros((2, len(harmonics), n)), np.zeros((2, count, len(harmonics), n))
+        drive = np.ascontiguousarray(modes.from_state[:, n:] @ np.linalg.inv(system.mass))
+        loads = Loads(drive, harmonics, forces[0], forces[1], slopes[0], slopes[1], np.zeros(1 + count), float(turns))
+        square = (2 * n, 2 * n)
+        flight = LoadedFlight(
+            modes.flight, np.ascontiguousarray(modes.from_state), np.ascontiguousarray(modes.to_state), loads,
+            np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
+        )  # fmt: skip
+        at = np.array([self.values[name] for name in parametric.names])
+        places = np.array([part.start for part in (layout.restitution, layout.constant, layout.cosine, layout.sine)], dtype=np.int64)
+        of_parameters = Released(
+            found.program, at, found.columns, found.rows, np.zeros(found.scratch), np.zeros(len(found.program.outputs)),
+            parametric.entries(self.values), np.zeros((count, layout.size)), places, layout.frequency.start,
+        )  # fmt: skip
+        shape = np.array([self.inner, CLOSED, 4, PERIODIC, PERIODIC], dtype=np.int64)
+        self.segment = LoadedSegment(
+            flight, gap, rate, push, np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
+            np.array([-1.0, 0.5] if half else [1.0, 1.0]), self._metric(), of_parameters, shape,
+        )  # fmt: skip
+        stops = np.where(self.contacts >= 0, modes.contact_stop[self.contacts], -1).astype(np.int64)
+        bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
+        sizes = len(modes.flight.pairs), 2 * n, len(harmonics), len(system.stops)
+        self._watched = Watched(
+            np.array([stop.gap for stop in system.stops]), stops, bounds, make_extended(*sizes, False), make_extended(*sizes, True)
+        )
+        self._map = make_stroboscopic(self.segment)
+        self._factor = make_factor(self.segment)
+        self._zero = np.zeros(2 * self.unknowns)
+
+    def _refuse_half(self, turns: int) -> None:
+        """Refuse the half-period closure where an orbit cannot have its symmetry."""
+        layout = self.parametric.layout
+        if not self.system.has_odd_symmetry:
+            raise EndsError("a half period needs odd symmetry: two-sided stops with equal gaps")
+        even = [k for k in layout.harmonics if k % 2 == 0]
+        constant = np.any(self.parametric.entries(self.values)[layout.constant])
+        if even or constant:
+            raise EndsError(f"a half period needs odd loads; received {f'the harmonic {even[0]}' if even else 'a constant load'}")
+        if turns % 2 == 0:
+            raise EndsError(f"a half period needs an odd number of periods of the load; received {turns}")
+
+    def _metric(self) -> np.ndarray:
+        """What a unit of arclength is for each entry of the first node, (N,): the smallest gap, that times the fastest frequency, the
+        period, and for a positive parameter its logarithm, else 1."""
+        n = self.degrees_of_freedom
+        bounds = [abs(bound) for stop in self.system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound) and bound]
+        reach = min(bounds, default=1.0)
+        speed = reach * max(1.0, float(np.sqrt(self.system.modes.squares.max())))
+        units = [0.0 if self.values[name] > 0.0 else 1.0 for name in self.released]
+        return np.array([*[reach] * n, *[speed] * n, 1.0, *units])
+
+    # -- unknowns -------------------------------------------------------------------------------------------------------------
+
+    def pack(self, states: ArrayLike, fractions: ArrayLike, parameters: ArrayLike) -> np.ndarray:
+        """Unknowns y (u,) from the states (u, v) after each impact (k + 1, 2 n), the times of these impacts as fractions of the period,
+        ascending, (k + 1,), and the released parameters (m,)."""
+        y = np.zeros(self.unknowns)
+        nodes, times = self.nodes(y), np.asarray(fractions, float)
+        nodes[:, : 2 * self.degrees_of_freedom] = states
+        nodes[:, 2 * self.degrees_of_freedom] = times
+        nodes[:, 2 * self.degrees_of_freedom + 1 :] = parameters
+        self.flight_times(y)[:] = np.diff([*times, times[0] + self.segment.closing[1]]) * self.period(y)
+        return y
+
+    def nodes(self, y: np.ndarray) -> np.ndarray:
+        """Nodes (k + 1, N), a view of y."""
+        return y.reshape(self.inner + 1, self.size + 1)[:, : self.size]
+
+    def flight_times(self, y: np.ndarray) -> np.ndarray:
+        """Flight times (k + 1,), a view of y."""
+        return y.reshape(self.inner + 1, self.size + 1)[:, self.size]
+
+    def fly(self, node: np.ndarray, time: float) -> tuple[np.ndarray, float]:
+        """The state (u, v) and the fraction of the period that a free flight from a node (N,) leads to."""
+        size = 2 * self.degrees_of_freedom
+        out, jacobian, rate = np.empty(self.size), np.empty((self.size, self.size)), np.empty(self.size)
+        set_parameters(self.segment, np.array(node, float))
+        fly_loaded(self.segment.flight, np.array(node, float), float(time), out, jacobian, rate)
+        return out[:size].copy(), float(out[size])
+
+    def parameters(self, y: np.ndarray) -> dict[str, float]:
+        """All parameters at y."""
+        moved = y[2 * self.degrees_of_freedom + 1 : self.size].tolist()
+        return self.values | dict(zip(self.released, moved, strict=True))
+
+    def period(self, y: np.ndarray) -> float:
+        """T."""
+        frequency = float(self.parametric.entries(self.parameters(y))[self.parametric.layout.frequency][0])
+        return 2.0 * math.pi * self.turns / frequency
+
+    def speed(self, solution: Solution) -> float:
+        """A typical speed of an orbit: the largest one at its impacts."""
+        n = self.degrees_of_freedom
+        return float(np.abs(solution.ends[:, n : 2 * n]).max())
+
+    def duration(self, solution: Solution) -> float:
+        """A typical duration of its flights: the period."""
+        return solution["quarter_period"]
+
+    # -- equations ------------------------------------------------------------------------------------------------------------
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """F(y), (u - 1,)."""
+        return self._evaluated(y)
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
+        self._evaluated(y)
+        factor, rows = self._factor, self.size + 1
+        out = np.zeros((self.unknowns - 1, self.unknowns))
+        for i in range(self.inner):
+            base = max(0, (i - 1) * rows)
+            width = min(factor.window.shape[1], self.unknowns - base)
+            out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
+        out[self.inner * rows :] = factor.closing
+        return out
+
+    def scales(self, y: np.ndarray) -> np.ndarray:
+        """Typical size of each unknown at the orbit y, (u,)."""
+        self._evaluated(y)
+        set_scale(self.segment, np.array(y, float), self._factor)
+        return self._factor.scale.copy()
+
+    @property
+    def curvature_blocks(self) -> list[np.ndarray]:
+        """Indices of the unknowns of each flight, (k + 1) arrays: the node where it starts, and its time. No second derivative of the
+        equations is by unknowns of two flights."""
+        return np.split(np.arange(self.unknowns), self.inner + 1)
+
+    def _evaluated(self, y: np.ndarray) -> np.ndarray:
+        residual = np.empty(self.unknowns - 1)
+        self._factor.scale[:] = 1.0
+        forced_residual(self.segment, self._factor, np.array(y, float), residual)
+        return residual
+
+    # -- solution and step ----------------------------------------------------------------------------------------------------
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12) -> Solution | None:
+        """Step by ds along the family from y with its tangent (2 u,) (tangent, then curvature); None where Newton fails.
+
+        With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes)."""
+        return self._take(y, tangent, Request(ds, math.nan, maximum))
+
+    def solve(self, y: np.ndarray) -> Solution:
+        """Newton's solution near y at the parameter's value there.
+
+        Raises
+        ------
+        NotConverged
+            When the corrections do not shrink to rounding level.
+        """
+        row = self._factor.work[5, : self.unknowns]
+        row[:] = 0.0
+        row[2 * self.degrees_of_freedom + 1] = 1.0
+        found = self._take(y, self._zero, Request(0.0, float(y[2 * self.degrees_of_freedom + 1]), 30))
+        if found is None:
+            raise NotConverged("Newton's corrections did not settle")
+        return found
+
+    def _take(self, y: np.ndarray, tangent: np.ndarray, request: Any) -> Solution | None:
+        unknowns = self.unknowns
+        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(len(RESULT), np.nan))
+        metric = np.empty((4, self.size))
+        forced_step(self.segment, self._factor, np.array(y, float), np.array(tangent, float), request, metric, landing)
+        if landing.result[0] != 1.0:
+            return None
+        ends = self._factor.before.copy()
+        forced_observe(self.segment, self._watched, landing.y, ends, landing.result)
+        return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
+
+    def multipliers(self, y: np.ndarray) -> np.ndarray:
+        """The 2 n multipliers of the stroboscopic map of an orbit y, by modulus descending; of half a period those of x -> -x over it.
+
+        They are those of the saddle-point matrix, in which each impact keeps the equation of its time. An impact takes the velocities f-
+        and the directions along the stop to f+ and their reflections. Nothing is divided by its speed. NaN where an impact grazes."""
+        self._evaluated(y)
+        size, nodes = 2 * self.degrees_of_freedom, self.inner + 1
+        factor, segment = self._factor, self.segment
+        scale = np.repeat(set_scale(segment, np.array(y, float), factor)[:2], self.degrees_of_freedom)
+        left, right = np.empty((2, nodes, size, size))
+        flights = factor.flights[:, :size, :size] * scale / scale[:, None]
+        if self.sequence:
+            n = self.degrees_of_freedom
+            speeds = segment.side[:nodes] * np.sum(segment.gap[:nodes, :n] * factor.before[:, n : 2 * n], axis=1)
+            if np.min(speeds) < GRAZING_LIMIT * np.max(scale[n:]):
+                return np.full(size, complex(math.nan, math.nan))
+            for i in range(nodes):
+                saltation_frames(segment, i, factor.before[i], scale, left[i], right[i], self._map)
+        else:
+            left[:], right[:] = np.eye(size), np.eye(size)
+        chain = np.empty((2 * nodes, size, size))
+        chain[::2] = left
+        chain[1::2] = np.roll(flights, -1, axis=0) @ right
+        chain[-1] *= segment.closing[0]
+        inverse, matrix, found = np.tile(np.array([1, 0], np.int64), nodes), np.empty((size, size)), np.empty((2, size))
+        steps = product_eigenvalues(chain, inverse, np.empty((3, 3)), matrix, found)
+        if steps < 1 or not np.all(np.isfinite(found)):
+            return np.full(size, complex(math.nan, math.nan))
+        return sort_multipliers(found[0] + 1j * found[1])
+
+    def tests(self, solution: Solution) -> np.ndarray:
+        """det(M + 1) of the last solution's map M, and the product of 1 - mu_i mu_j over the pairs of its multipliers (2,). Both are smooth
+        at grazings."""
+        out = np.empty(2)
+        stroboscopic_tests(self.segment, self._factor.flights, solution.ends, solution["speeds"], self._map, out)
+        return out

@@ -1,0 +1,314 @@
+"""The multipoint problem of an orbit under periodic loads, equation (39): its data, its residual, its Jacobian and its metric.
+
+Unknowns   y = (z_0, t_0, z_1, t_1, ..., z_k, t_k):  nodes z = (u, v, s, parameters) after each impact, and flight times
+Equations  R flight(z_i, t_i) - z_{i+1} = 0,  c . u_{i+1} - bound = 0   for each flight but the last, then the closing equations
+
+           period p     R flight(z_k, t_k) - (u_0, v_0, s_0 + 1) = 0,          c . u_0 - bound = 0
+           half period  R flight(z_k, t_k) - (-u_0, -v_0, s_0 + 1/2) = 0,      c . u_0 - bound = 0
+
+Without impacts s_0 = 0 takes the place of the last one; with them the first node is after an impact. The time s is a fraction of the
+period, so a node knows the phase of its loads, and the equations have the pattern of conservative ones. Each node carries the released
+parameters; they are equal on every iterate of Newton's method, since these equations are linear.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.contact_mode import apply_impact, impact_columns
+from bvp.kernels.expressions import Program, run
+from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2
+from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
+from bvp.kernels.multipoint import evaluate, fill, unpack
+from bvp.kernels.newton import scaled_residual, set_scale
+from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
+
+
+class Released(NamedTuple):
+    """How entries of the system depend on the m released parameters; `bvp.parameters.Released` gives the program."""
+
+    program: Program
+    values: np.ndarray  # (N,) of all parameters; the released ones are those of the node
+    columns: np.ndarray  # (m,) int64 the released ones among them
+    rows: np.ndarray  # (D,) int64 entries that depend on them
+    scratch: np.ndarray  # of the program
+    out: np.ndarray  # (D + D m,) what the program writes
+    entries: np.ndarray  # (E,) as `bvp.entries.Layout` places them
+    slopes: np.ndarray  # (m, E) their derivatives
+    places: np.ndarray  # (4,) int64: where restitutions, the constant load, those with cosines and with sines begin
+    frequency: int  # and the base frequency
+
+
+class LoadedSegment(NamedTuple):
+    """What the kernels know of a forced problem. Rows as in `bvp.kernels.multipoint.Segment`, for nodes of N = 2 n + 1 + m entries."""
+
+    flight: LoadedFlight
+    gap: np.ndarray  # (k + 2, N) rows c, and minus the derivatives of the bounds
+    gap_rate: np.ndarray  # (k + 2, N) rows c on velocities
+    push: np.ndarray  # (k + 2, N) directions of the impulses
+    jump: np.ndarray  # (k + 2,) 1 + restitution
+    bound: np.ndarray  # (k + 2,) bound less its derivatives times the parameters
+    side: np.ndarray  # (k + 2,) +1 upper, -1 lower
+    start_map: np.ndarray  # (N, N) identity
+    start_offset: np.ndarray  # (N,) zero
+    end_map: np.ndarray  # (0, N)
+    contact: np.ndarray  # (k + 2, 2) int64: the entries of bound and restitution; -1: no impact
+    closing: np.ndarray  # (2,) 1 or -1, what the state is multiplied by over the segment; the part of the period that it lasts
+    scale: np.ndarray  # (N,) what a unit of arclength is for each entry of the first node; 0: a unit of its logarithm
+    released: Released
+    shape: np.ndarray  # (5,) int64: inner impacts k, CLOSED, 4, PERIODIC, PERIODIC
+
+
+@unpack.of(LoadedSegment)
+@inlined
+def unpack_loaded(segment):
+    """A forced problem is given to kernels as it is."""
+    return segment
+
+
+@inlined
+def refresh(segment, node):
+    """Compute all that depends on the released parameters, at their values in a node."""
+    released, loads = segment.released, segment.flight.loads
+    size = segment.flight.enter.shape[0]
+    n = size // 2
+    entries, slopes, places = released.entries, released.slopes, released.places
+    count = released.columns.shape[0]
+    for j in range(count):
+        released.values[released.columns[j]] = node[size + 1 + j]
+    run(released.program, released.values, released.scratch, released.out)
+    depending = released.rows.shape[0]
+    for d in range(depending):
+        row = released.rows[d]
+        entries[row] = released.out[d]
+        for j in range(count):
+            slopes[j, row] = released.out[depending + d * count + j]
+    loads.clock[0] = entries[released.frequency]
+    for j in range(count):
+        loads.clock[1 + j] = slopes[j, released.frequency]
+    for h in range(loads.harmonics.shape[0]):
+        for i in range(n):
+            first = places[1] + i if h == 0 else places[2] + (h - 1) * n + i
+            loads.cosine[h, i] = entries[first]
+            for j in range(count):
+                loads.cosine_slope[j, h, i] = slopes[j, first]
+            if h > 0:
+                other = places[3] + (h - 1) * n + i
+                loads.sine[h, i] = entries[other]
+                for j in range(count):
+                    loads.sine_slope[j, h, i] = slopes[j, other]
+    for i in range(segment.contact.shape[0]):
+        row = segment.contact[i, 0]
+        if row >= 0:
+            total = entries[row]
+            for j in range(count):
+                segment.gap[i, size + 1 + j] = -slopes[j, row]
+                total -= slopes[j, row] * node[size + 1 + j]
+            segment.bound[i] = total
+            segment.jump[i] = 1.0 + entries[segment.contact[i, 1]]
+
+
+@evaluate.of(LoadedSegment)
+@inlined
+def evaluate_loaded(segment, y, before, flights, z, residual):
+    """See `evaluate`."""
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    k = segment.shape[0]
+    refresh(segment, y[:width])
+    at = 0
+    for i in range(k + 1):
+        loaded_flight(segment.flight, y[at : at + width], y[at + width], before[i], flights[i])
+        at += width + 1
+        row = i * (width + 1)
+        apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before[i], residual[row : row + width])
+        if i < k:
+            # Equation (39): the flight lands on the next node, which lies on its stop.
+            for r in range(width):
+                residual[row + r] -= y[at + r]
+            residual[row + width] = inner(segment.gap[i], y[at : at + width]) - segment.bound[i]
+        else:
+            # Equation (39): the orbit closes.
+            for r in range(size):
+                residual[row + r] -= segment.closing[0] * y[r]
+            residual[row + size] -= y[size] + segment.closing[1]
+            residual[row + size + 1] = y[size]
+            if segment.contact[k, 0] >= 0:
+                # Of half a period, the last impact is at the mirror image of the first one's stop.
+                gap = segment.closing[0] * inner(segment.gap[k, :size], y[:size])
+                residual[row + size + 1] = gap + inner(segment.gap[k, size:], y[size:width]) - segment.bound[k]
+
+
+@inlined
+def loaded_blocks(segment, i, factor, landing, push_rate):
+    """landing (N, N) and push_rate (N,): derivatives of the node after impact i by the one before its flight, and by the flight time."""
+    size = segment.flight.enter.shape[0]
+    count = segment.released.columns.shape[0]
+    for r in range(landing.shape[0]):
+        copy_1(factor.flights[i, r], landing[r])
+    before = factor.before[i]
+    loaded_rate(segment.flight, before, push_rate)
+    if segment.contact[i, 0] >= 0:
+        jump = segment.jump[i]
+        speed = row_dot(segment.gap_rate, i, before)
+        apply_impact(segment.gap_rate, segment.push, i, jump, push_rate, push_rate)
+        impact_columns(segment.gap_rate, segment.push, i, jump, landing)
+        for j in range(count):
+            change = segment.released.slopes[j, segment.contact[i, 1]] * speed
+            for r in range(size):
+                landing[r, size + 1 + j] -= change * segment.push[i, r]
+
+
+@fill.of(LoadedSegment)
+@inlined
+def fill_loaded(segment, y, factor):
+    """See `fill`."""
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    rows = width + 1
+    k = segment.shape[0]
+    landing = factor.square
+    along = factor.work[0, :width]
+    window, closing, scale = factor.window, factor.closing, factor.scale
+    set_2(window, 0.0)
+    set_2(closing, 0.0)
+    at = 0
+    for i in range(k + 1):
+        loaded_blocks(segment, i, factor, landing, along)
+        after = at + rows
+        base = max(0, (i - 1) * rows)
+        if i < k:
+            for r in range(width):
+                column = window[i * rows + r]
+                for c in range(width):
+                    column[at - base + c] = landing[r, c] * scale[at + c]
+                column[at - base + width] = along[r] * scale[at + width]
+                column[after - base + r] = -scale[after + r]
+            column = window[i * rows + width]
+            for c in range(width):
+                column[after - base + c] = segment.gap[i, c] * scale[after + c]
+        else:
+            for e in range(size + 1):
+                column = closing[e]
+                for c in range(width):
+                    column[at + c] += landing[e, c] * scale[at + c]
+                column[at + width] += along[e] * scale[at + width]
+                column[e] -= (segment.closing[0] if e < size else 1.0) * scale[e]
+            column = closing[size + 1]
+            if segment.contact[k, 0] >= 0:
+                for c in range(width):
+                    column[c] += (segment.closing[0] if c < size else 1.0) * segment.gap[k, c] * scale[c]
+            else:
+                column[size] += scale[size]
+        at = after
+
+
+@set_scale.of(LoadedSegment)
+@inlined
+def set_loaded_scale(segment, y, factor):
+    """See `set_scale`: the time of a node has the scale 1, a parameter its own."""
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    n = size // 2
+    displacement = 0.0
+    velocity = 0.0
+    longest = 0.0
+    at = 0
+    for i in range(segment.shape[0] + 1):
+        for r in range(n):
+            displacement = max(displacement, max(abs(y[at + r]), abs(factor.before[i, r])))
+            velocity = max(velocity, max(abs(y[at + n + r]), abs(factor.before[i, n + r])))
+        longest = max(longest, abs(y[at + width]))
+        at += width + 1
+    # All impacts can be at one place, and at rest there.
+    w = segment.flight.loads.clock[0]
+    displacement = max(displacement, velocity / w)
+    velocity = max(velocity, displacement * w)
+    if displacement == 0.0:
+        displacement = 1.0
+        velocity = w
+    if longest == 0.0:
+        longest = 1.0
+    scale = factor.scale
+    at = 0
+    for _ in range(segment.shape[0] + 1):
+        for r in range(n):
+            scale[at + r] = displacement
+            scale[at + n + r] = velocity
+        scale[at + size] = 1.0
+        for j in range(width - size - 1):
+            unit = segment.scale[size + 1 + j]
+            scale[at + size + 1 + j] = unit if unit > 0.0 else abs(y[size + 1 + j])
+        scale[at + width] = longest
+        at += width + 1
+    return displacement, velocity, longest
+
+
+@scaled_residual.of(LoadedSegment)
+@inlined
+def scaled_loaded_residual(segment, residual, displacement, velocity):
+    """See `scaled_residual`."""
+    width = segment.gap.shape[1]
+    n = segment.flight.enter.shape[0] // 2
+    worst = 0.0
+    for row in range(residual.shape[0]):
+        r = row % (width + 1)
+        value = abs(residual[row])
+        if r < n or r == width:
+            value /= displacement
+        elif r < 2 * n:
+            value /= velocity
+        elif r == 2 * n + 1 and row >= segment.shape[0] * (width + 1) and segment.contact[segment.shape[0], 0] >= 0:
+            value /= displacement
+        if not value <= worst:
+            worst = value
+    return worst
+
+
+@locate.of(LoadedSegment)
+@inlined
+def locate_loaded(segment, y, out):
+    """The first node in units of arclength; the parameter and the period."""
+    for r in range(out.shape[0]):
+        out[r] = y[r] / segment.scale[r] if segment.scale[r] > 0.0 else math.log(y[r]) if y[r] > 0.0 else -math.inf
+    loads = segment.flight.loads
+    return y[segment.flight.enter.shape[0] + 1], 2.0 * math.pi * loads.turns / loads.clock[0]
+
+
+@metric_direction.of(LoadedSegment)
+@inlined
+def metric_direction_loaded(segment, y, position, energy, alpha, tangent, out):
+    """See `metric_direction`: (derivative of the parameter, length)."""
+    for r in range(out.shape[0]):
+        out[r] = tangent[r] / (segment.scale[r] if segment.scale[r] > 0.0 else y[r])
+    return tangent[segment.flight.enter.shape[0] + 1], math.sqrt(inner(out, out))
+
+
+@constraint_row.of(LoadedSegment)
+@inlined
+def constraint_row_loaded(segment, y, energy, alpha, position, direction, row):
+    """See `constraint_row`."""
+    set_1(row, 0.0)
+    for r in range(direction.shape[0]):
+        row[r] = direction[r] / (segment.scale[r] if segment.scale[r] > 0.0 else y[r])
+
+
+@kernel
+def forced_step(segment, factor, y, tangent, request, metric, landing):
+    """See `bvp.kernels.step.orbit_step`."""
+    take_step(segment, factor, y, tangent, request, metric, landing)
+
+
+@kernel
+def forced_residual(segment, factor, y, residual):
+    """Residual at y into residual (u - 1,), its Jacobian into the factor arrays, for scales of 1."""
+    evaluate_loaded(segment, y, factor.before, factor.flights, factor.work[0], residual)
+    fill_loaded(segment, y, factor)
+
+
+@kernel
+def set_parameters(segment, node):
+    """See `refresh`."""
+    refresh(segment, node)

@@ -1,0 +1,283 @@
+"""Paths of gaps under periodic loads: the flight as a free one of a larger state, which contains the states of the loads.
+
+A load's state is (cos, sin)(k w t). For each block and each harmonic, either the particular solution X (cos, sin) is taken off the modal
+state, or, near resonance, the block contains a state of the load of its own. The bounds and searches of `bvp.kernels.extrema` take such a
+flight as any other. They observe the orbit: its clearance, the speeds of its impacts, its flight times.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels import multipoint as entry
+from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.extrema import Observed, clearance
+from bvp.kernels.flight import Flight, inner, row_dot, set_1, set_2
+from bvp.kernels.forced import refresh
+from bvp.kernels.loads import NEAR_RESONANCE, multiply
+
+
+class Extended(NamedTuple):
+    """A flight with its loads' states, E states in B blocks. H harmonics."""
+
+    flight: Flight
+    observed: Observed  # of the S gaps
+    state: np.ndarray  # (E,)
+    place: np.ndarray  # (2 n,) int64 where each modal coordinate is
+    copies: np.ndarray  # (H, n) int64 where the load's own state in each block is; -1: none
+    steady: np.ndarray  # (H, 2, 2 n) X, by cos and sin; 0 where the load joined the block
+    work: np.ndarray  # (3, E) scratch
+
+
+def make_extended(blocks, size, harmonics, gaps, joined):
+    """Arrays for a system with the given blocks, 2 n states, H harmonics and S gaps; `joined`: with room for the loads in each block."""
+    room = 2 * harmonics * blocks if joined else 0
+    states, count = size + room + 2 * harmonics + int(joined), blocks + room + harmonics
+    flight = Flight(np.zeros((count, 2), dtype=np.int64), np.zeros(count), np.zeros(count), np.zeros((states, states)))
+    observed = Observed(np.zeros((gaps, 4, states)), np.zeros((2, gaps)))
+    return Extended(
+        flight, observed, np.zeros(states), np.zeros(size, dtype=np.int64), np.zeros((harmonics, blocks), dtype=np.int64),
+        np.zeros((harmonics, 2, size)), np.zeros((3, states)),
+    )  # fmt: skip
+
+
+@inlined
+def resonates(free, k, nu):
+    """Whether a harmonic is near resonance with block k: its particular solution would be large, or the block has more than a pair."""
+    square = free.delta[k] if free.pairs[k, 1] >= 0 else 0.0
+    mean = free.mean[k]
+    shift = complex(-mean, nu)
+    return free.pairs[k, 1] < -1 or NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square)
+
+
+@inlined
+def any_resonance(flight):
+    """Whether a load has to join a block."""
+    loads = flight.loads
+    for k in range(flight.free.pairs.shape[0]):
+        for h in range(loads.harmonics.shape[0]):
+            if resonates(flight.free, k, loads.harmonics[h] * loads.clock[0]):
+                return True
+    return False
+
+
+@inlined
+def extend(flight, gaps, extended):
+    """Fill flight, rows and places of `extended` for the loads as they are. gaps (S, n): rows on displacements."""
+    free, loads = flight.free, flight.loads
+    pairs, mean, delta, matrix = extended.flight
+    rows, steady, place, copies = extended.observed.rows, extended.steady, extended.place, extended.copies
+    harmonics = loads.harmonics.shape[0]
+    blocks = free.pairs.shape[0]
+    room = pairs.shape[0] > blocks + harmonics
+    real, imaginary = flight.lines[0], flight.lines[1]
+    set_2(matrix, 0.0)
+    at = 0
+    count = 0
+    for k in range(blocks):
+        i = free.pairs[k, 0]
+        j = free.pairs[k, 1]
+        size = 2 if j >= 0 else -j
+        first = at
+        for r in range(size):
+            place[i + r] = at + r
+            for c in range(size):
+                matrix[at + r, at + c] = free.matrix[i + r, i + c]
+        at += size
+        for h in range(harmonics):
+            nu = loads.harmonics[h] * loads.clock[0]
+            copies[h, k] = -1
+            multiply(loads.drive, loads.cosine[h], real)
+            multiply(loads.drive, loads.sine[h], imaginary)
+            if resonates(free, k, nu):
+                copies[h, k] = at
+                for r in range(size):
+                    matrix[first + r, at] = real[i + r]
+                    matrix[first + r, at + 1] = imaginary[i + r]
+                    steady[h, 0, i + r] = 0.0
+                    steady[h, 1, i + r] = 0.0
+                matrix[at, at + 1] = -nu
+                matrix[at + 1, at] = nu
+                at += 2
+                continue
+            # Equation (38): X = (i nu - B)^-1 (C - i S).
+            shift = complex(-free.mean[k], nu)
+            part = 1.0 / (shift * shift - (free.delta[k] if j >= 0 else 0.0))
+            b = complex(real[i], -imaginary[i])
+            found = shift * part * b
+            if j >= 0:
+                other = complex(real[j], -imaginary[j])
+                found += part * ((free.matrix[i, i] - free.mean[k]) * b + free.matrix[i, j] * other)
+                second = shift * part * other + part * (free.matrix[j, i] * b + (free.matrix[j, j] - free.mean[k]) * other)
+                steady[h, 0, j] = second.real
+                steady[h, 1, j] = -second.imag
+            steady[h, 0, i] = found.real
+            steady[h, 1, i] = -found.imag
+        pairs[count, 0] = first
+        if at == first + size:
+            pairs[count, 1] = first + 1 if j >= 0 else j
+            mean[count] = free.mean[k]
+            delta[count] = free.delta[k]
+        else:
+            pairs[count, 1] = first - at
+            mean[count] = size * free.mean[k] / (at - first)
+            delta[count] = 0.0
+        count += 1
+        while room and at < first + size + 2 * harmonics:
+            pairs[count, 0] = at
+            pairs[count, 1] = -1
+            mean[count] = 0.0
+            delta[count] = 0.0
+            at += 1
+            count += 1
+    for h in range(harmonics):
+        nu = loads.harmonics[h] * loads.clock[0]
+        pairs[count, 0] = at
+        pairs[count, 1] = at + 1
+        mean[count] = 0.0
+        delta[count] = -nu * nu
+        matrix[at, at + 1] = -nu
+        matrix[at + 1, at] = nu
+        at += 2
+        count += 1
+    while count < pairs.shape[0]:
+        # Room that no block needs: each of its states is a block that stays 0.
+        pairs[count, 0] = matrix.shape[0] - 1
+        pairs[count, 1] = -1
+        mean[count] = 0.0
+        delta[count] = 0.0
+        count += 1
+    n = gaps.shape[1]
+    last = at - 2 * harmonics
+    for s in range(gaps.shape[0]):
+        row = rows[s, 0]
+        set_1(row, 0.0)
+        for r in range(2 * n):
+            total = 0.0
+            for i in range(n):
+                total += gaps[s, i] * flight.leave[i, r]
+            row[place[r]] = total
+            for h in range(harmonics):
+                row[last + 2 * h] += total * steady[h, 0, r]
+                row[last + 2 * h + 1] += total * steady[h, 1, r]
+        for order in range(3):
+            for c in range(matrix.shape[0]):
+                rows[s, order + 1, c] = inner(rows[s, order], matrix[:, c])
+
+
+@inlined
+def extended_state(flight, node, extended):
+    """Fill the state of `extended` from a node."""
+    loads = flight.loads
+    size = flight.enter.shape[0]
+    state = extended.state
+    set_1(state, 0.0)
+    q = flight.lines[0]
+    multiply(flight.enter, node[:size], q)
+    # With room for joined loads there is one state to spare.
+    room = extended.flight.pairs.shape[0] > extended.copies.shape[1] + extended.copies.shape[0]
+    last = state.shape[0] - 2 * loads.harmonics.shape[0] - (1 if room else 0)
+    for h in range(loads.harmonics.shape[0]):
+        angle = loads.harmonics[h] * 2.0 * math.pi * loads.turns * node[size]
+        cosine = math.cos(angle)
+        sine = math.sin(angle)
+        for r in range(size):
+            q[r] -= extended.steady[h, 0, r] * cosine + extended.steady[h, 1, r] * sine
+        for k in range(extended.copies.shape[1]):
+            at = extended.copies[h, k]
+            if at >= 0:
+                state[at] = cosine
+                state[at + 1] = sine
+        state[last + 2 * h] = cosine
+        state[last + 2 * h + 1] = sine
+    for r in range(size):
+        state[extended.place[r]] = q[r]
+
+
+class Watched(NamedTuple):
+    """What is observed of a forced orbit: S stops."""
+
+    gaps: np.ndarray  # (S, n) rows c
+    stops: np.ndarray  # (k + 2,) int64 stop of each node; -1: none
+    bounds: np.ndarray  # (2, S) int64 entries of the lower and upper bounds
+    plain: Extended
+    joined: Extended
+
+
+@kernel
+def forced_observe(segment, watched, y, ends, result):
+    """Fill `result` from `clearance` to `flight_index` for the orbit at y, and `speeds`: the product of the impact speeds, each over the
+    largest velocity.
+
+    ends (k + 1, N): the node at the end of each flight."""
+    refresh(segment, y[: segment.gap.shape[1]])
+    if any_resonance(segment.flight):
+        observe_with(segment, watched, watched.joined, y, ends, result)
+    else:
+        observe_with(segment, watched, watched.plain, y, ends, result)
+
+
+@kernel
+def observe_with(segment, watched, extended, y, ends, result):
+    """See `forced_observe`."""
+    width = segment.gap.shape[1]
+    n = watched.gaps.shape[1]
+    entries = segment.released.entries
+    bounds = extended.observed.bounds
+    extend(segment.flight, watched.gaps, extended)
+    best = math.inf
+    set_1(result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1], 0.0)
+    result[entry.GAVE_UP] = 0.0
+    slowest = math.inf
+    slowest_node = -1
+    shortest = math.inf
+    shortest_index = 0
+    reach = 0.0
+    for i in range(ends.shape[0]):
+        for r in range(n, 2 * n):
+            reach = max(reach, abs(ends[i, r]))
+    speeds = 1.0
+    at = 0
+    for i in range(ends.shape[0]):
+        node = y[at : at + width]
+        duration = y[at + width]
+        at += width + 1
+        if duration < shortest:
+            shortest = duration
+            shortest_index = i
+        if segment.contact[i, 0] >= 0:
+            speed = segment.side[i] * row_dot(segment.gap_rate, i, ends[i])
+            speeds *= speed / reach
+            if speed < slowest:
+                slowest = speed
+                slowest_node = i
+        extended_state(segment.flight, node, extended)
+        for stop in range(bounds.shape[1] if duration > 0.0 else 0):
+            bounds[0, stop] = entries[watched.bounds[0, stop]]
+            bounds[1, stop] = entries[watched.bounds[1, stop]]
+            distance, side, time = clearance(
+                extended.flight, extended.observed, stop, extended.state, duration, extended.work
+            )
+            if math.isnan(distance):
+                result[entry.GAVE_UP] = 1.0
+            if watched.stops[i] != stop:
+                # The end of the flight bends the path of this gap, or is a plain cut.
+                w = inner(watched.gaps[stop], ends[i, :n])
+                nearest = min(bounds[1, stop] - w, w - bounds[0, stop])
+                if nearest < distance:
+                    distance = nearest
+                    side = 1.0 if bounds[1, stop] - w < w - bounds[0, stop] else -1.0
+                    time = duration
+            if distance < best:
+                best = distance
+                result[entry.CLEARANCE_FLIGHT] = i
+                result[entry.CLEARANCE_STOP] = stop
+                result[entry.CLEARANCE_SIDE] = side
+                result[entry.CLEARANCE_TIME] = time
+    result[entry.CLEARANCE] = best
+    result[entry.SPEED] = slowest
+    result[entry.SPEED_NODE] = slowest_node
+    result[entry.SPEEDS] = speeds
+    result[entry.FLIGHT] = shortest
+    result[entry.FLIGHT_INDEX] = shortest_index

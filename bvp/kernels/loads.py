@@ -1,0 +1,287 @@
+"""Exact flight under periodic loads, equation (38): its end and all its derivatives.
+
+The loads are f(t) = sum_h C_h cos(k_h w t) + S_h sin(k_h w t), a constant one having k = 0. In modal coordinates q' = B q + b, and from
+rest each harmonic b = Re[c exp(i (phase + nu s))], nu = k w, gives
+
+    q(t) = Re[Psi c exp(i phase)],   Psi(t) = integral of exp(B (t - s)) exp(i nu s) ds, 0 <= s <= t
+                                            = (exp(i nu t) - exp(B t)) (i nu - B)^-1
+
+block by block. The second form cancels near resonance, and in a flight that is short beside all periods. There the integral is Gauss's,
+in panels so short that its error is far below rounding. Both give the derivative by nu as well.
+
+A node is z = (u, v, s, parameters): displacements, velocities, the time as a fraction of the orbit's period T = 2 pi turns/w, and the
+released parameters, which do not change along the orbit.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import allocating, inlined, kernel
+from bvp.kernels.flight import Flight, block_product, circular, flow_block, flow_matrix, inner, set_1, set_2
+
+NEAR_RESONANCE = 30.0
+"""Size of a particular solution, beside that far from resonance, above which the integral takes its place."""
+
+SHORT = 0.5
+"""Angle that the fastest part turns by in a flight that counts as short."""
+
+PANEL = 8.0
+"""Largest angle in a panel: sixteen points integrate exp(8 i s) over 0 <= s <= 1 to 1e-25."""
+
+_nodes, _weights = np.polynomial.legendre.leggauss(16)
+GAUSS_NODES = tuple(0.5 * (1.0 + _nodes))
+GAUSS_WEIGHTS = tuple(0.5 * _weights)
+
+
+class Loads(NamedTuple):
+    """Periodic loads on a system of n coordinates, and their change with m parameters. H harmonics, of which a constant load is one."""
+
+    drive: np.ndarray  # (2 n, n) modal rates of unit forces
+    harmonics: np.ndarray  # (H,) k
+    cosine: np.ndarray  # (H, n) C
+    sine: np.ndarray  # (H, n) S
+    cosine_slope: np.ndarray  # (m, H, n) by each parameter
+    sine_slope: np.ndarray  # (m, H, n)
+    clock: np.ndarray  # (1 + m,) w and its derivatives
+    turns: float  # periods of the base frequency in one of the orbit
+
+
+class LoadedFlight(NamedTuple):
+    """The flight seam under loads: nodes z (N,), N = 2 n + 1 + m."""
+
+    free: Flight
+    enter: np.ndarray  # (2 n, 2 n) modal coordinates of (u, v)
+    leave: np.ndarray  # (2 n, 2 n) and back
+    loads: Loads
+    psi: np.ndarray  # (4, 2 n, 2 n) scratch: Psi, real and imaginary, and the same of its derivative by nu
+    lines: np.ndarray  # (8, 2 n) scratch
+    flow: np.ndarray  # (2 n, 2 n) scratch
+    columns: np.ndarray  # (m, 2 n) scratch
+
+
+@inlined
+def _closed_form(mean, delta, nu, t):
+    """Psi = a + c D of a pair, D^2 = delta, and its derivative by nu: a, c, a', c'."""
+    # Equation (38): (i nu - B)^-1 = (i nu - m + D)/((i nu - m)^2 - delta).
+    shift = complex(-mean, nu)
+    c = 1.0 / (shift * shift - delta)
+    a = shift * c
+    c_nu = -2.0j * a * c
+    a_nu = 1.0j * c - 2.0j * a * a
+    cosine, sine = circular(delta, t)
+    growth = math.exp(mean * t)
+    cosine *= growth
+    sine *= growth
+    turn = complex(math.cos(nu * t), math.sin(nu * t))
+    return (
+        turn * a - (cosine * a + sine * delta * c),
+        turn * c - (cosine * c + sine * a),
+        turn * (1.0j * t * a + a_nu) - (cosine * a_nu + sine * delta * c_nu),
+        turn * (1.0j * t * c + c_nu) - (cosine * c_nu + sine * a_nu),
+    )
+
+
+@kernel
+def _integral(mean, delta, nu, t):
+    """The same by Gauss's rule."""
+    panels = math.ceil((abs(mean) + math.sqrt(abs(delta)) + nu) * abs(t) / PANEL)
+    panels = max(panels, 1)
+    width = t / panels
+    a = complex(0.0, 0.0)
+    c = complex(0.0, 0.0)
+    a_nu = complex(0.0, 0.0)
+    c_nu = complex(0.0, 0.0)
+    for panel in range(panels):
+        for g in range(16):
+            s = (panel + GAUSS_NODES[g]) * width
+            cosine, sine = circular(delta, t - s)
+            weight = GAUSS_WEIGHTS[g] * width * math.exp(mean * (t - s))
+            turn = complex(weight * math.cos(nu * s), weight * math.sin(nu * s))
+            a += cosine * turn
+            c += sine * turn
+            a_nu += (cosine * s) * (1.0j * turn)
+            c_nu += (sine * s) * (1.0j * turn)
+    return a, c, a_nu, c_nu
+
+
+@allocating
+def _block_integral(mean, matrix, start, size, nu, t, psi):
+    """Psi of a larger block by Gauss's rule."""
+    norm = 0.0
+    for r in range(start, start + size):
+        row = 0.0
+        for c in range(start, start + size):
+            row += abs(matrix[r, c])
+        norm = max(norm, row)
+    panels = max(1, math.ceil((norm + nu) * abs(t) / PANEL))
+    width = t / panels
+    for panel in range(panels):
+        for g in range(16):
+            s = (panel + GAUSS_NODES[g]) * width
+            weight = GAUSS_WEIGHTS[g] * width
+            block = flow_block(mean, matrix, start, size, t - s)
+            real = weight * math.cos(nu * s)
+            imaginary = weight * math.sin(nu * s)
+            for r in range(size):
+                for c in range(size):
+                    psi[0, start + r, start + c] += real * block[r, c]
+                    psi[1, start + r, start + c] += imaginary * block[r, c]
+                    psi[2, start + r, start + c] -= s * imaginary * block[r, c]
+                    psi[3, start + r, start + c] += s * real * block[r, c]
+
+
+@inlined
+def response(flight, nu, t, psi):
+    """Psi of all blocks for one harmonic into psi (4, 2 n, 2 n): real and imaginary parts, and those of its derivative by nu."""
+    pairs, mean, delta, matrix = flight
+    for part in range(4):
+        set_2(psi[part], 0.0)
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        m = mean[k]
+        if j < -1:
+            _block_integral(m, matrix, i, -j, nu, t, psi)
+            continue
+        square = delta[k] if j >= 0 else 0.0
+        size = nu * nu + m * m + abs(square)
+        shift = complex(-m, nu)
+        distance = abs(shift * shift - square)
+        if NEAR_RESONANCE * distance <= size or math.sqrt(size) * abs(t) < SHORT:
+            a, c, a_nu, c_nu = _integral(m, square, nu, t)
+        else:
+            a, c, a_nu, c_nu = _closed_form(m, square, nu, t)
+        psi[0, i, i] = a.real
+        psi[1, i, i] = a.imag
+        psi[2, i, i] = a_nu.real
+        psi[3, i, i] = a_nu.imag
+        if j >= 0:
+            upper = matrix[i, i] - m
+            lower = matrix[j, j] - m
+            psi[0, i, i] += c.real * upper
+            psi[1, i, i] += c.imag * upper
+            psi[2, i, i] += c_nu.real * upper
+            psi[3, i, i] += c_nu.imag * upper
+            psi[0, j, j] = a.real + c.real * lower
+            psi[1, j, j] = a.imag + c.imag * lower
+            psi[2, j, j] = a_nu.real + c_nu.real * lower
+            psi[3, j, j] = a_nu.imag + c_nu.imag * lower
+            psi[0, i, j] = c.real * matrix[i, j]
+            psi[1, i, j] = c.imag * matrix[i, j]
+            psi[2, i, j] = c_nu.real * matrix[i, j]
+            psi[3, i, j] = c_nu.imag * matrix[i, j]
+            psi[0, j, i] = c.real * matrix[j, i]
+            psi[1, j, i] = c.imag * matrix[j, i]
+            psi[2, j, i] = c_nu.real * matrix[j, i]
+            psi[3, j, i] = c_nu.imag * matrix[j, i]
+
+
+@inlined
+def multiply(matrix, vector, out):
+    """out = matrix vector."""
+    for r in range(matrix.shape[0]):
+        out[r] = inner(matrix[r], vector)
+
+
+@inlined
+def _add_response(pairs, psi, real, imaginary, cosine, sine, factor, lines, out, turned, turned_factor):
+    """out += factor Re[R], turned += turned_factor Re[i R], R = Psi (real - i imaginary) (cosine + i sine). psi: its two parts.
+    lines (4, 2 n): scratch."""
+    block_product(pairs, psi[0], real, lines[0])
+    block_product(pairs, psi[1], imaginary, lines[1])
+    block_product(pairs, psi[1], real, lines[2])
+    block_product(pairs, psi[0], imaginary, lines[3])
+    for r in range(out.shape[0]):
+        a = lines[0, r] + lines[1, r]
+        b = lines[2, r] - lines[3, r]
+        out[r] += factor * (a * cosine - b * sine)
+        turned[r] -= turned_factor * (a * sine + b * cosine)
+
+
+@inlined
+def loaded_flight(flight, z, t, out, jacobian):
+    """out (N,) = the node z after a flight of duration t, before any impact; jacobian (N, N): its derivative by z."""
+    free, enter, leave, loads, psi, lines, flow, columns = flight
+    size = enter.shape[0]
+    parameters = z.shape[0] - size - 1
+    q = lines[4]
+    by_time = lines[5]
+    turns = 2.0 * math.pi * loads.turns
+    w = loads.clock[0]
+    set_2(jacobian, 0.0)
+    # Equation (38): free flight of the start, and what the loads give from rest.
+    flow_matrix(free, t, flow)
+    multiply(enter, z[:size], lines[0])
+    block_product(free.pairs, flow, lines[0], q)
+    set_1(by_time, 0.0)
+    for j in range(parameters):
+        set_1(columns[j], 0.0)
+    for h in range(loads.harmonics.shape[0]):
+        k = loads.harmonics[h]
+        response(free, k * w, t, psi)
+        angle = k * turns * z[size]
+        cosine = math.cos(angle)
+        sine = math.sin(angle)
+        multiply(loads.drive, loads.cosine[h], lines[6])
+        multiply(loads.drive, loads.sine[h], lines[7])
+        _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, q, by_time, k * turns)
+        for j in range(parameters):
+            rate = k * loads.clock[1 + j]
+            if rate != 0.0:
+                _add_response(free.pairs, psi[2:], lines[6], lines[7], cosine, sine, rate, lines, columns[j], q, 0.0)
+        for j in range(parameters):
+            multiply(loads.drive, loads.cosine_slope[j, h], lines[6])
+            multiply(loads.drive, loads.sine_slope[j, h], lines[7])
+            _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, columns[j], q, 0.0)
+    multiply(leave, q, out[:size])
+    multiply(leave, by_time, lines[0])
+    for r in range(size):
+        jacobian[r, size] = lines[0, r]
+    for j in range(parameters):
+        multiply(leave, columns[j], lines[0])
+        for r in range(size):
+            jacobian[r, size + 1 + j] = lines[0, r]
+    for c in range(size):
+        for r in range(size):
+            lines[0, r] = enter[r, c]
+        block_product(free.pairs, flow, lines[0], lines[1])
+        multiply(leave, lines[1], lines[2])
+        for r in range(size):
+            jacobian[r, c] = lines[2, r]
+    out[size] = z[size] + t * w / turns
+    jacobian[size, size] = 1.0
+    for j in range(parameters):
+        out[size + 1 + j] = z[size + 1 + j]
+        jacobian[size + 1 + j, size + 1 + j] = 1.0
+        jacobian[size, size + 1 + j] = t * loads.clock[1 + j] / turns
+
+
+@inlined
+def loaded_rate(flight, z, out):
+    """out (N,) = z' of a node in flight."""
+    free, enter, leave, loads, _, lines, _, _ = flight
+    size = enter.shape[0]
+    multiply(enter, z[:size], lines[0])
+    block_product(free.pairs, free.matrix, lines[0], lines[1])
+    turns = 2.0 * math.pi * loads.turns
+    for h in range(loads.harmonics.shape[0]):
+        angle = loads.harmonics[h] * turns * z[size]
+        cosine = math.cos(angle)
+        sine = math.sin(angle)
+        multiply(loads.drive, loads.cosine[h], lines[2])
+        multiply(loads.drive, loads.sine[h], lines[3])
+        for r in range(size):
+            lines[1, r] += cosine * lines[2, r] + sine * lines[3, r]
+    multiply(leave, lines[1], out[:size])
+    set_1(out[size:], 0.0)
+    out[size] = loads.clock[0] / turns
+
+
+@kernel
+def fly_loaded(flight, z, t, out, jacobian, rate):
+    """`loaded_flight`, and `loaded_rate` at its end."""
+    loaded_flight(flight, z, t, out, jacobian)
+    loaded_rate(flight, out, rate)
+

@@ -1,0 +1,134 @@
+"""The stroboscopic map of a forced orbit, linearised: the product of its flights and saltation matrices.
+
+A perturbation of the state at a fixed time, not at an impact, is carried on. An impact with the normal c adds the term of rank one
+
+    S = R + (f+ - R f-) c / (c . v-),      R = 1 - (1 + r) push rate
+
+(Mueller, Chaos, Solitons & Fractals 5 (1995) 1671), with the accelerations in f+ and f- that contain the loads. All 2 n multipliers appear.
+Of half a period the map is that of x -> -x over it, whose square is that of the period.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.contact_mode import apply_impact
+from bvp.kernels.dense import determinant, eigenvalues
+from bvp.kernels.flight import copy_1, inner, row_dot, set_2
+from bvp.kernels.loads import loaded_rate
+from bvp.kernels.newton import reflector
+
+
+class Stroboscopic(NamedTuple):
+    """The map of an orbit: n degrees of freedom."""
+
+    matrix: np.ndarray  # (2 n, 2 n)
+    work: np.ndarray  # (2 n, 2 n) scratch
+    values: np.ndarray  # (2, 2 n) real and imaginary parts of the multipliers
+    lines: np.ndarray  # (4, N) scratch
+
+
+def make_stroboscopic(segment):
+    """Arrays for a forced problem."""
+    size, width = segment.flight.enter.shape[0], segment.gap.shape[1]
+    return Stroboscopic(np.empty((size, size)), np.empty((size, size)), np.empty((2, size)), np.empty((4, width)))
+
+
+@inlined
+def saltation(segment, i, before, coming, late):
+    """late (2 n,) = (f+ - R f-)/(c . v-) at impact i. coming, late (N,)."""
+    loaded_rate(segment.flight, before, coming)
+    speed = row_dot(segment.gap, i, coming)
+    apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], coming, coming)
+    return speed
+
+
+@kernel
+def stroboscopic_map(segment, flights, ends, found):
+    """Fill found.matrix for an orbit. flights (k + 1, N, N), ends (k + 1, N): of `bvp.kernels.multipoint.evaluate`."""
+    matrix, work, _, lines = found
+    size = matrix.shape[0]
+    after, going, coming, column = lines[0], lines[1], lines[2], lines[3]
+    set_2(matrix, 0.0)
+    for r in range(size):
+        matrix[r, r] = 1.0
+    for i in range(ends.shape[0]):
+        for r in range(size):
+            for c in range(size):
+                work[r, c] = inner(flights[i, r, :size], matrix[:, c])
+        for r in range(size):
+            copy_1(work[r], matrix[r])
+        if segment.contact[i, 0] < 0:
+            continue
+        apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], ends[i], after)
+        loaded_rate(segment.flight, after, going)
+        speed = saltation(segment, i, ends[i], coming, going)
+        for c in range(size):
+            for r in range(size):
+                column[r] = matrix[r, c]
+            lateness = inner(segment.gap[i, :size], column[:size]) / speed
+            kick = segment.jump[i] * inner(segment.gap_rate[i, :size], column[:size])
+            for r in range(size):
+                matrix[r, c] += (going[r] - coming[r]) * lateness - segment.push[i, r] * kick
+    for r in range(size):
+        for c in range(size):
+            matrix[r, c] *= segment.closing[0]
+
+
+@kernel
+def stroboscopic_tests(segment, flights, ends, speeds, found, out):
+    """out[0] = det(M + 1), out[1] = the product of 1 - mu_i mu_j over the pairs i < j of multipliers, made smooth at grazings: times the
+    product of the impact speeds, and times its power 2 n - 1. The multipliers go to found.values."""
+    stroboscopic_map(segment, flights, ends, found)
+    matrix, work, values, _ = found
+    size = matrix.shape[0]
+    for r in range(size):
+        for c in range(size):
+            work[r, c] = matrix[r, c] + (1.0 if r == c else 0.0)
+    out[0] = determinant(work) * speeds
+    for r in range(size):
+        copy_1(matrix[r], work[r])
+    out[1] = math.nan
+    if not eigenvalues(work, values[0], values[1]):
+        values[:] = math.nan
+        return
+    product = complex(1.0, 0.0)
+    for i in range(size):
+        for j in range(i):
+            product *= 1.0 - complex(values[0, i], values[1, i]) * complex(values[0, j], values[1, j])
+    out[1] = product.real * speeds ** (size - 1)
+
+
+@kernel
+def saltation_frames(segment, i, before, scale, left, right, found):
+    """The saltation matrix of impact i as right left^-1, (2 n, 2 n) in states divided by their scale: it takes (f-, the directions in
+    c . u = constant) to (f+, their images under R). Nothing is divided by the speed of the impact."""
+    lines = found.lines
+    size = scale.shape[0]
+    after, going, coming, normal = lines[0], lines[1], lines[2], lines[3]
+    loaded_rate(segment.flight, before, coming)
+    apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before, after)
+    loaded_rate(segment.flight, after, going)
+    length = 0.0
+    for r in range(size):
+        coming[r] /= scale[r]
+        going[r] /= scale[r]
+        normal[r] = segment.gap[i, r] * scale[r]
+        length = max(length, abs(coming[r]))
+    # The reflection of the normal to the first axis: its other columns are orthonormal, and at right angles to the normal.
+    _, factor = reflector(normal, 0, size)
+    for c in range(size):
+        if c == 0:
+            for r in range(size):
+                left[r, 0] = coming[r] / length
+                right[r, 0] = going[r] / length
+            continue
+        kick = 0.0
+        for r in range(size):
+            left[r, c] = (1.0 if r == c else 0.0) - factor * normal[r] * normal[c]
+            kick += segment.gap_rate[i, r] * scale[r] * left[r, c]
+        kick *= segment.jump[i]
+        for r in range(size):
+            right[r, c] = left[r, c] - kick * segment.push[i, r] / scale[r]

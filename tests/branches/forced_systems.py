@@ -1,0 +1,57 @@
+"""Forced systems for tests, closed forms, and orbits that a simulation settles on."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from bvp.simulate import simulate
+
+
+def oscillator(damping=0.0, **parameters):
+    """x'' + damping x' + x = A cos(w t), x <= s, v -> -r v."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"A": 1.0, "w": 2.8, "r": 0.8, "s": 0.0} | parameters,
+            "system": {
+                "mass": [[1.0]],
+                "damping": [[damping]],
+                "stiffness": [[1.0]],
+                "stops": [{"c": [1.0], "upper": "s", "restitution": "r"}],
+            },
+            "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
+        }
+    )
+
+
+def impact_speed(w, r, n, s, sign):
+    """The impact speed of x'' + x = cos(w t) with one impact in n periods: one of two roots; nan where there is none."""
+    period = 2.0 * math.pi * n / w
+    gamma = 1.0 / (1.0 - w * w)
+    c = (1.0 + r) * math.sin(period) / (1.0 - math.cos(period))
+    rest = (1.0 - r) / w
+    square = 4.0 * (gamma * gamma * c * c - (s * s - gamma * gamma) * rest * rest)
+    return (-2.0 * c * s + sign * math.sqrt(square)) / (c * c + rest * rest) if square >= 0.0 else math.nan
+
+
+def settled(parametric, released, periods=300, turns=1, half=False, values=None, start=None):
+    """The problem and the unknowns of the motion that a simulation from rest has after many periods: its impacts in the last `turns`."""
+    at = parametric.at(values)
+    system, forces = parametric.system(at), parametric.forces(at)
+    n = system.degrees_of_freedom
+    period = 2.0 * math.pi / at["w"]
+    u, v = (np.zeros(n), np.zeros(n)) if start is None else start
+    motion = simulate(system, u, v, (periods + turns) * period, forces=forces)
+    events = motion.stop_events
+    end = periods + (turns / 2 if half else turns)
+    inside = (events.times >= periods * period) & (events.times < end * period) & ~events.touches
+    sequence = tuple(letter for letter, here in zip(events.contacts, inside, strict=True) if here)
+    problem = ForcedProblem(parametric, sequence, released, turns=turns, half=half, values=values)
+    if sequence:
+        states, fractions = events.after[inside], events.times[inside] / (turns * period) - periods / turns
+    else:
+        states, fractions = motion.final[None], np.zeros(1)
+    return problem, problem.pack(states, fractions, [at[name] for name in released])

@@ -1,0 +1,143 @@
+"""Families of forced orbits against closed forms, published numbers and simulation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from branches.family import SETTINGS
+from branches.forced_family import ForcedFamily
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from continuation.run import follow_both_ways
+from tests.branches.forced_systems import impact_speed, oscillator, settled
+
+
+def followed(problem, y, interval, settings=SETTINGS, values=()):
+    return follow_both_ways(ForcedFamily(problem, interval, values), problem.solve(y).y, settings)
+
+
+def events_of(run, *codes):
+    return [event for event in run.events if event.code in codes]
+
+
+@pytest.fixture(scope="module")
+def one_impact():
+    """x'' + x = cos(2.8 t), r = 0.8, one impact a period, in the place of the stop."""
+    problem, y = settled(oscillator(), ["s"], values={"s": -0.2}, start=([-1.0], [0.0]))
+    return problem, followed(problem, y, (-3.0, 1.0))
+
+
+def test_one_impact_follows_both_roots_of_the_formula(one_impact):
+    """Oracle: the closed form, to 1e-12, on both sides of the fold."""
+    problem, run = one_impact
+    (fold,) = events_of(run, "SN")
+    for point in run.points:
+        s, speed = point.step.parameter, -point.step.y[1] / 0.8
+        if abs(s - fold.point.parameter) > 1e-6:  # there the speed is known to the root of rounding
+            assert speed == pytest.approx(impact_speed(2.8, 0.8, 1, s, -1.0 if point.index < fold.index else 1.0), abs=1e-12)
+    # all multipliers: their product is r^2
+    for point in list(run.points)[::20]:
+        assert np.prod(problem.multipliers(point.step.y)) == pytest.approx(0.64, abs=1e-9)
+
+
+def test_the_events_of_one_impact_are_those_of_the_formula(one_impact):
+    """Oracle: design section 9. The fold, the period doubling with its multipliers, the touch at the end of the lower sheet."""
+    problem, run = one_impact
+    touch, fold, doubling, vanishing = run.events
+    assert [event.code for event in run.events] == ["GR", "SN", "PD", "GR"]
+    assert touch.point.parameter == pytest.approx(-0.368968205647608, abs=1e-13)
+    assert fold.point.parameter == pytest.approx(-1.78023560132159, abs=1e-13)
+    assert -fold.point.y[1] / 0.8 == pytest.approx(4.07973990413528, abs=1e-6)  # a fold locates the speed to the root of rounding
+    assert doubling.point.parameter == pytest.approx(-0.0685756522788391, abs=1e-14)
+    assert problem.multipliers(doubling.point.y) == pytest.approx([-1.0, -0.64], abs=1e-12)
+    assert "vanishes" in vanishing.details["note"]
+    assert vanishing.point.parameter == pytest.approx(-1.0 / (1.0 - 2.8**2), abs=1e-12)  # the amplitude of the steady motion
+
+
+def test_a_root_that_passes_through_the_stop_is_refused():
+    """Oracle: at w = 3.7, r = 0.8, n = 2 the formula's period doubling at s = -0.0613186 penetrates the stop by 0.0567."""
+    s, w, r = -0.0613186, 3.7, 0.8
+    problem = ForcedProblem(oscillator(), ["+"], ["s"], turns=2, values={"w": w, "s": s})
+    speed = max(impact_speed(w, r, 2, s, sign) for sign in (1.0, -1.0))
+    guesses = [problem.pack([[s, -r * speed]], [phase], [s]) for phase in np.linspace(0.0, 0.5, 60)]
+    solution = problem.solve(min(guesses, key=lambda y: np.abs(problem.residual(y)).max()))
+    assert -solution.y[1] / r == pytest.approx(speed, abs=1e-10)
+    assert solution["clearance"] == pytest.approx(-0.0567, abs=5e-5)
+
+
+def test_a_fold_beside_a_grazing_is_told_apart():
+    """Oracle: COCO's oscillator grazes at A = 0.1 exactly, and folds at A = 0.0999707536283133 with impact speed 0.0041115."""
+    problem, y = settled(oscillator(0.1, w=1.0, s=1.0, A=0.12), ["A"])
+    run = followed(problem, y, (0.09, 0.2))
+    (fold,) = events_of(run, "SN")
+    (grazing,) = events_of(run, "GR")
+    assert fold.point.parameter == pytest.approx(0.0999707536283133, abs=1e-13)
+    assert -fold.point.y[1] / 0.8 == pytest.approx(0.0041115, abs=1e-7)
+    assert grazing.point.parameter == pytest.approx(0.1, abs=1e-12)
+
+
+def test_the_response_without_impacts_grazes_where_the_formula_says():
+    """Oracle: A = d sqrt((k - w^2)^2 + c^2 w^2) with k = d = 1, c = 0.1; the response itself is a closed form."""
+    for w in (0.7, 1.0, 1.4):
+        amplitude = math.sqrt((1.0 - w * w) ** 2 + 0.01 * w * w)
+        problem = ForcedProblem(oscillator(0.1, w=w, s=1.0, A=0.5 * amplitude), [], ["A"])
+        run = followed(problem, problem.pack([[0.0, 0.0]], [0.0], [0.5 * amplitude]), (0.1 * amplitude, 2.0))
+        (grazing,) = events_of(run, "GR")
+        assert grazing.point.parameter == pytest.approx(amplitude, rel=1e-12)
+        free = np.exp(complex(-0.05, math.sqrt(1.0 - 0.0025)) * 2.0 * math.pi / w)
+        assert sorted(problem.multipliers(grazing.point.y).imag) == pytest.approx([-abs(free.imag), abs(free.imag)], abs=1e-12)
+        response = 1.0 / complex(1.0 - w * w, 0.1 * w)
+        for point in run.points:
+            a = point.step.parameter
+            assert point.step.y[:2] == pytest.approx([a * response.real, -a * w * response.imag], abs=1e-12)
+
+
+@pytest.mark.parametrize("e", [0.5, 0.8])
+@pytest.mark.parametrize("n", [1, 2])
+def test_a_bouncing_ball_doubles_its_period_where_the_formula_says(n, e):
+    """Oracle: SN at Gamma = n pi (1 - e)/(1 + e), PD at sqrt(SN^2 + (2 (1 + e^2)/(1 + e)^2)^2) with multipliers -1 and -e^2, for a ball
+    under gravity 1 on a table A cos t with Gamma = A, in coordinates of the table: x'' = -1 + Gamma cos t, x >= 0."""
+    ball = ParametricSystem.from_description(
+        {
+            "parameters": {"G": 1.0, "e": e, "w": 1.0},
+            "system": {"mass": [[1.0]], "stiffness": [[0.0]], "stops": [{"c": [1.0], "lower": 0.0, "restitution": "e"}]},
+            "forces": [{"load": [1.0], "constant": -1.0}, {"load": [1.0], "amplitude": "G", "harmonic": 1}],
+        }
+    )
+    fold = n * math.pi * (1.0 - e) / (1.0 + e)
+    doubling = math.hypot(fold, 2.0 * (1.0 + e * e) / (1.0 + e) ** 2)
+    problem = ForcedProblem(ball, ["-"], ["G"], turns=n)
+    # v+ = n pi e ... from rest to rest: the flight lasts n periods
+    value = 0.5 * (fold + doubling)
+    speed = n * math.pi * 2.0 / (1.0 + e) / 1.0
+    guesses = [problem.pack([[0.0, e * speed]], [phase], [value]) for phase in np.linspace(0.0, 1.0 / n, 120, endpoint=False)]
+    run = followed(problem, min(guesses, key=lambda y: np.abs(problem.residual(y)).max()), (0.0, 10.0))
+    (sn,) = events_of(run, "SN")
+    assert sn.point.parameter == pytest.approx(fold, abs=1e-12)
+    found = [event for event in events_of(run, "PD") if abs(event.point.parameter - doubling) < 1e-9]
+    assert len(found) == 1
+    assert problem.multipliers(found[0].point.y) == pytest.approx([-1.0, -e * e], abs=1e-10)
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1e-6, 1e-9])
+def test_multipliers_keep_their_digits_beside_a_grazing(speed):
+    """Oracle: of one impact a period, the product r^2 and the trace of the map, from the impact's speed and the load there."""
+    w, r = 2.8, 0.8
+    period, gamma = 2.0 * math.pi / w, 1.0 / (1.0 - w * w)
+    c, rest = (1.0 + r) * math.sin(period) / (1.0 - math.cos(period)), (1.0 - r) / w
+    # s from v by the formula's quadratic, on the side of the vanishing impact; the load at the impact is x'' + x before it
+    s = (-c * speed + math.sqrt(4.0 * gamma * gamma - rest * rest * speed * speed)) / 2.0
+    problem = ForcedProblem(oscillator(), ["+"], ["s"], values={"s": s})
+    guesses = [problem.pack([[s, -r * speed]], [phase], [s]) for phase in np.linspace(0.0, 1.0, 200)]
+    y = problem.solve(min(guesses, key=lambda y: np.abs(problem.residual(y)).max())).y
+    assert -y[1] / r == pytest.approx(speed, rel=1e-6)
+    load = math.cos(2.0 * math.pi * y[2])
+    cosine, sine = math.cos(period), math.sin(period)
+    # S = [[-r, 0], [(1 + r)(load - s)/v, -r]] after the flight's rotation
+    trace = -2.0 * r * cosine + (1.0 + r) * (load - s) / speed * sine
+    found = problem.multipliers(y)
+    assert found[0].real == pytest.approx(0.5 * trace + math.copysign(math.sqrt(0.25 * trace * trace - r * r), trace), rel=1e-6)
+    assert found[1].real == pytest.approx(r * r / found[0].real, rel=1e-6)
