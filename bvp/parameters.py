@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,14 @@ from bvp.description import BASE, FORCE, force_from, in_order, leaves, mapped, n
 from bvp.entries import Layout, entries_of, exact
 from bvp.expressions import parsed
 from bvp.forcing import Constant, Force, Harmonic
-from bvp.kernels.expressions import Program
-from bvp.programs import derivative, evaluate, program_of, scratch_size
 from bvp.system import MODELS, STOP_KEYS, SYSTEM_KEYS, ImpactSystem
 from bvp.texts import brief, listed, shown
 
+if TYPE_CHECKING:
+    from bvp.kernels.expressions import Program
+
 __all__ = ["ParametricSystem", "Released"]
+
 
 class Released(NamedTuple):
     """What a kernel needs to compute the entries that depend on P released parameters.
@@ -263,6 +265,8 @@ class ParametricSystem:
 
     def program(self, names: Sequence[str]) -> Released:
         """The program of the entries that depend on some parameters, and of their derivatives. Without names: of all that depend on any."""
+        from bvp.programs import derivative, program_of, scratch_size
+
         key = tuple(names)
         if key not in self._programs:
             for name in key:
@@ -281,6 +285,8 @@ class ParametricSystem:
         return self._entries[0]
 
     def _run(self, released: Released, values: Mapping[str, float] | None) -> np.ndarray:
+        from bvp.programs import evaluate
+
         at = self.at(values)
         out = evaluate(released.program, [at[name] for name in self.names])
         if not np.isfinite(out).all():
@@ -343,6 +349,8 @@ class ParametricSystem:
 
     @cached_property
     def _numbers_program(self) -> tuple[list[str], Program]:
+        from bvp.programs import program_of
+
         texts = [text for text in dict.fromkeys([*self.derived, *self._texts]) if text not in self.values]
         return texts, program_of([self._expressions[text] for text in texts], list(self._symbols.values()))
 
@@ -350,6 +358,8 @@ class ParametricSystem:
         """The value of each text."""
         if not self.derived and all(text in at for text in self._texts):
             return at
+        from bvp.programs import evaluate, program_of
+
         texts, program = self._numbers_program
         out = evaluate(program, list(at.values()))
         if not np.isfinite(out).all():

@@ -93,7 +93,7 @@ def test_a_circle_is_found_also_inside_functions_and_through_packages(tmp_path):
     [
         ("saltus; dir(saltus)", {"numpy", "scipy", "sympy", "numba", "argparse"}),
         ("bvp", {"numpy", "numba", "scipy"}),
-        ("bvp.lagrangian, bvp.system, bvp.parameters", {"sympy"}),
+        ("bvp.lagrangian, bvp.system, bvp.parameters", {"sympy", "llvmlite"}),
         ("continuation.run, continuation.generic, continuation.switching", {"scipy", "sympy", "matplotlib", "numba"}),
         ("branches.figures.single, branches.figures.atlas", {"matplotlib"}),
     ],
