@@ -42,14 +42,17 @@ class Zone(NamedTuple):
 
 
 class _Interval(NamedTuple):
-    """An interval between two neighbouring places: the number of the first, both, these with the places next to them, and the nodes of the
-    second differences over it, (place, number) each."""
+    """An interval between two neighbouring places: the number of the first, both, these with the places next to them as a number, the
+    numbers of the four places of the second differences over it, and the distances of one, and of two of them. Without so many places it
+    has no nodes."""
 
     first: int
     low: float
     high: float
-    around: tuple[float, ...]
-    nodes: list[tuple[float, int]]
+    around: int
+    nodes: list[int]
+    apart: list[float]
+    wide: list[float]
 
 
 @dataclass(eq=False)
@@ -66,10 +69,11 @@ class Resolution:
     locator: Locator
     floor: float
     zones: list[Zone] = field(default_factory=list)
-    _resolved: dict[int, set[tuple[float, ...]]] = field(default_factory=lambda: defaultdict(set))
+    _around: dict[tuple[float, ...], int] = field(default_factory=dict)  # an interval with the places next to it -> its number
+    _resolved: dict[int, set[int]] = field(default_factory=lambda: defaultdict(set))
     _places: list[float] = field(default_factory=list)
     _columns: list[tuple[float, ...]] = field(default_factory=list)
-    _intervals: dict[int, list[_Interval]] = field(default_factory=dict)  # by the number of places that they are between
+    _intervals: dict[tuple[float, ...], list[_Interval]] = field(default_factory=dict)  # by the places that they are between
     _found: dict[tuple[int, float, bool], tuple[Sequence[tuple[float, float]], int, int]] = field(default_factory=dict)
 
     def changes(self, index: int, limit: float, *, guard: bool = False) -> Sequence[tuple[float, float]]:
@@ -98,15 +102,16 @@ class Resolution:
             # Where the test function is to be trusted, its values there, and where it is not.
             places, values, gaps = self._places[: bisect_right(self._places, limit)], self._columns[index], list[float]()
             values = values[: len(places)]
-            intervals = self._intervals.get(len(places))
             if zones or not math.isfinite(sum(values)):
-                trusted = [v == v and not any(zone.low < s < zone.high for zone in zones) for s, v in zip(places, values, strict=True)]
+                trusted = [v == v for v in values]
+                for zone in zones:
+                    trusted = [sure and not zone.low < s < zone.high for s, sure in zip(places, trusted, strict=True)]
                 gaps = [s for s, sure in zip(places, trusted, strict=True) if not sure]
                 values = tuple(compress(values, trusted))
                 places = list(compress(places, trusted))
-                intervals = _intervals_between(places, self.floor)
-            elif intervals is None:
-                intervals = self._intervals[len(places)] = _intervals_between(places, self.floor)
+            intervals = self._intervals.get(tuple(places))
+            if intervals is None:
+                intervals = self._intervals[tuple(places)] = self._intervals_between(places)
             division = self._unresolved(intervals, values, gaps, guard, self._resolved[index])
             if division is None:
                 break
@@ -184,15 +189,27 @@ class Resolution:
             return place
         return beyond
 
+    def _intervals_between(self, places: list[float]) -> list[_Interval]:
+        """The intervals of a step between places in order, the longest first, without those up to the length `floor`."""
+        found = []
+        for j in range(bisect_left(places, 0.0), len(places) - 1):
+            if places[j + 1] - places[j] > self.floor:
+                around = self._around.setdefault(tuple(places[max(j - 1, 0) : j + 3]), len(self._around))
+                nodes = _nodes(places, j)
+                at = [places[i] for i in nodes]
+                apart, wide = [b - a for a, b in pairwise(at)], [b - a for a, b in zip(at, at[2:], strict=False)]
+                found.append(_Interval(j, places[j], places[j + 1], around, nodes if len(nodes) == 4 else [], apart, wide))
+        return sorted(found, key=lambda interval: interval.low - interval.high)
+
     def _unresolved(
-        self, intervals: list[_Interval], values: Sequence[float], gaps: list[float], guard: bool, resolved: set[tuple[float, ...]]
+        self, intervals: list[_Interval], values: Sequence[float], gaps: list[float], guard: bool, resolved: set[int]
     ) -> tuple[float, float, float] | None:
         """The longest interval that is to be divided, and where.
 
         The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. resolved: the
         intervals that need no division, each with the places next to it; the function adds those that it finds."""
         longest, division = self.floor, None
-        for j, low, high, around, nodes in intervals:
+        for j, low, high, around, nodes, apart, wide in intervals:
             a, b, length = values[j], values[j + 1], high - low
             if length <= longest:
                 break
@@ -206,27 +223,18 @@ class Resolution:
                 continue
             if (a > 0.0) is not (b > 0.0) or around in resolved:
                 continue
-            bends = _bends(nodes, values)
-            if len(bends) < 2:
+            if not nodes:
                 longest, division = length, (low, high, 0.5)
-            elif may_hide(a, b, length, *bends):
+                continue
+            first, last = _bends([values[i] for i in nodes], apart, wide)
+            if may_hide(a, b, length, first, last):
                 sign = 1.0 if a > 0.0 else -1.0
-                bend = max(sign * bend for bend in bends) * length * length
+                bend = max(sign * first, sign * last) * length * length
                 part = 0.5 - 0.5 * sign * (b - a) / bend if bend > 0.0 else 0.5
                 longest, division = length, (low, high, part if _NEAR_END < part < 1.0 - _NEAR_END else 0.5)
             else:
                 resolved.add(around)
         return division
-
-
-def _intervals_between(places: list[float], floor: float) -> list[_Interval]:
-    """The intervals of a step between places in order, the longest first, without those up to a length `floor`."""
-    found = []
-    for j in range(bisect_left(places, 0.0), len(places) - 1):
-        if places[j + 1] - places[j] > floor:
-            around = tuple(places[max(j - 1, 0) : j + 3])
-            found.append(_Interval(j, places[j], places[j + 1], around, [(places[i], i) for i in _nodes(places, j)]))
-    return sorted(found, key=lambda interval: interval.low - interval.high)
 
 
 def _nodes(places: list[float], j: int) -> list[int]:
@@ -257,10 +265,11 @@ def _nodes(places: list[float], j: int) -> list[int]:
     return nodes
 
 
-def _bends(nodes: list[tuple[float, int]], values: Sequence[float]) -> list[float]:
-    """Second divided differences of each three consecutive nodes, (place, index of its value) each; 0 where a value is infinite."""
-    bends = []
-    for (p, i), (q, j), (r, k) in zip(nodes, nodes[1:], nodes[2:], strict=False):
-        bend = ((values[k] - values[j]) / (r - q) - (values[j] - values[i]) / (q - p)) / (r - p)
-        bends.append(bend if math.isfinite(bend) else 0.0)
-    return bends
+def _bends(values: Sequence[float], apart: Sequence[float], wide: Sequence[float]) -> tuple[float, float]:
+    """The two second divided differences of the values at four nodes, with the distances of one, and of two of these; 0 where a value is
+    infinite."""
+    p, q, r, s = values
+    middle = (r - q) / apart[1]
+    first = (middle - (q - p) / apart[0]) / wide[0]
+    last = ((s - r) / apart[2] - middle) / wide[1]
+    return first if math.isfinite(first) else 0.0, last if math.isfinite(last) else 0.0
