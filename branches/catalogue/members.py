@@ -167,7 +167,7 @@ class KnownFamilies:
         for curve, place in zip(curves.tolist(), (between - self._first[curves]).tolist(), strict=True):
             branch = self._order[curve].branch
             found.setdefault((branch.ends, branch.problem.sequence), []).append(branch.points["flight_times"][place : place + 2])
-        return {kind: boxes_between(np.array(times)) for kind, times in found.items()}
+        return boxes_between(found)
 
     def find(self, problem: MultipointProblem, y: np.ndarray) -> FamilyPlace | None:
         """The known family that an orbit belongs to; None if it belongs to none."""

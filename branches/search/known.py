@@ -36,12 +36,26 @@ _SAME = 1e-6
 """Largest difference of the flight times of one orbit from its two ends, relative to the longest."""
 
 
-def boxes_between(times: np.ndarray) -> np.ndarray:
-    """The boxes (m, 2, k + 1) of the flight times of families between those of two neighbouring points, `times` (m, 2, k + 1)."""
-    low, high = times.min(axis=1), times.max(axis=1)
+def boxes_between(times: Mapping[Kind, Sequence[np.ndarray]]) -> Boxes:
+    """The boxes of the flight times of families between those of two neighbouring points, for each kind a list of `times` (2, k + 1)."""
+    pairs = [pair for some in times.values() for pair in some]
+    if not pairs:
+        return {}
+    # All at once, one beside the other: a search has few families of each kind, and many kinds.
+    widths = [pair.shape[1] for pair in pairs]
+    first = np.cumsum([0, *widths[:-1]])
+    every = np.concatenate(pairs, axis=1)
+    low, high = every.min(axis=0), every.max(axis=0)
     apart = high - low
-    margin = _OWN * apart + (_OTHERS * apart.max(axis=1) + _ROUNDING * high.max(axis=1))[:, None]
-    return np.stack([low - margin, high + margin], axis=1)
+    largest, longest = np.maximum.reduceat(apart, first), np.maximum.reduceat(high, first)
+    margin = _OWN * apart + np.repeat(_OTHERS * largest + _ROUNDING * longest, widths)
+    boxes, begin = np.stack([low - margin, high + margin]), 0
+    found = {}
+    for kind, some in times.items():
+        end = begin + len(some) * some[0].shape[1]
+        found[kind] = boxes[:, begin:end].reshape(2, len(some), -1).swapaxes(0, 1)
+        begin = end
+    return found
 
 
 def recognised(segments: Sequence[ScannedSegment], known: Boxes, *, odd_symmetry: bool) -> set[int]:

@@ -50,7 +50,7 @@ def segment(ends, sequence, *times):
 
 
 def known(ends, sequence, *pairs):
-    return {(ends, tuple(sequence)): boxes_between(np.array(pairs, float))}
+    return boxes_between({(ends, tuple(sequence)): [np.array(pair, float) for pair in pairs]})
 
 
 def test_of_two_orbits_in_one_box_none_is_recognised():
@@ -80,3 +80,18 @@ def test_an_orbit_with_two_ends_of_one_kind_is_recognised_from_both_alone():
     assert recognised([one, mirrored], boxes, odd_symmetry=False) == set()
     assert recognised([one], boxes, odd_symmetry=True) == set()
     assert recognised([one, other], boxes, odd_symmetry=True) == set()
+
+
+def test_boxes_of_all_kinds_at_once_are_those_of_each():
+    """Oracle: the margins of one family, each written out."""
+    two = [[[1.0, 2.0], [1.1, 2.4]], [[3.0, 1.0], [2.0, 1.5]]]
+    pairs = {(("origin", "stop+"), ("+",)): two, (("rest", "rest"), ()): [[[5.0], [4.0]]]}
+    boxes = boxes_between({kind: [np.array(pair) for pair in some] for kind, some in pairs.items()})
+    assert list(boxes) == list(pairs)
+    for kind, some in pairs.items():
+        for box, (here, there) in zip(boxes[kind], some, strict=True):
+            apart = [abs(a - b) for a, b in zip(here, there, strict=True)]
+            for low, high, a, b, far in zip(*box, here, there, apart, strict=True):
+                margin = 0.5 * far + 0.1 * max(apart) + 1e-6 * max(*here, *there)
+                assert (low, high) == pytest.approx((min(a, b) - margin, max(a, b) + margin), rel=1e-14)
+    assert boxes_between({}) == {}
