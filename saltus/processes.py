@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -32,6 +33,10 @@ def one_thread() -> None:
         os.environ.setdefault(name, "1")
 
 
+_SELDOM = 20_000, 20, 100
+"""Thresholds of garbage collection in these processes. They make much that stays: with Python's own thresholds, all of it is looked
+through again and again, which takes some per cent of the time."""
+
 _PATIENCE = 10.0
 """Seconds to wait for a scheduler."""
 
@@ -50,7 +55,9 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
         workers = workers or os.cpu_count() or 1
         one_thread()
         # Processes are spawned, not forked: a process forked while another thread compiles kernels can wait for ever.
-        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_depend_on_the_parent)
+        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+        before = gc.get_threshold()
+        gc.set_threshold(*_SELDOM)
         try:
             yield pool, workers
         except BrokenProcessPool as error:
@@ -58,6 +65,7 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
                 "a worker process was killed, or ran out of memory; what was finished is kept, and the same command goes on"
             ) from error
         finally:
+            gc.set_threshold(*before)
             pool.shutdown(wait=True, cancel_futures=True)
         return
     try:
@@ -105,9 +113,13 @@ def _version() -> str:
     return __version__
 
 
-def _depend_on_the_parent() -> None:
-    """Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing. A parent that is killed cannot
-    end them: they would wait for work for ever, so that each ends by itself."""
+def _begin_worker() -> None:
+    """Prepare a worker process.
+
+    Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing. A parent that is killed cannot
+    end them: they would wait for work for ever, so that each ends by itself.
+    """
+    gc.set_threshold(*_SELDOM)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=end_with_the_parent, daemon=True).start()
 

@@ -1,10 +1,13 @@
 """Processes that work: they end with the one that started them, however that ends."""
 
+import gc
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+from saltus.processes import open_executor
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,3 +43,13 @@ def test_workers_of_a_killed_parent_end(tmp_path):
         while alive(worker) and time.monotonic() < until:
             time.sleep(0.05)
         assert not alive(worker)
+
+
+def test_garbage_is_collected_seldom_only_while_processes_work():
+    """Oracle: the thresholds that the interpreter reports, here and in the worker."""
+    before = gc.get_threshold()
+    with open_executor(1) as (executor, _):
+        during = gc.get_threshold()
+        assert during[0] > before[0]
+        assert executor.submit(gc.get_threshold).result() == during
+    assert gc.get_threshold() == before
