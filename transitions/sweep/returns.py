@@ -75,7 +75,8 @@ def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: in
         return 0
     left = math.exp(growth * elapsed) if growth < 0.0 else 0.0
     level = size * max(RETURN, min(SLACK * left, LOOSEST))
-    for p in range(1, len(points) // 2 + 1):
+    back = np.linalg.norm(points[-1:] - points[::-1][1 : len(points) // 2 + 1], axis=1)
+    for p in (np.flatnonzero(back <= level) + 1).tolist():
         if np.linalg.norm(points[-p:] - points[-2 * p : -p], axis=1).max() <= level:
-            return p
+            return int(p)
     return 0
