@@ -37,8 +37,21 @@ def test_a_motion_of_period_two_returns_in_the_simulation():
     system, forces = impact_oscillator(-0.06)
     found = settle(system, forces, [-0.66])
     assert found.period == 2 and len(found.states) == 2 and len(found.impacts) == 2
-    end = simulate(system, found.states[0, :1], found.states[0, 1:], 2.0 * found.period_of_loads, forces=forces).final
-    assert np.abs(end - found.states[0]).max() < 1e-9
+    motion = simulate(system, found.states[0, :1], found.states[0, 1:], 2.0 * found.period_of_loads, forces=forces)
+    assert np.abs(motion.final - found.states[0]).max() < 1e-9
+    assert np.abs(motion.stop_events.times - found.impact_times).max() < 1e-9 and found.sticking_time == 0.0
+    assert np.abs(motion.stop_events.after - found.impacts.after).max() < 1e-9
+
+
+def test_a_periodic_motion_that_sticks_for_a_while():
+    """Oracle: `simulate` over its period: the same state, and the same time of sticking."""
+    system, forces = pressed_chain(0.4)
+    found = settle(system, forces)
+    motion = simulate(system, found.states[0, :2], found.states[0, 2:], found.period * found.period_of_loads, forces=forces)
+    assert found.kind is SettledKind.PERIODIC and found.sticking == () and found.sticking_time > 0.1
+    assert np.abs(motion.final - found.states[0]).max() < 1e-9 and abs(motion.sticking_time - found.sticking_time) < 1e-7
+    # A sticking stop gives two multipliers 0.
+    assert np.sum(np.abs(found.multipliers) < 1e-12) == 2 and np.sum(np.abs(found.multipliers) > 1e-6) == 2
 
 
 def test_the_phase_of_the_start_counts():

@@ -70,6 +70,8 @@ class Settled:
         Letter of the contact of each impact.
     sticking : tuple of str
         Contacts that stick all the time.
+    sticking_time : float
+        Time with a sticking contact, in the same periods as `impacts`.
     period_of_loads : float
         2 pi/w.
     multipliers : (2n,) complex ndarray
@@ -92,6 +94,7 @@ class Settled:
     impacts: ImpactRecord
     stops: tuple[str, ...]
     sticking: tuple[str, ...]
+    sticking_time: float
     period_of_loads: float
     multipliers: np.ndarray
     growth: float
@@ -104,6 +107,11 @@ class Settled:
     def exponent(self) -> float:
         """Largest Lyapunov exponent, per unit of time."""
         return self.growth / self.period_of_loads
+
+    @property
+    def impact_times(self) -> np.ndarray:
+        """Time of each impact since phase 0 of the first of the p periods."""
+        return self.impacts.periods * self.period_of_loads + self.impacts.times
 
     @property
     def text(self) -> str:
@@ -266,6 +274,7 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         impacts=orbit.impacts,
         stops=tuple(letters[c] for c in orbit.impacts.contacts),
         sticking=kept,
+        sticking_time=orbit.sticking_time,
         period_of_loads=motion.period,
         multipliers=multipliers,
         growth=growth,
