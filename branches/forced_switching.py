@@ -27,7 +27,7 @@ _SHORT = 1e-3
 def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit, traversed twice, as a solution of the problem with twice the period."""
     wide = ForcedProblem(
-        problem.parametric, problem.sequence * 2, problem.released, turns=2 * problem.turns, values=problem.values
+        problem.parametric, problem.sequence * 2, problem.released, turns=2 * problem.turns, values=problem.values, keep=problem.keep
     )
     return wide, _repeated(problem, wide, y, np.eye(2 * problem.degrees_of_freedom), 0.5)
 
@@ -38,7 +38,7 @@ def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, n
     letters = modes.contact_letters
     mirrored = [letters[int(modes.contact_opposite[letters.index(letter)])] for letter in problem.sequence]
     wide = ForcedProblem(
-        problem.parametric, [*problem.sequence, *mirrored], problem.released, turns=problem.turns, values=problem.values
+        problem.parametric, [*problem.sequence, *mirrored], problem.released, turns=problem.turns, values=problem.values, keep=problem.keep
     )
     return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
 
@@ -186,7 +186,8 @@ def _made(
 ) -> tuple[ForcedProblem, np.ndarray]:
     """The problem with another sequence, and its unknowns."""
     made = ForcedProblem(
-        problem.parametric, sequence, problem.released, turns=problem.turns, half=problem.half, values=problem.parameters(y)
+        problem.parametric, sequence, problem.released, turns=problem.turns, half=problem.half, values=problem.parameters(y),
+        keep=problem.keep,
     )
     at = problem.parameters(y)
     return made, made.pack(states, fractions, [at[name] for name in problem.released])

@@ -6,6 +6,7 @@ and Jacobian, and the step along the family.
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError, contact_of
+from bvp.kernels.flight import Flight
 from bvp.kernels.forced import LoadedSegment, Released, forced_residual, forced_step, set_parameters
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import LoadedFlight, Loads, fly_loaded
@@ -25,12 +27,17 @@ from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames, strobo
 from bvp.multipliers import GRAZING_LIMIT, sort_multipliers
 from bvp.multipoint import NotConverged, Solution
 from bvp.parameters import ParametricSystem
+from bvp.programs import scratch_size
+from bvp.system import ImpactSystem
 
 __all__ = ["ForcedProblem"]
 
+_CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
+"""A function that kernels can call."""
+
 
 class ForcedProblem:
-    """Periodic orbits of a system under periodic loads, with a given impact sequence, in one released parameter.
+    """Periodic orbits of a system under periodic loads, with a given impact sequence, in released parameters.
 
     Parameters
     ----------
@@ -46,13 +53,15 @@ class ForcedProblem:
         Solve half a period of an orbit with x(t + T/2) = -x(t).
     values : mapping, optional
         Values of the parameters that replace the defaults.
+    keep : sequence of str
+        Equations of parameters that hold along the family, such as "F = 0.3*w**2": one less than there are released parameters.
 
     Raises
     ------
     EndsError
         For a half period of a system or of loads without odd symmetry, or of an even p; for an unknown stop.
     ValueError
-        For parameters that the system lacks, loads without a common period, and a parameter that changes masses, dampers or springs.
+        For parameters that the system lacks, and loads without a common period.
 
     Notes
     -----
@@ -68,6 +77,7 @@ class ForcedProblem:
         turns: int = 1,
         half: bool = False,
         values: Mapping[str, float] | None = None,
+        keep: Sequence[str] = (),
     ):
         self.parametric = parametric
         self.values = parametric.at(values)
@@ -82,8 +92,7 @@ class ForcedProblem:
             self._refuse_half(turns)
         self.degrees_of_freedom = n = system.degrees_of_freedom
         found = parametric.program(self.released)
-        if len(found.rows) and found.rows[0] < layout.stiffness.stop:
-            raise ValueError(f"parameter {' or '.join(self.released)} changes masses, dampers or springs; expected one of loads or stops")
+        varies = len(found.rows) > 0 and int(found.rows[0]) < layout.stiffness.stop
         count = len(self.released)
         self.size = size = 2 * n + 1 + count
         self.modes = modes = system.modes
@@ -95,45 +104,96 @@ class ForcedProblem:
         self.unknowns = (self.inner + 1) * (size + 1)
         nodes = self.inner + 2
         gap, rate, push = (np.zeros((nodes, size)) for _ in range(3))
+        changes = count if varies else 0
         side, entries = np.zeros(nodes), np.full((nodes, 2), -1, dtype=np.int64)
         for i, contact in enumerate(self.contacts.tolist()):
             if contact >= 0:
                 stop = int(modes.contact_stop[contact])
-                row = np.asarray(system.stops[stop].gap)
-                along = np.linalg.solve(system.mass, row)
-                gap[i, :n], rate[i, n : 2 * n], push[i, n : 2 * n] = row, row, along / (row @ along)
+                gap[i, :n] = rate[i, n : 2 * n] = system.stops[stop].gap
                 side[i] = modes.contacts.side[contact]
                 bounds = layout.upper if side[i] > 0.0 else layout.lower
                 entries[i] = bounds.start + stop, layout.restitution.start + stop
         harmonics = np.array([0.0, *layout.harmonics])
         forces, slopes = np.zeros((2, len(harmonics), n)), np.zeros((2, count, len(harmonics), n))
-        drive = np.ascontiguousarray(modes.from_state[:, n:] @ np.linalg.inv(system.mass))
-        loads = Loads(drive, harmonics, forces[0], forces[1], slopes[0], slopes[1], np.zeros(1 + count), float(turns))
+        blocks = 2 * n if varies else len(modes.flight.pairs)
+        free = Flight(np.zeros((blocks, 2), dtype=np.int64), np.zeros(blocks), np.zeros(blocks), np.zeros((2 * n, 2 * n)))
+        loads = Loads(np.zeros((2 * n, n)), harmonics, forces[0], forces[1], slopes[0], slopes[1], np.zeros(1 + count), float(turns))
         square = (2 * n, 2 * n)
         flight = LoadedFlight(
-            modes.flight, np.ascontiguousarray(modes.from_state), np.ascontiguousarray(modes.to_state), loads,
+            free, np.zeros(square), np.zeros(square), loads, np.zeros((changes, *square)), np.zeros((changes, 2 * n, n)),
             np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
         )  # fmt: skip
+        self._renew = _CALLBACK(self._renewed) if varies else None
+        address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         at = np.array([self.values[name] for name in parametric.names])
         places = np.array([part.start for part in (layout.restitution, layout.constant, layout.cosine, layout.sine)], dtype=np.int64)
+        if len(keep) != count - 1:
+            raise ValueError(f"{count} released parameters need {count - 1} equations to keep; received {len(keep)}")
+        self.keep = tuple(keep)
+        kept = parametric.equations(self.keep, self.released)
+        scratch = np.zeros(max(found.scratch, scratch_size(kept, len(at))))
         of_parameters = Released(
-            found.program, at, found.columns, found.rows, np.zeros(found.scratch), np.zeros(len(found.program.outputs)),
-            parametric.entries(self.values), np.zeros((count, layout.size)), places, layout.frequency.start,
+            found.program, at, found.columns, found.rows, scratch, np.zeros(len(found.program.outputs)),
+            parametric.entries(self.values), np.zeros((count, layout.size)), places, layout.frequency.start, int(address or 0),
         )  # fmt: skip
         shape = np.array([self.inner, CLOSED, 4, PERIODIC, PERIODIC], dtype=np.int64)
         self.segment = LoadedSegment(
-            flight, gap, rate, push, np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
-            np.array([-1.0, 0.5] if half else [1.0, 1.0]), self._metric(), of_parameters, shape,
+            flight, gap, rate, push, np.zeros((changes, nodes, size)), np.zeros(nodes), np.zeros(nodes), side,
+            np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
+            np.array([-1.0, 0.5] if half else [1.0, 1.0]), self._metric(), of_parameters, kept, np.zeros(len(kept.outputs)), shape,
         )  # fmt: skip
         stops = np.where(self.contacts >= 0, modes.contact_stop[self.contacts], -1).astype(np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
-        sizes = len(modes.flight.pairs), 2 * n, len(harmonics), len(system.stops)
+        sizes = blocks, 2 * n, len(harmonics), len(system.stops)
         self._watched = Watched(
             np.array([stop.gap for stop in system.stops]), stops, bounds, make_extended(*sizes, False), make_extended(*sizes, True)
         )
+        self._set_modes(system)
+        self._modes_at: tuple[float, ...] = ()
         self._map = make_stroboscopic(self.segment)
         self._factor = make_factor(self.segment)
         self._zero = np.zeros(2 * self.unknowns)
+
+    def _set_modes(self, system: ImpactSystem) -> None:
+        """Write the blocks of free flight and the directions of impulses into the arrays of the kernels."""
+        flight, modes, n = self.segment.flight, system.modes, self.degrees_of_freedom
+        # Where there are fewer blocks than room the last one stands several times: it does the same again.
+        last = [*range(len(modes.flight.pairs))] + [len(modes.flight.pairs) - 1] * (len(flight.free.pairs) - len(modes.flight.pairs))
+        for kept, array in zip(flight.free[:3], modes.flight[:3], strict=True):
+            kept[:] = array[last]
+        flight.free.matrix[:], flight.enter[:], flight.leave[:] = modes.flight.matrix, modes.from_state, modes.to_state
+        flight.loads.drive[:] = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
+        for i, row in enumerate(self.segment.gap[:, :n]):
+            along = np.linalg.solve(system.mass, row)
+            self.segment.push[i, n : 2 * n] = along / (row @ along) if row.any() else 0.0
+
+    def _renewed(self, _: int) -> None:
+        """Compute all that depends on masses, dampers and springs anew, at the parameters that the kernels have just evaluated. NaN where
+        the system cannot have them: a step does not converge there."""
+        released, n = self.segment.released, self.degrees_of_freedom
+        at = tuple(released.values.tolist())
+        if at == self._modes_at:
+            return
+        flight, layout = self.segment.flight, self.parametric.layout
+        try:
+            system = self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
+            self._set_modes(system)
+        except (ValueError, RuntimeError, np.linalg.LinAlgError):
+            flight.free.matrix[:] = math.nan
+            return
+        self._modes_at = at
+        inverse = np.linalg.inv(system.mass)
+        for j, slopes in enumerate(released.slopes):
+            mass, damping, stiffness = (slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
+            pull = np.hstack([stiffness, damping]) - mass @ inverse @ np.hstack([system.stiffness, system.damping])
+            change = np.vstack([np.zeros((n, 2 * n)), -inverse @ pull])
+            flight.change[j] = flight.enter @ change @ flight.leave
+            flight.drive_change[j] = -flight.loads.drive @ mass @ inverse
+            for i, row in enumerate(self.segment.gap[:, :n]):
+                if row.any():
+                    along = inverse @ row
+                    turned = -inverse @ mass @ along
+                    self.segment.push_slope[j, i, n : 2 * n] = (turned - along * (row @ turned) / (row @ along)) / (row @ along)
 
     def _refuse_half(self, turns: int) -> None:
         """Refuse the half-period closure where an orbit cannot have its symmetry."""

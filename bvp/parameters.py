@@ -280,6 +280,30 @@ class ParametricSystem:
             self._programs[key] = Released(program, np.array(rows, dtype=np.int64), columns, scratch_size(program, len(self.names)))
         return self._programs[key]
 
+    def equations(self, texts: Sequence[str], names: Sequence[str]) -> Program:
+        """The program of equations such as "F = 0.3*w**2": left less right side of each, then its derivatives by some parameters, equation
+        by equation.
+
+        Raises
+        ------
+        InvalidSystem
+            For a text that is no equation, or has a name that is no parameter.
+        """
+        from bvp.programs import derivative, program_of
+
+        known = dict(self._symbols) | {name: self._expressions[name] for name in self.derived if name in self._expressions}
+        found = []
+        for text in texts:
+            sides = text.split("=")
+            if len(sides) != 2 or not all(side.strip() for side in sides):
+                raise InvalidSystem(f"an equation is LEFT = RIGHT, such as F = 0.3*w**2; received {shown(text)}")
+            left, right = (self._read(side.strip(), f"the equation {text!r}", known) for side in sides)
+            found.append(left - right)
+        for name in names:
+            self._require_known(name)
+        slopes = [derivative(equation, self._symbols[name]) for equation in found for name in names]
+        return program_of([*found, *slopes], list(self._symbols.values()))
+
     @property
     def layout(self) -> Layout:
         return self._entries[0]

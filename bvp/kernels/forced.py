@@ -6,17 +6,19 @@ Equations  R flight(z_i, t_i) - z_{i+1} = 0,  c . u_{i+1} - bound = 0   for each
            period p     R flight(z_k, t_k) - (u_0, v_0, s_0 + 1) = 0,          c . u_0 - bound = 0
            half period  R flight(z_k, t_k) - (-u_0, -v_0, s_0 + 1/2) = 0,      c . u_0 - bound = 0
 
-Without impacts s_0 = 0 takes the place of the last one; with them the first node is after an impact. The time s is a fraction of the
-period, so a node knows the phase of its loads, and the equations have the pattern of conservative ones. Each node carries the released
-parameters; they are equal on every iterate of Newton's method, since these equations are linear.
+and an equation of the user for each released parameter but one. Without impacts s_0 = 0 takes the place of the last one; with them the
+first node is after an impact. The time s is a fraction of the period, so a node knows the phase of its loads, and the equations have the
+pattern of conservative ones. Each node carries the released parameters; they are equal on every iterate of Newton's method, since these
+equations are linear.
 """
 
 import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.contact_mode import apply_impact, impact_columns
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2
@@ -39,6 +41,7 @@ class Released(NamedTuple):
     slopes: np.ndarray  # (m, E) their derivatives
     places: np.ndarray  # (4,) int64: where restitutions, the constant load, those with cosines and with sines begin
     frequency: int  # and the base frequency
+    renew: int  # address of a function that computes modes and impulses anew, where they depend on the parameters; 0: they do not
 
 
 class LoadedSegment(NamedTuple):
@@ -48,6 +51,7 @@ class LoadedSegment(NamedTuple):
     gap: np.ndarray  # (k + 2, N) rows c, and minus the derivatives of the bounds
     gap_rate: np.ndarray  # (k + 2, N) rows c on velocities
     push: np.ndarray  # (k + 2, N) directions of the impulses
+    push_slope: np.ndarray  # (m, k + 2, N) their derivatives; (0, ..) where they do not depend on the parameters
     jump: np.ndarray  # (k + 2,) 1 + restitution
     bound: np.ndarray  # (k + 2,) bound less its derivatives times the parameters
     side: np.ndarray  # (k + 2,) +1 upper, -1 lower
@@ -58,6 +62,8 @@ class LoadedSegment(NamedTuple):
     closing: np.ndarray  # (2,) 1 or -1, what the state is multiplied by over the segment; the part of the period that it lasts
     scale: np.ndarray  # (N,) what a unit of arclength is for each entry of the first node; 0: a unit of its logarithm
     released: Released
+    kept: Program  # left less right sides of the user's m - 1 equations, then their derivatives by the released parameters
+    kept_out: np.ndarray  # ((m - 1) (1 + m),) what that program writes
     shape: np.ndarray  # (5,) int64: inner impacts k, CLOSED, 4, PERIODIC, PERIODIC
 
 
@@ -85,6 +91,8 @@ def refresh(segment, node):
         entries[row] = released.out[d]
         for j in range(count):
             slopes[j, row] = released.out[depending + d * count + j]
+    if released.renew != 0:
+        call_at(released.renew, (int64(0),))
     loads.clock[0] = entries[released.frequency]
     for j in range(count):
         loads.clock[1 + j] = slopes[j, released.frequency]
@@ -139,6 +147,10 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
                 # Of half a period, the last impact is at the mirror image of the first one's stop.
                 gap = segment.closing[0] * inner(segment.gap[k, :size], y[:size])
                 residual[row + size + 1] = gap + inner(segment.gap[k, size:], y[size:width]) - segment.bound[k]
+            if width > size + 2:
+                run(segment.kept, segment.released.values, segment.released.scratch, segment.kept_out)
+                for e in range(width - size - 2):
+                    residual[row + size + 2 + e] = segment.kept_out[e]
 
 
 @inlined
@@ -159,6 +171,9 @@ def loaded_blocks(segment, i, factor, landing, push_rate):
             change = segment.released.slopes[j, segment.contact[i, 1]] * speed
             for r in range(size):
                 landing[r, size + 1 + j] -= change * segment.push[i, r]
+        for j in range(segment.push_slope.shape[0]):
+            for r in range(size):
+                landing[r, size + 1 + j] -= jump * speed * segment.push_slope[j, i, r]
 
 
 @fill.of(LoadedSegment)
@@ -202,6 +217,10 @@ def fill_loaded(segment, y, factor):
                     column[c] += (segment.closing[0] if c < size else 1.0) * segment.gap[k, c] * scale[c]
             else:
                 column[size] += scale[size]
+            count = width - size - 1
+            for e in range(count - 1):
+                for j in range(count):
+                    closing[size + 2 + e, size + 1 + j] += segment.kept_out[count - 1 + e * count + j] * scale[size + 1 + j]
         at = after
 
 

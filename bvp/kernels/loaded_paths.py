@@ -26,6 +26,7 @@ class Extended(NamedTuple):
     state: np.ndarray  # (E,)
     place: np.ndarray  # (2 n,) int64 where each modal coordinate is
     copies: np.ndarray  # (H, n) int64 where the load's own state in each block is; -1: none
+    last: np.ndarray  # (1,) int64 where the states of the loads begin that no block contains
     steady: np.ndarray  # (H, 2, 2 n) X, by cos and sin; 0 where the load joined the block
     work: np.ndarray  # (3, E) scratch
 
@@ -33,12 +34,12 @@ class Extended(NamedTuple):
 def make_extended(blocks, size, harmonics, gaps, joined):
     """Arrays for a system with the given blocks, 2 n states, H harmonics and S gaps; `joined`: with room for the loads in each block."""
     room = 2 * harmonics * blocks if joined else 0
-    states, count = size + room + 2 * harmonics + int(joined), blocks + room + harmonics
+    states, count = size + room + 2 * harmonics + 1, blocks + room + harmonics
     flight = Flight(np.zeros((count, 2), dtype=np.int64), np.zeros(count), np.zeros(count), np.zeros((states, states)))
     observed = Observed(np.zeros((gaps, 4, states)), np.zeros((2, gaps)))
     return Extended(
-        flight, observed, np.zeros(states), np.zeros(size, dtype=np.int64), np.zeros((harmonics, blocks), dtype=np.int64),
-        np.zeros((harmonics, 2, size)), np.zeros((3, states)),
+        flight, observed, np.zeros(states), np.zeros(size, dtype=np.int64), np.full((harmonics, blocks), -1, dtype=np.int64),
+        np.zeros(1, dtype=np.int64), np.zeros((harmonics, 2, size)), np.zeros((3, states)),
     )  # fmt: skip
 
 
@@ -78,6 +79,10 @@ def extend(flight, gaps, extended):
     for k in range(blocks):
         i = free.pairs[k, 0]
         j = free.pairs[k, 1]
+        for h in range(harmonics):
+            copies[h, k] = -1
+        if k > 0 and i == free.pairs[k - 1, 0]:  # the same block again, to fill the room for blocks
+            continue
         size = 2 if j >= 0 else -j
         first = at
         for r in range(size):
@@ -87,7 +92,6 @@ def extend(flight, gaps, extended):
         at += size
         for h in range(harmonics):
             nu = loads.harmonics[h] * loads.clock[0]
-            copies[h, k] = -1
             multiply(loads.drive, loads.cosine[h], real)
             multiply(loads.drive, loads.sine[h], imaginary)
             if resonates(free, k, nu):
@@ -142,7 +146,7 @@ def extend(flight, gaps, extended):
         at += 2
         count += 1
     while count < pairs.shape[0]:
-        # Room that no block needs: each of its states is a block that stays 0.
+        # Room that no block needs: the last state, which stays 0.
         pairs[count, 0] = matrix.shape[0] - 1
         pairs[count, 1] = -1
         mean[count] = 0.0
@@ -150,6 +154,7 @@ def extend(flight, gaps, extended):
         count += 1
     n = gaps.shape[1]
     last = at - 2 * harmonics
+    extended.last[0] = last
     for s in range(gaps.shape[0]):
         row = rows[s, 0]
         set_1(row, 0.0)
@@ -175,9 +180,7 @@ def extended_state(flight, node, extended):
     set_1(state, 0.0)
     q = flight.lines[0]
     multiply(flight.enter, node[:size], q)
-    # With room for joined loads there is one state to spare.
-    room = extended.flight.pairs.shape[0] > extended.copies.shape[1] + extended.copies.shape[0]
-    last = state.shape[0] - 2 * loads.harmonics.shape[0] - (1 if room else 0)
+    last = extended.last[0]
     for h in range(loads.harmonics.shape[0]):
         angle = loads.harmonics[h] * 2.0 * math.pi * loads.turns * node[size]
         cosine = math.cos(angle)

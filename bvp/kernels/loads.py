@@ -19,7 +19,18 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.compiled import allocating, inlined, kernel
-from bvp.kernels.flight import Flight, block_product, circular, flow_block, flow_matrix, inner, set_1, set_2
+from bvp.kernels.flight import (
+    Flight,
+    block_product,
+    circular,
+    fastest_rate,
+    flow_block,
+    flow_matrix,
+    flow_state,
+    inner,
+    set_1,
+    set_2,
+)
 
 NEAR_RESONANCE = 30.0
 """Size of a particular solution, beside that far from resonance, above which the integral takes its place."""
@@ -55,6 +66,8 @@ class LoadedFlight(NamedTuple):
     enter: np.ndarray  # (2 n, 2 n) modal coordinates of (u, v)
     leave: np.ndarray  # (2 n, 2 n) and back
     loads: Loads
+    change: np.ndarray  # (m, 2 n, 2 n) change of q' = B q with each parameter, in modal coordinates; (0, ..) where no parameter changes it
+    drive_change: np.ndarray  # (m, 2 n, n) that of `drive`
     psi: np.ndarray  # (4, 2 n, 2 n) scratch: Psi, real and imaginary, and the same of its derivative by nu
     lines: np.ndarray  # (8, 2 n) scratch
     flow: np.ndarray  # (2 n, 2 n) scratch
@@ -114,6 +127,8 @@ def _block_integral(mean, matrix, start, size, nu, t, psi):
         row = 0.0
         for c in range(start, start + size):
             row += abs(matrix[r, c])
+            for part in range(4):
+                psi[part, r, c] = 0.0
         norm = max(norm, row)
     panels = max(1, math.ceil((norm + nu) * abs(t) / PANEL))
     width = t / panels
@@ -200,10 +215,55 @@ def _add_response(pairs, psi, real, imaginary, cosine, sine, factor, lines, out,
         turned[r] -= turned_factor * (a * sine + b * cosine)
 
 
+@kernel
+def _add_change(flight, z, t):
+    """columns += the change of the flight's end where parameters change masses, dampers and springs, by Gauss's rule:
+
+    equation (40)."""
+    free, enter, _, loads, change, _, psi, lines, flow, columns = flight
+    size = enter.shape[0]
+    turns = 2.0 * math.pi * loads.turns
+    rate = fastest_rate(free)
+    highest = rate
+    for h in range(loads.harmonics.shape[0]):
+        highest = max(highest, loads.harmonics[h] * loads.clock[0])
+    panels = max(1, math.ceil((rate + highest) * abs(t) / PANEL))
+    width = t / panels
+    start = lines[0]
+    for panel in range(panels):
+        for g in range(16):
+            s = (panel + GAUSS_NODES[g]) * width
+            weight = GAUSS_WEIGHTS[g] * width
+            here = lines[1]
+            multiply(enter, z[:size], start)
+            flow_state(free, start, s, here)
+            for h in range(loads.harmonics.shape[0]):
+                response(free, loads.harmonics[h] * loads.clock[0], s, psi)
+                angle = loads.harmonics[h] * turns * z[size]
+                cosine = math.cos(angle)
+                sine = math.sin(angle)
+                multiply(loads.drive, loads.cosine[h], lines[6])
+                multiply(loads.drive, loads.sine[h], lines[7])
+                # Re[Psi (C - i S) exp(i angle)], C and S turned by the angle first
+                for r in range(size):
+                    real = lines[6, r] * cosine + lines[7, r] * sine
+                    lines[7, r] = lines[7, r] * cosine - lines[6, r] * sine
+                    lines[6, r] = real
+                block_product(free.pairs, psi[0], lines[6], lines[2])
+                block_product(free.pairs, psi[1], lines[7], lines[3])
+                for r in range(size):
+                    here[r] += lines[2, r] + lines[3, r]
+            for j in range(change.shape[0]):
+                multiply(change[j], here, lines[2])
+                flow_state(free, lines[2], t - s, lines[3])
+                for r in range(size):
+                    columns[j, r] += weight * lines[3, r]
+
+
 @inlined
 def loaded_flight(flight, z, t, out, jacobian):
     """out (N,) = the node z after a flight of duration t, before any impact; jacobian (N, N): its derivative by z."""
-    free, enter, leave, loads, psi, lines, flow, columns = flight
+    free, enter, leave, loads, change, drive_change, psi, lines, flow, columns = flight
     size = enter.shape[0]
     parameters = z.shape[0] - size - 1
     q = lines[4]
@@ -235,6 +295,12 @@ def loaded_flight(flight, z, t, out, jacobian):
             multiply(loads.drive, loads.cosine_slope[j, h], lines[6])
             multiply(loads.drive, loads.sine_slope[j, h], lines[7])
             _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, columns[j], q, 0.0)
+        for j in range(change.shape[0]):
+            multiply(drive_change[j], loads.cosine[h], lines[6])
+            multiply(drive_change[j], loads.sine[h], lines[7])
+            _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, columns[j], q, 0.0)
+    if change.shape[0] > 0:
+        _add_change(flight, z, t)
     multiply(leave, q, out[:size])
     multiply(leave, by_time, lines[0])
     for r in range(size):
@@ -261,7 +327,7 @@ def loaded_flight(flight, z, t, out, jacobian):
 @inlined
 def loaded_rate(flight, z, out):
     """out (N,) = z' of a node in flight."""
-    free, enter, leave, loads, _, lines, _, _ = flight
+    free, enter, leave, loads, _, _, _, lines, _, _ = flight
     size = enter.shape[0]
     multiply(enter, z[:size], lines[0])
     block_product(free.pairs, free.matrix, lines[0], lines[1])

@@ -10,6 +10,7 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced_family import ForcedFamily
+from bvp.forcing import Harmonic
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from continuation.run import follow_both_ways
@@ -73,8 +74,9 @@ def require_motion(problem, y, periods=10):
     shifted = [
         replace(force, cosine=force.cosine * math.cos(angle) + force.sine * math.sin(angle),
                 sine=force.sine * math.cos(angle) - force.cosine * math.sin(angle))
+        if isinstance(force, Harmonic) else force
         for force in forces
-        for angle in [2.0 * math.pi * begin]
+        for angle in [2.0 * math.pi * begin * getattr(force, "frequency", 0.0) / at["w"]]
     ]  # fmt: skip
     first = problem.sequence[0] if problem.sequence else None
     period = problem.period(y)

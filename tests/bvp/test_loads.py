@@ -27,7 +27,10 @@ def flight_of(system, harmonics, cosine, sine, clock, turns, cosine_slope=None, 
         np.array(clock, float), float(turns),
     )  # fmt: skip
     size = 2 * n
-    scratch = np.zeros((4, size, size)), np.zeros((8, size)), np.zeros((size, size)), np.zeros((max(m, 1), size))
+    scratch = (
+        *(np.zeros((0, size, size)), np.zeros((0, size, n)), np.zeros((4, size, size)), np.zeros((8, size))),
+        *(np.zeros((size, size)), np.zeros((max(m, 1), size))),
+    )
     return LoadedFlight(modes.flight, np.ascontiguousarray(modes.from_state), np.ascontiguousarray(modes.to_state), loads, *scratch)
 
 

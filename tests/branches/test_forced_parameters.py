@@ -1,0 +1,166 @@
+"""Forced families in parameters that change masses, dampers and springs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from branches.family import SETTINGS
+from branches.forced_family import ForcedFamily
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from continuation.run import follow_both_ways
+from tests.branches.forced_systems import settled
+from tests.branches.test_forced_chains import expected_product, require_motion
+
+
+def chain(**values):
+    """Three masses; m is one of them, k a spring, c a damper, and the stop is on the first one."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"m": 0.7, "k": 0.9, "c": 0.1, "F": 1.4, "w": 1.1, "r": 0.6} | values,
+            "system": {
+                "mass": [["m", 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.3]],
+                "damping": [["c", 0.0, 0.0], [0.0, "2*c", "-c"], [0.0, "-c", "0.5 + c*k"]],
+                "stiffness": [["1 + k", "-k", 0.0], ["-k", "k + 0.8", -0.8], [0.0, -0.8, 1.8]],
+                "stops": [{"c": [1.0, -0.5, 0.0], "upper": "0.4 + m/10", "restitution": "r"}],
+            },
+            "forces": [
+                {"load": [0.0, 1.0, 0.0], "amplitude": "F*k", "harmonic": 1},
+                {"load": [1.0, 0.0, 1.0], "constant": "0.1*m"},
+                {"load": [1.0, 0.0, 0.0], "amplitude": "0.2", "phase": "c", "harmonic": 3},
+            ],
+        }
+    )  # fmt: skip
+
+
+def oscillator(**values):
+    """m x'' + c x' + k x = A cos(w t), x <= 1."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"m": 1.0, "c": 0.1, "k": 1.0, "A": 0.3, "w": 1.6} | values,
+            "system": {
+                "mass": [["m"]], "damping": [["c"]], "stiffness": [["k"]], "stops": [{"c": [1.0], "upper": 1.0, "restitution": 0.8}],
+            },
+            "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["m", "k", "c", "F", "w"])
+def test_the_jacobian_is_the_derivative(name):
+    """Oracle: differences of the residual, extrapolated: the error of the central ones is removed to fourth order."""
+    problem = ForcedProblem(chain(), ["+", "+"], [name])
+    random = np.random.RandomState(2)
+    y = problem.pack(random.uniform(-1.0, 1.0, (2, 6)), [0.1, 0.6], [problem.values[name]])
+    exact = problem.jacobian(y)
+    for column in range(problem.unknowns):
+        slopes = []
+        for h in (2e-3, 1e-3, 5e-4):
+            ahead, behind = y.copy(), y.copy()
+            ahead[column] += h
+            behind[column] -= h
+            if column == 7:  # the parameter is carried by both nodes: those must agree
+                ahead[problem.size + 1 + 7] += h
+                behind[problem.size + 1 + 7] -= h
+            slopes.append((problem.residual(ahead) - problem.residual(behind)) / (2.0 * h))
+        once = [(4.0 * b - a) / 3.0 for a, b in zip(slopes, slopes[1:], strict=False)]
+        best = (16.0 * once[1] - once[0]) / 15.0
+        expected = exact[:, column] + (exact[:, problem.size + 1 + 7] if column == 7 else 0.0)
+        if column != problem.size + 1 + 7:
+            assert best == pytest.approx(expected, abs=2e-9)
+
+
+def test_the_response_grazes_where_the_formula_says():
+    """Oracle: A = sqrt((k - m w^2)^2 + c^2 w^2), solved for k, for m and for c."""
+    for name, begin, exact in (
+        ("k", 1.0, 1.6**2 - math.sqrt(0.09 - 0.01 * 1.6**2)),
+        ("m", 1.0, (1.0 + math.sqrt(0.09 - 0.01 * 1.6**2)) / 1.6**2),
+        ("c", 0.9, math.sqrt(0.09 - (1.0 - 0.4 * 1.6**2) ** 2) / 1.6),
+    ):
+        parametric = oscillator(m=0.4, c=0.9) if name == "c" else oscillator()
+        problem = ForcedProblem(parametric, [], [name])
+        begun = problem.solve(problem.pack([[0.0, 0.0]], [0.0], [begin])).y
+        run = follow_both_ways(ForcedFamily(problem, (0.01, 10.0)), begun, SETTINGS)
+        grazings = [event.point.parameter for event in run.events if event.code == "GR"]
+        assert min(abs(value - exact) for value in grazings) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["m", "k", "c"])
+def test_orbits_along_the_family_are_motions(name):
+    """Oracle: simulation, the product of the multipliers, and the problem with the parameter's new value, which is another system."""
+    problem, y = settled(chain(), [name])
+    assert np.abs(problem.residual(y)).max() < 1e-7
+    value = problem.values[name]
+    family = ForcedFamily(problem, (0.5 * value, 2.0 * value))
+    run = follow_both_ways(family, problem.solve(y).y, replace(SETTINGS, maximum_points=24))
+    assert len(run.points) >= 10
+    for point in run.points:
+        at = point.step.y
+        if point.event is None:
+            require_motion(problem, at, periods=3)
+            assert np.prod(problem.multipliers(at)) == pytest.approx(expected_product_at(problem, at), rel=1e-9)
+    at = run.points[-1].step.y
+    other = ForcedProblem(problem.parametric, problem.sequence, ["F"], values=problem.parameters(at))
+    moved = at.copy()
+    other.nodes(moved)[:, -1] = problem.values["F"]
+    assert np.abs(other.residual(moved)).max() < 1e-12
+
+
+def expected_product_at(problem, y):
+    """`expected_product` of the system at the parameters of y."""
+    fixed = ForcedProblem(problem.parametric, problem.sequence, problem.released, values=problem.parameters(y))
+    return expected_product(fixed, y)
+
+
+def test_a_family_ends_where_its_parameter_leaves_its_domain():
+    """A mass that falls to zero: the family ends there, and says so."""
+    problem, y = settled(chain(), ["m"])
+    run = follow_both_ways(ForcedFamily(problem), problem.solve(y).y, replace(SETTINGS, maximum_points=400))
+    assert all(event.point.parameter > 0.0 for event in run.events)
+    assert all(point.step.parameter > 0.0 for point in run.points)
+
+
+def test_the_change_of_a_flight_with_a_spring_has_all_digits():
+    """Oracle: the flight of one mass in forty digits, differentiated there."""
+    problem = ForcedProblem(oscillator(), ["+"], ["k"])
+    y = problem.pack([[1.0, -0.4]], [0.2], [1.0])
+    ours = problem.jacobian(y)[:2, 3]
+    with mp.workdps(40):
+
+        def end(k):
+            m, c, w, force = mp.mpf(1), mp.mpf(0.1), mp.mpf(1.6), mp.mpf(0.3)
+            whole = mp.matrix([[0, 1, 0, 0], [-k / m, -c / m, force / m, 0], [0, 0, 0, -w], [0, 0, w, 0]])
+            angle = 2 * mp.pi * mp.mpf(0.2)
+            time = mp.mpf(float(problem.flight_times(y)[0]))
+            state = mp.expm(whole * time) * mp.matrix([mp.mpf(1), mp.mpf(-0.4), mp.cos(angle), mp.sin(angle)])
+            return state[0], -mp.mpf(0.8) * state[1]
+
+        step = mp.mpf(10) ** -12
+        theirs = [float((a - b) / (2 * step)) for a, b in zip(end(1 + step), end(1 - step), strict=True)]
+    assert ours == pytest.approx(theirs, abs=1e-14)
+
+
+def test_a_user_equation_is_kept():
+    """Oracle: x'' + 0.1 x' + x = A cos(w t) with A = 0.2 w^2 grazes x = 1 where 0.2 w^2 = sqrt((1 - w^2)^2 + 0.01 w^2): a quadratic in w^2;
+    and the derivatives of the equations."""
+    problem = ForcedProblem(oscillator(A=0.05, w=0.5), [], ["w", "A"], keep=["A = 0.2*w**2"])
+    begun = problem.solve(problem.pack([[0.0, 0.0]], [0.0], [0.5, 0.05])).y
+    run = follow_both_ways(ForcedFamily(problem, (0.3, 3.0)), begun, SETTINGS)
+    (grazing,) = [event for event in run.events if event.code == "GR"]
+    # (1 - 0.04) q^2 - 1.99 q + 1 = 0 for q = w^2
+    exact = math.sqrt((1.99 - math.sqrt(1.99**2 - 4.0 * 0.96)) / (2.0 * 0.96))
+    assert grazing.point.parameter == pytest.approx(exact, abs=1e-12)
+    for point in run.points:
+        at = problem.parameters(point.step.y)
+        assert at["A"] == pytest.approx(0.2 * at["w"] ** 2, abs=1e-14)
+    with pytest.raises(ValueError, match="2 released parameters need 1 equations to keep; received 0"):
+        ForcedProblem(oscillator(), [], ["w", "A"])
+    with pytest.raises(ValueError, match="such as F = 0.3"):
+        ForcedProblem(oscillator(), [], ["w", "A"], keep=["A + w"])
+    with pytest.raises(ValueError, match="nearest: A|no parameter"):
+        ForcedProblem(oscillator(), [], ["w", "A"], keep=["AA = w"])
