@@ -8,8 +8,7 @@ hides in a trace that touches +-2 without crossing it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,6 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.kernels import (
     COMMON,
-    Beginning,
-    Block,
-    GoalPlane,
     WatchedTests,
     advance_block,
     common_tests,
@@ -32,15 +28,15 @@ from branches.kernels import (
 )
 from branches.orbit import label_at
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
-from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.multipoint import MultipointProblem, Solution
 from bvp.stability import stability
-from continuation.control import Control, Settings, kinds_of
-from continuation.problem import Advance, EventDetails, Goal, Point, Recent, Step, TestFunction
+from continuation.control import Settings, kinds_of
+from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["AdvancedSteps", "Family", "RESONANCES", "SETTINGS", "multiplication"]
+__all__ = ["Family", "RESONANCES", "SETTINGS", "multiplication"]
 
 RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 """Rotation numbers p/q of the full period whose resonances are reported."""
@@ -48,7 +44,6 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
-_ITERATIONS = 12  # most of a correction
 _GENERAL: dict[bool, tuple[Any, int]] = {}
 """`general_tests` (False) and `periodic_tests` (True) once they are wanted, each with its address in memory."""
 
@@ -59,23 +54,6 @@ _SHORT = 1e-3
 def multiplication(p: int, q: int) -> float:
     """Trace 2 cos(2 pi p/q) of the full-period map at a p:q resonance."""
     return 2.0 * math.cos(2.0 * math.pi * p / q)
-
-
-@dataclass(eq=False, slots=True)
-class AdvancedSteps(Sequence[Step]):
-    """The steps in the rows of a block; a `Step` is created on access."""
-
-    block: Block
-
-    def __len__(self) -> int:
-        return len(self.block.y)
-
-    def __getitem__(self, place: Any) -> Any:
-        block = self.block
-        if isinstance(place, slice):
-            return AdvancedSteps(Block(*(array[place] for array in block)))
-        solution = Solution(block.y[place], block.tangent[place], block.position[place], block.ends[place], block.result[place])
-        return step_of(solution, solution.result.tolist(), block.tests[place].tolist())
 
 
 class Family(SolvedFamily):
@@ -98,6 +76,8 @@ class Family(SolvedFamily):
     advance : callable
         Takes blocks of steps.
     """
+
+    _advance_block = staticmethod(advance_block)
 
     def __init__(
         self,
@@ -186,42 +166,6 @@ class Family(SolvedFamily):
             take(self.problem._packed, solution.y, solution.ends, self._work, solution.result, targets, values)
             tests[COMMON:] = values[COMMON:].tolist()
         return step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
-
-    def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
-        problem = self.problem
-        rows = room + 1
-        size, unknowns = problem.size, problem.unknowns
-        block = Block(
-            np.empty((rows, unknowns)),
-            np.empty((rows, 2 * unknowns)),
-            np.empty((rows, size + 2)),
-            np.empty((rows, problem.inner + 1, size)),
-            np.empty((rows, len(RESULT_INDEX))),
-            np.empty((rows, self._computed)),
-            np.empty((rows, 2)),
-        )
-        # The compiled code does not look at types: all arrays are contiguous float64.
-        step, direction = recent.step, np.full(size + 2, math.nan) if goal.direction is None else goal.direction
-        y, tangent, position, target, along = (
-            np.ascontiguousarray(part, dtype=float) for part in (step.y, step.tangent, step.position, goal.step.position, direction)
-        )
-        tests, older, oldest = (np.array(values, dtype=float) for values in (recent.tests, recent.older, recent.oldest))
-        beginning = Beginning(y, tangent, position, tests, older, oldest, float(recent.length), float(recent.length_before))
-        towards = GoalPlane(target, along)
-        # With the fold as the only test function nothing else is computed.
-        compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, size + 2))
-        count, tried, ds = advance_block(compiled, _ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block)
-        if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
-            block = Block(*(array[: count + tried].copy() for array in block))
-        trial = None
-        if tried:
-            trial = self._step(
-                Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
-            )
-        taken = Block(*(array[:count] for array in block))
-        if self._computed > len(self.tests):
-            taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
-        return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached."""

@@ -7,27 +7,27 @@ pairs of its multipliers, which vanishes at a Neimark-Sacker bifurcation. Times 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
+from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests
+from branches.kernels import WatchedTests, is_orbit
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import BRANCHING, CLEARANCE, ENERGY, FLIGHT, GAVE_UP, RESIDUAL, SLOPE, SPEED
+from bvp.kernels.multipoint import RESULT
+from bvp.kernels.stroboscopic import make_stroboscopic
 from bvp.multipoint import Solution
-from continuation.problem import EventDetails, Point, Step, TestFunction
+from continuation.control import kinds_of
+from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
 if TYPE_CHECKING:
     from continuation.location import Location
 
 __all__ = ["ForcedFamily"]
-
-_ACCURATE = 1e-12
-"""Scaled residual below which a solution is an orbit."""
-
-_CLEAR = 1e3
-"""Larger clearances are replaced by this value."""
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
@@ -52,6 +52,7 @@ class ForcedFamily(SolvedFamily):
     """
 
     problem: ForcedProblem
+    _advance_block = staticmethod(advance_forced_block)
 
     def __init__(self, problem: ForcedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()):
         self.problem = problem
@@ -74,27 +75,28 @@ class ForcedFamily(SolvedFamily):
             TestFunction("NS", "crossing", False, "Neimark-Sacker bifurcation"),
             *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values),
         )
+        self._computed = len(self.tests)
+        self.advance: Callable[..., Advance] | None = self._advance
+
+    @cached_property
+    def _work(self) -> ForcedWork:
+        problem = self.problem
+        return ForcedWork(problem._factor.flights, make_stroboscopic(problem.segment), np.array(self.interval))
+
+    @cached_property
+    def _watched(self) -> WatchedTests:
+        problem, targets, result = self.problem, np.array(self.values, dtype=float), np.empty(len(RESULT))
+        arguments = problem.segment, np.empty(problem.unknowns), problem._factor.before, self._work, result, targets, result
+        singular = np.array([test.singular for test in self.tests])
+        address = forced_tests.entry(*arguments).address
+        return WatchedTests(np.array(kinds_of(self.tests)), singular, self._work.limits, targets, address, self._work)
 
     def _step(self, solution: Solution | None) -> Step:
-        if solution is None:
+        if solution is None or not is_orbit(solution.result):
             return FAILED
-        result = solution.result.tolist()
-        if not result[RESIDUAL] < _ACCURATE or result[GAVE_UP] == 1.0:
-            return FAILED
-        value = result[ENERGY]
-        low, high = self.interval
-        tests = [
-            result[SLOPE],
-            result[BRANCHING],
-            min(result[CLEARANCE], _CLEAR),
-            min(result[SPEED], _CLEAR),
-            result[FLIGHT],
-            value - low if low > -math.inf else 1.0,
-            high - value if high < math.inf else 1.0,
-            *self.problem.tests(solution).tolist(),
-            *(value - wanted for wanted in self.values),
-        ]
-        return step_of(solution, result, tests)
+        out = np.empty(self._computed)
+        forced_tests(self.problem.segment, solution.y, solution.ends, self._work, solution.result, self._watched.targets, out)
+        return step_of(solution, solution.result.tolist(), out.tolist())
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the value of the parameter."""

@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from branches.family import SETTINGS, AdvancedSteps, Family
+from branches.family import SETTINGS, Family
 from branches.orbit import stacked
 from branches.presentation import canonical_orbit, is_solved_as_it_is, pattern_of, symmetries
 from branches.sequences import canonical_sequence, format_ends
+from branches.solved_family import AdvancedSteps
 from bvp.checks import read_only
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD

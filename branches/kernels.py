@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import call_at, inlined, kernel
+from bvp.kernels.compiled import call_at, chosen, inlined, kernel
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
 from bvp.kernels.monodromy import (
@@ -28,15 +28,15 @@ from bvp.kernels.monodromy import (
     make_linearised_orbit,
     make_reduction,
 )  # fmt: skip
-from bvp.kernels.multipoint import ImpactList, unfold_impacts, unpack
+from bvp.kernels.multipoint import ImpactList, PackedSegment, unfold_impacts, unpack
 from bvp.kernels.pencil import ContactRows
 from bvp.kernels.stability import HalfMap, half_map, make_half_map, make_impacts
 from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = [
-    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance_block", "common_tests",
-    "general_tests", "is_orbit", "make_pairs_work", "periodic_tests", "two_dof_tests",
+    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance", "advance_block", "common_tests",
+    "first_tests", "general_tests", "is_orbit", "make_pairs_work", "periodic_tests", "two_dof_tests",
 ]  # fmt: skip
 
 COMMON = 11
@@ -329,10 +329,10 @@ class WatchedTests(NamedTuple):
 
     kinds: np.ndarray  # of `continuation.control.kinds_of`
     singular: np.ndarray  # size below which a sign is rounding
-    limits: np.ndarray  # (3,) bounds of the energy's logarithm, and of the quarter period's
+    limits: np.ndarray  # of `first_tests`: (3,) bounds of the energy's logarithm, and of the quarter period's
     targets: np.ndarray  # traces at which periods multiply
-    general: int  # address of `general_tests` or `periodic_tests`; 0: two degrees of freedom
-    work: PairsWork  # its scratch
+    general: int  # address of `general_tests`, `periodic_tests` or `branches.forced.kernels.forced_tests`; 0: two degrees of freedom
+    work: Any  # what it needs
 
 
 class Beginning(NamedTuple):
@@ -363,8 +363,26 @@ def _tried(count, ds, waiting, initial):
     return count, 1, ds
 
 
+@chosen
+def first_tests(packed, result, limits, out):
+    """The test functions that are computed before the `general` ones of `WatchedTests`."""
+
+
+@first_tests.of(PackedSegment)
+@inlined
+def first_conservative_tests(packed, result, limits, out):
+    """See `common_tests`."""
+    _common_tests(result, limits[0], limits[1], limits[2], out)
+
+
 @kernel
 def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
+    """See `advance`."""
+    return advance(compiled, most, control, watched, beginning, goal, ds, metric, block)
+
+
+@inlined
+def advance(compiled, most, control, watched, beginning, goal, ds, metric, block):
     """Steps from an orbit on, into `block`.
 
     compiled: `CompiledProblem`; where its second address is 0, the fold is the only test. most: iterations of a correction.
@@ -405,7 +423,7 @@ def advance_block(compiled, most, control, watched, beginning, goal, ds, metric,
             return _tried(count, ds, waiting, initial)
         values = block.tests[count]
         if full:
-            _common_tests(result, limits[0], limits[1], limits[2], values)
+            first_tests(packed, result, limits, values)
             if general == 0:
                 _two_dof_tests(result, packed.shape[2], targets, values)
             else:

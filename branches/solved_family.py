@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from branches.kernels import Beginning, Block, GoalPlane, WatchedTests
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
-from bvp.multipoint import Solution
-from continuation.problem import Step
+from bvp.multipoint import RESULT_INDEX, Solution
+from continuation.control import Control
+from continuation.problem import Advance, Goal, Recent, Step, TestFunction
 from continuation.switching import refine_branch_point
 
-__all__ = ["FAILED", "SINGULAR", "SolvedFamily", "step_of"]
+__all__ = ["AdvancedSteps", "FAILED", "SINGULAR", "SolvedFamily", "step_of"]
 
+_ITERATIONS = 12  # most of a correction
 _BRANCHING = 1
 SINGULAR = 1e-5
 """Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
@@ -33,6 +37,23 @@ def step_of(solution: Solution, result: list[float], tests: list[float]) -> Step
     )  # fmt: skip
 
 
+@dataclass(eq=False, slots=True)
+class AdvancedSteps(Sequence[Step]):
+    """The steps in the rows of a block; a `Step` is created on access."""
+
+    block: Block
+
+    def __len__(self) -> int:
+        return len(self.block.y)
+
+    def __getitem__(self, place: Any) -> Any:
+        block = self.block
+        if isinstance(place, slice):
+            return AdvancedSteps(Block(*(array[place] for array in block)))
+        solution = Solution(block.y[place], block.tangent[place], block.position[place], block.ends[place], block.result[place])
+        return step_of(solution, solution.result.tolist(), block.tests[place].tolist())
+
+
 class SolvedFamily:
     """A family of the solutions of a multipoint problem; a `continuation.Problem` needs test functions besides.
 
@@ -42,6 +63,16 @@ class SolvedFamily:
     """
 
     problem: Any
+    tests: tuple[TestFunction, ...]
+    _advance_block: Any
+    """The kernel that takes a block of steps."""
+    _computed: int
+    """How many test functions it computes; those that are watched come first."""
+
+    @property
+    def _watched(self) -> WatchedTests:
+        """The test functions, for that kernel."""
+        raise NotImplementedError
 
     def _step(self, solution: Solution | None) -> Step:
         """A solution as the engine sees it, with its test functions."""
@@ -107,3 +138,39 @@ class SolvedFamily:
         if after.tangent[: y.size] / scale @ behind < 0.0:
             after = self.step(after.y, -after.tangent, 0.0)
         return (point, after) if after.converged else None
+
+    def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
+        problem = self.problem
+        rows = room + 1
+        places, unknowns = problem.coordinates, problem.unknowns
+        block = Block(
+            np.empty((rows, unknowns)),
+            np.empty((rows, 2 * unknowns)),
+            np.empty((rows, places)),
+            np.empty((rows, problem.inner + 1, problem.size)),
+            np.empty((rows, len(RESULT_INDEX))),
+            np.empty((rows, self._computed)),
+            np.empty((rows, 2)),
+        )
+        # The compiled code does not look at types: all arrays are contiguous float64.
+        step, direction = recent.step, np.full(places, math.nan) if goal.direction is None else goal.direction
+        y, tangent, position, target, along = (
+            np.ascontiguousarray(part, dtype=float) for part in (step.y, step.tangent, step.position, goal.step.position, direction)
+        )
+        tests, older, oldest = (np.array(values, dtype=float) for values in (recent.tests, recent.older, recent.oldest))
+        beginning = Beginning(y, tangent, position, tests, older, oldest, float(recent.length), float(recent.length_before))
+        towards = GoalPlane(target, along)
+        # With the fold as the only test function nothing else is computed.
+        compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, places))
+        count, tried, ds = self._advance_block(compiled, _ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block)
+        if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
+            block = Block(*(array[: count + tried].copy() for array in block))
+        trial = None
+        if tried:
+            trial = self._step(
+                Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
+            )
+        taken = Block(*(array[:count] for array in block))
+        if self._computed > len(self.tests):
+            taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
+        return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)

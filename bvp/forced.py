@@ -22,8 +22,8 @@ from bvp.kernels.loads import LoadedFlight, Loads, fly_loaded
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, make_factor
 from bvp.kernels.newton import set_scale
 from bvp.kernels.periodic_qr import product_eigenvalues
-from bvp.kernels.step import Landing, Request
-from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames, stroboscopic_tests
+from bvp.kernels.step import CompiledProblem, Landing, Request
+from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
 from bvp.multipliers import GRAZING_LIMIT, sort_multipliers
 from bvp.multipoint import NotConverged, Solution
 from bvp.parameters import ParametricSystem
@@ -94,7 +94,7 @@ class ForcedProblem:
         found = parametric.program(self.released)
         varies = len(found.rows) > 0 and int(found.rows[0]) < layout.stiffness.stop
         count = len(self.released)
-        self.size = size = 2 * n + 1 + count
+        self.size = self.coordinates = size = 2 * n + 1 + count
         self.modes = modes = system.modes
         contacts = [contact_of(system, letter) for letter in self.sequence]
         # The last impact of the segment is the first of the orbit, or its mirror image.
@@ -153,6 +153,7 @@ class ForcedProblem:
         self._map = make_stroboscopic(self.segment)
         self._factor = make_factor(self.segment)
         self._zero = np.zeros(2 * self.unknowns)
+        self._nothing = np.zeros(1)
 
     def _set_modes(self, system: ImpactSystem) -> None:
         """Write the blocks of free flight and the directions of impulses into the arrays of the kernels."""
@@ -208,12 +209,16 @@ class ForcedProblem:
             raise EndsError(f"a half period needs an odd number of periods of the load; received {turns}")
 
     def _metric(self) -> np.ndarray:
-        """What a unit of arclength is for each entry of the first node, (N,): the smallest gap, that times the fastest frequency, the
-        period, and for a positive parameter its logarithm, else 1."""
-        n = self.degrees_of_freedom
-        bounds = [abs(bound) for stop in self.system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound) and bound]
-        reach = min(bounds, default=1.0)
-        speed = reach * max(1.0, float(np.sqrt(self.system.modes.squares.max())))
+        """What a unit of arclength is for each entry of the first node, (N,): the smallest gap or what the loads move a free system by,
+        whichever is larger; that times the fastest frequency; the period; the logarithm of a positive parameter, else 1."""
+        n, layout, entries = self.degrees_of_freedom, self.parametric.layout, self.parametric.entries(self.values)
+        bounds = [abs(bound) for stop in self.system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
+        # What the loads move a free system by: gaps can be far smaller, or 0.
+        frequencies = np.array(layout.harmonics) * entries[layout.frequency]
+        forces = np.linalg.solve(self.system.mass, np.hstack([entries[part].reshape(-1, n).T for part in (layout.cosine, layout.sine)]))
+        moved = float(np.max(np.abs(forces) / np.tile(frequencies, 2) ** 2))
+        reach = max(min(bounds, default=0.0), moved) or 1.0
+        speed = reach * max(float(frequencies[0]), float(np.sqrt(self.system.modes.squares.max())))
         units = [0.0 if self.values[name] > 0.0 else 1.0 for name in self.released]
         return np.array([*[reach] * n, *[speed] * n, 1.0, *units])
 
@@ -309,6 +314,16 @@ class ForcedProblem:
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes)."""
         return self._take(y, tangent, Request(ds, math.nan, maximum))
 
+    def compiled(self, *, full: bool = True) -> CompiledProblem:
+        """The problem for a compiled function that takes steps of its own."""
+        metric, result = np.empty((4, self.size)), np.empty(len(RESULT))
+        landing = Landing(self._zero[: self.unknowns], self._zero, result)
+        request, factor = Request(0.0, 0.0, 0), self._factor
+        step = forced_step.entry(self.segment, factor, landing.y, self._zero, request, metric, landing).address
+        observe = forced_observe.entry(self.segment, self._watched, landing.y, factor.before, self._nothing, result).address
+        addresses = np.array([step, observe if full else 0, 0])
+        return CompiledProblem(addresses, self.segment, factor, self._watched, self._nothing, self._nothing)
+
     def solve(self, y: np.ndarray) -> Solution:
         """Newton's solution near y at the parameter's value there.
 
@@ -333,7 +348,7 @@ class ForcedProblem:
         if landing.result[0] != 1.0:
             return None
         ends = self._factor.before.copy()
-        forced_observe(self.segment, self._watched, landing.y, ends, landing.result)
+        forced_observe(self.segment, self._watched, landing.y, ends, self._nothing, landing.result)
         return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
 
     def multipliers(self, y: np.ndarray) -> np.ndarray:
@@ -365,10 +380,3 @@ class ForcedProblem:
         if steps < 1 or not np.all(np.isfinite(found)):
             return np.full(size, complex(math.nan, math.nan))
         return sort_multipliers(found[0] + 1j * found[1])
-
-    def tests(self, solution: Solution) -> np.ndarray:
-        """det(M + 1) of the last solution's map M, and the product of 1 - mu_i mu_j over the pairs of its multipliers (2,). Both are smooth
-        at grazings."""
-        out = np.empty(2)
-        stroboscopic_tests(self.segment, self._factor.flights, solution.ends, solution["speeds"], self._map, out)
-        return out

@@ -106,6 +106,8 @@ class MultipointProblem:
         See `bvp.closures.held_motions` and `deflated_motions`.
     pairs : int
         m, the number of pairs of nontrivial multipliers.
+    coordinates : int
+        N + 2, those in which arclength is measured.
     drifts : bool
         Whether there is a motion that no spring and no stop resists.
 
@@ -161,6 +163,7 @@ class MultipointProblem:
         self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = pack(self.segment)
+        self.coordinates = size + 2
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
         self.held, self.free = held_motions(system), deflated_motions(system)

@@ -31,7 +31,7 @@ from numba.np.arrayobj import populate_array
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.entry_point import MEMORY, add_entry_points
 from bvp.kernels.lent import MODELS, keep_lent
-from bvp.kernels.stored import processor, symbol
+from bvp.kernels.stored import processor, require_imported, symbol
 
 nb: Any = numba
 
@@ -163,13 +163,19 @@ class _Choice:
         self._numba_type_ = nb.types.Dispatcher(self)
 
     def _kind(self, arguments: Any) -> Any:
-        return dispatcher(self._chosen.kinds[arguments[0].instance_class])
+        kernel = self._chosen.kinds[arguments[0].instance_class]
+        require_imported(_compiling[-1], kernel.function.__module__)
+        return dispatcher(kernel)
 
     def get_call_template(self, args, kws):
         return self._kind(args).get_call_template(args, kws)
 
     def get_overload(self, types):
         return self._kind(types).get_overload(types)
+
+
+_compiling: list[str] = []
+"""The kernel file of the machine code that is being made."""
 
 
 def _without_machine_code(flags: Any) -> Any:
@@ -252,6 +258,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
     gc.set_threshold(*_SELDOM)
     try:
         with global_compiler_lock:
+            _compiling.append(kernel.function.__module__)
             kinds = tuple(map(_numba_type, types[1:]))
             inner: Any = dispatcher(kernel)
             inner.compile(kinds)
@@ -267,6 +274,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
             library.add_linking_library(intermediate_code(result))
             return bytes(library.emit_native_object()), library.callees
     finally:
+        _compiling.clear()
         gc.set_threshold(*before)
 
 

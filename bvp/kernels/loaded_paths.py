@@ -209,11 +209,11 @@ class Watched(NamedTuple):
 
 
 @kernel
-def forced_observe(segment, watched, y, ends, result):
+def forced_observe(segment, watched, y, ends, work, result):
     """Fill `result` from `clearance` to `flight_index` for the orbit at y, and `speeds`: the product of the impact speeds, each over the
     largest velocity.
 
-    ends (k + 1, N): the node at the end of each flight."""
+    ends (k + 1, N): the node at the end of each flight. work: not used, here as for other problems."""
     refresh(segment, y[: segment.gap.shape[1]])
     if any_resonance(segment.flight):
         observe_with(segment, watched, watched.joined, y, ends, result)

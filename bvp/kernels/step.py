@@ -4,7 +4,7 @@ Then the flights of the orbit are looked at: admissibility, speeds of the impact
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import int64
@@ -19,7 +19,6 @@ from bvp.kernels.multipoint import (
     REST,
     STOP,
     Factor,
-    PackedSegment,
     Segment,
     energy_sum,
     sized_factor,
@@ -29,7 +28,6 @@ from bvp.kernels.multipoint import (
     unpack,
 )
 from bvp.kernels.newton import conditioning, correct
-from bvp.kernels.stability import Period
 
 
 @inlined
@@ -377,9 +375,9 @@ def two_dof_orbit_observe(packed, observed, y, ends, work, result):
 class CompiledProblem(NamedTuple):
     """The data of a problem for a kernel that takes several steps (`bvp.kernels.compiled.call_at`)."""
 
-    addresses: np.ndarray  # (3,) int64 of `orbit_step`, `orbit_observe` and `orbit_stability` (n = 2); 0: not wanted
-    packed: PackedSegment
+    addresses: np.ndarray  # (3,) int64 of the kernels that take a step, that observe, and `orbit_stability` (n = 2); 0: not wanted
+    packed: Any  # a segment as these kernels take it
     factor: Factor
-    observed: Observed
+    observed: Any
     work: np.ndarray  # scratch
-    period: Period
+    period: Any

@@ -88,6 +88,13 @@ def sources(path: Path) -> dict[Path, bytes]:
     return found
 
 
+def require_imported(module: str, other: str) -> None:
+    """Refuse machine code of a kernel file that depends on another file which it does not import: that one is not in its key."""
+    paths = [_SOURCES.joinpath(*name.split(".")).with_suffix(".py") for name in (module, other)]
+    if paths[1] not in sources(paths[0]):
+        raise TypeError(f"a kernel of {module} contains one of {other}, which it does not import")
+
+
 @cache
 def processor() -> tuple[str, str]:
     """The name and the features of this processor, as LLVM writes them; `NUMBA_CPU_NAME` and `NUMBA_CPU_FEATURES` replace them."""

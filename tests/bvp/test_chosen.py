@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 from bvp.kernels.compiled import chosen, inlined, kernel
+from bvp.kernels.stored import require_imported
 
 
 class Square(NamedTuple):
@@ -50,3 +52,10 @@ def test_the_type_of_the_first_argument_selects_the_kernel():
     assert total(Disc(2.0, factors), factors) == 36.0
     assert total(Square(np.array([1.0])), factors) == 3.0
     assert area(Disc(1.0, factors), 1.0) == 3.0
+
+
+def test_a_kernel_imports_the_kinds_that_it_contains():
+    """Its machine code is found by the sources that it imports. A kind declared elsewhere would change it unseen."""
+    require_imported("bvp.kernels.forced", "bvp.kernels.loads")
+    with pytest.raises(TypeError, match=r"a kernel of bvp\.kernels\.flight contains one of bvp\.kernels\.loads, which it does not import"):
+        require_imported("bvp.kernels.flight", "bvp.kernels.loads")

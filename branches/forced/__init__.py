@@ -1,0 +1,1 @@
+"""Families of orbits under periodic loads."""

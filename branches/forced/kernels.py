@@ -1,0 +1,59 @@
+"""Compiled code for families of forced orbits: their test functions, and the advance by many steps in one call."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.kernels import advance, first_tests
+from bvp.kernels import multipoint as entry
+from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.forced import LoadedSegment
+from bvp.kernels.stroboscopic import Stroboscopic, stroboscopic_tests
+
+__all__ = ["PLAIN", "ForcedWork", "advance_forced_block", "forced_tests"]
+
+PLAIN = 9
+"""Test functions that every forced family has, before those of values that are asked for."""
+
+_CLEAR = 1e3
+"""Larger clearances and speeds are replaced by this value."""
+
+
+class ForcedWork(NamedTuple):
+    """What the test functions need besides the orbit."""
+
+    flights: np.ndarray  # (k + 1, N, N) derivatives of the flights of the last orbit, of its problem's `Factor`
+    map: Stroboscopic
+    limits: np.ndarray  # (2,) lowest and highest value of the parameter
+
+
+@kernel
+def forced_tests(segment, y, ends, work, result, targets, out):
+    """Fold, branch point, grazing in its three ways, the bounds of the parameter, det(M + 1) and the product of 1 - mu_i mu_j for the
+    stroboscopic map M (`bvp.kernels.stroboscopic`), and the distances of the parameter from the targets, into out."""
+    value = result[entry.ENERGY]
+    out[0] = result[entry.SLOPE]
+    out[1] = result[entry.BRANCHING]
+    out[2] = min(result[entry.CLEARANCE], _CLEAR)
+    out[3] = min(result[entry.SPEED], _CLEAR)
+    out[4] = result[entry.FLIGHT]
+    out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
+    out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
+    stroboscopic_tests(segment, work.flights, ends, result[entry.SPEEDS], work.map, out[7:PLAIN])
+    for i in range(targets.shape[0]):
+        out[PLAIN + i] = value - targets[i]
+
+
+@first_tests.of(LoadedSegment)
+@inlined
+def no_first_tests(segment, result, limits, out):
+    """All are computed by `forced_tests`."""
+
+
+@kernel
+def advance_forced_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
+    """See `branches.kernels.advance`."""
+    return advance(compiled, most, control, watched, beginning, goal, ds, metric, block)
