@@ -181,6 +181,7 @@ class ForcedProblem:
             self._set_modes(system)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
             flight.free.matrix[:] = math.nan
+            self._modes_at = ()
             return
         self._modes_at = at
         inverse = np.linalg.inv(system.mass)
@@ -209,18 +210,32 @@ class ForcedProblem:
             raise EndsError(f"a half period needs an odd number of periods of the load; received {turns}")
 
     def _metric(self) -> np.ndarray:
-        """What a unit of arclength is for each entry of the first node, (N,): the smallest gap or what the loads move a free system by,
-        whichever is larger; that times the fastest frequency; the period; the logarithm of a positive parameter, else 1."""
-        n, layout, entries = self.degrees_of_freedom, self.parametric.layout, self.parametric.entries(self.values)
-        bounds = [abs(bound) for stop in self.system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
-        # What the loads move a free system by: gaps can be far smaller, or 0.
-        frequencies = np.array(layout.harmonics) * entries[layout.frequency]
-        forces = np.linalg.solve(self.system.mass, np.hstack([entries[part].reshape(-1, n).T for part in (layout.cosine, layout.sine)]))
-        moved = float(np.max(np.abs(forces) / np.tile(frequencies, 2) ** 2))
-        reach = max(min(bounds, default=0.0), moved) or 1.0
-        speed = reach * max(float(frequencies[0]), float(np.sqrt(self.system.modes.squares.max())))
-        units = [0.0 if self.values[name] > 0.0 else 1.0 for name in self.released]
-        return np.array([*[reach] * n, *[speed] * n, 1.0, *units])
+        """What a unit of arclength is for each entry of the first node, (N,).
+
+        A displacement: the smallest width of a stop that confines it, else the larger of the smallest gap and the largest
+        |(K + nu^2 M)^-1 C| of the loads C cos(nu t). A velocity: that times the fastest frequency. The time: the period. A parameter that
+        cannot be zero: its logarithm; another one: its default."""
+        n, system, layout = self.degrees_of_freedom, self.system, self.parametric.layout
+        entries = self.parametric.entries(self.values)
+        base = float(entries[layout.frequency][0])
+        gaps = [abs(bound) for stop in system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound) and bound]
+        size = min(gaps, default=0.0)
+        forces = [entries[layout.constant], *entries[layout.cosine].reshape(-1, n), *entries[layout.sine].reshape(-1, n)]
+        for k, force in zip([1, *layout.harmonics, *layout.harmonics], forces, strict=True):
+            size = max(size, float(np.abs(np.linalg.lstsq(system.stiffness + (k * base) ** 2 * system.mass, force, rcond=None)[0]).max()))
+        reach = np.full(n, size or 1.0)
+        for stop in system.stops:
+            row = np.asarray(stop.gap)
+            if math.isfinite(stop.upper - stop.lower) and np.count_nonzero(row) == 1:
+                place = int(np.argmax(np.abs(row)))
+                reach[place] = min(reach[place], 0.5 * (stop.upper - stop.lower) / abs(row[place]))
+        fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max())))
+        units = [
+            0.0 if self.values[name] > 0.0 and self.parametric.violation(self.values | {name: 0.0})
+            else abs(self.parametric.values[name]) or 1.0
+            for name in self.released
+        ]  # fmt: skip
+        return np.array([*reach, *(reach * fastest), 1.0, *units])
 
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 

@@ -215,22 +215,21 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
 
 
 @inlined
-def clearance(flight, observed, stop, z, duration, work):
-    """Smallest distance of w from the bounds of one stop at its turning points inside a flight: (distance, side, time).
+def nearest_turn(flight, observed, stop, z, duration, sign, steps, work):
+    """See `clearance`, for a piece of a flight: sign is that of w' before it (0: the flight begins here), steps those made before.
 
-    The distance is infinite if w has no turning point, and NaN if the search gave up. work (2, N)."""
+    Returns (distance, side, time, sign, steps)."""
     gap = observed.rows[stop]
     track = track_of(flight, gap[1], gap[2], gap[3], z, duration, work[0, : z.shape[0]])
     state = work[1, : z.shape[0]]
     best = math.inf
     best_side = 0.0
     best_time = 0.0
-    sign = 0
-    here, f, t, steps = 0.0, 0.0, 0.0, 0
+    here, f, t = 0.0, 0.0, 0.0
     while True:
         found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
         if not found:
-            return best if t == math.inf else math.nan, best_side, best_time
+            return best if t == math.inf else math.nan, best_side, best_time, sign, steps
         if sign != 0:
             turn = refine(track, before, f_before, here, f, 1e-9 * duration)
             flow_state(flight, z, turn, state)
@@ -241,6 +240,15 @@ def clearance(flight, observed, stop, z, duration, work):
                 best_side = 1.0 if sign > 0 else -1.0
                 best_time = turn
         sign = 1 if f > 0.0 else -1
+
+
+@inlined
+def clearance(flight, observed, stop, z, duration, work):
+    """Smallest distance of w from the bounds of one stop at its turning points inside a flight: (distance, side, time).
+
+    The distance is infinite if w has no turning point, and NaN if the search gave up. work (2, N)."""
+    distance, side, time, _, _ = nearest_turn(flight, observed, stop, z, duration, 0, 0, work)
+    return distance, side, time
 
 
 PEAK_ROWS = 6

@@ -3,6 +3,9 @@
 A load's state is (cos, sin)(k w t). For each block and each harmonic, either the particular solution X (cos, sin) is taken off the modal
 state, or, near resonance, the block contains a state of the load of its own. The bounds and searches of `bvp.kernels.extrema` take such a
 flight as any other. They observe the orbit: its clearance, the speeds of its impacts, its flight times.
+
+The bounds of a larger block, and of modes that damp, are poor in long flights. Such a flight is searched in pieces. The states of a block
+with loads are scaled so that its matrix is nearly balanced.
 """
 
 import math
@@ -12,10 +15,16 @@ import numpy as np
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.extrema import Observed, clearance
-from bvp.kernels.flight import Flight, inner, row_dot, set_1, set_2
+from bvp.kernels.extrema import Observed, nearest_turn
+from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2
 from bvp.kernels.forced import refresh
 from bvp.kernels.loads import NEAR_RESONANCE, multiply
+
+PIECES = 1000
+"""Most pieces of a flight."""
+
+GROWTH = 2.0
+"""What a state can grow or decay by in a piece, as a logarithm."""
 
 
 class Extended(NamedTuple):
@@ -28,6 +37,8 @@ class Extended(NamedTuple):
     copies: np.ndarray  # (H, n) int64 where the load's own state in each block is; -1: none
     last: np.ndarray  # (1,) int64 where the states of the loads begin that no block contains
     steady: np.ndarray  # (H, 2, 2 n) X, by cos and sin; 0 where the load joined the block
+    unit: np.ndarray  # (2 n,) of the state of each modal coordinate
+    strength: np.ndarray  # (H, n) what multiplies the load's own state in each block
     work: np.ndarray  # (3, E) scratch
 
 
@@ -39,7 +50,7 @@ def make_extended(blocks, size, harmonics, gaps, joined):
     observed = Observed(np.zeros((gaps, 4, states)), np.zeros((2, gaps)))
     return Extended(
         flight, observed, np.zeros(states), np.zeros(size, dtype=np.int64), np.full((harmonics, blocks), -1, dtype=np.int64),
-        np.zeros(1, dtype=np.int64), np.zeros((harmonics, 2, size)), np.zeros((3, states)),
+        np.zeros(1, dtype=np.int64), np.zeros((harmonics, 2, size)), np.ones(size), np.ones((harmonics, blocks)), np.zeros((3, states)),
     )  # fmt: skip
 
 
@@ -64,6 +75,12 @@ def any_resonance(flight):
 
 
 @inlined
+def member(i, j, r):
+    """Where the modal coordinate r of a block (i, j) is: the two of a pair can be far apart, those of a larger block follow each other."""
+    return j if j >= 0 and r == 1 else i + r
+
+
+@inlined
 def extend(flight, gaps, extended):
     """Fill flight, rows and places of `extended` for the loads as they are. gaps (S, n): rows on displacements."""
     free, loads = flight.free, flight.loads
@@ -85,10 +102,23 @@ def extend(flight, gaps, extended):
             continue
         size = 2 if j >= 0 else -j
         first = at
+        # A pair with loads gets the entries of equal size off its diagonal that a rotation has.
+        balance = 1.0
+        if j >= 0:
+            extended.unit[i] = 1.0
+            for h in range(harmonics):
+                nu = loads.harmonics[h] * loads.clock[0]
+                if resonates(free, k, nu) and free.matrix[i, j] != 0.0:
+                    balance = max(math.sqrt(abs(free.matrix[j, i] / free.matrix[i, j])), loads.clock[0] / abs(free.matrix[i, j]))
         for r in range(size):
-            place[i + r] = at + r
+            of_row = member(i, j, r)
+            place[of_row] = at + r
+            extended.unit[of_row] = balance if j >= 0 and r == 1 else 1.0
+        for r in range(size):
+            of_row = member(i, j, r)
             for c in range(size):
-                matrix[at + r, at + c] = free.matrix[i + r, i + c]
+                of_column = member(i, j, c)
+                matrix[at + r, at + c] = free.matrix[of_row, of_column] * extended.unit[of_column] / extended.unit[of_row]
         at += size
         for h in range(harmonics):
             nu = loads.harmonics[h] * loads.clock[0]
@@ -96,11 +126,18 @@ def extend(flight, gaps, extended):
             multiply(loads.drive, loads.sine[h], imaginary)
             if resonates(free, k, nu):
                 copies[h, k] = at
+                strength = 0.0
                 for r in range(size):
-                    matrix[first + r, at] = real[i + r]
-                    matrix[first + r, at + 1] = imaginary[i + r]
-                    steady[h, 0, i + r] = 0.0
-                    steady[h, 1, i + r] = 0.0
+                    of_row = member(i, j, r)
+                    strength = max(strength, (abs(real[of_row]) + abs(imaginary[of_row])) / extended.unit[of_row])
+                strength = strength / loads.clock[0] if strength > 0.0 else 1.0
+                extended.strength[h, k] = strength
+                for r in range(size):
+                    of_row = member(i, j, r)
+                    matrix[first + r, at] = real[of_row] / (extended.unit[of_row] * strength)
+                    matrix[first + r, at + 1] = imaginary[of_row] / (extended.unit[of_row] * strength)
+                    steady[h, 0, of_row] = 0.0
+                    steady[h, 1, of_row] = 0.0
                 matrix[at, at + 1] = -nu
                 matrix[at + 1, at] = nu
                 at += 2
@@ -162,7 +199,7 @@ def extend(flight, gaps, extended):
             total = 0.0
             for i in range(n):
                 total += gaps[s, i] * flight.leave[i, r]
-            row[place[r]] = total
+            row[place[r]] = total * extended.unit[r]
             for h in range(harmonics):
                 row[last + 2 * h] += total * steady[h, 0, r]
                 row[last + 2 * h + 1] += total * steady[h, 1, r]
@@ -190,12 +227,48 @@ def extended_state(flight, node, extended):
         for k in range(extended.copies.shape[1]):
             at = extended.copies[h, k]
             if at >= 0:
-                state[at] = cosine
-                state[at + 1] = sine
+                state[at] = cosine * extended.strength[h, k]
+                state[at + 1] = sine * extended.strength[h, k]
         state[last + 2 * h] = cosine
         state[last + 2 * h + 1] = sine
     for r in range(size):
-        state[extended.place[r]] = q[r]
+        state[extended.place[r]] = q[r] / extended.unit[r]
+
+
+@inlined
+def pieces_of(flight, duration):
+    """The number of pieces in which a flight is searched."""
+    pairs, mean, delta, matrix = flight
+    rate = 0.0
+    for k in range(pairs.shape[0]):
+        j = pairs[k, 1]
+        if j < -1:
+            rate = max(rate, abs(block_growth(matrix, pairs[k, 0], -j)))
+        else:
+            rate = max(rate, abs(mean[k]) + (math.sqrt(delta[k]) if j >= 0 and delta[k] > 0.0 else 0.0))
+    return int(min(float(PIECES), 1.0 + rate * duration / GROWTH))
+
+
+@inlined
+def loaded_clearance(extended, stop, duration, pieces):
+    """`bvp.kernels.extrema.clearance` of a flight in pieces."""
+    begin = extended.work[2]
+    width = duration / pieces
+    best = math.inf
+    best_side = 0.0
+    best_time = 0.0
+    sign = 0
+    steps = 0
+    for piece in range(pieces):
+        flow_state(extended.flight, extended.state, piece * width, begin)
+        distance, side, time, sign, steps = nearest_turn(extended.flight, extended.observed, stop, begin, width, sign, steps, extended.work)
+        if math.isnan(distance):
+            return math.nan, 0.0, 0.0
+        if distance < best:
+            best = distance
+            best_side = side
+            best_time = piece * width + time
+    return best, best_side, best_time
 
 
 class Watched(NamedTuple):
@@ -256,12 +329,11 @@ def observe_with(segment, watched, extended, y, ends, result):
                 slowest = speed
                 slowest_node = i
         extended_state(segment.flight, node, extended)
+        pieces = pieces_of(extended.flight, duration)
         for stop in range(bounds.shape[1] if duration > 0.0 else 0):
             bounds[0, stop] = entries[watched.bounds[0, stop]]
             bounds[1, stop] = entries[watched.bounds[1, stop]]
-            distance, side, time = clearance(
-                extended.flight, extended.observed, stop, extended.state, duration, extended.work
-            )
+            distance, side, time = loaded_clearance(extended, stop, duration, pieces)
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
             if watched.stops[i] != stop:

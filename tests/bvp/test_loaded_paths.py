@@ -1,0 +1,117 @@
+"""The clearance of flights under loads against dense samples of the path, by matrix exponentials of the state and of its loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import bvp.kernels.multipoint as entry
+from bvp.forced import ForcedProblem
+from bvp.kernels.loaded_paths import forced_observe
+from bvp.parameters import ParametricSystem
+
+STOPS = [
+    {"c": [1.0, 0.0], "upper": 0.5, "restitution": 0.8},
+    {"c": [-1.0, 1.0], "upper": 0.7, "lower": -0.6, "restitution": 0.8},
+]  # fmt: skip
+SYSTEMS = {
+    "undamped": ([[0.0, 0.0], [0.0, 0.0]], [[2.0, -1.0], [-1.0, 2.0]]),
+    "modal damping": ([[0.2, -0.1], [-0.1, 0.2]], [[2.0, -1.0], [-1.0, 2.0]]),
+    "coupled damping": ([[0.1, 0.0], [0.0, 0.0]], [[2.0, -1.0], [-1.0, 2.0]]),
+    "critical damping": ([[2.0, 0.0], [0.0, 6.0]], [[1.0, 0.0], [0.0, 9.0]]),
+    "free": ([[0.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]]),
+    "free and damped": ([[0.2, -0.2], [-0.2, 0.2]], [[0.0, 0.0], [0.0, 0.0]]),
+}
+
+
+def problem_of(kind, w, turns=1, force=1.0):
+    damping, stiffness = SYSTEMS[kind]
+    parametric = ParametricSystem.from_description(
+        {
+            "parameters": {"F": force, "w": w},
+            "system": {"mass": [[1.0, 0.0], [0.0, 1.0]], "damping": damping, "stiffness": stiffness, "stops": STOPS},
+            "forces": [
+                {"load": [1.0, 0.0], "amplitude": "F", "harmonic": 1},
+                {"load": [0.0, 1.0], "amplitude": "0.4*F", "harmonic": 7, "phase": 0.3},
+                {"load": [0.0, 1.0], "constant": "0.3*F"},
+            ],
+        }
+    )
+    return ForcedProblem(parametric, ["a+", "b-"], ["w"], turns=turns)
+
+
+def sampled(problem, y, samples):
+    """The smallest distance from a stop at turning points inside flights, and of the other stops at their ends."""
+    at, n = problem.parameters(y), problem.degrees_of_freedom
+    system, layout = problem.parametric.system(at), problem.parametric.layout
+    entries, inverse = problem.parametric.entries(at), np.linalg.inv(system.mass)
+    size = 2 * n + 1 + 2 * len(layout.harmonics)
+    matrix = np.zeros((size, size))
+    matrix[:n, n : 2 * n] = np.eye(n)
+    matrix[n : 2 * n, : 2 * n] = -inverse @ np.hstack([system.stiffness, system.damping])
+    matrix[n : 2 * n, 2 * n] = inverse @ entries[layout.constant]
+    cosines, sines = (entries[part].reshape(-1, n) for part in (layout.cosine, layout.sine))
+    for h, k in enumerate(layout.harmonics):
+        i = 2 * n + 1 + 2 * h
+        matrix[i, i + 1], matrix[i + 1, i] = -k * at["w"], k * at["w"]
+        matrix[n : 2 * n, i], matrix[n : 2 * n, i + 1] = inverse @ cosines[h], inverse @ sines[h]
+    best = np.inf
+    for i, (node, duration) in enumerate(zip(problem.nodes(y), problem.flight_times(y), strict=True)):
+        angle = 2.0 * np.pi * problem.turns * node[2 * n]
+        loads = [part(k * angle) for k in layout.harmonics for part in (np.cos, np.sin)]
+        path = [np.array([*node[: 2 * n], 1.0, *loads])]
+        ahead = scipy.linalg.expm(matrix * duration / samples)
+        for _ in range(samples):
+            path.append(ahead @ path[-1])
+        for place, stop in enumerate(system.stops):
+            w = np.array(path)[:, :n] @ stop.gap
+            for distance in (stop.upper - w, w - stop.lower):
+                if not np.isfinite(distance[0]):
+                    continue
+                a, b, c = distance[:-2], distance[1:-1], distance[2:]
+                turns = (b <= a) & (b <= c)
+                if turns.any():
+                    best = min(best, float((b - (a - c) ** 2 / (8.0 * (a - 2.0 * b + c)))[turns].min()))
+                if problem.modes.contact_stop[problem.contacts[i]] != place:
+                    best = min(best, float(distance[-1]))
+    return best
+
+
+def observed(problem, y):
+    problem.residual(y)
+    result = np.full(len(entry.RESULT), np.nan)
+    forced_observe(problem.segment, problem._watched, np.array(y), problem._factor.before.copy(), problem._nothing, result)
+    assert result[entry.GAVE_UP] == 0.0
+    return result[entry.CLEARANCE]
+
+
+def require_clearance(problem, seed, samples):
+    """Nodes need not be those of an orbit: each flight has its own path."""
+    random = np.random.RandomState(seed)
+    force = problem.values["F"]
+    y = problem.pack(force * random.normal(size=(2, 4)), np.sort(random.uniform(size=2)), [problem.values["w"]])
+    expected = sampled(problem, y, samples)
+    assert observed(problem, y) == pytest.approx(expected, abs=1e-4 * max(1.0, abs(expected)))
+
+
+@pytest.mark.parametrize("w", [1.0, 1.0 + 1e-9, np.sqrt(3.0) / 7.0, 0.6, 3.0])
+@pytest.mark.parametrize("kind", SYSTEMS)
+def test_no_turning_point_is_lost(kind, w):
+    """Oracle: dense samples. w is at a resonance, beside it, and far from it."""
+    for seed in range(2):
+        require_clearance(problem_of(kind, w), seed, 4000)
+
+
+@pytest.mark.parametrize("w", [1.0, np.sqrt(3.0) / 7.0, 0.05])
+@pytest.mark.parametrize("kind", SYSTEMS)
+def test_flights_of_many_periods_are_searched_to_their_end(kind, w):
+    """Oracle: dense samples. The bounds of resonant and of strongly damped modes grow with the duration of the flight."""
+    require_clearance(problem_of(kind, w, turns=10), 0, 20000)
+
+
+@pytest.mark.parametrize("force", [1e-8, 1e8])
+def test_the_size_of_a_resonant_load_does_not_matter(force):
+    """Oracle: dense samples."""
+    for w in (1.0, np.sqrt(3.0)):
+        require_clearance(problem_of("undamped", w, turns=3, force=force), 0, 4000)
