@@ -112,12 +112,30 @@ class ForcedFamily(SolvedFamily):
         if test.code == "GR":
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
             data.update(describe_grazing(self.problem, solution, verb))
+            if verb == "merge":
+                return self._merging(solution, data)
         elif test.code == "NS":
             angle = self._angle_of_pair(at)
             if angle is None:
                 return None
             data["angle"] = angle
         return EventDetails(test.code, test.terminal, data)
+
+    def _merging(self, solution: Solution, data: dict[str, Any]) -> EventDetails:
+        """Two impacts at the same instant: at stops that do not interact they exchange their order, else the family ends."""
+        problem = self.problem
+        flight = int(solution["flight_index"])
+        pair = [int(problem.contacts[k]) for k in ((flight - 1) % (problem.inner + 1), flight)]
+        stops = [problem.system.stops[problem.modes.contact_stop[contact]] for contact in pair]
+        if stops[0].name == stops[1].name:
+            return EventDetails("GR", True, data)
+        rows = [np.asarray(stop.gap) for stop in stops]
+        system = problem.parametric.system(problem.parameters(solution.y))
+        along = [np.linalg.solve(system.mass, row) for row in rows]
+        names = f"stops {stops[0].name} and {stops[1].name}"
+        if abs(rows[0] @ along[1]) <= 1e-14 * float(np.sqrt((rows[0] @ along[0]) * (rows[1] @ along[1]))):
+            return EventDetails("LB", True, data | {"note": f"impacts at {names} exchange their order; the family continues"})
+        return EventDetails("EP", True, data | {"note": f"{names} are hit at once and interact: restitution does not define what follows"})
 
     def _angle_of_pair(self, at: Step) -> float | None:
         """The angle in (0, pi) of a pair of multipliers on the unit circle; None where the product of two real ones is 1."""

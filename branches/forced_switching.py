@@ -18,7 +18,7 @@ from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
-__all__ = ["GrazingNeighbour", "beside_grazing", "full_period", "leaving", "twice"]
+__all__ = ["GrazingNeighbour", "beside_grazing", "exchanged", "full_period", "later", "leaving", "twice"]
 
 _SHORT = 1e-3
 """Arclength of the first step away from a grazing."""
@@ -57,7 +57,7 @@ def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image:
     nodes[:count] = nodes[count:] = problem.nodes(y)
     nodes[count:, :size] = nodes[:count, :size] @ image.T
     nodes[:, size] *= part
-    nodes[count:, size] += 0.5
+    nodes[count:, size] += 0.5 * problem.has_clock
     times[:count] = times[count:] = problem.flight_times(y)
     return out
 
@@ -124,8 +124,12 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         A direction along the family that ends, away from the grazing.
     """
     y = solution.y
-    make = _with_touch if abs(solution["clearance"]) < abs(solution["speed"]) else _without
-    neighbour, start = make(problem, solution)
+    sizes = {
+        _with_touch: solution["clearance"],
+        _without: solution["speed"] / problem.speed(solution),
+        exchanged: solution["flight"] / problem.duration(solution),
+    }
+    neighbour, start = min(sizes, key=lambda make: abs(sizes[make]))(problem, solution)
     family = ForcedFamily(neighbour)
     begin = family.begin(start)
     found = []
@@ -158,36 +162,77 @@ def _with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProbl
     row = np.asarray(problem.system.stops[int(solution["clearance_stop"])].gap)
     state[n:] -= row * (row @ state[n:]) / (row @ row)
     letter = modes.contact_letters[contact]
-    states = nodes[:, :size]
-    fractions = nodes[:, size]
     if not problem.sequence:
-        return _made(problem, [letter], state[None], np.array([fraction % 1.0]), y)
+        return _made(problem, [letter], state[None], np.array([fraction % 1.0]), problem.flight_times(y), y)
     sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
-    return _made(problem, sequence, np.insert(states, flight + 1, state, axis=0), np.insert(fractions, flight + 1, fraction), y)
+    times = np.insert(problem.flight_times(y), flight, time)
+    times[flight + 1] -= time
+    states, fractions = np.insert(nodes[:, :size], flight + 1, state, axis=0), np.insert(nodes[:, size], flight + 1, fraction)
+    return _made(problem, sequence, states, fractions, times, y)
 
 
 def _without(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
     """The problem without the impact whose speed has vanished, and the orbit in its unknowns."""
-    size = 2 * problem.degrees_of_freedom
-    nodes = problem.nodes(solution.y)
+    size, y = 2 * problem.degrees_of_freedom, solution.y
+    nodes, times = problem.nodes(y), problem.flight_times(y).copy()
     # Node i of the speeds is the impact that ends flight i; the last one is the first of the orbit.
     gone = (int(solution["speed_node"]) + 1) % len(nodes)
+    times[gone - 1] += times[gone]
     sequence = [*problem.sequence[:gone], *problem.sequence[gone + 1 :]]
-    states, fractions = np.delete(nodes[:, :size], gone, axis=0), np.delete(nodes[:, size], gone)
     if not sequence:
         # Without impacts the orbit begins at the phase 0.
-        state, _ = problem.fly(nodes[0], (1.0 - nodes[0, size] % 1.0) * problem.period(solution.y))
-        return _made(problem, sequence, state[None], np.zeros(1), solution.y)
-    return _made(problem, sequence, states, fractions, solution.y)
+        state, _ = problem.fly(nodes[0], (1.0 - nodes[0, size] % 1.0) * problem.period(y))
+        return _made(problem, sequence, state[None], np.zeros(1), problem.flight_times(y), y)
+    states, fractions = np.delete(nodes[:, :size], gone, axis=0), np.delete(nodes[:, size], gone)
+    return _made(problem, sequence, states, fractions, np.delete(times, gone), y)
+
+
+def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit, begun at its second impact."""
+    size, modes = 2 * problem.degrees_of_freedom, problem.modes
+    sign, part = problem.segment.closing
+    letters = modes.contact_letters
+    first = problem.sequence[0]
+    last = letters[int(modes.contact_opposite[letters.index(first)])] if problem.half else first
+    nodes = np.roll(problem.nodes(y), -1, axis=0)
+    nodes[-1, :size] *= sign
+    nodes[-1, size] += part
+    times = np.roll(problem.flight_times(y), -1)
+    return _made(problem, [*problem.sequence[1:], last], nodes[:, :size], nodes[:, size], times, y)
+
+
+def exchanged(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which two impacts at the same instant, at stops that do not interact, have the other order, and the orbit in its
+    unknowns."""
+    flight, y = int(solution["flight_index"]), solution.y
+    if flight == problem.inner:
+        problem, y = later(problem, y)
+        flight -= 1
+    size = 2 * problem.degrees_of_freedom
+    nodes = problem.nodes(y)
+    states = nodes[:, :size].copy()
+    # The impacts change velocities in directions at right angles, in M: the second one taken back from the state after both, the first one
+    # kept.
+    states[flight] += states[flight + 1] - states[flight] - (states[flight] - _before(problem, y, flight))
+    sequence = list(problem.sequence)
+    sequence[flight], sequence[flight + 1] = sequence[flight + 1], sequence[flight]
+    return _made(problem, sequence, states, nodes[:, size], problem.flight_times(y), y)
+
+
+def _before(problem: ForcedProblem, y: np.ndarray, node: int) -> np.ndarray:
+    """The state before the impact of a node."""
+    size = 2 * problem.degrees_of_freedom
+    nodes, times = problem.nodes(y), problem.flight_times(y)
+    state, _ = problem.fly(nodes[node - 1], float(times[node - 1]))
+    return state * problem.segment.closing[0] if node == 0 else state[:size]
 
 
 def _made(
-    problem: ForcedProblem, sequence: list[str], states: np.ndarray, fractions: np.ndarray, y: np.ndarray
+    problem: ForcedProblem, sequence: list[str], states: np.ndarray, fractions: np.ndarray, times: np.ndarray, y: np.ndarray
 ) -> tuple[ForcedProblem, np.ndarray]:
     """The problem with another sequence, and its unknowns."""
-    made = ForcedProblem(
-        problem.parametric, sequence, problem.released, turns=problem.turns, half=problem.half, values=problem.parameters(y),
-        keep=problem.keep,
-    )
     at = problem.parameters(y)
-    return made, made.pack(states, fractions, [at[name] for name in problem.released])
+    made = ForcedProblem(
+        problem.parametric, sequence, problem.released, turns=problem.turns, half=problem.half, values=at, keep=problem.keep
+    )
+    return made, made.pack(states, fractions, [at[name] for name in problem.released], times)

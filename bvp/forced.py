@@ -48,7 +48,7 @@ class ForcedProblem:
     released : sequence of str
         Names of the parameters that vary along the family.
     turns : int
-        p, the number of periods of the base frequency in one of the orbit.
+        p, the number of periods of the base frequency in one of the orbit. Without harmonic loads the period is free.
     half : bool
         Solve half a period of an orbit with x(t + T/2) = -x(t).
     values : mapping, optional
@@ -61,7 +61,7 @@ class ForcedProblem:
     EndsError
         For a half period of a system or of loads without odd symmetry, or of an even p; for an unknown stop.
     ValueError
-        For parameters that the system lacks, and loads without a common period.
+        For parameters that the system lacks, loads without a common period, and an orbit that no load and no loss determines.
 
     Notes
     -----
@@ -86,8 +86,10 @@ class ForcedProblem:
         self.released = tuple(released)
         self.turns, self.half = turns, half
         layout = parametric.layout
-        if not layout.harmonics:
-            raise ValueError("a forced orbit needs a harmonic load; this system has none")
+        self.has_clock = bool(layout.harmonics)
+        if not self.has_clock and (not self.sequence or system.is_conservative):
+            missing = "damping, restitution below 1 or a harmonic load" if self.sequence else "an impact"
+            raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
         if half:
             self._refuse_half(turns)
         self.degrees_of_freedom = n = system.degrees_of_freedom
@@ -140,7 +142,8 @@ class ForcedProblem:
         self.segment = LoadedSegment(
             flight, gap, rate, push, np.zeros((changes, nodes, size)), np.zeros(nodes), np.zeros(nodes), side,
             np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
-            np.array([-1.0, 0.5] if half else [1.0, 1.0]), self._metric(), of_parameters, kept, np.zeros(len(kept.outputs)), shape,
+            np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), self._metric(),
+            of_parameters, kept, np.zeros(len(kept.outputs)), shape,
         )  # fmt: skip
         stops = np.where(self.contacts >= 0, modes.contact_stop[self.contacts], -1).astype(np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
@@ -229,7 +232,7 @@ class ForcedProblem:
             if math.isfinite(stop.upper - stop.lower) and np.count_nonzero(row) == 1:
                 place = int(np.argmax(np.abs(row)))
                 reach[place] = min(reach[place], 0.5 * (stop.upper - stop.lower) / abs(row[place]))
-        fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max())))
+        fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max()))) or 1.0
         units = [
             0.0 if self.values[name] > 0.0 and self.parametric.violation(self.values | {name: 0.0})
             else abs(self.parametric.values[name]) or 1.0
@@ -239,15 +242,18 @@ class ForcedProblem:
 
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
-    def pack(self, states: ArrayLike, fractions: ArrayLike, parameters: ArrayLike) -> np.ndarray:
+    def pack(self, states: ArrayLike, fractions: ArrayLike, parameters: ArrayLike, flight_times: ArrayLike | None = None) -> np.ndarray:
         """Unknowns y (u,) from the states (u, v) after each impact (k + 1, 2 n), the times of these impacts as fractions of the period,
-        ascending, (k + 1,), and the released parameters (m,)."""
+        ascending, (k + 1,), and the released parameters (m,). Without a clock the flight times (k + 1,) take the place of the fractions,
+        which are zeros."""
         y = np.zeros(self.unknowns)
         nodes, times = self.nodes(y), np.asarray(fractions, float)
         nodes[:, : 2 * self.degrees_of_freedom] = states
         nodes[:, 2 * self.degrees_of_freedom] = times
         nodes[:, 2 * self.degrees_of_freedom + 1 :] = parameters
-        self.flight_times(y)[:] = np.diff([*times, times[0] + self.segment.closing[1]]) * self.period(y)
+        if flight_times is None:
+            flight_times = np.diff([*times, times[0] + self.segment.closing[1]]) * self.period(y)
+        self.flight_times(y)[:] = flight_times
         return y
 
     def nodes(self, y: np.ndarray) -> np.ndarray:
@@ -273,6 +279,8 @@ class ForcedProblem:
 
     def period(self, y: np.ndarray) -> float:
         """T."""
+        if not self.has_clock:
+            return float(np.sum(self.flight_times(y))) * (2.0 if self.half else 1.0)
         frequency = float(self.parametric.entries(self.parameters(y))[self.parametric.layout.frequency][0])
         return 2.0 * math.pi * self.turns / frequency
 

@@ -7,9 +7,10 @@ Equations  R flight(z_i, t_i) - z_{i+1} = 0,  c . u_{i+1} - bound = 0   for each
            half period  R flight(z_k, t_k) - (-u_0, -v_0, s_0 + 1/2) = 0,      c . u_0 - bound = 0
 
 and an equation of the user for each released parameter but one. Without impacts s_0 = 0 takes the place of the last one; with them the
-first node is after an impact. The time s is a fraction of the period, so a node knows the phase of its loads, and the equations have the
-pattern of conservative ones. Each node carries the released parameters; they are equal on every iterate of Newton's method, since these
-equations are linear.
+first node is after an impact. Without harmonic loads there is no clock: s_0 = 0 takes the place of the equation of the time.
+
+The time s is a fraction of the period, so a node knows the phase of its loads, and the equations have the pattern of conservative ones.
+Each node carries the released parameters; they are equal on every iterate of Newton's method, since these equations are linear.
 """
 
 import math
@@ -59,7 +60,7 @@ class LoadedSegment(NamedTuple):
     start_offset: np.ndarray  # (N,) zero
     end_map: np.ndarray  # (0, N)
     contact: np.ndarray  # (k + 2, 2) int64: the entries of bound and restitution; -1: no impact
-    closing: np.ndarray  # (2,) 1 or -1, what the state is multiplied by over the segment; the part of the period that it lasts
+    closing: np.ndarray  # (2,) 1 or -1, what the state is multiplied by over the segment; the part of the period that it lasts, 0: no clock
     scale: np.ndarray  # (N,) what a unit of arclength is for each entry of the first node; 0: a unit of its logarithm
     released: Released
     kept: Program  # left less right sides of the user's m - 1 equations, then their derivatives by the released parameters
@@ -142,6 +143,8 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
             for r in range(size):
                 residual[row + r] -= segment.closing[0] * y[r]
             residual[row + size] -= y[size] + segment.closing[1]
+            if segment.closing[1] == 0.0:
+                residual[row + size] = y[size]
             residual[row + size + 1] = y[size]
             if segment.contact[k, 0] >= 0:
                 # Of half a period, the last impact is at the mirror image of the first one's stop.
@@ -207,6 +210,9 @@ def fill_loaded(segment, y, factor):
         else:
             for e in range(size + 1):
                 column = closing[e]
+                if e == size and segment.closing[1] == 0.0:
+                    column[e] += scale[e]
+                    continue
                 for c in range(width):
                     column[at + c] += landing[e, c] * scale[at + c]
                 column[at + width] += along[e] * scale[at + width]
@@ -243,6 +249,8 @@ def set_loaded_scale(segment, y, factor):
         at += width + 1
     # All impacts can be at one place, and at rest there.
     w = segment.flight.loads.clock[0]
+    if w == 0.0:
+        w = 1.0 / longest if longest > 0.0 else 1.0
     displacement = max(displacement, velocity / w)
     velocity = max(velocity, displacement * w)
     if displacement == 0.0:
@@ -293,7 +301,12 @@ def locate_loaded(segment, y, out):
     for r in range(out.shape[0]):
         out[r] = y[r] / segment.scale[r] if segment.scale[r] > 0.0 else math.log(y[r]) if y[r] > 0.0 else -math.inf
     loads = segment.flight.loads
-    return y[segment.flight.enter.shape[0] + 1], 2.0 * math.pi * loads.turns / loads.clock[0]
+    period = 0.0
+    for i in range(segment.shape[0] + 1):
+        period += y[i * (segment.gap.shape[1] + 1) + segment.gap.shape[1]]
+    if loads.clock[0] > 0.0:
+        period = 2.0 * math.pi * loads.turns / loads.clock[0]
+    return y[segment.flight.enter.shape[0] + 1], period
 
 
 @metric_direction.of(LoadedSegment)

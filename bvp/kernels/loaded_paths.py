@@ -337,12 +337,19 @@ def observe_with(segment, watched, extended, y, ends, result):
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
             if watched.stops[i] != stop:
-                # The end of the flight bends the path of this gap, or is a plain cut.
+                # The end of the flight can bend the path of this gap, or is a plain cut at its turning point.
                 w = inner(watched.gaps[stop], ends[i, :n])
-                nearest = min(bounds[1, stop] - w, w - bounds[0, stop])
-                if nearest < distance:
-                    distance = nearest
-                    side = 1.0 if bounds[1, stop] - w < w - bounds[0, stop] else -1.0
+                rate = inner(watched.gaps[stop], ends[i, n : 2 * n])
+                rate_after = inner(watched.gaps[stop], y[at + n : at + 2 * n]) if i + 1 < ends.shape[0] else (
+                    segment.closing[0] * inner(watched.gaps[stop], y[n : 2 * n])
+                )
+                if rate >= 0.0 and rate_after <= 0.0 and bounds[1, stop] - w < distance:
+                    distance = bounds[1, stop] - w
+                    side = 1.0
+                    time = duration
+                if rate <= 0.0 and rate_after >= 0.0 and w - bounds[0, stop] < distance:
+                    distance = w - bounds[0, stop]
+                    side = -1.0
                     time = duration
             if distance < best:
                 best = distance

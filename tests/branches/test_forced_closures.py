@@ -1,0 +1,133 @@
+"""Orbits without a clock, and impacts that exchange their order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from branches.family import SETTINGS
+from branches.forced_family import ForcedFamily
+from branches.forced_switching import beside_grazing, later
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from continuation.run import follow_both_ways
+from tests.branches.forced_systems import settled
+from tests.branches.test_forced_chains import require_motion
+
+
+def self_excited(**values):
+    """x'' - c x' + x = g, x <= 1: energy comes in through negative damping, and leaves at the stop."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"c": 0.1, "r": 0.6, "g": 0.0} | values,
+            "system": {
+                "mass": [[1.0]],
+                "damping": [["-c"]],
+                "stiffness": [[1.0]],
+                "stops": [{"c": [1.0], "upper": 1.0, "restitution": "r"}],
+            },
+            "forces": [{"load": [1.0], "constant": "g"}],
+        }
+    )
+
+
+def closed_form(c, r, g, speed, period):
+    """Impact speed and period of the orbit with one impact: the flight from (1, -r v) ends at (1, v)."""
+    with mp.workdps(30):
+
+        def miss(v, t):
+            half = mp.mpf(c) / 2
+            w = mp.sqrt(1 - half**2)
+            x, dx = 1 - mp.mpf(g), -mp.mpf(r) * v
+            a, b = x, (dx - half * x) / w
+            grow = mp.exp(half * t)
+            end = grow * (a * mp.cos(w * t) + b * mp.sin(w * t))
+            rate = half * end + grow * w * (b * mp.cos(w * t) - a * mp.sin(w * t))
+            return end + mp.mpf(g) - 1, rate - v
+
+        found = mp.findroot(miss, (mp.mpf(speed), mp.mpf(period)))
+        return float(found[0]), float(found[1])
+
+
+@pytest.mark.parametrize("name", ["r", "c", "g"])
+def test_an_orbit_without_a_clock_has_the_period_of_the_closed_form(name):
+    """Oracle: two equations in thirty digits; one multiplier is 1, and the other one r^2 exp(c T)."""
+    problem = ForcedProblem(self_excited(), ["+"], [name])
+    speed, period = closed_form(0.1, 0.6, 0.0, 0.4, 5.5)
+    y = problem.solve(problem.pack([[1.0, -0.6 * speed]], [0.0], [problem.values[name]], [period])).y
+    family = ForcedFamily(problem, {"r": (0.4, 0.9), "c": (0.02, 0.5), "g": (-0.5, 0.5)}[name])
+    run = follow_both_ways(family, y, replace(SETTINGS, maximum_points=200))
+    assert len(run.points) > 20
+    for point in list(run.points)[::5]:
+        y = point.step.y
+        at = problem.parameters(y)
+        speed, period = closed_form(at["c"], at["r"], at["g"], -y[1] / at["r"], problem.period(y))
+        assert -y[1] / at["r"] == pytest.approx(speed, rel=1e-11)
+        assert problem.period(y) == pytest.approx(period, rel=1e-11)
+        if point.step.extra["speed"] > 1e-3:
+            other = at["r"] ** 2 * math.exp(at["c"] * period)
+            assert np.sort(problem.multipliers(y).real) == pytest.approx(sorted([1.0, other]), abs=1e-9)
+
+
+def test_an_orbit_that_nothing_determines_is_refused():
+    """Without loads it needs an impact, and something that gains or loses energy."""
+    with pytest.raises(ValueError, match="expected an impact"):
+        ForcedProblem(self_excited(), [], ["r"])
+    with pytest.raises(ValueError, match="expected damping, restitution below 1 or a harmonic load"):
+        ForcedProblem(self_excited(c=0.0, r=1.0), ["+"], ["g"])
+
+
+def pair(**values):
+    """Two oscillators with a stop each, weakly coupled, under the same load: at k = 1 they impact at the same instant."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"k": 1.1, "w": 1.3, "m": 0.0} | values,
+            "system": {
+                "mass": [[1.0, "m"], ["m", 1.0]],
+                "damping": [[0.2, 0.0], [0.0, 0.2]],
+                "stiffness": [[1.05, -0.05], [-0.05, "k + 0.05"]],
+                "stops": [{"c": [1.0, 0.0], "upper": 0.5, "restitution": 0.6}, {"c": [0.0, 1.0], "upper": 0.5, "restitution": 0.6}],
+            },
+            "forces": [{"load": [1.0, 1.0], "amplitude": 0.8, "harmonic": 1}],
+        }
+    )
+
+
+def test_impacts_that_do_not_interact_exchange_their_order():
+    """Oracle: by symmetry this happens at k = 1. The neighbour has the other order, and the simulation repeats its orbits on both sides."""
+    problem, y = settled(pair(), ["k"])
+    run = follow_both_ways(ForcedFamily(problem, (0.8, 1.2)), problem.solve(y).y, SETTINGS)
+    (event,) = [event for event in run.events if event.code == "LB"]
+    assert event.point.parameter == pytest.approx(1.0, abs=1e-10)
+    assert "exchange their order" in event.details["note"]
+    inside = run.points[1 if event.index == 0 else -2].step.y
+    (found,) = beside_grazing(problem, event.point.extra, inside - event.point.y)
+    assert sorted(found.problem.sequence) == sorted(problem.sequence) and found.persists
+    assert np.sign(found.step.parameter - 1.0) != np.sign(inside[5] - 1.0)
+    require_motion(found.problem, found.step.y)
+    beyond = follow_both_ways(ForcedFamily(found.problem, (0.8, 1.2)), found.step, SETTINGS, both=False, direction=0)
+    for point in list(beyond.points)[::6]:
+        require_motion(found.problem, point.step.y)
+
+
+def test_impacts_that_interact_at_the_same_instant_end_the_family():
+    """A mass that couples both velocities makes the impulses interact."""
+    problem, y = settled(pair(m=0.02), ["k"])
+    run = follow_both_ways(ForcedFamily(problem, (0.8, 1.2)), problem.solve(y).y, SETTINGS)
+    (event,) = [event for event in run.events if "interact" in event.details["note"]]
+    assert event.code == "EP" and event.terminal
+    assert problem.flight_times(event.point.y)[0] == pytest.approx(0.0, abs=1e-10)
+
+
+def test_an_orbit_can_be_begun_at_any_impact():
+    """Oracle: the residual, and the multipliers, which belong to the orbit."""
+    problem, y = settled(pair(), ["k"])
+    y = problem.solve(y).y
+    turned, moved = later(problem, y)
+    assert turned.sequence == (*problem.sequence[1:], problem.sequence[0])
+    assert np.abs(turned.residual(moved)).max() < 1e-13
+    assert np.sort_complex(turned.multipliers(moved)) == pytest.approx(np.sort_complex(problem.multipliers(y)), abs=1e-12)
