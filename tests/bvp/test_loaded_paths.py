@@ -66,14 +66,17 @@ def sampled(problem, y, samples):
             path.append(ahead @ path[-1])
         for place, stop in enumerate(system.stops):
             w = np.array(path)[:, :n] @ stop.gap
-            for distance in (stop.upper - w, w - stop.lower):
+            for towards, distance in ((1.0, stop.upper - w), (-1.0, w - stop.lower)):
                 if not np.isfinite(distance[0]):
                     continue
                 a, b, c = distance[:-2], distance[1:-1], distance[2:]
                 turns = (b <= a) & (b <= c)
                 if turns.any():
                     best = min(best, float((b - (a - c) ** 2 / (8.0 * (a - 2.0 * b + c)))[turns].min()))
-                if problem.modes.contact_stop[problem.contacts[i]] != place:
+                # An impact at another stop can turn the path round.
+                after = problem.nodes(y)[(i + 1) % len(problem.nodes(y)), n : 2 * n] @ stop.gap
+                rates = [towards * (path[-1][n : 2 * n] @ stop.gap), towards * after]
+                if problem.modes.contact_stop[problem.contacts[i]] != place and rates[0] >= 0.0 >= rates[1]:
                     best = min(best, float(distance[-1]))
     return best
 
