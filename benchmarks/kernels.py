@@ -40,6 +40,13 @@ EXAMPLES: dict[str, list[str]] = {
         "section --energy 0.06 --colour rotation --orbits 3 --crossings 50",
     ],
     "impulsive": ["impulsive --energy 0.1:0.3"],
+    "response": [
+        "continue --scene absorber --from simulate --in w --range 0.98:1.1 --points 40 --json a.json --plot a.png",
+        "continue --scene absorber --from rest --in w --range 0.7:2.2 --json b.json",
+        "continue --from b.json:GR1 --points 20 --csv c.csv --in w --range 0.7:1",
+        "continue --scene impact_oscillator --set s=-0.2 --from simulate --start -0.66,0 --in s --range -1:0",
+        "continue --scene absorber --from simulate --in mu --range 0.09:0.11 --points 20",
+    ],
     "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""

@@ -81,7 +81,9 @@ class ForcedFamily(SolvedFamily):
     @cached_property
     def _work(self) -> ForcedWork:
         problem = self.problem
-        return ForcedWork(problem._factor.flights, make_stroboscopic(problem.segment), np.array(self.interval))
+        # Without losses the multipliers are reciprocal pairs, and without impacts the orbit does not change them: signs are rounding.
+        neutral = not problem.sequence or problem.system.is_conservative
+        return ForcedWork(problem._factor.flights, make_stroboscopic(problem.segment), np.array(self.interval), int(neutral))
 
     @cached_property
     def _watched(self) -> WatchedTests:

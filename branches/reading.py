@@ -20,7 +20,7 @@ from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem
 from bvp.texts import shown
 
-__all__ = ["RecordError", "branch_of_record", "points_of", "read_branch", "read_orbit", "read_start"]
+__all__ = ["RecordError", "branch_of_record", "check_pattern", "load_json", "points_of", "read_branch", "read_orbit", "read_start"]
 
 
 class RecordError(ValueError):
@@ -78,7 +78,7 @@ BRANCH = {
 question mark can be absent."""
 
 
-def _check(value: Any, pattern: Any, where: str) -> None:
+def check_pattern(value: Any, pattern: Any, where: str) -> None:
     """Refuse a value that does not fit a pattern."""
     if isinstance(pattern, str):
         kind = pattern.removesuffix(" or null")
@@ -92,13 +92,13 @@ def _check(value: Any, pattern: Any, where: str) -> None:
         if not isinstance(value, list) or len(value) not in (counts or [len(value)]):
             raise RecordError(f"{where} is {shown(value)}, expected a list{f' of {counts[0]}' if counts else ''}")
         for i, item in enumerate(value):
-            _check(item, entry, f"{where}[{i}]")
+            check_pattern(item, entry, f"{where}[{i}]")
     else:
-        _check(value, "an object", where)
+        check_pattern(value, "an object", where)
         for key, entry in pattern.items():
             name = key.removesuffix("?")
             if name in value:
-                _check(value[name], entry, f"{where}.{name}")
+                check_pattern(value[name], entry, f"{where}.{name}")
             elif name == key:
                 raise RecordError(f"{where} lacks {key!r}")
 
@@ -147,7 +147,7 @@ def read_branch(path: str | os.PathLike[str]) -> Branch:
         A `ValueError` with one line: the file cannot be read, is no JSON, is truncated, has another schema, lacks a key, or
         holds something of another type.
     """
-    return _branch_of_file(path, _record(path, "a branch"))
+    return _branch_of_file(path, load_json(path, "a branch"))
 
 
 def read_orbit(path: str | os.PathLike[str]) -> Orbit:
@@ -163,7 +163,7 @@ def read_orbit(path: str | os.PathLike[str]) -> Orbit:
     RecordError
         A `ValueError` with one line: the file cannot be read, or its orbit does not solve its equations.
     """
-    return _orbit_of_file(path, _record(path, "an orbit"))
+    return _orbit_of_file(path, load_json(path, "an orbit"))
 
 
 def read_start(path: str | os.PathLike[str]) -> Branch | Orbit:
@@ -174,7 +174,7 @@ def read_start(path: str | os.PathLike[str]) -> Branch | Orbit:
     RecordError
         As in `read_branch` and `read_orbit`.
     """
-    record = _record(path, "a branch or an orbit")
+    record = load_json(path, "a branch or an orbit")
     if not isinstance(record, dict) or not {"branch", "orbit"} & set(record):
         raise RecordError(f"{path} holds neither a branch nor an orbit; expected a file of saltus continue --json or saltus orbit --json")
     return _branch_of_file(path, record) if "branch" in record else _orbit_of_file(path, record)
@@ -206,7 +206,7 @@ def _orbit_of_file(path: str | os.PathLike[str], record: Any) -> Orbit:
         raise RecordError(f"{path} is not a readable orbit file: {one_line(error)}") from error
 
 
-def _record(path: str | os.PathLike[str], what: str) -> Any:
+def load_json(path: str | os.PathLike[str], what: str) -> Any:
     """The data of a JSON file."""
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"a path is text; received {shown(path)}, expected the name of a JSON file")
@@ -236,13 +236,13 @@ def branch_of_record(record: Any) -> Branch:
     RecordError
         With one line that names the place and what was expected.
     """
-    _check(record, {"schema": "an integer"}, "the file")
+    check_pattern(record, {"schema": "an integer"}, "the file")
     if record["schema"] == 1 and isinstance(record.get("branch"), dict):
         head = {"sequence" if key == "word" else key: value for key, value in record["branch"].items()}
         record = {**record, "schema": SCHEMA, "branch": head}
     if record["schema"] != SCHEMA:
         raise RecordError(f"its schema is {shown(record['schema'])}, expected {SCHEMA}")
-    _check(record, BRANCH, "the file")
+    check_pattern(record, BRANCH, "the file")
     points, head = points_of(record), record["branch"]
     for i, event in enumerate(record["events"]):
         if not 0 <= event["point"] < len(points["h"]):

@@ -374,6 +374,17 @@ class ForcedProblem:
         forced_observe(self.segment, self._watched, landing.y, ends, self._nothing, landing.result)
         return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
 
+    def impact_speeds(self, y: np.ndarray) -> np.ndarray:
+        """Speed of approach of each impact of an orbit y, in the order of the sequence, (k + 1,); without impacts (0,)."""
+        self._evaluated(y)
+        return np.roll(self._approach(), 1) if self.sequence else np.zeros(0)
+
+    def _approach(self) -> np.ndarray:
+        """Speed of approach of the impact that ends each flight of the orbit that was evaluated last, (k + 1,)."""
+        segment, n, nodes = self.segment, self.degrees_of_freedom, self.inner + 1
+        speeds: np.ndarray = segment.side[:nodes] * np.sum(segment.gap[:nodes, :n] * self._factor.before[:, n : 2 * n], axis=1)
+        return speeds
+
     def multipliers(self, y: np.ndarray) -> np.ndarray:
         """The 2 n multipliers of the stroboscopic map of an orbit y, by modulus descending; of half a period those of x -> -x over it.
 
@@ -386,9 +397,7 @@ class ForcedProblem:
         left, right = np.empty((2, nodes, size, size))
         flights = factor.flights[:, :size, :size] * scale / scale[:, None]
         if self.sequence:
-            n = self.degrees_of_freedom
-            speeds = segment.side[:nodes] * np.sum(segment.gap[:nodes, :n] * factor.before[:, n : 2 * n], axis=1)
-            if np.min(speeds) < GRAZING_LIMIT * np.max(scale[n:]):
+            if np.min(self._approach()) < GRAZING_LIMIT * np.max(scale[self.degrees_of_freedom :]):
                 return np.full(size, complex(math.nan, math.nan))
             for i in range(nodes):
                 saltation_frames(segment, i, factor.before[i], scale, left[i], right[i], self._map)

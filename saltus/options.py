@@ -28,12 +28,15 @@ __all__ = [
     "energy_range",
     "filters_of",
     "finite",
+    "finite_list",
     "nothing_fits",
     "number",
     "parameter_lines",
     "parameters_of",
     "positive",
+    "require_state",
     "scene_of",
+    "value_range",
     "whole_above_zero",
 ]
 
@@ -121,6 +124,14 @@ energy_range = ValueType(
     lambda ends: len(ends) == 2 and 0.0 < ends[0] < ends[1] < math.inf,
     "LO:HI with 0 < LO < HI",
 )
+value_range = ValueType(
+    lambda text: tuple(float(part) for part in text.split(":")),
+    lambda ends: len(ends) == 2 and ends[0] < ends[1] and all(map(math.isfinite, ends)),
+    "LO:HI with LO < HI",
+)
+finite_list = ValueType(
+    lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"
+)
 _impacts = ValueType(
     lambda text: tuple(float(part) for part in (text.split(":") * 2)[: max(2, text.count(":") + 1)]),
     lambda ends: len(ends) == 2 and 0.0 <= ends[0] <= ends[1] < math.inf,
@@ -205,6 +216,13 @@ def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
             raise BadInput(f"{name} is given twice, {found[name]:g} and {value:g}; expected one value")
         found[name] = value
     return found
+
+
+def require_state(option: str, given: Sequence[float], coordinates: Sequence[str]) -> None:
+    """Refuse a state that has not a displacement and a velocity for each coordinate."""
+    if len(given) != 2 * len(coordinates):
+        names = ",".join([*coordinates, *(f"{name}'" for name in coordinates)])
+        raise BadInput(f"{option} has {len(given)} numbers, expected {2 * len(coordinates)}: {names}")
 
 
 def parameter_lines(scene: Scene) -> list[str]:

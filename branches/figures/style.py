@@ -44,6 +44,7 @@ EVENT_LOOKS: dict[str, dict[str, Any]] = {
         ("GR", "grazing", "o", 5.0, "#FFFFFF"),
         ("IO", "impulsive orbit", "*", 8.5, YELLOW),
         ("LB", "label changes", "d", 5.0, GREY),
+        ("UZ", "value asked for", "P", 5.0, PALE),
         ("EP", "end", "X", 5.6, BLACK),
     )
 }  # fmt: skip

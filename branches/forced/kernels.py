@@ -28,6 +28,7 @@ class ForcedWork(NamedTuple):
     flights: np.ndarray  # (k + 1, N, N) derivatives of the flights of the last orbit, of its problem's `Factor`
     map: Stroboscopic
     limits: np.ndarray  # (2,) lowest and highest value of the parameter
+    neutral: int  # 1: pairs of multipliers have the product 1 all along the family, or one that no orbit changes
 
 
 @kernel
@@ -43,6 +44,8 @@ def forced_tests(segment, y, ends, work, result, targets, out):
     out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
     out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
     stroboscopic_tests(segment, work.flights, ends, result[entry.SPEEDS], work.map, out[7:PLAIN])
+    if work.neutral == 1:
+        out[8] = math.nan
     for i in range(targets.shape[0]):
         out[PLAIN + i] = value - targets[i]
 

@@ -1,4 +1,7 @@
-"""`saltus continue NAME` or `--from START`: follow a family of periodic orbits, and print its special points as they are found."""
+"""`saltus continue NAME` or `--from START`: follow a family of periodic orbits, and print its special points as they are found.
+
+With ``--in`` it is the response to periodic loads (`saltus.responses`).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import InterruptHandler, defer_interrupts
-from saltus import catalogues, compiling, options, outputs, starts
+from saltus import catalogues, compiling, options, outputs, responses, starts
 from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
@@ -46,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="START",
         dest="start",
         help="instead of NAME: mode:K, the family that begins where linear mode K touches the stops; mode:K,cover=N,ENDS:SEQUENCE, another "
-        "one that begins there; or a JSON file of an orbit or of a family, FILE[@h=..,alpha=..]",
+        "one that begins there; or a JSON file of an orbit or of a family, FILE[@h=..,alpha=..]; with --in: rest, simulate, FILE[:EVENT]",
     )
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end at N points in total")
@@ -59,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     types = ", ".join(f"{code} {words}" for code, words in EVENT_TYPES.items())
     parser.add_argument("--stop-at", metavar="TYPE", choices=tuple(EVENT_TYPES), help=f"end at the first event of this type: {types}")
+    responses.add_arguments(parser)
     options.add_shared(parser, "frequency")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="save the family in a catalogue")
@@ -70,8 +74,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
+    if responses.is_wanted(arguments):
+        return responses.follow(arguments)
     files = outputs.outputs_of(arguments)
+    arguments.scene_uses = ("ground", "forces")  # refused below, with what to do
     scene = options.scene_of(arguments)
+    responses.require_no_loads(scene)
     name = starts.name_or_orbit(arguments, scene)
     if arguments.model:
         from saltus.scene.model import explain

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,7 @@ import numpy as np
 from bvp.texts import listed, shown
 from saltus import compiling, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
-from saltus.motion.simulation import state
-from saltus.options import ValueType, whole_above_zero
+from saltus.options import ValueType, finite_list, value_range, whole_above_zero
 from saltus.terminal import ProgressBar, table_lines
 
 if TYPE_CHECKING:
@@ -26,11 +24,6 @@ POINTS = 200
 MOST_ROWS = 30
 """Rows of the table on the terminal for each sweep; the files have all values."""
 
-_range = ValueType(
-    lambda text: tuple(float(part) for part in text.split(":")),
-    lambda ends: len(ends) == 2 and ends[0] < ends[1] and all(map(math.isfinite, ends)),
-    "LO:HI with LO < HI",
-)
 _whole = ValueType(int, lambda value: 0 <= value <= 10**7, "an integer of 0 or more, up to 1e7")
 _recorded = ValueType(int, lambda value: 1 <= value <= 10**7, "an integer above 0, up to 1e7")
 
@@ -38,7 +31,7 @@ _recorded = ValueType(int, lambda value: 1 <= value <= 10**7, "an integer above 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--in", dest="parameter", metavar="NAME", help="the parameter that changes")
-    parser.add_argument("--range", metavar="LO:HI", type=_range, help="its range")
+    parser.add_argument("--range", metavar="LO:HI", type=value_range, help="its range")
     parser.add_argument(
         "--points", metavar="N", type=whole_above_zero, default=POINTS, help=f"number of values in the range (default: {POINTS})"
     )
@@ -51,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start",
         metavar="U1,..,V1,..",
-        type=state,
+        type=finite_list,
         action="append",
         help="start with these displacements, then velocities (default: rest); can be repeated, each start is a sweep",
     )
@@ -121,12 +114,9 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
     from transitions.sweep.runs import AlongParameter, SweepPlan, check_plan
     from transitions.sweep.sweep import SweepSettings
 
-    name, n = arguments.parameter, scene.system.degrees_of_freedom
+    name = arguments.parameter
     for start in arguments.start or ():
-        if len(start) != 2 * n:
-            coordinates = scene.system.coordinates
-            listed_names = ",".join([*coordinates, *(f"{coordinate}'" for coordinate in coordinates)])
-            raise BadInput(f"--start has {len(start)} numbers, expected {2 * n}: {listed_names}")
+        options.require_state("--start", start, scene.system.coordinates)
     directions = [way for way, wanted in (("up", arguments.up), ("down", arguments.down)) if wanted]
     low, high = arguments.range
     plan = SweepPlan(

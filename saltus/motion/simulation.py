@@ -17,7 +17,7 @@ import numpy as np
 from saltus import catalogues
 from saltus.errors import BadInput, one_line
 from saltus.families import TOLERANCE, agreed, family_named, has_label, select, start_of
-from saltus.options import ValueType, finite, positive
+from saltus.options import finite, finite_list, positive, require_state
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -75,11 +75,6 @@ class Start:
         return {"kind": self.kind, "on": on}
 
 
-state = ValueType(
-    lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"
-)
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that say where the motion starts."""
     parser.add_argument("--on", metavar="NAME", help="start on the orbit of this family of the undamped elastic system, at --energy")
@@ -90,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start with the oscillator's velocity alone, at --energy; with --on at the energy of the family's impulsive orbit",
     )
     parser.add_argument("--impulse", metavar="V", type=finite, help="start at rest, except for this velocity of the oscillator")
-    parser.add_argument("--state", metavar="U1,..,V1,..", type=state, help="start with these displacements, then velocities")
+    parser.add_argument("--state", metavar="U1,..,V1,..", type=finite_list, help="start with these displacements, then velocities")
 
 
 def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
@@ -105,10 +100,7 @@ def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
     n = scene.system.degrees_of_freedom
     zero = np.zeros(n)
     if arguments.state is not None:
-        if len(arguments.state) != 2 * n:
-            names = scene.system.coordinates
-            listed = ",".join([*names, *(f"{name}'" for name in names)])
-            raise BadInput(f"--state has {len(arguments.state)} numbers, expected {2 * n}: {listed}")
+        require_state("--state", arguments.state, scene.system.coordinates)
         return Start("state", np.array(arguments.state[:n]), np.array(arguments.state[n:]))
     if arguments.impulse is not None:
         return Start("impulse", zero, arguments.impulse * _oscillator_velocity(scene))

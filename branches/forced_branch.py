@@ -1,0 +1,175 @@
+"""A followed family of orbits under periodic loads, as data: its points, events and ends. Nothing here follows a family."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.events import Ended
+from bvp.forced import ForcedProblem
+from bvp.texts import brief
+
+__all__ = ["ForcedBranch", "ForcedEvent"]
+
+_ROUNDING = 16.0 * np.finfo(float).eps
+"""Relative change of the unknowns whose effect on a multiplier, times `_SAFETY`, counts as its error."""
+
+_SAFETY = 10.0
+_LEAST_ERROR = 1e-12
+
+
+class ForcedEvent(NamedTuple):
+    """A special point of a forced family, with its error bar.
+
+    id: type and count along the branch, "PD1". point: index of its point. values: of all parameters. bracket: arclengths between which it
+    certainly is. residual: of its test function. stop: contact touched or left (GR). angle: of the pair of multipliers in (0, pi) (NS).
+    multiplier: modulus of the largest one. neighbours: at GR the sequences of the families that begin there, each with whether the motion
+    persists; else both are on one side of the parameter, a nonsmooth fold.
+    """
+
+    id: str
+    type: str
+    point: int
+    values: Mapping[str, float]
+    arclength: float
+    status: str
+    bracket: tuple[float, float]
+    residual: float
+    stop: str | None
+    angle: float | None
+    note: str | None
+    multiplier: float | None
+    neighbours: tuple[tuple[str, bool], ...] = ()
+
+    @property
+    def remark(self) -> str:
+        """What is said about it in a table."""
+        parts = [self.note or ""]
+        if self.angle is not None:
+            parts.append(f"angle {self.angle:.8g}")
+        for sequence, persists in self.neighbours:
+            side = "the motion persists" if persists else "nonsmooth fold, on this side too"
+            parts.append(f"{sequence_text(sequence)} begins here ({side})")
+        return "; ".join(part for part in parts if part)
+
+
+def sequence_text(sequence: str) -> str:
+    """A sequence in words: "without impacts" if it is empty."""
+    return f"sequence {sequence}" if sequence else "the response without impacts"
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class ForcedBranch:
+    """A family of forced orbits with k impacts in the solved segment, in order of arclength.
+
+    Attributes
+    ----------
+    problem : ForcedProblem
+    unknowns, tangents : (N, u) ndarray
+        Of the problem; the tangents point along growing arclength.
+    arclength, residual : (N,) ndarray
+    events : tuple of ForcedEvent
+    ended : (Ended, Ended)
+        At the first point and at the last.
+    start : int
+        Index of the point that it was started from.
+    interval : (float, float)
+        Range of the parameter in which it was followed.
+    """
+
+    problem: ForcedProblem
+    unknowns: np.ndarray
+    tangents: np.ndarray
+    arclength: np.ndarray
+    residual: np.ndarray
+    events: tuple[ForcedEvent, ...]
+    ended: tuple[Ended, Ended]
+    start: int
+    interval: tuple[float, float]
+
+    def __len__(self) -> int:
+        return len(self.unknowns)
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        low, high = float(self.parameter.min()), float(self.parameter.max())
+        title = f"ForcedBranch of {len(self)} points, {sequence_text(self.sequence)}, {self.name} = {low:.8g} to {high:.8g}"
+        return title, [(event.id, f"{self.name} = {event.values[self.name]:.12g}") for event in self.events]
+
+    @property
+    def name(self) -> str:
+        """The released parameter."""
+        return self.problem.released[0]
+
+    @cached_property
+    def parameter(self) -> np.ndarray:
+        """Its values, (N,)."""
+        return self.unknowns[:, 2 * self.problem.degrees_of_freedom + 1].copy()
+
+    @cached_property
+    def periods(self) -> np.ndarray:
+        """T, (N,)."""
+        return np.array([self.problem.period(y) for y in self.unknowns])
+
+    @cached_property
+    def _order(self) -> tuple[np.ndarray, np.ndarray]:
+        """The impacts in order of phase from the smallest one at the start: their nodes, and fractions of the period to be added."""
+        problem = self.problem
+        count, place = len(problem.sequence), 2 * problem.degrees_of_freedom
+        nodes, added = np.arange(count), np.zeros(count)
+        if problem.half:
+            nodes, added = np.tile(nodes, 2), np.repeat([0.0, 0.5], count)
+        fractions = (problem.nodes(self.unknowns[self.start])[nodes, place] + added) % 1.0 if count else np.zeros(0)
+        first = int(np.argmin(fractions)) if count else 0
+        return np.roll(nodes, -first)[:count], np.roll(added, -first)[:count]
+
+    @property
+    def sequence(self) -> str:
+        """Letters of the impacts of the solved segment. The first impact is the one with the smallest phase at the start."""
+        problem = self.problem
+        letters = problem.modes.contact_letters
+        found = ""
+        for node, added in zip(*self._order, strict=True):
+            letter = problem.sequence[node]
+            found += letters[int(problem.modes.contact_opposite[letters.index(letter)])] if added else letter
+        return found
+
+    @cached_property
+    def phases(self) -> np.ndarray:
+        """Phase w t at each impact, modulo 2 pi p, in radians, (N, k)."""
+        problem, (nodes, added) = self.problem, self._order
+        fractions = np.array([problem.nodes(y)[nodes, 2 * problem.degrees_of_freedom] for y in self.unknowns])
+        return 2.0 * math.pi * problem.turns * ((fractions.reshape(len(self), len(nodes)) + added) % 1.0)
+
+    @cached_property
+    def speeds(self) -> np.ndarray:
+        """Speed of approach of each impact, (N, k)."""
+        nodes = self._order[0]
+        return np.array([self.problem.impact_speeds(y)[nodes] for y in self.unknowns]).reshape(len(self), len(nodes))
+
+    @cached_property
+    def multipliers(self) -> np.ndarray:
+        """All 2n multipliers at each point, (N, 2n) complex; over half the period where half of it was solved. NaN where an impact
+        grazes."""
+        return np.array([self.problem.multipliers(y) for y in self.unknowns])
+
+    @cached_property
+    def stable(self) -> np.ndarray:
+        """1: all multipliers are inside the unit circle by more than their error; 0: one is outside; -1: undecided. (N,)
+
+        The error is what rounding of the unknowns makes of the largest modulus."""
+        largest = np.abs(self.multipliers).max(axis=1)
+        rounded = np.array([np.abs(self.problem.multipliers(y * (1.0 + _ROUNDING))).max() for y in self.unknowns])
+        error = _SAFETY * np.abs(rounded - largest) + _LEAST_ERROR
+        found = np.full(len(self), -1, dtype=np.int64)
+        with np.errstate(invalid="ignore"):
+            found[largest < 1.0 - error] = 1
+            found[largest > 1.0 + error] = 0
+        # At a bifurcation a multiplier is on the circle, whatever rounding says.
+        found[[event.point for event in self.events if event.type in ("SN", "BP", "PD", "SB", "NS", "GR")]] = -1
+        return found

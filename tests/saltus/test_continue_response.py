@@ -1,0 +1,140 @@
+"""`saltus continue --in NAME`: starts, switches, files, messages, exit codes."""
+
+import csv
+import json
+
+import pytest
+
+from tests.saltus.running import refused, run
+from tests.saltus.test_bad_input import BEATING, DAMPED, FORCED, ONE_SIDED, PUSHED
+
+ABSORBER = ("continue", "--scene", "absorber", "--in", "w", "--range", "0.7:2.2")
+SMALL = ("--set", "s=-0.2", "--start=-0.66,0", "--in", "s", "--range", "-0.4:0.1")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def scene(folder):
+    def write(text):
+        (folder / "scene.toml").write_text(text, encoding="utf-8")
+        return "scene.toml"
+
+    return write
+
+
+def data(name):
+    with open(name, encoding="utf-8") as file:
+        return json.load(file)
+
+
+def events(record, k=0):
+    return [event["id"] for event in record["branches"][k]["events"]]
+
+
+def test_the_orbit_that_a_simulation_settles_on_is_followed_and_switched(capsys):
+    """Oracle: design section 9: PD at s = -0.0685756522788391, GR at the amplitude of the steady motion; the doubled family."""
+    words = "continue", "--scene", "impact_oscillator", "--from", "simulate", *SMALL, "--uz=-0.1,0"
+    code, out, err = run(capsys, *words, "--json", "a.json", "--csv", "a.csv", "--plot", "a.png")
+    assert code == 0, err
+    assert out.splitlines()[0].startswith("start  a periodic motion of period 1 with 1 impacts")
+    record = data("a.json")
+    assert record["kind"] == "response" and record["parameter"] == "s"
+    found = {event["id"]: event["values"]["s"] for event in record["branches"][0]["events"]}
+    assert found["PD1"] == pytest.approx(-0.0685756522788391, abs=1e-13)
+    assert sorted(value for name, value in found.items() if name.startswith("UZ")) == pytest.approx([-0.1, 0.0], abs=1e-9)
+    with open("a.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    points = record["branches"][0]["points"]
+    assert [float(row["max.x"]) for row in rows] == [point["max.x"] for point in points]
+    code, out, err = run(capsys, "continue", "--from", "a.json:PD", "--json", "b.json", "--points", "30")
+    assert code == 0 and "period 2 of the loads" in out, err
+    assert data("b.json")["branches"][0]["turns"] == 2
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--range=-0.3:-0.1", "--json", "c.json")
+    points = data("c.json")["branches"][0]["points"]
+    assert code == 0 and min(point["s"] for point in points) == pytest.approx(-0.3) and max(p["s"] for p in points) == pytest.approx(-0.1)
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0.75:0.85", "--points", "40")
+    assert code == 0 and "r = 0.75" in out
+
+
+def test_the_response_from_rest_ends_where_impacts_begin(capsys):
+    """Oracle: the family of two impacts, followed from a simulation, ends at the same grazing; its symmetry is kept."""
+    code, out, err = run(capsys, *ABSORBER, "--from", "rest", "--json", "rest.json")
+    assert code == 0, err
+    assert out.startswith("note   the response without impacts at w = 1 is no orbit: ")
+    rest = data("rest.json")
+    assert len(rest["branches"]) == 2 and all(branch["half"] and branch["sequence"] == "" for branch in rest["branches"])
+    grazings = [event for branch in rest["branches"] for event in branch["events"] if event["type"] == "GR"]
+    assert [event["neighbours"][0]["persists"] for event in grazings] == [True, False]
+    code, out, err = run(capsys, *ABSORBER, "--from", "simulate", "--json", "two.json", "--plot", "two.png", "--y", "speed")
+    assert code == 0 and "solved over half of the period" in out, err
+    two = data("two.json")
+    ends = [event["values"]["w"] for event in (two["branches"][0]["events"][-1], rest["branches"][1]["events"][0])]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+    assert "the response without impacts begins here (nonsmooth fold" in out
+    code, out, err = run(capsys, "continue", "--from", "rest.json:2.GR1")
+    assert code == 0 and "solved over half the period" in out and "w = 0.9873255" in out, err
+    code, out, err = run(capsys, "continue", "--from", "two.json:GR1", "--json", "many.json")
+    assert code == 0 and "SB1" in events(data("many.json")), err
+    code, out, err = run(capsys, "continue", "--from", "many.json:SB", "--json", "broken.json")
+    assert code == 0 and len(data("broken.json")["branches"]) == 2, err
+    refused(run(capsys, "continue", "--from", "rest.json:GR"), "rest.json:GR: matches GR1, 2.GR1; expected one of them")
+    refused(run(capsys, "continue", "--from", "rest.json:PD1"), "no such event", "known: EP1, GR1, 2.GR1, 2.EP1")
+    refused(run(capsys, "continue", "--from", "rest.json:EP1"), "no other family begins at EP1", "PD, SB, BP, GR")
+    refused(run(capsys, "continue", "--from", "rest.json", "--range", "5:6"), "the range 5:6 has no point of the branch")
+    refused(run(capsys, "continue", "--from", "rest.json", "--scene", "bouncing_ball"), "rest.json has another system")
+    refused(run(capsys, "continue", "--from", "none.json", "--in", "w", "--range", "1:2"), "no file none.json", "FILE[:EVENT]")
+
+
+def test_an_undamped_resonance_is_unbounded(capsys):
+    """Oracle: x'' + x = cos(w t): unbounded at w = 1; elsewhere in range it reaches the stop before it is."""
+    words = "continue", "--scene", "impact_oscillator", "--set", "w=1", "--set", "s=5", "--from", "rest", "--in", "w"
+    code, out, err = run(capsys, *words, "--range", "0.5:1.5")
+    assert code == 0, err
+    assert out.startswith("note   the response without impacts is unbounded at w = 1: the load has the frequency of an undamped mode")
+    assert "sequence + begins here" in out
+
+
+def test_what_is_no_orbit_ends_with_1(capsys):
+    code, out, err = run(capsys, "continue", "--scene", "impact_oscillator", "--from", "simulate", "--in", "s", "--range", "-1:1")
+    assert code == 1 and out == "" and err.startswith("saltus: chaotic motion")
+
+
+CASES = [
+    ("--in omega --range 0.7:2", ["--in omega: no such parameter", "mu, sigma"]),
+    ("--in F --range 1:2", ["--range 1:2 has not the start's value F = 0.3", "--set F=VALUE"]),
+    ("--in w", ["--range LO:HI is required"]),
+    ("--in w --range 2:1", ["LO:HI with LO < HI"]),
+    ("--in w --range 0.7:2 --start 5,0,0,0", ["the start lies beyond stop", "expected -1 to 1"]),
+    ("--in w --range 0.7:2 --start 5,0", ["--start has 2 numbers, expected 4: u1,u2,u1',u2'"]),
+    ("--in w --range 0.7:2 --y max:u3", ["--y: unknown column 'max:u3'; nearest: max:u"]),
+    ("--in w --range 0.7:2 --energy 1:2", ["--energy belongs to families in the energy", "--range"]),
+    ("--in w --range 0.7:2 --uz 1,x", ["received '1,x', expected finite numbers"]),
+    ("--in w --range 0.7:2 S13O00+", ["S13O00+ belongs to families in the energy"]),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), CASES)
+def test_bad_input(capsys, words, expected):
+    refused(run(capsys, "continue", "--scene", "absorber", "--from", "simulate", *words.split()), *expected)
+
+
+def test_bad_input_of_starts(capsys):
+    refused(run(capsys, *ABSORBER), "--from is required with --in: rest, simulate")
+    refused(run(capsys, *ABSORBER, "--from", "rest", "--start", "0,0,0,0"), "--start is where a simulation starts")
+    refused(run(capsys, "continue", "S13O00+", "--range", "1:2"), "--range is an option of a response; expected --in NAME")
+
+
+def test_scenes_without_a_response_are_refused(capsys, scene):
+    words = "continue", "--from", "rest", "--range", "0.5:2"
+    refused(run(capsys, *words, "--in", "rho"), "the response to periodic loads, and the scene has none")
+    refused(run(capsys, *words, "--in", "w", "--scene", scene(BEATING)), "1.0 and 1.4142135 are incommensurate")
+    refused(run(capsys, *words, "--in", "f", "--scene", scene(PUSHED)), "constant", "expected one with amplitude")
+    refused(run(capsys, "continue", "S13O00+", "--scene", scene(FORCED)), "without loads", "[[forces]]", "--in NAME", "saltus run")
+    refused(run(capsys, "continue", "S11O00+", "--scene", scene(DAMPED)), "conservative", "damping acts on", "--in NAME")
+    unused = ONE_SIDED.replace("[system]", "[parameters]\nzz = 1.0\n[system]")
+    refused(run(capsys, *words, "--in", "zz", "--scene", scene(unused)), "zz", "used nowhere")

@@ -1,0 +1,194 @@
+"""Starts, measures and files of forced responses against closed forms, the energy balance, and a second way to each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from branches.forced_tracing import follow_response, point_inside, switch_response
+from branches.reading import RecordError
+from bvp.parameters import ParametricSystem
+from saltus.outputs import json_text
+from tests.branches.forced_systems import impact_speed, oscillator
+from tests.branches.test_forced_switching import two_sided
+from transitions.response.files import named_events, read_responses, to_record
+from transitions.response.measures import column_names, column_of, measures_of, response_table
+from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
+from transitions.sweep.settle import settle
+
+
+def settled(parametric, name, u=None, v=None, **options):
+    return settled_orbit(parametric, name, settle(parametric.system(), parametric.forces(), u, v, **options))
+
+
+@pytest.fixture(scope="module")
+def one_impact():
+    """x'' + x = cos(2.8 t), r = 0.8, one impact a period, in the place of the stop."""
+    found = settled(oscillator(s=-0.2), "s", [-0.66], [0.0])
+    return follow_response(found.problem, found.y, (-3.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def symmetric():
+    """A damped oscillator between two stops, half of whose period is solved."""
+    found = settled(two_sided(A=0.7), "w")
+    assert found.problem.half
+    return follow_response(found.problem, found.y, (1.0, 1.5))
+
+
+def test_the_columns_of_one_impact_are_those_of_the_formula(one_impact):
+    """Oracle: the closed form of the impact speed, the product r^2 of the multipliers, the period of the load, the loss of an impact."""
+    branch = one_impact
+    (fold,) = [event for event in branch.events if event.type == "SN"]
+    away = np.abs(branch.parameter - fold.values["s"]) > 1e-6
+    signs = np.where(np.arange(len(branch)) < fold.point, -1.0, 1.0)
+    wanted = [impact_speed(2.8, 0.8, 1, s, sign) for s, sign in zip(branch.parameter, signs, strict=True)]
+    assert np.abs(branch.speeds[:, 0] - wanted)[away].max() < 1e-11
+    assert branch.periods == pytest.approx(2.0 * math.pi / 2.8, rel=1e-15)
+    grazing = [event.point for event in branch.events if event.type == "GR"]
+    finite = np.setdiff1d(np.arange(len(branch)), grazing)
+    assert np.prod(branch.multipliers[finite], axis=1) == pytest.approx(0.64, abs=1e-9)
+    measures = measures_of(branch)
+    assert measures.dissipated[:, -1] == pytest.approx(0.18 * branch.speeds[:, 0] ** 2, abs=1e-10)
+    assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), abs=1e-10)
+
+
+def test_stability_changes_where_the_formula_says(one_impact):
+    """Oracle: design section 9: stable between the fold and the period doubling."""
+    branch = one_impact
+    fold, doubling = (next(event for event in branch.events if event.type == kind) for kind in ("SN", "PD"))
+    low, high = sorted((fold.point, doubling.point))
+    assert np.all(branch.stable[low + 1 : high] == 1)
+    assert branch.stable[low] == branch.stable[high] == -1
+    outside = np.concatenate([branch.stable[1:low], branch.stable[high + 1 : -1]])
+    assert np.all(outside == 0)
+
+
+def test_a_response_without_impacts_has_the_measures_of_a_harmonic():
+    """Oracle: the amplitude a of the closed form; rms a/sqrt(2); the damper takes c w^2 a^2 T/2."""
+    problem, y, why = linear_response(oscillator(0.1, w=1.3, s=5.0), "w")
+    assert why is None and problem.sequence == ()
+    branch = follow_response(problem, y, (1.1, 1.5))
+    w = branch.parameter
+    amplitude = 1.0 / np.hypot(1.0 - w * w, 0.1 * w)
+    measures = measures_of(branch)
+    assert measures.peaks[:, 0] == pytest.approx(amplitude, rel=1e-11)
+    assert measures.rms[:, 0] == pytest.approx(amplitude / math.sqrt(2.0), rel=1e-11)
+    assert measures.dissipated[:, 0] == pytest.approx(0.1 * w * math.pi * amplitude**2, rel=1e-11)
+    assert measures.shares[:, 0] == pytest.approx(1.0, abs=1e-15)
+    assert branch.phases.shape == branch.speeds.shape == (len(branch), 0)
+    assert np.all(branch.stable[1:-1] == 1)
+
+
+def test_half_a_period_gives_the_measures_of_the_full_one(symmetric):
+    """Oracle: the full period solved; work equals dissipation; the mean square over both halves is one."""
+    branch = symmetric
+    full = settled(two_sided(A=0.7), "w")
+    measures = measures_of(branch)
+    assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), rel=1e-9)
+    assert measures.peaks.min() >= 1.0 - 1e-12  # it reaches the stops
+    at = int(branch.start)
+    states = measures.states[at, 0]
+    motion = settle(two_sided(A=0.7).system(), two_sided(A=0.7).forces())
+    close = min(np.abs(states - motion.states[0]).max(), np.abs(states + motion.states[0]).max())
+    assert close < 1e-8 and full.distance < 1e-6
+    assert measures.dissipated[at, -1] == pytest.approx(float(np.sum(0.5 * (1.0 - 0.49) * motion.impacts.speeds**2)), rel=1e-8)
+
+
+def test_the_first_impact_has_the_smallest_phase(symmetric):
+    branch = symmetric
+    phases = branch.phases[branch.start]
+    assert np.all(np.diff(phases) > 0.0) and len(branch.sequence) == len(phases) == 1
+    assert phases[0] < math.pi  # of both impacts of the full period the first
+
+
+def test_an_undamped_resonance_is_unbounded():
+    """Oracle: w = 1 is the frequency of the mode; near it the response grows without bound, at the pace 1/|1 - w^2|."""
+    with pytest.raises(Unbounded, match="unbounded at w = 1: the load has the frequency of an undamped mode"):
+        linear_response(oscillator(s=5.0, w=1.0), "w")
+    far = ParametricSystem.from_description(
+        {
+            "parameters": {"w": 0.8},
+            "system": {
+                "mass": [[1.0, 0.0], [0.0, 1.0]], "stiffness": [[1.0, 0.0], [0.0, 9.0]], "damping": [[0.0, 0.0], [0.0, 0.1]],
+                "stops": [{"c": [0.0, 1.0], "upper": 1.0}],
+            },
+            "forces": [{"load": [1.0, 0.1], "amplitude": 1.0, "harmonic": 1}],
+        }
+    )  # fmt: skip
+    problem, y, _ = linear_response(far, "w")
+    branch = follow_response(problem, y, (0.5, 1.5))
+    assert "grows without bound" in branch.ended[1].text
+    assert 0.98 < branch.parameter.max() < 1.0
+
+
+def test_what_is_no_orbit_is_reported():
+    """Oracle: the kinds of motion that `settle` finds."""
+    with pytest.raises(NoOrbit, match="chaotic"):
+        settled(oscillator(s=0.0), "s")
+    ball = ParametricSystem.from_description(
+        {
+            "parameters": {"G": 0.5, "w": 1.0},
+            "system": {"mass": [[1.0]], "stiffness": [[0.0]], "stops": [{"c": [1.0], "lower": 0.0, "restitution": 0.5}]},
+            "forces": [{"load": [1.0], "constant": -1.0}, {"load": [1.0], "amplitude": "G", "harmonic": 1}],
+        }
+    )
+    with pytest.raises(NoOrbit, match="rest: it sticks to its stops for ever"):
+        settled(ball, "G")
+
+
+def test_a_file_holds_all_of_a_branch(one_impact, tmp_path):
+    """Oracle: the branch itself, bit for bit."""
+    path = tmp_path / "a.json"
+    path.write_text(json_text(to_record([one_impact])), encoding="utf-8")
+    (again,) = read_responses(path)
+    for name in ("unknowns", "tangents", "arclength", "residual", "phases", "speeds", "stable"):
+        assert np.array_equal(getattr(again, name), getattr(one_impact, name)), name
+    assert again.events == one_impact.events and again.ended == one_impact.ended and again.sequence == one_impact.sequence
+    assert list(named_events([again, again])) == [*named_events([again]), *(f"2.{event.id}" for event in again.events)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"schema": 1', '"schema": 7', "schema 7 is not known"),
+        ('"kind": "response"', '"kind": "x"', "holds no response"),
+        ('"turns": 1', '"turns": 2', "do not solve the equations"),
+        ('"start": ', '"start": 100000', "no point"),
+        ('"solved": ["+"]', '"solved": ["+", "+"]', "unknowns of its sequence"),
+        ('"half": false', '"half": 3', "expected a boolean"),
+    ],
+)
+def test_a_damaged_file_is_refused(one_impact, tmp_path, old, new, message):
+    path = tmp_path / "a.json"
+    text = json_text(to_record([one_impact]))
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(RecordError, match=message):
+        read_responses(path)
+
+
+def test_every_column_can_be_drawn(one_impact):
+    table = response_table([one_impact])
+    for name in column_names(one_impact.problem):
+        column = column_of(one_impact, name)
+        assert column.shape[0] == len(one_impact) and column.shape[1] >= 1
+    assert np.array_equal(table["max.u1"], column_of(one_impact, "max:u1")[:, 0])
+
+
+def test_a_branch_goes_on_in_another_range_and_at_its_events(one_impact):
+    """Oracle: the same family, followed in one piece; the doubled one has twice the period."""
+    k = point_inside(one_impact, (-0.3, 0.2))
+    again = follow_response(one_impact.problem, one_impact.unknowns[k], (-0.3, 0.2))
+    (doubling,) = [event for event in again.events if event.type == "PD"]
+    (known,) = [event for event in one_impact.events if event.type == "PD"]
+    assert doubling.values["s"] == pytest.approx(known.values["s"], abs=1e-12)
+    ((problem, step),) = switch_response(one_impact, known)
+    doubled = follow_response(problem, step, (-0.3, 0.2), both=False, points=30)
+    assert doubled.periods == pytest.approx(2.0 * one_impact.periods[0]) and len(doubled.sequence) == 2
+    with pytest.raises(ValueError, match="no other family begins at SN1"):
+        switch_response(one_impact, next(event for event in one_impact.events if event.type == "SN"))
+    with pytest.raises(ValueError, match="has no point of the branch"):
+        point_inside(one_impact, (5.0, 6.0))

@@ -1,0 +1,1 @@
+"""Responses to periodic loads: where a family starts, its measures, its files and its figure."""

@@ -1,0 +1,111 @@
+"""The figure of forced responses: a measure over the parameter, with stability and events."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.figures import style
+from branches.figures.curves import curve_runs, draw_events
+from bvp.texts import listed
+from transitions.response.measures import column_names, column_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from branches.forced_branch import ForcedBranch
+    from bvp.forced import ForcedProblem
+
+__all__ = ["default_column", "require_column", "response_figure"]
+
+_LINES: dict[int, dict[str, Any]] = {
+    1: {"label": "stable", "color": style.BLUE, "linewidth": 1.5, "linestyle": "-"},
+    0: {"label": "unstable", "color": style.VERMILION, "linewidth": 1.1, "linestyle": (0, (3, 1.6))},
+    -1: {"label": "undecided", "color": style.GREY, "linewidth": 1.1, "linestyle": ":"},
+}
+_WORDS = {"NS": "NS Neimark-Sacker"}
+"""Names of events that differ from those of conservative families."""
+
+
+def default_column(problem: ForcedProblem) -> str:
+    """What is drawn unless something else is asked for: the largest displacement of the first coordinate."""
+    return f"max:{problem.system.coordinates[0]}"
+
+
+def require_column(name: str, problems: Sequence[ForcedProblem]) -> tuple[str, str]:
+    """The words and the symbol of a column of some problems; a ValueError names the nearest if there is none."""
+    known = {key: text for problem in problems for key, text in column_names(problem).items()}
+    if name not in known:
+        near = get_close_matches(name, known, 1, 0.5)
+        raise ValueError(f"unknown column {name!r}; " + (f"nearest: {near[0]}" if near else f"known: {listed(list(known), len(known))}"))
+    return known[name]
+
+
+def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, title: str = "") -> Figure:
+    """The response curves of some branches.
+
+    Parameters
+    ----------
+    branches : sequence of ForcedBranch
+        Of one system and parameter.
+    y : str, optional
+        A name of `column_names`; by default the largest displacement of the first coordinate. A column of several numbers draws as many
+        curves.
+    title : str
+
+    Raises
+    ------
+    ValueError
+        For an unknown column.
+    """
+    from matplotlib.lines import Line2D
+
+    first = branches[0]
+    name = y or default_column(first.problem)
+    words, symbol = require_column(name, [branch.problem for branch in branches])
+    columns = [column_of(branch, name) for branch in branches]
+    with style.figure_settings():
+        figure = style.new_figure(4.4)
+        if title:
+            figure.suptitle(title)
+        panel = figure.subplots()
+        codes: set[int] = set()
+        kinds: list[str] = []
+        places = []
+        for number, (branch, column) in enumerate(zip(branches, columns, strict=True), 1):
+            for curve in column.T:
+                curve = _unwrapped(curve, name)
+                runs = curve_runs(np.stack([branch.parameter, curve], axis=1), branch.stable)
+                codes |= set(runs)
+                for code, run in runs.items():
+                    look = {key: value for key, value in _LINES[code].items() if key != "label"}
+                    panel.plot(run[:, 0], run[:, 1], gid=f"response-{number}-{_LINES[code]['label']}", zorder=2.0 + 0.1 * code, **look)
+                for event in branch.events:
+                    if event.type != "EP" and math.isfinite(curve[event.point]):
+                        kinds.append(event.type)
+                        places.append((branch.parameter[event.point], curve[event.point]))
+        if places:
+            draw_events(panel, kinds, np.array(places), "response")
+        values = np.concatenate([branch.parameter for branch in branches])
+        style.set_axis(panel, "y", style.limits_of(np.concatenate([column.ravel() for column in columns])), 6, words, symbol)
+        style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, "", style.symbol_of(first.name))
+        handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes]
+        for kind, look in style.EVENT_LOOKS.items():
+            if kind in kinds:
+                handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
+        style.legend_below(figure, handles, 6)
+    return figure
+
+
+def _unwrapped(curve: np.ndarray, name: str) -> np.ndarray:
+    """A curve of phases with a gap where it jumps by a turn."""
+    if not name.startswith("phase") or len(curve) < 2:
+        return curve
+    jumps = np.flatnonzero(np.abs(np.diff(curve)) > math.pi)
+    found = curve.copy()
+    found[jumps] = math.nan
+    return found

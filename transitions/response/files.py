@@ -1,0 +1,160 @@
+"""Files of followed forced responses: JSON with a kind of its own, which holds one or several branches of one system."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from branches.events import Ended
+from branches.files import one_line
+from branches.forced_branch import ForcedBranch, ForcedEvent
+from branches.reading import RecordError, check_pattern, load_json
+from branches.tables import plain, plain_columns
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from transitions.response.measures import response_table
+
+__all__ = ["KIND", "SCHEMA", "is_response", "named_events", "read_responses", "to_record"]
+
+SCHEMA = 1
+KIND = "response"
+
+_AGREEMENT = 1e-8
+"""Largest residual of a stored point."""
+
+_EVENT = {
+    "id": "a string",
+    "type": "a string",
+    "point": "an integer",
+    "values": "an object",
+    "arclength": "a number",
+    "status": "a string",
+    "bracket": ["a number", 2],
+    "residual": "a number",
+    "stop": "a string or null",
+    "angle": "a number or null",
+    "note": "a string or null",
+    "multiplier": "a number or null",
+    "neighbours": [{"sequence": "a string", "persists": "a boolean"}],
+}
+_POINT = {"arclength": "a number", "residual": "a number", "unknowns": ["a number"], "tangent": ["a number"]}
+_BRANCH = {
+    "sequence": "a string",
+    "solved": ["a string"],
+    "turns": "an integer",
+    "half": "a boolean",
+    "values": "an object",
+    "range": ["a number or null", 2],
+    "start": "an integer",
+    "points": [_POINT],
+    "events": [_EVENT],
+    "ended": [{"reason": "a string", "text": "a string"}, 2],
+}
+_FILE = {"schema": "an integer", "kind": "a string", "parameter": "a string", "system": "an object", "branches": [_BRANCH]}
+
+
+def to_record(branches: Sequence[ForcedBranch]) -> dict[str, Any]:
+    """Some branches of one system as plain data, in order; the measures of all points are computed."""
+    problem = branches[0].problem
+    return {
+        "schema": SCHEMA,
+        "kind": KIND,
+        "parameter": branches[0].name,
+        "coordinates": list(problem.system.coordinates),
+        "system": plain(problem.parametric.describe()),
+        "branches": [_branch_record(branch) for branch in branches],
+    }
+
+
+def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
+    problem = branch.problem
+    columns = plain_columns(response_table([branch]))
+    del columns["branch"], columns["point"]
+    columns |= {"unknowns": plain(branch.unknowns), "tangent": plain(branch.tangents)}
+    points = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    events = []
+    for event in branch.events:
+        neighbours = [{"sequence": sequence, "persists": persists} for sequence, persists in event.neighbours]
+        events.append(plain(event._asdict() | {"values": dict(event.values), "neighbours": neighbours}))
+    return {
+        "sequence": branch.sequence,
+        "solved": list(problem.sequence),
+        "turns": problem.turns,
+        "half": problem.half,
+        "values": dict(problem.values),
+        "range": plain(branch.interval),
+        "start": branch.start,
+        "ended": [{"reason": end.reason, "text": end.text} for end in branch.ended],
+        "events": events,
+        "points": points,
+    }
+
+
+def is_response(record: Any) -> bool:
+    """Whether the data of a JSON file are forced responses."""
+    return isinstance(record, Mapping) and record.get("kind") == KIND
+
+
+def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
+    """The branches of a file.
+
+    Raises
+    ------
+    RecordError
+        In one line, for a file that cannot be read or has no responses.
+    """
+    record = load_json(path, "responses")
+    if not is_response(record):
+        raise RecordError(f"{path} holds no response; expected a file of saltus continue --in NAME --json FILE")
+    try:
+        check_pattern(record, _FILE, "the file")
+        if record["schema"] != SCHEMA:
+            raise RecordError(f"schema {record['schema']} is not known; expected {SCHEMA}")
+        if not record["branches"]:
+            raise RecordError("it has no branch")
+        parametric = ParametricSystem.from_description(record["system"])
+        return [_branch(parametric, record["parameter"], item) for item in record["branches"]]
+    except (LookupError, TypeError, ValueError) as error:
+        raise RecordError(f"{path} is not a readable file of responses: {one_line(error)}") from error
+
+
+def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) -> ForcedBranch:
+    problem = ForcedProblem(parametric, item["solved"], (name,), turns=item["turns"], half=item["half"], values=item["values"])
+    points, count = item["points"], problem.unknowns
+    if not points or any(len(point[key]) != count for point in points for key in ("unknowns", "tangent")):
+        raise RecordError(f"a point has not the {count} unknowns of its sequence")
+    if not 0 <= item["start"] < len(points) or any(not 0 <= event["point"] < len(points) for event in item["events"]):
+        raise RecordError("the start or an event has no point")
+    unknowns = np.array([point["unknowns"] for point in points])
+    worst = max(float(np.abs(problem.residual(y) / problem.scales(y)[: count - 1]).max()) for y in unknowns[[0, item["start"], -1]])
+    if not worst < _AGREEMENT:
+        raise RecordError(f"its points do not solve the equations of its system: residual {worst:.1e}")
+    events = [
+        ForcedEvent(
+            **{
+                **event,
+                "bracket": tuple(event["bracket"]),
+                "neighbours": tuple((one["sequence"], one["persists"]) for one in event["neighbours"]),
+            }
+        )
+        for event in item["events"]
+    ]
+    low, high = item["range"]
+    ended = [Ended(end["reason"], end["text"]) for end in item["ended"]]
+    return ForcedBranch(
+        problem, unknowns, np.array([point["tangent"] for point in points]), np.array([point["arclength"] for point in points]),
+        np.array([point["residual"] for point in points]), tuple(events), (ended[0], ended[1]), item["start"],
+        (-np.inf if low is None else low, np.inf if high is None else high),
+    )  # fmt: skip
+
+
+def named_events(branches: Sequence[ForcedBranch]) -> dict[str, tuple[ForcedBranch, ForcedEvent]]:
+    """The events of some branches by name: "PD1"; of the second branch and later ones with its number before it, "2.PD1"."""
+    return {
+        (f"{number}." if number > 1 else "") + event.id: (branch, event)
+        for number, branch in enumerate(branches, 1)
+        for event in branch.events
+    }

@@ -1,0 +1,168 @@
+"""Measures of a followed forced response: its columns, computed when they are asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from branches.forced_branch import ForcedBranch
+from bvp.simulate import parts_of, simulate
+from transitions.record import extents
+
+if TYPE_CHECKING:
+    from branches.tables import Table
+    from bvp.forced import ForcedProblem
+
+__all__ = ["Measures", "column_names", "column_of", "measures_of", "response_table"]
+
+
+@dataclass(frozen=True, eq=False)
+class Measures:
+    """What the motion of each of N orbits of period p does in its period.
+
+    Attributes
+    ----------
+    peaks, rms : (N, n) ndarray
+        Largest and root mean square of |u|.
+    dissipated : (N, D + S) ndarray
+        Energy that each damper and stop takes in a period of the loads.
+    work : (N,) ndarray
+        Work of the loads in such a period.
+    states : (N, p, 2n) ndarray
+        (u, v) at phase 0 of the loads.
+    """
+
+    peaks: np.ndarray
+    rms: np.ndarray
+    dissipated: np.ndarray
+    work: np.ndarray
+    states: np.ndarray
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Share of each damper and stop in the dissipated energy, (N, D + S); NaN where nothing is dissipated."""
+        total = self.dissipated.sum(axis=1, keepdims=True)
+        return np.divide(self.dissipated, total, out=np.full_like(self.dissipated, math.nan), where=total > 0.0)
+
+
+@lru_cache(maxsize=16)
+def measures_of(branch: ForcedBranch) -> Measures:
+    """The measures of all points of a branch. Each orbit is simulated for one period, from phase 0."""
+    problem = branch.problem
+    n, p = problem.degrees_of_freedom, problem.turns
+    rows = []
+    for y, period in zip(branch.unknowns, branch.periods, strict=True):
+        at = problem.parameters(y)
+        state = _at_phase_zero(branch, y)
+        system, forces = problem.parametric.system(at), problem.parametric.forces(at)
+        motion = simulate(system, state[:n], state[n:], period, forces=forces)
+        found = extents(motion)
+        u, v = motion.sample(np.arange(p) * (period / p))
+        rows.append((found.peaks, found.rms, motion.totals[:-1] / p, motion.totals[-1] / p, np.concatenate([u, v], axis=1)))
+    return Measures(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _at_phase_zero(branch: ForcedBranch, y: np.ndarray) -> np.ndarray:
+    """The state (2n,) at a phase w t that is a multiple of 2 pi p."""
+    problem = branch.problem
+    size = 2 * problem.degrees_of_freedom
+    nodes, times, period = problem.nodes(y), problem.flight_times(y), problem.period(y)
+    unit = 0.5 if problem.half else 1.0
+    for node, time in zip(nodes, times.tolist(), strict=True):
+        wanted = math.ceil(node[size] / unit) * unit
+        if wanted <= node[size] + time / period:
+            state, _ = problem.fly(node, (wanted - node[size]) * period)
+            # Of half a period x(t + T/2) = -x(t): an odd number of halves turns the state round.
+            return -state if round(wanted / unit) % 2 and problem.half else state
+    return nodes[0, :size].copy()
+
+
+def column_names(problem: ForcedProblem) -> dict[str, tuple[str, str]]:
+    """What can be drawn over the parameter: words and mathematical symbol of each, by its name."""
+    from branches.figures.style import symbol_of
+
+    system = problem.system
+    k = range(1, len(problem.sequence) + 1)
+    found = {}
+    for name in system.coordinates:
+        symbol = symbol_of(name)
+        found[f"max:{name}"] = "largest displacement", rf"\max|{symbol}|"
+        found[f"rms:{name}"] = "root mean square", rf"\mathrm{{rms}}\,{symbol}"
+        found[f"strobe:{name}"] = "displacement at phase 0", symbol
+        found[f"strobe:{name}'"] = "velocity at phase 0", symbol_of(name, velocity=True)
+    found |= {"speed": ("impact speed", "v_-"), "phase": ("phase at impact", r"\omega t")}
+    found |= {f"speed:{i}": (f"speed of impact {i}", "v_-") for i in k} | {f"phase:{i}": (f"phase of impact {i}", r"\omega t") for i in k}
+    found |= {"period": ("period", "T"), "multiplier": ("largest multiplier", r"\max|\mu|"), "work": ("work of the loads in a period", "")}
+    for part in parts_of(system):
+        found[f"dissipated:{part}"] = f"energy dissipated in a period, {part}", ""
+        found[f"share:{part}"] = f"share of the dissipation, {part}", ""
+    return found | {name: ("", symbol_of(name)) for name in problem.parametric.names}
+
+
+def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
+    """A column with a name of `column_names`, (N, c): c curves. Without the impact that it names there is none."""
+    system = branch.problem.system
+    kind, _, part = name.partition(":")
+    if name in branch.problem.parametric.names:
+        return np.array([[branch.problem.parameters(y)[name]] for y in branch.unknowns])
+    if name in ("speed", "phase"):
+        return branch.speeds if name == "speed" else branch.phases % (2.0 * math.pi)
+    if kind in ("speed", "phase"):
+        return (branch.speeds if kind == "speed" else branch.phases)[:, int(part) - 1 : int(part)]
+    if name == "period":
+        return branch.periods[:, None]
+    if name == "multiplier":
+        return np.abs(branch.multipliers).max(axis=1, keepdims=True)
+    measures = measures_of(branch)
+    if kind in ("max", "rms"):
+        k = system.coordinates.index(part)
+        return (measures.peaks if kind == "max" else measures.rms)[:, k : k + 1]
+    if kind == "strobe":
+        k = system.coordinates.index(part.rstrip("'")) + (len(system.coordinates) if part.endswith("'") else 0)
+        return measures.states[:, :, k]
+    if name == "work":
+        return measures.work[:, None]
+    k = parts_of(system).index(part)
+    return (measures.dissipated if kind == "dissipated" else measures.shares)[:, k : k + 1]
+
+
+def response_table(branches: Sequence[ForcedBranch]) -> Table:
+    """The points of some branches as one table.
+
+    branch: its number, from 1; point; the parameters, by their names; period; arclength; stable; phase, speed: of each impact; max.NAME,
+    rms.NAME; dissipated.PART, share.PART; work; multipliers; residual.
+    """
+    first = branches[0]
+    coordinates, parts = first.problem.system.coordinates, parts_of(first.problem.system)
+    measures = [measures_of(branch) for branch in branches]
+    parameters = [[branch.problem.parameters(y) for y in branch.unknowns] for branch in branches]
+
+    def joined(columns: list[np.ndarray]) -> np.ndarray:
+        return np.concatenate(columns)
+
+    table: Table = {
+        "branch": np.repeat(np.arange(1, len(branches) + 1), [len(branch) for branch in branches]),
+        "point": joined([np.arange(len(branch)) for branch in branches]),
+    }
+    for name in first.problem.parametric.names:
+        table[name] = np.array([values[name] for part in parameters for values in part])
+    table["period"] = joined([branch.periods for branch in branches])
+    table["arclength"] = joined([branch.arclength for branch in branches])
+    table["stable"] = joined([branch.stable for branch in branches])
+    table["phase"] = [row for branch in branches for row in branch.phases]
+    table["speed"] = [row for branch in branches for row in branch.speeds]
+    for k, name in enumerate(coordinates):
+        table[f"max.{name}"] = joined([found.peaks[:, k] for found in measures])
+        table[f"rms.{name}"] = joined([found.rms[:, k] for found in measures])
+    for k, part in enumerate(parts):
+        table[f"dissipated.{part.replace(' ', '_')}"] = joined([found.dissipated[:, k] for found in measures])
+        table[f"share.{part.replace(' ', '_')}"] = joined([found.shares[:, k] for found in measures])
+    table["work"] = joined([found.work for found in measures])
+    table["multipliers"] = joined([branch.multipliers for branch in branches])
+    table["residual"] = joined([branch.residual for branch in branches])
+    return table

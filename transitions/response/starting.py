@@ -1,0 +1,159 @@
+"""Starts of families of forced orbits: the response without impacts, and what a simulation settles on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from branches.admissible import unphysical
+from bvp.closures import EndsError
+from bvp.forced import ForcedProblem
+from bvp.multipoint import NotConverged
+from bvp.parameters import ParametricSystem
+from transitions.sweep.settle import Settled, SettledKind
+
+__all__ = ["NoOrbit", "Unbounded", "linear_response", "settled_orbit"]
+
+_SAME = 1e-6
+"""Largest distance of a simulated state from the solved orbit, relative to the orbit's size, at which both are one motion."""
+
+_RESONANT = 1e-9
+"""Distance of a multiplier of free motion from 1 below which the response is unbounded."""
+
+
+class NoOrbit(RuntimeError):
+    """A simulation did not settle on an orbit that can be solved; the message says what was found."""
+
+
+class Unbounded(RuntimeError):
+    """The load has the frequency of an undamped mode."""
+
+
+def linear_response(
+    parametric: ParametricSystem, name: str, values: Mapping[str, float] | None = None
+) -> tuple[ForcedProblem, np.ndarray, str | None]:
+    """The steady response without impacts.
+
+    Parameters
+    ----------
+    parametric : ParametricSystem
+    name : str
+        The parameter that is released.
+    values : mapping, optional
+        Values of parameters that replace the defaults.
+
+    Returns
+    -------
+    ForcedProblem, (u,) ndarray, str or None
+        The problem, the solution, and why it is no orbit: it passes beyond a stop.
+
+    Raises
+    ------
+    Unbounded
+        At an undamped resonance.
+    """
+    try:
+        # Of an odd system under odd loads half a period is solved: it touches both stops of a pair at once.
+        problem = ForcedProblem(parametric, (), (name,), half=True, values=values)
+    except EndsError:
+        problem = ForcedProblem(parametric, (), (name,), values=values)
+    start = problem.pack(np.zeros((1, 2 * problem.degrees_of_freedom)), [0.0], [problem.values[name]])
+    free = problem.multipliers(start)
+    where = f"at {name} = {problem.values[name]:.10g}"
+    words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
+    if np.abs(free - 1.0).min() < _RESONANT:
+        raise Unbounded(words)
+    try:
+        solution = problem.solve(start)
+    except NotConverged as error:
+        raise Unbounded(words) from error
+    return problem, solution.y, unphysical(problem, solution)
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """The orbit of a settled motion: its problem, the solved unknowns, and the distance of the simulated states from it."""
+
+    problem: ForcedProblem
+    y: np.ndarray
+    distance: float
+
+
+def settled_orbit(
+    parametric: ParametricSystem, name: str, settled: Settled, values: Mapping[str, float] | None = None
+) -> Periodic:
+    """The orbit that a simulation has settled on, solved and compared with the simulation.
+
+    An orbit with x(t + T/2) = -x(t) is solved over half its period, if the stops and loads are odd and p is odd.
+
+    Parameters
+    ----------
+    parametric, name, values
+        As for `linear_response`.
+    settled : Settled
+
+    Raises
+    ------
+    NoOrbit
+        If the motion is not periodic, sticks, or is not the orbit that was solved.
+    """
+    if settled.kind is not SettledKind.PERIODIC:
+        raise NoOrbit(settled.text)
+    if settled.sticking:
+        raise NoOrbit(f"{settled.text}; orbits with a sticking contact are not followed")
+    impacts, p = settled.impacts, settled.period
+    fractions = (impacts.times / settled.period_of_loads + impacts.periods) / p
+    problem, guess = None, np.zeros(0)
+    if len(impacts) and len(impacts) % 2 == 0:
+        problem, guess = _half(parametric, name, settled, fractions, values)
+    if problem is None:
+        problem = ForcedProblem(parametric, settled.stops, (name,), turns=p, values=values)
+        value = problem.values[name]
+        if len(impacts):
+            guess = problem.pack(impacts.after, fractions, [value])
+        else:
+            guess = problem.pack(settled.states[:1], [0.0], [value])
+    try:
+        solution = problem.solve(guess)
+    except NotConverged as error:
+        raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there{_stuck(settled, problem)}") from error
+    n = problem.degrees_of_freedom
+    scale = np.abs(problem.nodes(solution.y)[:, : 2 * n]).max()
+    distance = float(np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1].max() / max(scale, 1e-300))
+    beyond = unphysical(problem, solution)
+    if beyond is not None:
+        raise NoOrbit(f"{settled.text}; the orbit found there is no motion: {beyond}")
+    if not distance < _SAME * max(1.0, settled.distance / 1e-9):
+        raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it{_stuck(settled, problem)}")
+    return Periodic(problem, solution.y, distance)
+
+
+def _stuck(settled: Settled, problem: ForcedProblem) -> str:
+    """A hint if the motion may stick for part of the period."""
+    soft = any(stop.restitution < 1.0 for stop in problem.system.stops)
+    return "; it may stick for a part of its period, which is not followed" if soft and len(settled.impacts) > 3 else ""
+
+
+def _half(
+    parametric: ParametricSystem, name: str, settled: Settled, fractions: np.ndarray, values: Mapping[str, float] | None
+) -> tuple[ForcedProblem | None, np.ndarray]:
+    """The problem of half the period and the unknowns, if the motion has this symmetry."""
+    k = len(fractions) // 2
+    try:
+        problem = ForcedProblem(parametric, settled.stops[:k], (name,), turns=settled.period, half=True, values=values)
+    except EndsError:
+        return None, np.zeros(0)
+    after = settled.impacts.after
+    size = float(np.abs(after).max())
+    opposite = [_opposite(problem, letter) for letter in settled.stops[:k]]
+    mirrored = np.abs(after[k:] + after[:k]).max() < _SAME * size and np.abs(fractions[k:] - fractions[:k] - 0.5).max() < _SAME
+    if list(settled.stops[k:]) != opposite or not mirrored:
+        return None, np.zeros(0)
+    return problem, problem.pack(after[:k], fractions[:k], [problem.values[name]])
+
+
+def _opposite(problem: ForcedProblem, letter: str) -> str:
+    letters: Sequence[str] = problem.modes.contact_letters
+    return letters[int(problem.modes.contact_opposite[letters.index(letter)])]
