@@ -23,7 +23,7 @@ from continuation.run import Run, follow_both_ways
 
 __all__ = ["SWITCHES", "follow_response", "point_inside", "switch_response"]
 
-SWITCHES = ("PD", "SB", "BP", "GR")
+SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 """Events at which other families begin."""
 
 _LARGE = 100.0
@@ -160,7 +160,7 @@ def switch_response(branch: ForcedBranch, event: ForcedEvent) -> list[tuple[Forc
     """The first orbits of the families that begin at an event, with tangents that point away from it.
 
     At PD it is the family of twice the period; at SB both mirror images; at BP both sides of the other family; at GR those with an impact
-    more or less.
+    more or less; at LB the one with the other order of impacts.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def switch_response(branch: ForcedBranch, event: ForcedEvent) -> list[tuple[Forc
     """
     if event.type not in SWITCHES:
         raise ValueError(f"no other family begins at {event.id}; expected an event of type {', '.join(SWITCHES)}")
-    if event.type == "GR":
+    if event.type in ("GR", "LB"):
         found = [(one.problem, one.step) for one in _at_grazing(branch, event)]
     else:
         try:

@@ -84,7 +84,7 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
     assert code == 0 and len(data("broken.json")["branches"]) == 2, err
     refused(run(capsys, "continue", "--from", "rest.json:GR"), "rest.json:GR: matches GR1, 2.GR1; expected one of them")
     refused(run(capsys, "continue", "--from", "rest.json:PD1"), "no such event", "known: EP1, GR1, 2.GR1, 2.EP1")
-    refused(run(capsys, "continue", "--from", "rest.json:EP1"), "no other family begins at EP1", "PD, SB, BP, GR")
+    refused(run(capsys, "continue", "--from", "rest.json:EP1"), "no other family begins at EP1", "PD, SB, BP, GR, LB")
     refused(run(capsys, "continue", "--from", "rest.json", "--range", "5:6"), "the range 5:6 has no point of the branch")
     refused(run(capsys, "continue", "--from", "rest.json", "--scene", "bouncing_ball"), "rest.json has another system")
     refused(run(capsys, "continue", "--from", "none.json", "--in", "w", "--range", "1:2"), "no file none.json", "FILE[:EVENT]")
