@@ -89,6 +89,21 @@ def circular(delta, t):
 
 
 @inlined
+def damped(mean, delta, determinant, t):
+    """exp(m t) C and exp(m t) S of a pair with the rates m +- sqrt(delta), whose product is `determinant`."""
+    # Equation (23) with the two real rates apart: the slow one is determinant over fast one.
+    if mean != 0.0 and delta * t * t > APART_LIMIT:
+        w = math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta)
+        fast = mean + w
+        far = math.exp(fast * t)
+        near = math.exp(determinant / fast * t)
+        return 0.5 * (far + near), 0.5 * (far - near) / w
+    c, s = circular(delta, t)
+    e = 1.0 if mean == 0.0 else math.exp(mean * t)
+    return c * e, s * e
+
+
+@inlined
 def flow_pair(mean, delta, b11, b12, b21, b22, t):
     """The four entries of exp(B t) for one 2 x 2 block.
 
@@ -105,19 +120,7 @@ def flow_pair(mean, delta, b11, b12, b21, b22, t):
             s *= e
         half = 0.5 * (b11 - b22)
         return c + s * half, s * b12, -(w * (w * s) + half * (half * s)) / b12, c - s * half
-    # Equation (23) with the two real rates apart: the slow one is determinant over fast one.
-    if mean != 0.0 and delta * t * t > APART_LIMIT:
-        w = math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta)
-        fast = mean + w
-        far = math.exp(fast * t)
-        near = math.exp((b11 * b22 - b12 * b21) / fast * t)
-        c = 0.5 * (far + near)
-        s = 0.5 * (far - near) / w
-    else:
-        c, s = circular(delta, t)
-        e = 1.0 if mean == 0.0 else math.exp(mean * t)
-        c *= e
-        s *= e
+    c, s = damped(mean, delta, b11 * b22 - b12 * b21, t)
     return c + s * (b11 - mean), s * b12, s * b21, c + s * (b22 - mean)
 
 

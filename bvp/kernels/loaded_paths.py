@@ -21,7 +21,7 @@ from bvp.kernels.forced import refresh
 from bvp.kernels.loads import NEAR_RESONANCE, multiply
 
 PIECES = 1000
-"""Most pieces of a flight."""
+"""A piece is not shorter than this part of a flight where bounds grow."""
 
 GROWTH = 2.0
 """What a state can grow or decay by in a piece, as a logarithm."""
@@ -236,38 +236,53 @@ def extended_state(flight, node, extended):
 
 
 @inlined
-def pieces_of(flight, duration):
-    """The number of pieces in which a flight is searched."""
+def rates_of(flight):
+    """How fast the bounds of a flight's states grow, and how fast states can decay."""
     pairs, mean, delta, matrix = flight
-    rate = 0.0
+    growth = 0.0
+    decay = 0.0
     for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
         j = pairs[k, 1]
         if j < -1:
-            rate = max(rate, abs(block_growth(matrix, pairs[k, 0], -j)))
+            growth = max(growth, block_growth(matrix, i, -j))
+            for r in range(i, i - j):
+                decay = max(decay, -matrix[r, r])
         else:
-            rate = max(rate, abs(mean[k]) + (math.sqrt(delta[k]) if j >= 0 and delta[k] > 0.0 else 0.0))
-    return int(min(float(PIECES), 1.0 + rate * duration / GROWTH))
+            width = math.sqrt(delta[k]) if j >= 0 and delta[k] > 0.0 else 0.0
+            growth = max(growth, mean[k] + width)
+            decay = max(decay, width - mean[k])
+    return growth, decay
 
 
 @inlined
-def loaded_clearance(extended, stop, duration, pieces):
-    """`bvp.kernels.extrema.clearance` of a flight in pieces."""
+def loaded_clearance(extended, stop, duration, growth, decay):
+    """`bvp.kernels.extrema.clearance` of a flight in pieces. What decays fast is gone after the first ones: each is twice as long."""
     begin = extended.work[2]
-    width = duration / pieces
+    longest = max(GROWTH / growth, duration / PIECES) if growth > 0.0 else duration
+    width = GROWTH / decay if decay > 0.0 else duration
     best = math.inf
     best_side = 0.0
     best_time = 0.0
     sign = 0
     steps = 0
-    for piece in range(pieces):
-        flow_state(extended.flight, extended.state, piece * width, begin)
+    at = 0.0
+    while at < duration:
+        width = min(width, longest)
+        if at + width >= duration:
+            width = duration - at
+        flow_state(extended.flight, extended.state, at, begin)
         distance, side, time, sign, steps = nearest_turn(extended.flight, extended.observed, stop, begin, width, sign, steps, extended.work)
         if math.isnan(distance):
             return math.nan, 0.0, 0.0
         if distance < best:
             best = distance
             best_side = side
-            best_time = piece * width + time
+            best_time = at + time
+        if at + width == at:
+            break
+        at += width
+        width *= 2.0
     return best, best_side, best_time
 
 
@@ -329,11 +344,11 @@ def observe_with(segment, watched, extended, y, ends, result):
                 slowest = speed
                 slowest_node = i
         extended_state(segment.flight, node, extended)
-        pieces = pieces_of(extended.flight, duration)
+        growth, decay = rates_of(extended.flight)
         for stop in range(bounds.shape[1] if duration > 0.0 else 0):
             bounds[0, stop] = entries[watched.bounds[0, stop]]
             bounds[1, stop] = entries[watched.bounds[1, stop]]
-            distance, side, time = loaded_clearance(extended, stop, duration, pieces)
+            distance, side, time = loaded_clearance(extended, stop, duration, growth, decay)
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
             if watched.stops[i] != stop:

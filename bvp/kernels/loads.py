@@ -22,7 +22,7 @@ from bvp.kernels.compiled import allocating, inlined, kernel
 from bvp.kernels.flight import (
     Flight,
     block_product,
-    circular,
+    damped,
     fastest_rate,
     flow_block,
     flow_matrix,
@@ -75,7 +75,7 @@ class LoadedFlight(NamedTuple):
 
 
 @inlined
-def _closed_form(mean, delta, nu, t):
+def _closed_form(mean, delta, determinant, nu, t):
     """Psi = a + c D of a pair, D^2 = delta, and its derivative by nu: a, c, a', c'."""
     # Equation (38): (i nu - B)^-1 = (i nu - m + D)/((i nu - m)^2 - delta).
     shift = complex(-mean, nu)
@@ -83,10 +83,7 @@ def _closed_form(mean, delta, nu, t):
     a = shift * c
     c_nu = -2.0j * a * c
     a_nu = 1.0j * c - 2.0j * a * a
-    cosine, sine = circular(delta, t)
-    growth = math.exp(mean * t)
-    cosine *= growth
-    sine *= growth
+    cosine, sine = damped(mean, delta, determinant, t)
     turn = complex(math.cos(nu * t), math.sin(nu * t))
     return (
         turn * a - (cosine * a + sine * delta * c),
@@ -97,7 +94,7 @@ def _closed_form(mean, delta, nu, t):
 
 
 @kernel
-def _integral(mean, delta, nu, t):
+def _integral(mean, delta, determinant, nu, t):
     """The same by Gauss's rule."""
     panels = math.ceil((abs(mean) + math.sqrt(abs(delta)) + nu) * abs(t) / PANEL)
     panels = max(panels, 1)
@@ -109,8 +106,8 @@ def _integral(mean, delta, nu, t):
     for panel in range(panels):
         for g in range(16):
             s = (panel + GAUSS_NODES[g]) * width
-            cosine, sine = circular(delta, t - s)
-            weight = GAUSS_WEIGHTS[g] * width * math.exp(mean * (t - s))
+            cosine, sine = damped(mean, delta, determinant, t - s)
+            weight = GAUSS_WEIGHTS[g] * width
             turn = complex(weight * math.cos(nu * s), weight * math.sin(nu * s))
             a += cosine * turn
             c += sine * turn
@@ -160,14 +157,18 @@ def response(flight, nu, t, psi):
         if j < -1:
             _block_integral(m, matrix, i, -j, nu, t, psi)
             continue
-        square = delta[k] if j >= 0 else 0.0
+        square = 0.0
+        determinant = m * m
+        if j >= 0:
+            square = delta[k]
+            determinant = matrix[i, i] * matrix[j, j] - matrix[i, j] * matrix[j, i]
         size = nu * nu + m * m + abs(square)
         shift = complex(-m, nu)
         distance = abs(shift * shift - square)
         if NEAR_RESONANCE * distance <= size or math.sqrt(size) * abs(t) < SHORT:
-            a, c, a_nu, c_nu = _integral(m, square, nu, t)
+            a, c, a_nu, c_nu = _integral(m, square, determinant, nu, t)
         else:
-            a, c, a_nu, c_nu = _closed_form(m, square, nu, t)
+            a, c, a_nu, c_nu = _closed_form(m, square, determinant, nu, t)
         psi[0, i, i] = a.real
         psi[1, i, i] = a.imag
         psi[2, i, i] = a_nu.real

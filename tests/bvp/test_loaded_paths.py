@@ -23,10 +23,11 @@ SYSTEMS = {
     "free": ([[0.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]]),
     "free and damped": ([[0.2, -0.2], [-0.2, 0.2]], [[0.0, 0.0], [0.0, 0.0]]),
 }
+STIFF = [[2e4, 0.0], [0.0, 0.1]], [[1e6, 0.0], [0.0, 1.0]]
 
 
 def problem_of(kind, w, turns=1, force=1.0):
-    damping, stiffness = SYSTEMS[kind]
+    damping, stiffness = STIFF if kind == "stiff and damped" else SYSTEMS[kind]
     parametric = ParametricSystem.from_description(
         {
             "parameters": {"F": force, "w": w},
@@ -41,8 +42,8 @@ def problem_of(kind, w, turns=1, force=1.0):
     return ForcedProblem(parametric, ["a+", "b-"], ["w"], turns=turns)
 
 
-def sampled(problem, y, samples):
-    """The smallest distance from a stop at turning points inside flights, and of the other stops at their ends."""
+def larger_state(problem, y):
+    """The matrix of the state of the system, of 1, and of the loads, and these states (k + 1, E) after each impact."""
     at, n = problem.parameters(y), problem.degrees_of_freedom
     system, layout = problem.parametric.system(at), problem.parametric.layout
     entries, inverse = problem.parametric.entries(at), np.linalg.inv(system.mass)
@@ -56,11 +57,18 @@ def sampled(problem, y, samples):
         i = 2 * n + 1 + 2 * h
         matrix[i, i + 1], matrix[i + 1, i] = -k * at["w"], k * at["w"]
         matrix[n : 2 * n, i], matrix[n : 2 * n, i + 1] = inverse @ cosines[h], inverse @ sines[h]
+    angles = 2.0 * np.pi * problem.turns * problem.nodes(y)[:, 2 * n]
+    loads = [part(k * angles) for k in layout.harmonics for part in (np.cos, np.sin)]
+    return matrix, np.column_stack([problem.nodes(y)[:, : 2 * n], np.ones(len(angles)), *loads])
+
+
+def sampled(problem, y, samples):
+    """The smallest distance from a stop at turning points inside flights, and of the other stops at their ends."""
+    system, n = problem.system, problem.degrees_of_freedom
+    matrix, states = larger_state(problem, y)
     best = np.inf
-    for i, (node, duration) in enumerate(zip(problem.nodes(y), problem.flight_times(y), strict=True)):
-        angle = 2.0 * np.pi * problem.turns * node[2 * n]
-        loads = [part(k * angle) for k in layout.harmonics for part in (np.cos, np.sin)]
-        path = [np.array([*node[: 2 * n], 1.0, *loads])]
+    for i, (state, duration) in enumerate(zip(states, problem.flight_times(y), strict=True)):
+        path = [state]
         ahead = scipy.linalg.expm(matrix * duration / samples)
         for _ in range(samples):
             path.append(ahead @ path[-1])
@@ -69,10 +77,9 @@ def sampled(problem, y, samples):
             for towards, distance in ((1.0, stop.upper - w), (-1.0, w - stop.lower)):
                 if not np.isfinite(distance[0]):
                     continue
-                a, b, c = distance[:-2], distance[1:-1], distance[2:]
-                turns = (b <= a) & (b <= c)
-                if turns.any():
-                    best = min(best, float((b - (a - c) ** 2 / (8.0 * (a - 2.0 * b + c)))[turns].min()))
+                turns = (distance[1:-1] <= distance[:-2]) & (distance[1:-1] < distance[2:])
+                a, b, c = distance[:-2][turns], distance[1:-1][turns], distance[2:][turns]
+                best = min([best, *(b - (a - c) ** 2 / (8.0 * (a - 2.0 * b + c)))])
                 # An impact at another stop can turn the path round.
                 after = problem.nodes(y)[(i + 1) % len(problem.nodes(y)), n : 2 * n] @ stop.gap
                 rates = [towards * (path[-1][n : 2 * n] @ stop.gap), towards * after]
@@ -118,3 +125,14 @@ def test_the_size_of_a_resonant_load_does_not_matter(force):
     """Oracle: dense samples."""
     for w in (1.0, np.sqrt(3.0)):
         require_clearance(problem_of("undamped", w, turns=3, force=force), 0, 4000)
+
+
+@pytest.mark.parametrize(("kind", "w"), [("free and damped", 0.01), ("critical damping", 0.01), ("stiff and damped", 0.3)])
+def test_long_flights_of_strongly_damped_modes_are_exact(kind, w):
+    """Oracle: the matrix exponential. cosh of the rates' difference overflows."""
+    problem = problem_of(kind, w, turns=10)
+    y = problem.pack(np.random.RandomState(0).normal(size=(2, 4)), [0.1, 0.8], [w])
+    matrix, states = larger_state(problem, y)
+    for node, state, duration in zip(problem.nodes(y), states, problem.flight_times(y), strict=True):
+        expected = (scipy.linalg.expm(matrix * duration) @ state)[:4]
+        assert problem.fly(node, duration)[0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
