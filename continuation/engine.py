@@ -375,7 +375,8 @@ def landing(problem: Problem, settings: Settings, goal: Goal, before: Point, aft
         return None
     if float(np.max(np.abs(step.y - target.y))) > near * (1.0 + float(np.max(np.abs(target.y)))):
         return None
-    lengths = float(np.linalg.norm(step.tangent)) * float(np.linalg.norm(target.tangent))
-    if not float(step.tangent @ target.tangent) > _PARALLEL * lengths:
+    # Behind a tangent its curvature can stand, which is not known at every start.
+    one, other = step.tangent[: step.y.size], target.tangent[: step.y.size]
+    if not float(one @ other) > _PARALLEL * float(np.linalg.norm(one)) * float(np.linalg.norm(other)):
         return None  # another branch through the same point
     return found.root, step

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from branches.family import SETTINGS
+from branches.forced_family import ForcedFamily
 from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
 from continuation.problem import EndReason
+from continuation.run import follow_both_ways
 from tests.branches.forced_systems import oscillator, settled
 from tests.branches.test_forced_family import events_of, followed
 from tests.branches.test_forced_parameters import oscillator as with_all_parameters
@@ -72,3 +75,22 @@ def test_parameters_that_the_system_cannot_have_leave_no_trace():
     problem.nodes(wrong)[:, -1] = -1.0
     assert np.isnan(problem.residual(wrong)).any()
     assert np.array_equal(problem.residual(y), before)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.025, 0.005])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_closed_family_is_followed_once(step, direction):
+    """Oracle: the stop's place and the load's amplitude are kept on a circle: the family closes, with folds at its two ends."""
+    system = {"mass": [[1.0]], "damping": [[0.05]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": "s", "restitution": 0.8}]}
+    load = {"load": [1.0], "amplitude": "A", "harmonic": 1}
+    parametric = ParametricSystem.from_description({"parameters": {"A": 1.0, "w": 1.7, "s": 0.1}, "system": system, "forces": [load]})
+    free, y = settled(parametric, ["s"], start=([-1.0], [0.0]))
+    y = free.solve(y).y
+    problem = ForcedProblem(parametric, free.sequence, ["s", "A"], keep=["(s - 0.1)**2 + (A - 1.2)**2 = 0.04"])
+    begun = problem.solve(problem.pack(free.nodes(y)[:, :2], free.nodes(y)[:, 2], [0.1, 1.0])).y
+    settings = replace(SETTINGS, maximum_step=step, initial_step=0.2 * step, maximum_points=4000)
+    run = follow_both_ways(ForcedFamily(problem), begun, settings, direction=direction)
+    assert run.closed and EndReason.CLOSED in [end.reason for end in run.ends]
+    assert sorted(event.point.parameter for event in run.events) == pytest.approx([-0.1, 0.3], abs=1e-12)
+    assert [event.code for event in run.events] == ["SN", "SN"]
+    assert run.points[-1].arclength == pytest.approx(10.8187217, rel=1e-6)  # with all steps
