@@ -70,7 +70,10 @@ def follow_response(
         Where the family cannot be followed.
     """
     family = ForcedFamily(problem, interval, values)
-    begin = start if isinstance(start, Step) else family.begin(problem.solve(np.asarray(start, dtype=float)).y)
+    if isinstance(start, Step):  # it has the test functions of another family
+        begin = family.step(start.y, start.tangent, 0.0)
+    else:
+        begin = family.begin(problem.solve(np.asarray(start, dtype=float)).y)
     beyond = unphysical(problem, begin.extra) if begin.converged else None
     if beyond is not None:
         raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")

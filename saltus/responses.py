@@ -6,6 +6,7 @@ import argparse
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -22,8 +23,10 @@ if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
     from continuation.problem import Step
     from saltus.scene import Scene
+    from transitions.sweep.figure import Curve
+    from transitions.sweep.runs import AlongParameter
 
-__all__ = ["add_arguments", "follow", "is_response_file", "is_wanted", "report_lines", "require_no_loads", "write"]
+__all__ = ["add_arguments", "draw", "follow", "is_response_file", "is_wanted", "over_sweep", "require_no_loads", "show"]
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
 FAILURES = ("MINIMUM_STEP", "NO_START")
@@ -103,6 +106,7 @@ def follow(arguments: argparse.Namespace) -> int:
     branches: list[ForcedBranch] = []
     title = ""
     if source is not None:
+        from branches.tables import plain
         from transitions.response.files import read_responses
 
         if not os.path.exists(source):
@@ -112,7 +116,7 @@ def follow(arguments: argparse.Namespace) -> int:
         if arguments.scene is not None or options.parameters_of(arguments):
             scene = options.scene_of(arguments)
             title = scene.title
-            if _parametric(scene).describe() != parametric.describe():
+            if plain(_parametric(scene).describe()) != plain(parametric.describe()):
                 raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
     else:
         if arguments.start is None:
@@ -153,10 +157,54 @@ def follow(arguments: argparse.Namespace) -> int:
             branches.append(branch)
             bar.line("\n".join(report_lines(branch, len(branches), terminal_width(files.words))), files.words)
             code = max(code, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE)
-    return max(code, write(files, branches, arguments.y, title))
+    return max(code, _write(files, branches, arguments.y, title))
 
 
-def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str) -> int:
+def show(arguments: argparse.Namespace) -> int:
+    """Print what a file of responses has, and draw it; return the exit code."""
+    return draw(arguments, arguments.name, None)
+
+
+def draw(arguments: argparse.Namespace, path: str, y: str | None) -> int:
+    """Print the branches of a file of responses, and write the files that are asked for; return the exit code."""
+    from transitions.response.files import read_responses
+
+    files = outputs.outputs_of(arguments)
+    branches = read_responses(path)
+    if y is not None:
+        _check_column(y, *(branch.problem for branch in branches))
+    for number, branch in enumerate(branches, 1):
+        files.report(report_lines(branch, number, terminal_width(files.words)))
+    return _write(files, branches, y, "")
+
+
+def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: str) -> list[Curve]:
+    """The branches of a file of responses as curves over a sweep of the same system; BadInput for those of another one."""
+    from branches.tables import plain
+    from transitions.response.figure import curves_over
+    from transitions.response.files import read_responses
+
+    branches = read_responses(path)
+    name, wanted = at.name, at.parametric
+    if name != branches[0].name:
+        raise BadInput(f"--over {path} is over {branches[0].name}, expected {name}, the parameter of --in")
+    given = branches[0].problem.parametric
+    described = [plain(system.replaced(wanted.values).describe()) if system.names == wanted.names else None for system in (given, wanted)]
+    same = described[0] == described[1]
+    for branch in branches if same else ():
+        same = same and all(branch.problem.values[key] == wanted.values[key] for key in given.names if key != name)
+    if not same:
+        raise BadInput(f"--over {path} has another system or other parameters than the sweep; expected those of its scene")
+    try:
+        curves = curves_over(branches, y)
+    except ValueError as error:
+        raise BadInput(f"--over: {one_line(error)}") from error
+    low, high = interval
+    inside = [(curve.x >= low) & (curve.x <= high) for curve in curves]
+    return [replace(curve, y=np.where(part, curve.y, np.nan)) for curve, part in zip(curves, inside, strict=True) if part.any()]
+
+
+def _write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str) -> int:
     """Write the files of some branches; return the exit code."""
     from branches.tables import csv_text
     from transitions.response.files import to_record
@@ -202,11 +250,11 @@ def _check_parameter(parametric: ParametricSystem, name: str, interval: tuple[fl
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
 
 
-def _check_column(name: str, problem: ForcedProblem) -> None:
+def _check_column(name: str, *problems: ForcedProblem) -> None:
     from transitions.response.figure import require_column
 
     try:
-        require_column(name, [problem])
+        require_column(name, problems)
     except ValueError as error:
         raise BadInput(f"--y: {error}") from error
 

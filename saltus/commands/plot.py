@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import outputs
+from saltus import outputs, responses
 from saltus.errors import BadInput, nearest
 from saltus.terminal import table_lines, terminal_width
 
@@ -20,7 +20,7 @@ _TABLES = {kind: outputs.KINDS[kind] for kind in ("json", "csv", "npz", "mat")}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("study", metavar="STUDY", help="folder of a study, as saltus study made it")
+    parser.add_argument("study", metavar="STUDY", help="folder of a study, as saltus study made it, or a JSON file of responses")
     outputs.add_arguments(parser, "plot", **{kind: meaning.replace("all data", "the runs") for kind, meaning in _TABLES.items()})
     parser.add_argument(
         "--view", metavar="VIEW", choices=VIEWS,
@@ -31,11 +31,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--best", metavar="NAME", default="nes_share", help="the best run has the largest value of this result (default: nes_share)"
     )
+    parser.add_argument("--y", metavar="COLUMN", help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...")
     parser.add_argument("--over", metavar="X,Y", help="the two parameters of a map (default: the first two that are numbers)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
+    is_response = responses.is_response_file(arguments.study)
+    if arguments.y is not None and not is_response:
+        raise BadInput("--y is a column of responses; expected a JSON file of saltus continue --in NAME")
+    if is_response:
+        return responses.draw(arguments, arguments.study, arguments.y)
     files = outputs.outputs_of(arguments)
     if not files.places:
         raise BadInput("missing: --plot, --json, --csv, --npz or --mat (see saltus plot --help)")

@@ -1,4 +1,4 @@
-"""`saltus show NAME`: one family of a catalogue, with its labels, events, neighbours and stability."""
+"""`saltus show NAME`: one family of a catalogue, with its labels, events, neighbours and stability, or a file of responses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, outputs
+from saltus import catalogues, outputs, responses
 from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
 from saltus.errors import BadInput
 from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
@@ -19,13 +19,15 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, or L11+")
+    parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, L11+, or a JSON file of responses")
     outputs.add_arguments(parser, "json", plot="draw the orbit that the suffix of NAME selects: FILE.png, FILE.pdf or FILE.svg")
     catalogues.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
+    if responses.is_response_file(arguments.name):
+        return responses.show(arguments)
     files = outputs.outputs_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:
         match = catalogue.find(arguments.name)

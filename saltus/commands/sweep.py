@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.texts import listed, shown
-from saltus import compiling, options, outputs, processes
+from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
 from saltus.options import ValueType, finite_list, value_range, whole_above_zero
 from saltus.terminal import ProgressBar, table_lines
@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="start with these displacements, then velocities (default: rest); can be repeated, each start is a sweep",
     )
     parser.add_argument("--y", metavar="WHAT", default="speed", help="measure of the figure: speed (default), max:u1, strobe:u1, ...")
+    parser.add_argument("--over", metavar="RESPONSE", help="draw the branches of this JSON file of saltus continue --in NAME --json on top")
     options.add_shared(parser, "workers", "dask")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     options.add_scene(parser, uses=("ground", "forces"))
@@ -61,6 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput("--in NAME is required: the parameter that changes")
     if arguments.range is None:
         raise BadInput("--range LO:HI is required: the range of the parameter")
+    if arguments.over is not None and arguments.plot is None:
+        raise BadInput("--over draws on the figure; expected --plot FILE")
     if arguments.points < 2:
         raise BadInput(f"--points {arguments.points}: expected 2 at least, the ends of the range")
     scene = options.scene_of(arguments)
@@ -76,6 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     names = measures_of(scene.system.coordinates, _parts(scene))
     if arguments.y not in names:
         raise BadInput(f"--y {shown(arguments.y)}: expected one of {', '.join(names)}{nearest(arguments.y, names)}")
+    over = responses.over_sweep(arguments.over, plan.at, arguments.range, arguments.y) if arguments.over is not None else []
     compiling.prepare("sweep")
     sweeps = len(plan.directions) * max(1, len(plan.starts))
     with ProgressBar(sweeps * plan.points, "values") as bar:
@@ -101,7 +105,8 @@ def run(arguments: argparse.Namespace) -> int:
         rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
         return outputs.json_text({"schema": outputs.SCHEMA, **about, "points": rows})
 
-    figure = "transitions.sweep.figure:sweep_figure", runs, {"parameter": arguments.parameter, "y": arguments.y, "title": scene.title}
+    look = {"parameter": arguments.parameter, "y": arguments.y, "title": scene.title, "curves": over}
+    figure = "transitions.sweep.figure:sweep_figure", runs, look
     texts = {"json": text, "csv": lambda: csv_text(table)}
     described = json.dumps({"schema": outputs.SCHEMA, **about}, allow_nan=False)
     code = files.write(texts, table=lambda: table, about=lambda: described, figure=figure)

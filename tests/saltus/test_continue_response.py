@@ -76,8 +76,8 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
     ends = [event["values"]["w"] for event in (two["branches"][0]["events"][-1], rest["branches"][1]["events"][0])]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
     assert "the response without impacts begins here (nonsmooth fold" in out
-    code, out, err = run(capsys, "continue", "--from", "rest.json:2.GR1")
-    assert code == 0 and "solved over half the period" in out and "w = 0.9873255" in out, err
+    code, out, err = run(capsys, "continue", "--from", "rest.json:2.GR1", "--uz", "1.5")
+    assert code == 0 and "solved over half the period" in out and "w = 0.9873255" in out and "UZ1" in out, err
     code, out, err = run(capsys, "continue", "--from", "two.json:GR1", "--json", "many.json")
     assert code == 0 and "SB1" in events(data("many.json")), err
     code, out, err = run(capsys, "continue", "--from", "many.json:SB", "--json", "broken.json")
@@ -138,3 +138,24 @@ def test_scenes_without_a_response_are_refused(capsys, scene):
     refused(run(capsys, "continue", "S11O00+", "--scene", scene(DAMPED)), "conservative", "damping acts on", "--in NAME")
     unused = ONE_SIDED.replace("[system]", "[parameters]\nzz = 1.0\n[system]")
     refused(run(capsys, *words, "--in", "zz", "--scene", scene(unused)), "zz", "used nowhere")
+
+
+def test_a_file_of_responses_is_shown_drawn_and_laid_over_a_sweep(capsys, folder):
+    """Oracle: the sweep settles on the stable parts of the branch."""
+    words = "--scene", "impact_oscillator", "--set", "s=-0.2"
+    simulated = "--from", "simulate", "--start=-0.66,0", "--in", "s", "--range=-0.4:-0.1"
+    code, _, err = run(capsys, "continue", *words, *simulated, "--json", "a.json")
+    assert code == 0, err
+    code, out, _ = run(capsys, "show", "a.json", "--plot", "b.png")
+    assert code == 0 and out.startswith("branch 1: sequence +; period 1 of the loads") and (folder / "b.png").exists()
+    assert run(capsys, "plot", "a.json", "--y", "phase:1", "--plot", "c.png", "--csv", "c.csv")[0] == 0
+    refused(run(capsys, "plot", "a.json", "--y", "fase:1", "--plot", "c.png"), "unknown column 'fase:1'; nearest: phase:1")
+    refused(run(capsys, "plot", "a.json", "--plot", "a.txt"), "png, pdf or svg")
+    swept = "sweep", "--in", "s", "--range=-0.4:-0.1", "--points", "3", "--start=-0.9,0", "--plot", "d.png", "--over", "a.json"
+    assert run(capsys, *swept, *words)[0] == 0 and (folder / "d.png").exists()
+    refused(run(capsys, *swept, *words, "--set", "r=0.7"), "--over a.json has another system or other parameters")
+    refused(run(capsys, *swept, *words, "--y", "impacts"), "--over: a response has no impacts as a sweep has it")
+    refused(run(capsys, "sweep", *words, "--in", "w", "--range", "2:3", "--plot", "d.png", "--over", "a.json"), "is over s, expected w")
+    refused(run(capsys, "sweep", *words, "--in", "s", "--range=-0.4:-0.1", "--over", "a.json"), "--over draws on the figure")
+    (folder / "e.json").write_text("{}", encoding="utf-8")
+    refused(run(capsys, *swept[:-1], "e.json", *words), "e.json holds no response")

@@ -13,6 +13,7 @@ from bvp.parameters import ParametricSystem
 from saltus.outputs import json_text
 from tests.branches.forced_systems import impact_speed, oscillator
 from tests.branches.test_forced_switching import two_sided
+from transitions.response.figure import curves_over
 from transitions.response.files import named_events, read_responses, to_record
 from transitions.response.measures import column_names, column_of, measures_of, response_table
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
@@ -176,6 +177,19 @@ def test_every_column_can_be_drawn(one_impact):
         column = column_of(one_impact, name)
         assert column.shape[0] == len(one_impact) and column.shape[1] >= 1
     assert np.array_equal(table["max.u1"], column_of(one_impact, "max:u1")[:, 0])
+
+
+def test_curves_over_a_sweep_are_the_columns(one_impact, symmetric):
+    """Oracle: the columns; a half-period orbit has the other half's impacts half a period later."""
+    (curve,) = curves_over([one_impact], "speed")
+    assert np.array_equal(curve.y, one_impact.speeds[:, 0]) and np.array_equal(curve.x, one_impact.parameter)
+    known = one_impact.stable >= 0
+    assert np.array_equal(curve.stable[known], one_impact.stable[known] == 1)
+    first, second = curves_over([symmetric], "phase")
+    both = np.isfinite(first.y) & np.isfinite(second.y)
+    assert np.abs(np.abs(first.y - second.y)[both] - math.pi).max() < 1e-12
+    with pytest.raises(ValueError, match="a response has no period as a sweep has it"):
+        curves_over([one_impact], "period")
 
 
 def test_a_branch_goes_on_in_another_range_and_at_its_events(one_impact):

@@ -13,6 +13,7 @@ from branches.figures import style
 from branches.figures.curves import curve_runs, draw_events
 from bvp.texts import listed
 from transitions.response.measures import column_names, column_of
+from transitions.sweep.figure import Curve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from branches.forced_branch import ForcedBranch
     from bvp.forced import ForcedProblem
 
-__all__ = ["default_column", "require_column", "response_figure"]
+__all__ = ["curves_over", "default_column", "require_column", "response_figure"]
 
 _LINES: dict[int, dict[str, Any]] = {
     1: {"label": "stable", "color": style.BLUE, "linewidth": 1.5, "linestyle": "-"},
@@ -78,7 +79,7 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
         places = []
         for number, (branch, column) in enumerate(zip(branches, columns, strict=True), 1):
             for curve in column.T:
-                curve = _unwrapped(curve, name)
+                curve = with_gaps(curve, name)
                 runs = curve_runs(np.stack([branch.parameter, curve], axis=1), branch.stable)
                 codes |= set(runs)
                 for code, run in runs.items():
@@ -101,11 +102,42 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
     return figure
 
 
-def _unwrapped(curve: np.ndarray, name: str) -> np.ndarray:
-    """A curve of phases with a gap where it jumps by a turn."""
+def with_gaps(curve: np.ndarray, name: str) -> np.ndarray:
+    """A curve of a column; one of phases has a gap where it jumps by a turn."""
     if not name.startswith("phase") or len(curve) < 2:
         return curve
     jumps = np.flatnonzero(np.abs(np.diff(curve)) > math.pi)
     found = curve.copy()
     found[jumps] = math.nan
     return found
+
+
+def curves_over(branches: Sequence[ForcedBranch], y: str) -> list[Curve]:
+    """The branches as curves that are drawn on top of a sweep.
+
+    Parameters
+    ----------
+    branches : sequence of ForcedBranch
+    y : str
+        The measure of the sweep.
+
+    Raises
+    ------
+    ValueError
+        For a measure that a branch does not have.
+    """
+    kind = y.partition(":")[0]
+    if kind not in ("speed", "phase", "work", "max", "strobe", "dissipated"):
+        raise ValueError(f"a response has no {y} as a sweep has it; expected speed, phase, work, max:.., strobe:.. or dissipated:..")
+    curves = []
+    for branch in branches:
+        column = column_of(branch, y)
+        if kind == "phase" and branch.problem.half:
+            column = np.concatenate([column, (column + math.pi) % (2.0 * math.pi)], axis=1)
+        # At an event stability is undecided; there the curve is as it is behind it.
+        known = np.flatnonzero(branch.stable >= 0)
+        stable = branch.stable == 1
+        if len(known):
+            stable = stable[known[np.minimum(np.searchsorted(known, np.arange(len(branch))), len(known) - 1)]]
+        curves += [Curve(branch.parameter, with_gaps(curve, y), stable) for curve in column.T]
+    return curves
