@@ -1,0 +1,128 @@
+"""`python -m benchmarks forced`: a point of a forced family with everything on, compared with one period by scipy's integrator.
+
+A point is predicted, corrected, looked at along all its flights, and has its multipliers and test functions. Shooting needs 2 n + 1 periods
+for one correction alone. Orbits with 2 and 8 impacts are those with one impact, traversed as often: the equations do not know.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+import numpy as np
+
+from benchmarks.measure import timed
+from benchmarks.report import Table, machine, number, show
+from benchmarks.sweeps import RTOL, integrated
+from branches.family import SETTINGS
+from branches.forced_family import ForcedFamily
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from continuation.control import control_of
+from continuation.problem import Goal, Recent
+from saltus.errors import DONE
+from transitions.sweep.settle import settle
+
+__all__ = ["SIZES", "add_arguments", "chain", "one_impact", "points_table", "repeated"]
+
+SIZES = (1, 2, 5)
+"""Degrees of freedom."""
+
+IMPACTS = (1, 2, 8)
+
+TARGETS = {(1, 1): 15.0, (2, 2): 20.0, (5, 8): 100.0}
+"""Microseconds that are aimed at."""
+
+STEP = 1e-3
+"""Length of the steps: short, so that all of a block are on the family."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser."""
+    parser.add_argument("--quick", action="store_true", help="fewer steps and sizes")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    print("\n".join(machine()), flush=True)
+    show(points_table(arguments.quick))
+    return DONE
+
+
+def chain(n: int) -> ParametricSystem:
+    """A damped chain of n masses between two walls, a load on the first one and a stop at the last one."""
+    stiffness = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    ends = np.eye(n)[0].tolist(), np.eye(n)[-1].tolist()
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"F": 1.0, "w": 0.8 * math.sqrt(2.0 - 2.0 * math.cos(math.pi / (n + 1)))},
+            "system": {
+                "mass": np.eye(n).tolist(),
+                "damping": (0.1 * np.eye(n) + 0.02 * stiffness).tolist(),
+                "stiffness": stiffness.tolist(),
+                "stops": [{"c": ends[1], "upper": 0.6, "restitution": 0.6}],
+            },
+            "forces": [{"load": ends[0], "amplitude": "F", "harmonic": 1}],
+        }
+    )
+
+
+def one_impact(parametric: ParametricSystem) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in w of the motion that the system settles on, and its solution."""
+    found = settle(parametric.system(), parametric.forces())
+    problem = ForcedProblem(parametric, found.stops, ["w"], turns=found.period)
+    fractions = (found.impacts.times / found.period_of_loads + found.impacts.periods) / found.period
+    y = problem.pack(found.impacts.after, fractions, [parametric.values["w"]])
+    return problem, problem.solve(y).y
+
+
+def repeated(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit, traversed so often, as a solution of its own problem."""
+    wide = ForcedProblem(problem.parametric, problem.sequence * times, problem.released, turns=problem.turns * times)
+    size = 2 * problem.degrees_of_freedom
+    nodes = np.tile(problem.nodes(y), (times, 1))
+    fractions = (nodes[:, size] + np.repeat(np.arange(times), problem.inner + 1)) / times
+    return wide, wide.solve(wide.pack(nodes[:, :size], fractions, [y[size + 1]])).y
+
+
+def points_table(quick: bool) -> Table:
+    """Microseconds a point, with the error of the orbit."""
+    rows = []
+    for n in SIZES[: 2 if quick else None]:
+        problem, y = one_impact(chain(n))
+        for impacts in IMPACTS[: 2 if quick else None]:
+            if impacts % len(problem.sequence) == 0:
+                rows.append(_row(*repeated(problem, y, impacts // len(problem.sequence)), 20 if quick else 200))
+    return Table(
+        "Points of forced families",
+        ("n", "impacts", "us a point", "aim", "error", "ms a period, solve_ivp", "its error", "ratio"),
+        rows,
+        (f"Least of five blocks of steps. Error: the residual, and for DOP853 the change of the state over a period; atol = rtol = {RTOL:g} there.",),
+    )
+
+
+def _row(problem: ForcedProblem, y: np.ndarray, steps: int) -> tuple[str, ...]:
+    family = ForcedFamily(problem)
+    begin = family.begin(y)
+    unknown = [math.nan] * len(begin.tests)
+    control = control_of(SETTINGS)._replace(longest=STEP)
+    assert family.advance is not None
+
+    def block() -> int:
+        return len(family.advance(Recent(begin, begin.tests, unknown, unknown), STEP, Goal(begin), steps, control).steps)  # type: ignore[misc]
+
+    taken = block()
+    seconds = min(timed(block)[1] for _ in range(5)) / taken
+    n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
+    # From phase 0 on: the integrator knows no other start.
+    node = problem.nodes(begin.y)[-1]
+    state, _ = problem.fly(node, (1.0 - float(node[size])) * problem.period(begin.y))
+    at = problem.parameters(begin.y)
+    system, forces = problem.parametric.system(at), problem.parametric.forces(at)
+    (_, end), other = timed(integrated, system, forces, state, problem.period(begin.y))
+    ours = float(np.abs(problem.residual(begin.y)).max())
+    aim = TARGETS.get((n, len(problem.sequence)))
+    return (
+        str(n), str(len(problem.sequence)), f"{1e6 * seconds:.1f}", "" if aim is None else f"{aim:g}", number(ours),
+        f"{1e3 * other:.1f}", number(float(np.abs(end - state).max())), f"{other / seconds:.0f}",
+    )  # fmt: skip
