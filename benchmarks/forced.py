@@ -97,7 +97,7 @@ def points_table(quick: bool) -> Table:
         "Points of forced families",
         ("n", "impacts", "us a point", "aim", "error", "ms a period, solve_ivp", "its error", "ratio"),
         rows,
-        (f"Least of five blocks of steps. Error: the residual, and for DOP853 the change of the state over a period; atol = rtol = {RTOL:g} there.",),
+        (f"Least of five blocks of steps. Error: the residual; of DOP853, at {RTOL:g}, the change of the state over a period.",),
     )
 
 

@@ -115,7 +115,9 @@ class ForcedProblem:
                 side[i] = modes.contacts.side[contact]
                 bounds = layout.upper if side[i] > 0.0 else layout.lower
                 entries[i] = bounds.start + stop, layout.restitution.start + stop
-        harmonics = np.array([0.0, *layout.harmonics])
+        constant = range(layout.size)[layout.constant]
+        loaded = np.any(parametric.entries(self.values)[layout.constant]) or any(row in constant for row in found.rows.tolist())
+        harmonics = np.array([*([0.0] if loaded else []), *layout.harmonics], dtype=float)
         forces, slopes = np.zeros((2, len(harmonics), n)), np.zeros((2, count, len(harmonics), n))
         blocks = 2 * n if varies else len(modes.flight.pairs)
         free = Flight(np.zeros((blocks, 2), dtype=np.int64), np.zeros(blocks), np.zeros(blocks), np.zeros((2 * n, 2 * n)))

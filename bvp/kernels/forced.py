@@ -97,14 +97,15 @@ def refresh(segment, node):
     loads.clock[0] = entries[released.frequency]
     for j in range(count):
         loads.clock[1 + j] = slopes[j, released.frequency]
+    constants = 1 if loads.harmonics.shape[0] > 0 and loads.harmonics[0] == 0.0 else 0
     for h in range(loads.harmonics.shape[0]):
         for i in range(n):
-            first = places[1] + i if h == 0 else places[2] + (h - 1) * n + i
+            first = places[1] + i if h < constants else places[2] + (h - constants) * n + i
             loads.cosine[h, i] = entries[first]
             for j in range(count):
                 loads.cosine_slope[j, h, i] = slopes[j, first]
-            if h > 0:
-                other = places[3] + (h - 1) * n + i
+            if h >= constants:
+                other = places[3] + (h - constants) * n + i
                 loads.sine[h, i] = entries[other]
                 for j in range(count):
                     loads.sine_slope[j, h, i] = slopes[j, other]

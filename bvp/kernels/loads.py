@@ -202,6 +202,15 @@ def multiply(matrix, vector, out):
 
 
 @inlined
+def is_loaded(force):
+    """Whether a force is not zero."""
+    for i in range(force.shape[0]):
+        if force[i] != 0.0:
+            return True
+    return False
+
+
+@inlined
 def _add_response(pairs, psi, real, imaginary, cosine, sine, factor, lines, out, turned, turned_factor):
     """out += factor Re[R], turned += turned_factor Re[i R], R = Psi (real - i imaginary) (cosine + i sine). psi: its two parts.
     lines (4, 2 n): scratch."""
@@ -262,6 +271,36 @@ def _add_change(flight, z, t):
 
 
 @inlined
+def add_row(factor, row, out):
+    """out += factor row, as far as the row goes."""
+    for c in range(row.shape[0]):
+        out[c] += factor * row[c]
+
+
+@inlined
+def _compose(pairs, leave, flow, enter, inner_product, out):
+    """out[: 2 n, : 2 n] += leave flow enter, row by row; inner_product (2 n, 2 n): scratch. Half of `leave` is often zero."""
+    size = enter.shape[0]
+    set_2(inner_product, 0.0)
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            for c in range(size):
+                inner_product[i, c] = flow[i, i] * enter[i, c] + flow[i, j] * enter[j, c]
+                inner_product[j, c] = flow[j, i] * enter[i, c] + flow[j, j] * enter[j, c]
+        else:
+            for r in range(i, i - j):
+                set_1(inner_product[r], 0.0)
+                for q in range(i, i - j):
+                    add_row(flow[r, q], enter[q], inner_product[r])
+    for r in range(size):
+        for k in range(size):
+            if leave[r, k] != 0.0:
+                add_row(leave[r, k], inner_product[k], out[r])
+
+
+@inlined
 def loaded_flight(flight, z, t, out, jacobian):
     """out (N,) = the node z after a flight of duration t, before any impact; jacobian (N, N): its derivative by z."""
     free, enter, leave, loads, change, drive_change, psi, lines, flow, columns = flight
@@ -293,6 +332,8 @@ def loaded_flight(flight, z, t, out, jacobian):
             if rate != 0.0:
                 _add_response(free.pairs, psi[2:], lines[6], lines[7], cosine, sine, rate, lines, columns[j], q, 0.0)
         for j in range(parameters):
+            if not (is_loaded(loads.cosine_slope[j, h]) or is_loaded(loads.sine_slope[j, h])):
+                continue
             multiply(loads.drive, loads.cosine_slope[j, h], lines[6])
             multiply(loads.drive, loads.sine_slope[j, h], lines[7])
             _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, columns[j], q, 0.0)
@@ -310,13 +351,7 @@ def loaded_flight(flight, z, t, out, jacobian):
         multiply(leave, columns[j], lines[0])
         for r in range(size):
             jacobian[r, size + 1 + j] = lines[0, r]
-    for c in range(size):
-        for r in range(size):
-            lines[0, r] = enter[r, c]
-        block_product(free.pairs, flow, lines[0], lines[1])
-        multiply(leave, lines[1], lines[2])
-        for r in range(size):
-            jacobian[r, c] = lines[2, r]
+    _compose(free.pairs, leave, flow, enter, psi[0], jacobian)
     out[size] = z[size] + t * w / turns
     jacobian[size, size] = 1.0
     for j in range(parameters):
