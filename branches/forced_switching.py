@@ -13,12 +13,16 @@ import numpy as np
 
 from branches.first_orbits import across_null_space, first_orbits
 from branches.forced_family import ForcedFamily
+from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
 __all__ = ["GrazingNeighbour", "beside_grazing", "exchanged", "full_period", "later", "leaving", "twice"]
+
+_SAME = 1e-6
+"""Largest change, beside the largest unknown, that makes one symmetric orbit of half a period."""
 
 _SHORT = 1e-3
 """Arclength of the first step away from a grazing."""
@@ -124,9 +128,11 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         A direction along the family that ends, away from the grazing.
     """
     y = solution.y
+    # A single impact that vanishes is the largest one of its orbit, too: the units are those of arclength.
+    reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
     sizes = {
-        _with_touch: solution["clearance"],
-        _without: solution["speed"] / problem.speed(solution),
+        _with_touch: solution["clearance"] / reach,
+        _without: solution["speed"] / fast,
         exchanged: solution["flight"] / problem.duration(solution),
     }
     neighbour, start = min(sizes, key=lambda make: abs(sizes[make]))(problem, solution)
@@ -141,7 +147,33 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
             step = family.step(turned.y, turned.tangent, _SHORT)
             if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
                 found.append(GrazingNeighbour(neighbour, step, bool(np.sign(step.y[at] - y[at]) != side)))
-    return found
+    symmetric = None if problem.half else _half_of(problem, y)
+    return found if symmetric is None else found + beside_grazing(*symmetric, inwards)
+
+
+def _half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
+    """A symmetric orbit as one of half its period; None where the orbit is not symmetric. Impacts appear and vanish there in pairs."""
+    count, odd = divmod(len(problem.sequence), 2)
+    if odd:
+        return None
+    try:
+        half = ForcedProblem(
+            problem.parametric,
+            problem.sequence[:count],
+            problem.released,
+            turns=problem.turns,
+            half=True,
+            values=problem.parameters(y),
+            keep=problem.keep,
+        )
+    except EndsError:
+        return None
+    nodes, size = problem.nodes(y)[: max(count, 1)], 2 * problem.degrees_of_freedom
+    begun = half.pack(nodes[:, :size], nodes[:, size], nodes[0, size + 1 :])
+    if count and problem.sequence != full_period(half, begun)[0].sequence:
+        return None
+    solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)
+    return None if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max() else (half, solution)
 
 
 def _with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:

@@ -9,13 +9,17 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced_family import ForcedFamily
+from branches.forced_switching import beside_grazing, full_period
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
+from bvp.simulate import simulate
 from continuation.problem import EndReason
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import oscillator, settled
 from tests.branches.test_forced_family import events_of, followed
+from tests.branches.test_forced_chains import require_motion
 from tests.branches.test_forced_parameters import oscillator as with_all_parameters
+from tests.branches.test_forced_switching import two_sided
 
 
 @pytest.mark.parametrize("start", [0.1, 0.0, -0.1])
@@ -94,3 +98,73 @@ def test_a_closed_family_is_followed_once(step, direction):
     assert sorted(event.point.parameter for event in run.events) == pytest.approx([-0.1, 0.3], abs=1e-12)
     assert [event.code for event in run.events] == ["SN", "SN"]
     assert run.points[-1].arclength == pytest.approx(10.8187217, rel=1e-6)  # with all steps
+
+
+def test_a_neimark_sacker_bifurcation_leads_to_a_torus():
+    """Oracle: the multipliers, the full period, whose angle is twice that of the half, and the simulation: beside the orbit the motion comes
+    back to it on one side of the bifurcation, and on the other side it settles on a closed curve of stroboscopic states."""
+    parametric = ParametricSystem.from_description(
+        {
+            "parameters": {"A": 0.4245, "w": 1.0568},
+            "system": {
+                "mass": [[1.0, 0.0], [0.0, 0.0732]],
+                "damping": [[0.0304, -0.0104], [-0.0104, 0.0104]],
+                "stiffness": [[1.1322, -0.1322], [-0.1322, 0.1322]],
+                "stops": [{"c": [-1.0, 1.0], "upper": 0.495, "lower": -0.495, "restitution": 0.5134}],
+            },
+            "forces": [{"load": [1.0, 0.0], "amplitude": "A", "harmonic": 1}],
+        }
+    )
+    problem, y = settled(parametric, ["w"], half=True)
+    run = followed(problem, y, (0.9, 1.3))
+    event, *_ = events_of(run, "NS")
+    found = problem.multipliers(event.point.y)
+    assert np.abs(found[:2]) == pytest.approx(1.0, abs=1e-9)
+    assert abs(np.angle(found[0])) == pytest.approx(event.details["angle"], abs=1e-9)
+    wide, repeated = full_period(problem, event.point.y)
+    (same,) = (
+        other for other in events_of(followed(wide, repeated, (0.9, 1.3)), "NS")
+        if abs(other.point.parameter - event.point.parameter) < 1e-9
+    )  # fmt: skip
+    assert same.details["angle"] == pytest.approx(2.0 * event.details["angle"], abs=1e-7)
+    distances = {}
+    for side in (-1.0, 1.0):
+        w = event.point.parameter + side * 0.001
+        points = list(run.points)[: events_of(run, "SN")[0].index]
+        y = min((point.step for point in points), key=lambda step: abs(step.parameter - w)).y
+        wide, repeated = full_period(problem, y)
+        last = wide.nodes(repeated)[-1]
+        assert 0.0 < last[4] < 1.0
+        state = wide.fly(last, (1.0 - last[4]) * wide.period(repeated))[0]  # at phase 0
+        at = wide.parameters(repeated)
+        forces, duration = parametric.forces(at), 3000 * wide.period(repeated)
+        motion = simulate(parametric.system(at), state[:2], 1.001 * state[2:], duration, forces=forces)
+        distances[np.abs(problem.multipliers(y)).max() > 1.0] = np.abs(motion.final - state).max()
+    assert distances[False] < 1e-8 and 1e-3 < distances[True] < 1.0
+
+
+def neighbours(problem, run, event):
+    inside = min((point for point in run.points if point.index != event.index), key=lambda point: abs(point.index - event.index))
+    return beside_grazing(problem, event.point.extra, inside.step.y - event.point.y)
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_symmetric_pairs_vanish_and_appear_at_a_grazing(half):
+    """Oracle: with one impact at each stop that vanish together, the neighbour is the response without impacts; from there, the grazing
+    leads back to the pair. Simulation repeats it."""
+    problem, y = settled(two_sided(A=0.3, w=1.0), ["w"], half=half)
+    run = followed(problem, y, (0.3, 3.0))
+    events = events_of(run, "GR")
+    assert len(events) == 2
+    for event in events:
+        assert "vanishes" in event.details["note"]
+        *others, found = neighbours(problem, run, event)
+        for other in others:  # of two impacts one can remain
+            assert not half and len(other.problem.sequence) == 1
+            require_motion(other.problem, other.step.y)
+        assert found.problem.half and found.problem.sequence == ()
+        smooth = followed(found.problem, found.step.y, (0.3, 3.0))
+        grazing = min(events_of(smooth, "GR"), key=lambda other: abs(other.point.parameter - event.point.parameter))
+        assert grazing.point.parameter == pytest.approx(event.point.parameter, abs=1e-9)
+        (back,) = neighbours(found.problem, smooth, grazing)
+        require_motion(*full_period(back.problem, back.step.y))
