@@ -16,8 +16,8 @@ from bvp.simulate import simulate
 from continuation.problem import EndReason
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import oscillator, settled
-from tests.branches.test_forced_family import events_of, followed
 from tests.branches.test_forced_chains import require_motion
+from tests.branches.test_forced_family import events_of, followed
 from tests.branches.test_forced_parameters import oscillator as with_all_parameters
 from tests.branches.test_forced_switching import two_sided
 
@@ -102,7 +102,7 @@ def test_a_closed_family_is_followed_once(step, direction):
 
 def test_a_neimark_sacker_bifurcation_leads_to_a_torus():
     """Oracle: the multipliers, the full period, whose angle is twice that of the half, and the simulation: beside the orbit the motion comes
-    back to it on one side of the bifurcation, and on the other side it settles on a closed curve of stroboscopic states."""
+    back to it on one side of the bifurcation; on the other side it settles on a closed curve of stroboscopic states."""
     parametric = ParametricSystem.from_description(
         {
             "parameters": {"A": 0.4245, "w": 1.0568},
