@@ -101,7 +101,7 @@ def test_a_closed_family_is_followed_once(step, direction):
 
 
 def test_a_neimark_sacker_bifurcation_leads_to_a_torus():
-    """Oracle: the multipliers, the full period, whose angle is twice that of the half, and the simulation: beside the orbit the motion comes
+    """Oracle: the multipliers, the full period, with twice the angle, and the simulation: beside the orbit the motion comes
     back to it on one side of the bifurcation; on the other side it settles on a closed curve of stroboscopic states."""
     parametric = ParametricSystem.from_description(
         {
