@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["add_arguments", "draw", "follow", "is_response_file", "is_wanted", "over_sweep", "require_no_loads", "show"]
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
+MOST_BRANCHES = 50
 FAILURES = ("MINIMUM_STEP", "NO_START")
 _OTHERS = ("name", "energy", "stop_at", "save", "catalogue")
 """Options of families in the energy."""
@@ -143,11 +145,13 @@ def follow(arguments: argparse.Namespace) -> int:
     else:
         starts = [_from_simulation(arguments, parametric, name, files.report)]
 
-    from branches.forced_tracing import follow_response
+    from branches.forced_tracing import follow_response, switch_response
 
     code = DONE
+    waiting = deque(starts)
     with ProgressBar(arguments.points) as bar:
-        for problem, start, both in starts:
+        while waiting:
+            problem, start, both = waiting.popleft()
             if arguments.y is not None and not branches:
                 _check_column(arguments.y, problem)
             if isinstance(start, np.ndarray) and any(_covers(branch, problem, start) for branch in branches):
@@ -157,6 +161,10 @@ def follow(arguments: argparse.Namespace) -> int:
             branches.append(branch)
             bar.line("\n".join(report_lines(branch, len(branches), terminal_width(files.words))), files.words)
             code = max(code, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE)
+            # Where impacts exchange their order the family goes on as the next branch.
+            exchanges = [event for event in branch.events if event.type == "LB"]
+            if len(branches) < MOST_BRANCHES:
+                waiting.extend((*onward, False) for event in exchanges for onward in switch_response(branch, event))
     return max(code, _write(files, branches, arguments.y, title))
 
 

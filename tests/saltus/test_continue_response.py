@@ -2,7 +2,9 @@
 
 import csv
 import json
+import math
 
+import numpy as np
 import pytest
 
 from tests.saltus.running import refused, run
@@ -159,3 +161,25 @@ def test_a_file_of_responses_is_shown_drawn_and_laid_over_a_sweep(capsys, folder
     refused(run(capsys, "sweep", *words, "--in", "s", "--range=-0.4:-0.1", "--over", "a.json"), "--over draws on the figure")
     (folder / "e.json").write_text("{}", encoding="utf-8")
     refused(run(capsys, *swept[:-1], "e.json", *words), "e.json holds no response")
+
+
+def test_a_family_goes_on_where_impacts_exchange_their_order(capsys):
+    """Oracle: behind the exchange a simulation settles on the family's orbit, with the impacts in the other order."""
+    words = "continue", "--scene", "forced_chain", "--from", "simulate", "--in", "w", "--range", "0.5:0.7"
+    code, _, err = run(capsys, *words, "--uz", "0.68", "--json", "a.json")
+    assert code == 0, err
+    first, second = data("a.json")["branches"][:2]
+    assert first["events"][-1]["type"] == "LB" and (first["sequence"], second["sequence"]) == ("a+b+", "b+a+")
+    before, behind = first["points"][-1], second["points"][0]
+    assert before["w"] < behind["w"] < before["w"] + 0.01
+    assert np.ptp(before["phase"]) < 1e-7 < np.ptp(behind["phase"])
+    marked = next(event["point"] for event in second["events"] if event["type"] == "UZ")
+    *state, fraction, _ = second["points"][marked]["unknowns"][:8]  # others attract, too
+    start = f"--start={','.join(map(repr, state))}", "--phase", 2.0 * math.pi * fraction
+    code, _, err = run(capsys, *words, "--set", "w=0.68", *start, "--points", "3", "--json", "b.json")
+    assert code == 0, err
+    (branch,) = data("b.json")["branches"]
+    settled, followed = branch["points"][branch["start"]], second["points"][marked]
+    assert settled["stable"] and followed["stable"]
+    assert settled["max.x1"] == pytest.approx(followed["max.x1"], rel=1e-9)
+    assert settled["speed"] == pytest.approx(followed["speed"], rel=1e-9)
