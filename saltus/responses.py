@@ -303,7 +303,9 @@ def _covers(branch: ForcedBranch, problem: ForcedProblem, start: np.ndarray) -> 
     """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
     value = problem.parameters(start)[branch.name]
     same = not branch.problem.sequence and not problem.sequence
-    return same and bool(branch.parameter.min() <= value <= branch.parameter.max())
+    low, high = branch.parameter.min(), branch.parameter.max()
+    slack = 1e-9 * (high - low)  # an end is located to rounding
+    return same and bool(low - slack <= value <= high + slack)
 
 
 def _from_simulation(

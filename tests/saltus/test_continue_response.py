@@ -101,6 +101,15 @@ def test_an_undamped_resonance_is_unbounded(capsys):
     assert "sequence + begins here" in out
 
 
+def test_a_response_that_grazes_at_the_start_is_followed_once(capsys):
+    """Oracle: COCO's oscillator grazes at A = 0.1 exactly, the scene's value; both families are on the lower side."""
+    words = "continue", "--scene", "damped_impact_oscillator", "--from", "rest", "--in", "A", "--range", "0.05:0.2"
+    code, out, err = run(capsys, *words, "--json", "a.json")
+    assert code == 0 and "sequence + begins here (nonsmooth fold" in out, err
+    (branch,) = data("a.json")["branches"]
+    assert branch["events"][-1]["type"] == "GR" and branch["events"][-1]["values"]["A"] == pytest.approx(0.1, abs=1e-12)
+
+
 def test_what_is_no_orbit_ends_with_1(capsys):
     code, out, err = run(capsys, "continue", "--scene", "impact_oscillator", "--from", "simulate", "--in", "s", "--range", "-1:1")
     assert code == 1 and out == "" and err.startswith("saltus: chaotic motion")
