@@ -15,7 +15,7 @@ from benchmarks.measure import timed
 from benchmarks.report import Table, machine, number, show
 from benchmarks.sweeps import RTOL, integrated
 from branches.family import SETTINGS
-from branches.forced_family import ForcedFamily
+from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.control import control_of

@@ -18,7 +18,7 @@ from saltus.errors import DONE, FAILED, BadInput, nearest, one_line
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
-    from branches.forced_branch import ForcedBranch, ForcedEvent
+    from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.tables import Table
     from bvp.forced import ForcedProblem
     from bvp.parameters import ParametricSystem
@@ -145,7 +145,7 @@ def follow(arguments: argparse.Namespace) -> int:
     else:
         starts = [_from_simulation(arguments, parametric, name, files.report)]
 
-    from branches.forced_tracing import follow_response, switch_response
+    from branches.forced.tracing import follow_response, switch_response
 
     code = DONE
     waiting = deque(starts)
@@ -336,7 +336,7 @@ def _from_file(
     branches: Sequence[ForcedBranch], source: str, event: str | None, name: str, interval: tuple[float, float]
 ) -> list[Start]:
     """The branch of a file in another range or parameter, or the families that begin at an event."""
-    from branches.forced_tracing import point_inside, switch_response
+    from branches.forced.tracing import point_inside, switch_response
     from bvp.forced import ForcedProblem
     from transitions.response.files import named_events
 
@@ -367,7 +367,7 @@ def _from_file(
 
 def report_lines(branch: ForcedBranch, number: int, width: int | None = None) -> list[str]:
     """What is printed of a branch: its sequence and stability, its events, and its ends."""
-    from branches.forced_branch import sequence_text
+    from branches.forced.branch import sequence_text
 
     name, problem = branch.name, branch.problem
     span = f"{name} = {branch.parameter.min():.10g} to {branch.parameter.max():.10g}"

@@ -227,9 +227,7 @@ def _add_response(pairs, psi, real, imaginary, cosine, sine, factor, lines, out,
 
 @kernel
 def _add_change(flight, z, t):
-    """columns += the change of the flight's end where parameters change masses, dampers and springs, by Gauss's rule:
-
-    equation (40)."""
+    """columns += the change of the flight's end where parameters change masses, dampers and springs: equation (40), by Gauss's rule."""
     free, enter, _, loads, change, _, psi, lines, flow, columns = flight
     size = enter.shape[0]
     turns = 2.0 * math.pi * loads.turns

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from branches.family import SETTINGS
-from branches.forced_family import ForcedFamily
+from branches.forced.family import ForcedFamily
 from bvp.forcing import Harmonic
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from branches.family import SETTINGS
-from branches.forced_family import ForcedFamily
+from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from branches.family import SETTINGS
-from branches.forced_family import ForcedFamily
-from branches.forced_switching import beside_grazing, full_period, leaving, twice
+from branches.forced.family import ForcedFamily
+from branches.forced.switching import beside_grazing, full_period, leaving, twice
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways

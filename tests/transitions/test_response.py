@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from branches.forced_tracing import follow_response, point_inside, switch_response
+from branches.forced.tracing import follow_response, point_inside, switch_response
 from branches.reading import RecordError
 from bvp.parameters import ParametricSystem
 from saltus.outputs import json_text

@@ -18,7 +18,7 @@ from transitions.sweep.figure import Curve
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from branches.forced_branch import ForcedBranch
+    from branches.forced.branch import ForcedBranch
     from bvp.forced import ForcedProblem
 
 __all__ = ["curves_over", "default_column", "require_column", "response_figure"]

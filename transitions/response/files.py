@@ -10,7 +10,7 @@ import numpy as np
 
 from branches.events import Ended
 from branches.files import one_line
-from branches.forced_branch import ForcedBranch, ForcedEvent
+from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.reading import RecordError, check_pattern, load_json
 from branches.tables import plain, plain_columns
 from bvp.forced import ForcedProblem

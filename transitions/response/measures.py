@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.forced_branch import ForcedBranch
+from branches.forced.branch import ForcedBranch
 from bvp.simulate import parts_of, simulate
 from transitions.record import extents
 

@@ -13,9 +13,9 @@ import numpy as np
 from branches.admissible import unphysical
 from branches.events import Ended
 from branches.family import SETTINGS
-from branches.forced_branch import ForcedBranch, ForcedEvent
-from branches.forced_family import ForcedFamily
-from branches.forced_switching import GrazingNeighbour, beside_grazing, leaving
+from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.family import ForcedFamily
+from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
 from continuation.problem import EndReason, Event, Point, Step

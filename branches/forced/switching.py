@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.first_orbits import across_null_space, first_orbits
-from branches.forced_family import ForcedFamily
+from branches.forced.family import ForcedFamily
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
