@@ -52,6 +52,7 @@ def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, t
 
     Examples
     --------
+    >>> from bvp.multipoint import MultipointProblem
     >>> from bvp.system import vibro_impact_nes
     >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
     >>> start = problem.modes.from_state @ [0.0, 0.0, 4.6, 8.3]

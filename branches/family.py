@@ -77,8 +77,6 @@ class Family(SolvedFamily):
         Takes blocks of steps.
     """
 
-    _advance_block = staticmethod(advance_block)
-
     def __init__(
         self,
         problem: MultipointProblem,
@@ -149,6 +147,10 @@ class Family(SolvedFamily):
             entry = function.entry(problem._packed, one, two, self._work, one, one, one)
             _GENERAL[problem.periodic] = function, entry.address
         return _GENERAL[problem.periodic]
+
+    def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
+        found: tuple[int, int, float] = advance_block(*arguments)
+        return found
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:

@@ -64,10 +64,12 @@ class SolvedFamily:
 
     problem: Any
     tests: tuple[TestFunction, ...]
-    _advance_block: Any
-    """The kernel that takes a block of steps."""
     _computed: int
     """How many test functions it computes; those that are watched come first."""
+
+    def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
+        """`branches.kernels.advance`, compiled for this kind of problem."""
+        raise NotImplementedError
 
     @property
     def _watched(self) -> WatchedTests:

@@ -52,7 +52,6 @@ class ForcedFamily(SolvedFamily):
     """
 
     problem: ForcedProblem
-    _advance_block = staticmethod(advance_forced_block)
 
     def __init__(self, problem: ForcedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()):
         self.problem = problem
@@ -92,6 +91,10 @@ class ForcedFamily(SolvedFamily):
         singular = np.array([test.singular for test in self.tests])
         address = forced_tests.entry(*arguments).address
         return WatchedTests(np.array(kinds_of(self.tests)), singular, self._work.limits, targets, address, self._work)
+
+    def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
+        found: tuple[int, int, float] = advance_forced_block(*arguments)
+        return found
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None or not is_orbit(solution.result):
