@@ -69,8 +69,9 @@ def chain(n: int) -> ParametricSystem:
 
 def one_impact(parametric: ParametricSystem) -> tuple[ForcedProblem, np.ndarray]:
     """The problem in w of the motion that the system settles on, and its solution."""
-    found = settle(parametric.system(), parametric.forces())
-    problem = ForcedProblem(parametric, found.stops, ["w"], turns=found.period)
+    system = parametric.system()
+    found = settle(system, parametric.forces(), [0.1] * system.degrees_of_freedom)
+    problem = ForcedProblem(parametric, found.stops, ["w"], load_periods=found.period)
     fractions = (found.impacts.times / found.period_of_loads + found.impacts.periods) / found.period
     y = problem.pack(found.impacts.after, fractions, [parametric.values["w"]])
     return problem, problem.solve(y).y
@@ -78,7 +79,7 @@ def one_impact(parametric: ParametricSystem) -> tuple[ForcedProblem, np.ndarray]
 
 def repeated(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit, traversed so often, as a solution of its own problem."""
-    wide = ForcedProblem(problem.parametric, problem.sequence * times, problem.released, turns=problem.turns * times)
+    wide = ForcedProblem(problem.parametric, problem.sequence * times, problem.released, load_periods=problem.load_periods * times)
     size = 2 * problem.degrees_of_freedom
     nodes = np.tile(problem.nodes(y), (times, 1))
     fractions = (nodes[:, size] + np.repeat(np.arange(times), problem.inner + 1)) / times

@@ -47,7 +47,7 @@ class ForcedProblem:
         Contact letters of the impacts in order of time: of the full period, or of half of it. Empty: the response without impacts.
     released : sequence of str
         Names of the parameters that vary along the family.
-    turns : int
+    load_periods : int
         p, the number of periods of the base frequency in one of the orbit. Without harmonic loads the period is free.
     half : bool
         Solve half a period of an orbit with x(t + T/2) = -x(t).
@@ -74,7 +74,7 @@ class ForcedProblem:
         sequence: Sequence[str],
         released: Sequence[str],
         *,
-        turns: int = 1,
+        load_periods: int = 1,
         half: bool = False,
         values: Mapping[str, float] | None = None,
         keep: Sequence[str] = (),
@@ -84,14 +84,14 @@ class ForcedProblem:
         self.system = system = parametric.system(self.values)
         self.sequence = tuple(sequence)
         self.released = tuple(released)
-        self.turns, self.half = turns, half
+        self.load_periods, self.half = load_periods, half
         layout = parametric.layout
         self.has_clock = bool(layout.harmonics)
         if not self.has_clock and (not self.sequence or system.is_conservative):
             missing = "damping, restitution below 1 or a harmonic load" if self.sequence else "an impact"
             raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
         if half:
-            self._refuse_half(turns)
+            self._refuse_half(load_periods)
         self.degrees_of_freedom = n = system.degrees_of_freedom
         found = parametric.program(self.released)
         varies = len(found.rows) > 0 and int(found.rows[0]) < layout.stiffness.stop
@@ -121,7 +121,7 @@ class ForcedProblem:
         forces, slopes = np.zeros((2, len(harmonics), n)), np.zeros((2, count, len(harmonics), n))
         blocks = 2 * n if varies else len(modes.flight.pairs)
         free = Flight(np.zeros((blocks, 2), dtype=np.int64), np.zeros(blocks), np.zeros(blocks), np.zeros((2 * n, 2 * n)))
-        loads = Loads(np.zeros((2 * n, n)), harmonics, forces[0], forces[1], slopes[0], slopes[1], np.zeros(1 + count), float(turns))
+        loads = Loads(np.zeros((2 * n, n)), harmonics, forces[0], forces[1], slopes[0], slopes[1], np.zeros(1 + count), float(load_periods))
         square = (2 * n, 2 * n)
         flight = LoadedFlight(
             free, np.zeros(square), np.zeros(square), loads, np.zeros((changes, *square)), np.zeros((changes, 2 * n, n)),
@@ -159,6 +159,11 @@ class ForcedProblem:
         self._factor = make_factor(self.segment)
         self._zero = np.zeros(2 * self.unknowns)
         self._nothing = np.zeros(1)
+
+    def sibling(self, sequence: Sequence[str], **changes: Any) -> ForcedProblem:
+        """The problem with another sequence. changes: keywords of the constructor that differ."""
+        options = {"load_periods": self.load_periods, "half": self.half, "values": self.values, "keep": self.keep, **changes}
+        return ForcedProblem(self.parametric, sequence, self.released, **options)
 
     def _set_modes(self, system: ImpactSystem) -> None:
         """Write the blocks of free flight and the directions of impulses into the arrays of the kernels."""
@@ -202,7 +207,7 @@ class ForcedProblem:
                     turned = -inverse @ mass @ along
                     self.segment.push_slope[j, i, n : 2 * n] = (turned - along * (row @ turned) / (row @ along)) / (row @ along)
 
-    def _refuse_half(self, turns: int) -> None:
+    def _refuse_half(self, load_periods: int) -> None:
         """Refuse the half-period closure where an orbit cannot have its symmetry."""
         layout = self.parametric.layout
         if not self.system.has_odd_symmetry:
@@ -211,8 +216,8 @@ class ForcedProblem:
         constant = np.any(self.parametric.entries(self.values)[layout.constant])
         if even or constant:
             raise EndsError(f"a half period needs odd loads; received {f'the harmonic {even[0]}' if even else 'a constant load'}")
-        if turns % 2 == 0:
-            raise EndsError(f"a half period needs an odd number of periods of the load; received {turns}")
+        if load_periods % 2 == 0:
+            raise EndsError(f"a half period needs an odd number of periods of the load; received {load_periods}")
 
     def _metric(self) -> np.ndarray:
         """What a unit of arclength is for each entry of the first node, (N,).
@@ -284,7 +289,7 @@ class ForcedProblem:
         if not self.has_clock:
             return float(np.sum(self.flight_times(y))) * (2.0 if self.half else 1.0)
         frequency = float(self.parametric.entries(self.parameters(y))[self.parametric.layout.frequency][0])
-        return 2.0 * math.pi * self.turns / frequency
+        return 2.0 * math.pi * self.load_periods / frequency
 
     def speed(self, solution: Solution) -> float:
         """A typical speed of an orbit: the largest one at its impacts."""

@@ -349,7 +349,7 @@ def _from_file(
             y = branch.unknowns[branch.start].copy()
             old = branch.problem
             problem = ForcedProblem(
-                old.parametric, old.sequence, (name,), turns=old.turns, half=old.half, values=old.parameters(y)
+                old.parametric, old.sequence, (name,), load_periods=old.load_periods, half=old.half, values=old.parameters(y)
             )
             problem.nodes(y)[:, 2 * old.degrees_of_freedom + 1] = problem.values[name]
             starts.append((problem, y, True))
@@ -373,7 +373,7 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     span = f"{name} = {branch.parameter.min():.10g} to {branch.parameter.max():.10g}"
     half = ", solved over half the period" if problem.half else ""
     impacts = sequence_text(branch.sequence) + half
-    lines = [f"branch {number}: {impacts}; period {problem.turns} of the loads; {len(branch)} points, {span}"]
+    lines = [f"branch {number}: {impacts}; period {problem.load_periods} of the loads; {len(branch)} points, {span}"]
     rows = [_event_row(branch, event) for event in branch.events]
     if rows:
         head = ("event", name, "|multiplier|", "stable after", "remark")

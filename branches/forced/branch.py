@@ -144,7 +144,7 @@ class ForcedBranch:
         """Phase w t at each impact, modulo 2 pi p, in radians, (N, k)."""
         problem, (nodes, added) = self.problem, self._order
         fractions = np.array([problem.nodes(y)[nodes, 2 * problem.degrees_of_freedom] for y in self.unknowns])
-        return 2.0 * math.pi * problem.turns * ((fractions.reshape(len(self), len(nodes)) + added) % 1.0)
+        return 2.0 * math.pi * problem.load_periods * ((fractions.reshape(len(self), len(nodes)) + added) % 1.0)
 
     @cached_property
     def speeds(self) -> np.ndarray:

@@ -30,9 +30,7 @@ _SHORT = 1e-3
 
 def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit, traversed twice, as a solution of the problem with twice the period."""
-    wide = ForcedProblem(
-        problem.parametric, problem.sequence * 2, problem.released, turns=2 * problem.turns, values=problem.values, keep=problem.keep
-    )
+    wide = problem.sibling(problem.sequence * 2, load_periods=2 * problem.load_periods)
     return wide, _repeated(problem, wide, y, np.eye(2 * problem.degrees_of_freedom), 0.5)
 
 
@@ -41,9 +39,7 @@ def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, n
     modes = problem.modes
     letters = modes.contact_letters
     mirrored = [letters[int(modes.contact_opposite[letters.index(letter)])] for letter in problem.sequence]
-    wide = ForcedProblem(
-        problem.parametric, [*problem.sequence, *mirrored], problem.released, turns=problem.turns, values=problem.values, keep=problem.keep
-    )
+    wide = problem.sibling([*problem.sequence, *mirrored], half=False)
     return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
 
 
@@ -161,7 +157,7 @@ def _half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solu
             problem.parametric,
             problem.sequence[:count],
             problem.released,
-            turns=problem.turns,
+            load_periods=problem.load_periods,
             half=True,
             values=problem.parameters(y),
             keep=problem.keep,
@@ -264,7 +260,5 @@ def _made(
 ) -> tuple[ForcedProblem, np.ndarray]:
     """The problem with another sequence, and its unknowns."""
     at = problem.parameters(y)
-    made = ForcedProblem(
-        problem.parametric, sequence, problem.released, turns=problem.turns, half=problem.half, values=at, keep=problem.keep
-    )
+    made = problem.sibling(sequence, values=at)
     return made, made.pack(states, fractions, [at[name] for name in problem.released], times)

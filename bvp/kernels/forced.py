@@ -306,7 +306,7 @@ def locate_loaded(segment, y, out):
     for i in range(segment.shape[0] + 1):
         period += y[i * (segment.gap.shape[1] + 1) + segment.gap.shape[1]]
     if loads.clock[0] > 0.0:
-        period = 2.0 * math.pi * loads.turns / loads.clock[0]
+        period = 2.0 * math.pi * loads.load_periods / loads.clock[0]
     return y[segment.flight.enter.shape[0] + 1], period
 
 

@@ -219,7 +219,7 @@ def extended_state(flight, node, extended):
     multiply(flight.enter, node[:size], q)
     last = extended.last[0]
     for h in range(loads.harmonics.shape[0]):
-        angle = loads.harmonics[h] * 2.0 * math.pi * loads.turns * node[size]
+        angle = loads.harmonics[h] * 2.0 * math.pi * loads.load_periods * node[size]
         cosine = math.cos(angle)
         sine = math.sin(angle)
         for r in range(size):

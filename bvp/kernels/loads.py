@@ -9,8 +9,8 @@ rest each harmonic b = Re[c exp(i (phase + nu s))], nu = k w, gives
 block by block. The second form cancels near resonance, and in a flight that is short beside all periods. There the integral is Gauss's,
 in panels so short that its error is far below rounding. Both give the derivative by nu as well.
 
-A node is z = (u, v, s, parameters): displacements, velocities, the time as a fraction of the orbit's period T = 2 pi turns/w, and the
-released parameters, which do not change along the orbit.
+A node is z = (u, v, s, parameters): displacements, velocities, the time as a fraction of the orbit's period T = 2 pi p/w, where p is the
+number of periods of the loads in it, and the released parameters, which do not change along the orbit.
 """
 
 import math
@@ -56,7 +56,7 @@ class Loads(NamedTuple):
     cosine_slope: np.ndarray  # (m, H, n) by each parameter
     sine_slope: np.ndarray  # (m, H, n)
     clock: np.ndarray  # (1 + m,) w and its derivatives
-    turns: float  # periods of the base frequency in one of the orbit
+    load_periods: float  # periods of the base frequency in one of the orbit
 
 
 class LoadedFlight(NamedTuple):
@@ -230,7 +230,7 @@ def _add_change(flight, z, t):
     """columns += the change of the flight's end where parameters change masses, dampers and springs: equation (40), by Gauss's rule."""
     free, enter, _, loads, change, _, psi, lines, flow, columns = flight
     size = enter.shape[0]
-    turns = 2.0 * math.pi * loads.turns
+    cycle = 2.0 * math.pi * loads.load_periods
     rate = fastest_rate(free)
     highest = rate
     for h in range(loads.harmonics.shape[0]):
@@ -247,7 +247,7 @@ def _add_change(flight, z, t):
             flow_state(free, start, s, here)
             for h in range(loads.harmonics.shape[0]):
                 response(free, loads.harmonics[h] * loads.clock[0], s, psi)
-                angle = loads.harmonics[h] * turns * z[size]
+                angle = loads.harmonics[h] * cycle * z[size]
                 cosine = math.cos(angle)
                 sine = math.sin(angle)
                 multiply(loads.drive, loads.cosine[h], lines[6])
@@ -306,7 +306,7 @@ def loaded_flight(flight, z, t, out, jacobian):
     parameters = z.shape[0] - size - 1
     q = lines[4]
     by_time = lines[5]
-    turns = 2.0 * math.pi * loads.turns
+    cycle = 2.0 * math.pi * loads.load_periods
     w = loads.clock[0]
     set_2(jacobian, 0.0)
     # Equation (38): free flight of the start, and what the loads give from rest.
@@ -319,12 +319,12 @@ def loaded_flight(flight, z, t, out, jacobian):
     for h in range(loads.harmonics.shape[0]):
         k = loads.harmonics[h]
         response(free, k * w, t, psi)
-        angle = k * turns * z[size]
+        angle = k * cycle * z[size]
         cosine = math.cos(angle)
         sine = math.sin(angle)
         multiply(loads.drive, loads.cosine[h], lines[6])
         multiply(loads.drive, loads.sine[h], lines[7])
-        _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, q, by_time, k * turns)
+        _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, q, by_time, k * cycle)
         for j in range(parameters):
             rate = k * loads.clock[1 + j]
             if rate != 0.0:
@@ -350,12 +350,12 @@ def loaded_flight(flight, z, t, out, jacobian):
         for r in range(size):
             jacobian[r, size + 1 + j] = lines[0, r]
     _compose(free.pairs, leave, flow, enter, psi[0], jacobian)
-    out[size] = z[size] + t * w / turns
+    out[size] = z[size] + t * w / cycle
     jacobian[size, size] = 1.0
     for j in range(parameters):
         out[size + 1 + j] = z[size + 1 + j]
         jacobian[size + 1 + j, size + 1 + j] = 1.0
-        jacobian[size, size + 1 + j] = t * loads.clock[1 + j] / turns
+        jacobian[size, size + 1 + j] = t * loads.clock[1 + j] / cycle
 
 
 @inlined
@@ -365,9 +365,9 @@ def loaded_rate(flight, z, out):
     size = enter.shape[0]
     multiply(enter, z[:size], lines[0])
     block_product(free.pairs, free.matrix, lines[0], lines[1])
-    turns = 2.0 * math.pi * loads.turns
+    cycle = 2.0 * math.pi * loads.load_periods
     for h in range(loads.harmonics.shape[0]):
-        angle = loads.harmonics[h] * turns * z[size]
+        angle = loads.harmonics[h] * cycle * z[size]
         cosine = math.cos(angle)
         sine = math.sin(angle)
         multiply(loads.drive, loads.cosine[h], lines[2])
@@ -376,7 +376,7 @@ def loaded_rate(flight, z, out):
             lines[1, r] += cosine * lines[2, r] + sine * lines[3, r]
     multiply(leave, lines[1], out[:size])
     set_1(out[size:], 0.0)
-    out[size] = loads.clock[0] / turns
+    out[size] = loads.clock[0] / cycle
 
 
 @kernel

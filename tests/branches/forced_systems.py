@@ -37,21 +37,21 @@ def impact_speed(w, r, n, s, sign):
     return (-2.0 * c * s + sign * math.sqrt(square)) / (c * c + rest * rest) if square >= 0.0 else math.nan
 
 
-def settled(parametric, released, periods=300, turns=1, half=False, values=None, start=None):
-    """The problem and the unknowns of the motion that a simulation from rest has after many periods: its impacts in the last `turns`."""
+def settled(parametric, released, periods=300, load_periods=1, half=False, values=None, start=None):
+    """The problem and the unknowns of the motion that a simulation from rest has after many periods: its impacts in the last ones."""
     at = parametric.at(values)
     system, forces = parametric.system(at), parametric.forces(at)
     n = system.degrees_of_freedom
     period = 2.0 * math.pi / at["w"]
     u, v = (np.zeros(n), np.zeros(n)) if start is None else start
-    motion = simulate(system, u, v, (periods + turns) * period, forces=forces)
+    motion = simulate(system, u, v, (periods + load_periods) * period, forces=forces)
     events = motion.stop_events
-    end = periods + (turns / 2 if half else turns)
+    end = periods + (load_periods / 2 if half else load_periods)
     inside = (events.times >= periods * period) & (events.times < end * period) & ~events.touches
     sequence = tuple(letter for letter, here in zip(events.contacts, inside, strict=True) if here)
-    problem = ForcedProblem(parametric, sequence, released, turns=turns, half=half, values=values)
+    problem = ForcedProblem(parametric, sequence, released, load_periods=load_periods, half=half, values=values)
     if sequence:
-        states, fractions = events.after[inside], events.times[inside] / (turns * period) - periods / turns
+        states, fractions = events.after[inside], events.times[inside] / (load_periods * period) - periods / load_periods
     else:
         states, fractions = motion.final[None], np.zeros(1)
     return problem, problem.pack(states, fractions, [at[name] for name in released])

@@ -49,8 +49,8 @@ def chain(random):
 
 def periodic_motion(parametric):
     """The problem and the unknowns of the periodic motion of up to three periods that a simulation settles on; None if it does not."""
-    for turns in (1, 2, 3):
-        problem, y = settled(parametric, ["w"], turns=turns)
+    for load_periods in (1, 2, 3):
+        problem, y = settled(parametric, ["w"], load_periods=load_periods)
         if np.abs(problem.residual(y)).max() < 1e-6:
             return problem, y
     return None
@@ -70,7 +70,7 @@ def require_motion(problem, y, periods=10):
     n = problem.degrees_of_freedom
     system, forces = problem.parametric.system(at), problem.parametric.forces(at)
     node = problem.nodes(y)[0]
-    begin = node[2 * n] * problem.turns
+    begin = node[2 * n] * problem.load_periods
     shifted = [
         replace(force, cosine=force.cosine * math.cos(angle) + force.sine * math.sin(angle),
                 sine=force.sine * math.cos(angle) - force.cosine * math.sin(angle))

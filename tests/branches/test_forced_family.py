@@ -60,7 +60,7 @@ def test_the_events_of_one_impact_are_those_of_the_formula(one_impact):
 def test_a_root_that_passes_through_the_stop_is_refused():
     """Oracle: at w = 3.7, r = 0.8, n = 2 the formula's period doubling at s = -0.0613186 penetrates the stop by 0.0567."""
     s, w, r = -0.0613186, 3.7, 0.8
-    problem = ForcedProblem(oscillator(), ["+"], ["s"], turns=2, values={"w": w, "s": s})
+    problem = ForcedProblem(oscillator(), ["+"], ["s"], load_periods=2, values={"w": w, "s": s})
     speed = max(impact_speed(w, r, 2, s, sign) for sign in (1.0, -1.0))
     guesses = [problem.pack([[s, -r * speed]], [phase], [s]) for phase in np.linspace(0.0, 0.5, 60)]
     solution = problem.solve(min(guesses, key=lambda y: np.abs(problem.residual(y)).max()))
@@ -109,7 +109,7 @@ def test_a_bouncing_ball_doubles_its_period_where_the_formula_says(n, e):
     )
     fold = n * math.pi * (1.0 - e) / (1.0 + e)
     doubling = math.hypot(fold, 2.0 * (1.0 + e * e) / (1.0 + e) ** 2)
-    problem = ForcedProblem(ball, ["-"], ["G"], turns=n)
+    problem = ForcedProblem(ball, ["-"], ["G"], load_periods=n)
     # v+ = n pi e ... from rest to rest: the flight lasts n periods
     value = 0.5 * (fold + doubling)
     speed = n * math.pi * 2.0 / (1.0 + e) / 1.0

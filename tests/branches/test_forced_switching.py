@@ -43,7 +43,7 @@ def test_a_doubled_family_leaves_at_a_period_doubling():
     run = followed(problem, y, (-0.3, 0.0))
     (doubling,) = events_of(run, "PD")
     ((wide, step),) = leaving(problem, doubling.point.y, doubling.point.tangent[: problem.unknowns], "PD")
-    assert wide.turns == 2 and wide.sequence == ("+", "+")
+    assert wide.load_periods == 2 and wide.sequence == ("+", "+")
     doubled = follow_both_ways(ForcedFamily(wide, (-0.3, 0.0)), step, FEW, both=False, direction=0)
     for point in doubled.points:
         require_motion(wide, point.step.y)

@@ -26,7 +26,7 @@ SYSTEMS = {
 STIFF = [[2e4, 0.0], [0.0, 0.1]], [[1e6, 0.0], [0.0, 1.0]]
 
 
-def problem_of(kind, w, turns=1, force=1.0):
+def problem_of(kind, w, load_periods=1, force=1.0):
     damping, stiffness = STIFF if kind == "stiff and damped" else SYSTEMS[kind]
     parametric = ParametricSystem.from_description(
         {
@@ -39,7 +39,7 @@ def problem_of(kind, w, turns=1, force=1.0):
             ],
         }
     )
-    return ForcedProblem(parametric, ["a+", "b-"], ["w"], turns=turns)
+    return ForcedProblem(parametric, ["a+", "b-"], ["w"], load_periods=load_periods)
 
 
 def larger_state(problem, y):
@@ -57,7 +57,7 @@ def larger_state(problem, y):
         i = 2 * n + 1 + 2 * h
         matrix[i, i + 1], matrix[i + 1, i] = -k * at["w"], k * at["w"]
         matrix[n : 2 * n, i], matrix[n : 2 * n, i + 1] = inverse @ cosines[h], inverse @ sines[h]
-    angles = 2.0 * np.pi * problem.turns * problem.nodes(y)[:, 2 * n]
+    angles = 2.0 * np.pi * problem.load_periods * problem.nodes(y)[:, 2 * n]
     loads = [part(k * angles) for k in layout.harmonics for part in (np.cos, np.sin)]
     return matrix, np.column_stack([problem.nodes(y)[:, : 2 * n], np.ones(len(angles)), *loads])
 
@@ -117,20 +117,20 @@ def test_no_turning_point_is_lost(kind, w):
 @pytest.mark.parametrize("kind", SYSTEMS)
 def test_flights_of_many_periods_are_searched_to_their_end(kind, w):
     """Oracle: dense samples. The bounds of resonant and of strongly damped modes grow with the duration of the flight."""
-    require_clearance(problem_of(kind, w, turns=10), 0, 20000)
+    require_clearance(problem_of(kind, w, load_periods=10), 0, 20000)
 
 
 @pytest.mark.parametrize("force", [1e-8, 1e8])
 def test_the_size_of_a_resonant_load_does_not_matter(force):
     """Oracle: dense samples."""
     for w in (1.0, np.sqrt(3.0)):
-        require_clearance(problem_of("undamped", w, turns=3, force=force), 0, 4000)
+        require_clearance(problem_of("undamped", w, load_periods=3, force=force), 0, 4000)
 
 
 @pytest.mark.parametrize(("kind", "w"), [("free and damped", 0.01), ("critical damping", 0.01), ("stiff and damped", 0.3)])
 def test_long_flights_of_strongly_damped_modes_are_exact(kind, w):
     """Oracle: the matrix exponential. cosh of the rates' difference overflows."""
-    problem = problem_of(kind, w, turns=10)
+    problem = problem_of(kind, w, load_periods=10)
     y = problem.pack(np.random.RandomState(0).normal(size=(2, 4)), [0.1, 0.8], [w])
     matrix, states = larger_state(problem, y)
     for node, state, duration in zip(problem.nodes(y), states, problem.flight_times(y), strict=True):

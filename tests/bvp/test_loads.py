@@ -15,7 +15,7 @@ from bvp.system import ImpactSystem, Stop
 DIGITS = 60
 
 
-def flight_of(system, harmonics, cosine, sine, clock, turns, cosine_slope=None, sine_slope=None):
+def flight_of(system, harmonics, cosine, sine, clock, load_periods, cosine_slope=None, sine_slope=None):
     """The seam's data for a system; slopes (m, H, n) and clock (1 + m,)."""
     modes, n = system.modes, system.degrees_of_freedom
     m = len(clock) - 1
@@ -24,7 +24,7 @@ def flight_of(system, harmonics, cosine, sine, clock, turns, cosine_slope=None, 
     loads = Loads(
         np.ascontiguousarray(drive), np.array(harmonics, float), np.array(cosine, float), np.array(sine, float),
         zero if cosine_slope is None else np.array(cosine_slope, float), zero if sine_slope is None else np.array(sine_slope, float),
-        np.array(clock, float), float(turns),
+        np.array(clock, float), float(load_periods),
     )  # fmt: skip
     size = 2 * n
     scratch = (
@@ -42,7 +42,7 @@ def exact(system, flight, z, t, changes):
     t = mp.mpf(t) + changes[len(z)]
     moved = [changes[size + 1 + j] for j in range(m)]
     w = mp.mpf(loads.clock[0]) + mp.fsum(mp.mpf(loads.clock[1 + j]) * moved[j] for j in range(m))
-    turns = 2 * mp.pi * mp.mpf(loads.turns)
+    load_periods = 2 * mp.pi * mp.mpf(loads.load_periods)
     count = len(loads.harmonics)
     inverse = mp.matrix(system.mass.tolist()) ** -1
     whole = mp.zeros(size + 2 * count)
@@ -63,10 +63,10 @@ def exact(system, flight, z, t, changes):
         for r in range(n):
             whole[n + r, at], whole[n + r, at + 1] = force[0][r], force[1][r]
         whole[at, at + 1], whole[at + 1, at] = -k * w, k * w
-        angle = k * turns * start[size]
+        angle = k * load_periods * start[size]
         x[at], x[at + 1] = mp.cos(angle), mp.sin(angle)
     end = mp.expm(whole * t) * x
-    return [*[end[r] for r in range(size)], start[size] + t * w / turns, *start[size + 1 :]]
+    return [*[end[r] for r in range(size)], start[size] + t * w / load_periods, *start[size + 1 :]]
 
 
 def judged(system, flight, z, t):

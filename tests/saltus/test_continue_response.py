@@ -55,7 +55,7 @@ def test_the_orbit_that_a_simulation_settles_on_is_followed_and_switched(capsys)
     assert [float(row["max.x"]) for row in rows] == [point["max.x"] for point in points]
     code, out, err = run(capsys, "continue", "--from", "a.json:PD", "--json", "b.json", "--points", "30")
     assert code == 0 and "period 2 of the loads" in out, err
-    assert data("b.json")["branches"][0]["turns"] == 2
+    assert data("b.json")["branches"][0]["load_periods"] == 2
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--range=-0.3:-0.1", "--json", "c.json")
     points = data("c.json")["branches"][0]["points"]
     assert code == 0 and min(point["s"] for point in points) == pytest.approx(-0.3) and max(p["s"] for p in points) == pytest.approx(-0.1)

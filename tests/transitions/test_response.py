@@ -156,7 +156,7 @@ def test_a_file_holds_all_of_a_branch(one_impact, tmp_path):
     [
         ('"schema": 1', '"schema": 7', "schema 7 is not known"),
         ('"kind": "response"', '"kind": "x"', "holds no response"),
-        ('"turns": 1', '"turns": 2', "do not solve the equations"),
+        ('"load_periods": 1', '"load_periods": 2', "do not solve the equations"),
         ('"start": ', '"start": 100000', "no point"),
         ('"solved": ["+"]', '"solved": ["+", "+"]', "unknowns of its sequence"),
         ('"half": false', '"half": 3', "expected a boolean"),

@@ -44,7 +44,7 @@ _POINT = {"arclength": "a number", "residual": "a number", "unknowns": ["a numbe
 _BRANCH = {
     "sequence": "a string",
     "solved": ["a string"],
-    "turns": "an integer",
+    "load_periods": "an integer",
     "half": "a boolean",
     "values": "an object",
     "range": ["a number or null", 2],
@@ -82,7 +82,7 @@ def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
     return {
         "sequence": branch.sequence,
         "solved": list(problem.sequence),
-        "turns": problem.turns,
+        "load_periods": problem.load_periods,
         "half": problem.half,
         "values": dict(problem.values),
         "range": plain(branch.interval),
@@ -122,7 +122,8 @@ def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
 
 
 def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) -> ForcedBranch:
-    problem = ForcedProblem(parametric, item["solved"], (name,), turns=item["turns"], half=item["half"], values=item["values"])
+    options = {key: item[key] for key in ("load_periods", "half", "values")}
+    problem = ForcedProblem(parametric, item["solved"], (name,), **options)
     points, count = item["points"], problem.unknowns
     if not points or any(len(point[key]) != count for point in points for key in ("unknowns", "tangent")):
         raise RecordError(f"a point has not the {count} unknowns of its sequence")

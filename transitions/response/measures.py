@@ -54,7 +54,7 @@ class Measures:
 def measures_of(branch: ForcedBranch) -> Measures:
     """The measures of all points of a branch. Each orbit is simulated for one period, from phase 0."""
     problem = branch.problem
-    n, p = problem.degrees_of_freedom, problem.turns
+    n, p = problem.degrees_of_freedom, problem.load_periods
     rows = []
     for y, period in zip(branch.unknowns, branch.periods, strict=True):
         at = problem.parameters(y)

@@ -109,7 +109,7 @@ def settled_orbit(
     if len(impacts) and len(impacts) % 2 == 0:
         problem, guess = _half(parametric, name, settled, fractions, values)
     if problem is None:
-        problem = ForcedProblem(parametric, settled.stops, (name,), turns=p, values=values)
+        problem = ForcedProblem(parametric, settled.stops, (name,), load_periods=p, values=values)
         value = problem.values[name]
         if len(impacts):
             guess = problem.pack(impacts.after, fractions, [value])
@@ -142,7 +142,7 @@ def _half(
     """The problem of half the period and the unknowns, if the motion has this symmetry."""
     k = len(fractions) // 2
     try:
-        problem = ForcedProblem(parametric, settled.stops[:k], (name,), turns=settled.period, half=True, values=values)
+        problem = ForcedProblem(parametric, settled.stops[:k], (name,), load_periods=settled.period, half=True, values=values)
     except EndsError:
         return None, np.zeros(0)
     after = settled.impacts.after
