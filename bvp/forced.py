@@ -25,7 +25,7 @@ from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.step import CompiledProblem, Landing, Request
 from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
 from bvp.multipliers import GRAZING_LIMIT, sort_multipliers
-from bvp.multipoint import NotConverged, Solution
+from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
 from bvp.system import ImpactSystem
@@ -118,13 +118,12 @@ class ForcedProblem:
         constant = range(layout.size)[layout.constant]
         loaded = np.any(parametric.entries(self.values)[layout.constant]) or any(row in constant for row in found.rows.tolist())
         harmonics = np.array([*([0.0] if loaded else []), *layout.harmonics], dtype=float)
-        forces, slopes = np.zeros((2, len(harmonics), n)), np.zeros((2, count, len(harmonics), n))
         blocks = 2 * n if varies else len(modes.flight.pairs)
         free = Flight(np.zeros((blocks, 2), dtype=np.int64), np.zeros(blocks), np.zeros(blocks), np.zeros((2 * n, 2 * n)))
-        loads = Loads(np.zeros((2 * n, n)), harmonics, forces[0], forces[1], slopes[0], slopes[1], np.zeros(1 + count), float(load_periods))
+        loads = Loads(harmonics, np.zeros((1 + count, len(harmonics), 2, 2 * n)), np.zeros(1 + count), float(load_periods))
         square = (2 * n, 2 * n)
         flight = LoadedFlight(
-            free, np.zeros(square), np.zeros(square), loads, np.zeros((changes, *square)), np.zeros((changes, 2 * n, n)),
+            free, np.zeros(square), np.zeros(square), loads, np.zeros((changes, *square)),
             np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
         )  # fmt: skip
         self._renew = _CALLBACK(self._renewed) if varies else None
@@ -142,8 +141,8 @@ class ForcedProblem:
         )  # fmt: skip
         shape = np.array([self.inner, CLOSED, 4, PERIODIC, PERIODIC], dtype=np.int64)
         self.segment = LoadedSegment(
-            flight, gap, rate, push, np.zeros((changes, nodes, size)), np.zeros(nodes), np.zeros(nodes), side,
-            np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
+            flight, np.zeros((2 * n, n)), np.zeros((changes, 2 * n, n)), gap, rate, push, np.zeros((changes, nodes, size)),
+            np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
             np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), self._metric(),
             of_parameters, kept, np.zeros(len(kept.outputs)), shape,
         )  # fmt: skip
@@ -173,7 +172,7 @@ class ForcedProblem:
         for kept, array in zip(flight.free[:3], modes.flight[:3], strict=True):
             kept[:] = array[last]
         flight.free.matrix[:], flight.enter[:], flight.leave[:] = modes.flight.matrix, modes.from_state, modes.to_state
-        flight.loads.drive[:] = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
+        self.segment.drive[:] = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
         for i, row in enumerate(self.segment.gap[:, :n]):
             along = np.linalg.solve(system.mass, row)
             self.segment.push[i, n : 2 * n] = along / (row @ along) if row.any() else 0.0
@@ -200,7 +199,7 @@ class ForcedProblem:
             pull = np.hstack([stiffness, damping]) - mass @ inverse @ np.hstack([system.stiffness, system.damping])
             change = np.vstack([np.zeros((n, 2 * n)), -inverse @ pull])
             flight.change[j] = flight.enter @ change @ flight.leave
-            flight.drive_change[j] = -flight.loads.drive @ mass @ inverse
+            self.segment.drive_slope[j] = -self.segment.drive @ mass @ inverse
             for i, row in enumerate(self.segment.gap[:, :n]):
                 if row.any():
                     along = inverse @ row
@@ -309,14 +308,7 @@ class ForcedProblem:
     def jacobian(self, y: np.ndarray) -> np.ndarray:
         """F'(y), dense (u - 1, u): for switching and for tests; Newton's steps use the block structure."""
         self._evaluated(y)
-        factor, rows = self._factor, self.size + 1
-        out = np.zeros((self.unknowns - 1, self.unknowns))
-        for i in range(self.inner):
-            base = max(0, (i - 1) * rows)
-            width = min(factor.window.shape[1], self.unknowns - base)
-            out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
-        out[self.inner * rows :] = factor.closing
-        return out
+        return dense_jacobian(self._factor, self.size + 1)
 
     def scales(self, y: np.ndarray) -> np.ndarray:
         """Typical size of each unknown at the orbit y, (u,)."""

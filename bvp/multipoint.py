@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Factor, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.newton import set_scale
 from bvp.kernels.stability import make_period, orbit_stability
 from bvp.kernels.step import (
@@ -34,7 +34,7 @@ from bvp.kernels.step import (
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 
-__all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "observed_of"]
+__all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "observed_of"]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
@@ -255,14 +255,7 @@ class MultipointProblem:
         self.residual(y)
         factor.scale[:] = 1.0
         fill(self.segment, y, factor)
-        rows = self.size + 1
-        out = np.zeros((self.unknowns - 1, self.unknowns))
-        for i in range(self.inner):
-            base = max(0, (i - 1) * rows)
-            width = min(factor.window.shape[1], self.unknowns - base)
-            out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
-        out[self.inner * rows :] = factor.closing
-        return out
+        return dense_jacobian(factor, self.size + 1)
 
     def scales(self, y: np.ndarray) -> np.ndarray:
         """Typical size of each unknown at the orbit y, (u,): one scale each for displacements, velocities and times."""
@@ -376,6 +369,18 @@ class MultipointProblem:
         wanted = (True, full, full and self._two_dof)
         addresses = np.array([self._kernel(k)[1] if wanted[k] else 0 for k in range(3)])
         return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
+
+
+def dense_jacobian(factor: Factor, rows: int) -> np.ndarray:
+    """The Jacobian that `fill` wrote into the factor arrays, (u - 1, u). rows: equations of a flight."""
+    inner, unknowns = len(factor.window) // rows, factor.closing.shape[1]
+    out = np.zeros((unknowns - 1, unknowns))
+    for i in range(inner):
+        base = max(0, (i - 1) * rows)
+        width = min(factor.window.shape[1], unknowns - base)
+        out[i * rows : (i + 1) * rows, base : base + width] = factor.window[i * rows : (i + 1) * rows, :width]
+    out[inner * rows :] = factor.closing
+    return out
 
 
 @lru_cache(maxsize=64)

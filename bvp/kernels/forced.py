@@ -22,7 +22,7 @@ from numpy import int64
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.contact_mode import apply_impact, impact_columns
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2
+from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
 from bvp.kernels.multipoint import evaluate, fill, unpack
 from bvp.kernels.newton import scaled_residual, set_scale
@@ -49,6 +49,8 @@ class LoadedSegment(NamedTuple):
     """What the kernels know of a forced problem. Rows as in `bvp.kernels.multipoint.Segment`, for nodes of N = 2 n + 1 + m entries."""
 
     flight: LoadedFlight
+    drive: np.ndarray  # (2 n, n) modal rates of unit forces
+    drive_slope: np.ndarray  # (m, 2 n, n) their derivatives; (0, ..) where they do not depend on the parameters
     gap: np.ndarray  # (k + 2, N) rows c, and minus the derivatives of the bounds
     gap_rate: np.ndarray  # (k + 2, N) rows c on velocities
     push: np.ndarray  # (k + 2, N) directions of the impulses
@@ -99,16 +101,15 @@ def refresh(segment, node):
         loads.clock[1 + j] = slopes[j, released.frequency]
     constants = 1 if loads.harmonics.shape[0] > 0 and loads.harmonics[0] == 0.0 else 0
     for h in range(loads.harmonics.shape[0]):
-        for i in range(n):
-            first = places[1] + i if h < constants else places[2] + (h - constants) * n + i
-            loads.cosine[h, i] = entries[first]
+        for part in range(1 if h < constants else 2):
+            first = places[1] if h < constants else places[2 + part] + (h - constants) * n
+            force = entries[first : first + n]
+            times_matrix(segment.drive, force, loads.modal[0, h, part])
             for j in range(count):
-                loads.cosine_slope[j, h, i] = slopes[j, first]
-            if h >= constants:
-                other = places[3] + (h - constants) * n + i
-                loads.sine[h, i] = entries[other]
-                for j in range(count):
-                    loads.sine_slope[j, h, i] = slopes[j, other]
+                times_matrix(segment.drive, slopes[j, first : first + n], loads.modal[1 + j, h, part])
+            for j in range(segment.drive_slope.shape[0]):
+                for r in range(size):
+                    loads.modal[1 + j, h, part, r] += inner(segment.drive_slope[j, r], force)
     for i in range(segment.contact.shape[0]):
         row = segment.contact[i, 0]
         if row >= 0:

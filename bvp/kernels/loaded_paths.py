@@ -16,9 +16,9 @@ import numpy as np
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.extrema import Observed, nearest_turn
-from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2
+from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.forced import refresh
-from bvp.kernels.loads import NEAR_RESONANCE, multiply
+from bvp.kernels.loads import NEAR_RESONANCE
 
 PIECES = 1000
 """A piece is not shorter than this part of a flight where bounds grow."""
@@ -89,7 +89,6 @@ def extend(flight, gaps, extended):
     harmonics = loads.harmonics.shape[0]
     blocks = free.pairs.shape[0]
     room = pairs.shape[0] > blocks + harmonics
-    real, imaginary = flight.lines[0], flight.lines[1]
     set_2(matrix, 0.0)
     at = 0
     count = 0
@@ -122,8 +121,7 @@ def extend(flight, gaps, extended):
         at += size
         for h in range(harmonics):
             nu = loads.harmonics[h] * loads.clock[0]
-            multiply(loads.drive, loads.cosine[h], real)
-            multiply(loads.drive, loads.sine[h], imaginary)
+            real, imaginary = loads.modal[0, h, 0], loads.modal[0, h, 1]
             if resonates(free, k, nu):
                 copies[h, k] = at
                 strength = 0.0
@@ -216,7 +214,7 @@ def extended_state(flight, node, extended):
     state = extended.state
     set_1(state, 0.0)
     q = flight.lines[0]
-    multiply(flight.enter, node[:size], q)
+    times_matrix(flight.enter, node, q)
     last = extended.last[0]
     for h in range(loads.harmonics.shape[0]):
         angle = loads.harmonics[h] * 2.0 * math.pi * loads.load_periods * node[size]

@@ -27,9 +27,9 @@ from bvp.kernels.flight import (
     flow_block,
     flow_matrix,
     flow_state,
-    inner,
     set_1,
     set_2,
+    times_matrix,
 )
 
 NEAR_RESONANCE = 30.0
@@ -49,12 +49,8 @@ GAUSS_WEIGHTS = tuple(0.5 * _weights)
 class Loads(NamedTuple):
     """Periodic loads on a system of n coordinates, and their change with m parameters. H harmonics, of which a constant load is one."""
 
-    drive: np.ndarray  # (2 n, n) modal rates of unit forces
     harmonics: np.ndarray  # (H,) k
-    cosine: np.ndarray  # (H, n) C
-    sine: np.ndarray  # (H, n) S
-    cosine_slope: np.ndarray  # (m, H, n) by each parameter
-    sine_slope: np.ndarray  # (m, H, n)
+    modal: np.ndarray  # (1 + m, H, 2, 2 n) modal rates from C and S, then their derivatives by each parameter
     clock: np.ndarray  # (1 + m,) w and its derivatives
     load_periods: float  # periods of the base frequency in one of the orbit
 
@@ -67,7 +63,6 @@ class LoadedFlight(NamedTuple):
     leave: np.ndarray  # (2 n, 2 n) and back
     loads: Loads
     change: np.ndarray  # (m, 2 n, 2 n) change of q' = B q with each parameter, in modal coordinates; (0, ..) where no parameter changes it
-    drive_change: np.ndarray  # (m, 2 n, n) that of `drive`
     psi: np.ndarray  # (4, 2 n, 2 n) scratch: Psi, real and imaginary, and the same of its derivative by nu
     lines: np.ndarray  # (8, 2 n) scratch
     flow: np.ndarray  # (2 n, 2 n) scratch
@@ -195,42 +190,37 @@ def response(flight, nu, t, psi):
 
 
 @inlined
-def multiply(matrix, vector, out):
-    """out = matrix vector."""
-    for r in range(matrix.shape[0]):
-        out[r] = inner(matrix[r], vector)
+def turn_load(loads, j, h, z, real, imaginary):
+    """real, imaginary (2 n,): the load as Re[(real - i imaginary) exp(i k w s)] after the time s in flight from a node z.
+
+    j: 0, the load itself; 1 + j, its derivative by parameter j. Returns whether it is not zero."""
+    cosine = loads.modal[j, h, 0]
+    sine = loads.modal[j, h, 1]
+    angle = loads.harmonics[h] * 2.0 * math.pi * loads.load_periods * z[real.shape[0]]
+    c = math.cos(angle)
+    s = math.sin(angle)
+    is_loaded = False
+    for r in range(real.shape[0]):
+        is_loaded = is_loaded or cosine[r] != 0.0 or sine[r] != 0.0
+        real[r] = cosine[r] * c + sine[r] * s
+        imaginary[r] = sine[r] * c - cosine[r] * s
+    return is_loaded
 
 
 @inlined
-def is_loaded(force):
-    """Whether a force is not zero."""
-    for i in range(force.shape[0]):
-        if force[i] != 0.0:
-            return True
-    return False
-
-
-@inlined
-def _add_response(pairs, psi, real, imaginary, cosine, sine, factor, lines, out, turned, turned_factor):
-    """out += factor Re[R], turned += turned_factor Re[i R], R = Psi (real - i imaginary) (cosine + i sine). psi: its two parts.
-    lines (4, 2 n): scratch."""
+def _add_response(pairs, psi, real, imaginary, factor, lines, out):
+    """out += factor Re[Psi (real - i imaginary)]. psi: its two parts. lines (2, 2 n): scratch."""
     block_product(pairs, psi[0], real, lines[0])
     block_product(pairs, psi[1], imaginary, lines[1])
-    block_product(pairs, psi[1], real, lines[2])
-    block_product(pairs, psi[0], imaginary, lines[3])
     for r in range(out.shape[0]):
-        a = lines[0, r] + lines[1, r]
-        b = lines[2, r] - lines[3, r]
-        out[r] += factor * (a * cosine - b * sine)
-        turned[r] -= turned_factor * (a * sine + b * cosine)
+        out[r] += factor * (lines[0, r] + lines[1, r])
 
 
 @kernel
 def _add_change(flight, z, t):
     """columns += the change of the flight's end where parameters change masses, dampers and springs: equation (40), by Gauss's rule."""
-    free, enter, _, loads, change, _, psi, lines, flow, columns = flight
+    free, enter, _, loads, change, psi, lines, flow, columns = flight
     size = enter.shape[0]
-    cycle = 2.0 * math.pi * loads.load_periods
     rate = fastest_rate(free)
     highest = rate
     for h in range(loads.harmonics.shape[0]):
@@ -243,26 +233,14 @@ def _add_change(flight, z, t):
             s = (panel + GAUSS_NODES[g]) * width
             weight = GAUSS_WEIGHTS[g] * width
             here = lines[1]
-            multiply(enter, z[:size], start)
+            times_matrix(enter, z, start)
             flow_state(free, start, s, here)
             for h in range(loads.harmonics.shape[0]):
                 response(free, loads.harmonics[h] * loads.clock[0], s, psi)
-                angle = loads.harmonics[h] * cycle * z[size]
-                cosine = math.cos(angle)
-                sine = math.sin(angle)
-                multiply(loads.drive, loads.cosine[h], lines[6])
-                multiply(loads.drive, loads.sine[h], lines[7])
-                # Re[Psi (C - i S) exp(i angle)], C and S turned by the angle first
-                for r in range(size):
-                    real = lines[6, r] * cosine + lines[7, r] * sine
-                    lines[7, r] = lines[7, r] * cosine - lines[6, r] * sine
-                    lines[6, r] = real
-                block_product(free.pairs, psi[0], lines[6], lines[2])
-                block_product(free.pairs, psi[1], lines[7], lines[3])
-                for r in range(size):
-                    here[r] += lines[2, r] + lines[3, r]
+                turn_load(loads, 0, h, z, lines[6], lines[7])
+                _add_response(free.pairs, psi, lines[6], lines[7], 1.0, lines[2:], here)
             for j in range(change.shape[0]):
-                multiply(change[j], here, lines[2])
+                times_matrix(change[j], here, lines[2])
                 flow_state(free, lines[2], t - s, lines[3])
                 for r in range(size):
                     columns[j, r] += weight * lines[3, r]
@@ -301,7 +279,7 @@ def _compose(pairs, leave, flow, enter, inner_product, out):
 @inlined
 def loaded_flight(flight, z, t, out, jacobian):
     """out (N,) = the node z after a flight of duration t, before any impact; jacobian (N, N): its derivative by z."""
-    free, enter, leave, loads, change, drive_change, psi, lines, flow, columns = flight
+    free, enter, leave, loads, change, psi, lines, flow, columns = flight
     size = enter.shape[0]
     parameters = z.shape[0] - size - 1
     q = lines[4]
@@ -311,7 +289,7 @@ def loaded_flight(flight, z, t, out, jacobian):
     set_2(jacobian, 0.0)
     # Equation (38): free flight of the start, and what the loads give from rest.
     flow_matrix(free, t, flow)
-    multiply(enter, z[:size], lines[0])
+    times_matrix(enter, z, lines[0])
     block_product(free.pairs, flow, lines[0], q)
     set_1(by_time, 0.0)
     for j in range(parameters):
@@ -319,34 +297,28 @@ def loaded_flight(flight, z, t, out, jacobian):
     for h in range(loads.harmonics.shape[0]):
         k = loads.harmonics[h]
         response(free, k * w, t, psi)
-        angle = k * cycle * z[size]
-        cosine = math.cos(angle)
-        sine = math.sin(angle)
-        multiply(loads.drive, loads.cosine[h], lines[6])
-        multiply(loads.drive, loads.sine[h], lines[7])
-        _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, q, by_time, k * cycle)
+        real = lines[6]
+        imaginary = lines[7]
+        turn_load(loads, 0, h, z, real, imaginary)
+        _add_response(free.pairs, psi, real, imaginary, 1.0, lines, q)
         for j in range(parameters):
-            rate = k * loads.clock[1 + j]
-            if rate != 0.0:
-                _add_response(free.pairs, psi[2:], lines[6], lines[7], cosine, sine, rate, lines, columns[j], q, 0.0)
+            if loads.clock[1 + j] != 0.0:
+                _add_response(free.pairs, psi[2:], real, imaginary, k * loads.clock[1 + j], lines, columns[j])
+        # The phase turns real into imaginary, and imaginary into -real.
+        for r in range(size):
+            real[r] = -real[r]
+        _add_response(free.pairs, psi, imaginary, real, k * cycle, lines, by_time)
         for j in range(parameters):
-            if not (is_loaded(loads.cosine_slope[j, h]) or is_loaded(loads.sine_slope[j, h])):
-                continue
-            multiply(loads.drive, loads.cosine_slope[j, h], lines[6])
-            multiply(loads.drive, loads.sine_slope[j, h], lines[7])
-            _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, columns[j], q, 0.0)
-        for j in range(change.shape[0]):
-            multiply(drive_change[j], loads.cosine[h], lines[6])
-            multiply(drive_change[j], loads.sine[h], lines[7])
-            _add_response(free.pairs, psi[:2], lines[6], lines[7], cosine, sine, 1.0, lines, columns[j], q, 0.0)
+            if turn_load(loads, 1 + j, h, z, real, imaginary):
+                _add_response(free.pairs, psi, real, imaginary, 1.0, lines, columns[j])
     if change.shape[0] > 0:
         _add_change(flight, z, t)
-    multiply(leave, q, out[:size])
-    multiply(leave, by_time, lines[0])
+    times_matrix(leave, q, out[:size])
+    times_matrix(leave, by_time, lines[0])
     for r in range(size):
         jacobian[r, size] = lines[0, r]
     for j in range(parameters):
-        multiply(leave, columns[j], lines[0])
+        times_matrix(leave, columns[j], lines[0])
         for r in range(size):
             jacobian[r, size + 1 + j] = lines[0, r]
     _compose(free.pairs, leave, flow, enter, psi[0], jacobian)
@@ -361,22 +333,17 @@ def loaded_flight(flight, z, t, out, jacobian):
 @inlined
 def loaded_rate(flight, z, out):
     """out (N,) = z' of a node in flight."""
-    free, enter, leave, loads, _, _, _, lines, _, _ = flight
+    free, enter, leave, loads, _, _, lines, _, _ = flight
     size = enter.shape[0]
-    multiply(enter, z[:size], lines[0])
+    times_matrix(enter, z, lines[0])
     block_product(free.pairs, free.matrix, lines[0], lines[1])
-    cycle = 2.0 * math.pi * loads.load_periods
     for h in range(loads.harmonics.shape[0]):
-        angle = loads.harmonics[h] * cycle * z[size]
-        cosine = math.cos(angle)
-        sine = math.sin(angle)
-        multiply(loads.drive, loads.cosine[h], lines[2])
-        multiply(loads.drive, loads.sine[h], lines[3])
+        turn_load(loads, 0, h, z, lines[2], lines[3])
         for r in range(size):
-            lines[1, r] += cosine * lines[2, r] + sine * lines[3, r]
-    multiply(leave, lines[1], out[:size])
+            lines[1, r] += lines[2, r]
+    times_matrix(leave, lines[1], out[:size])
     set_1(out[size:], 0.0)
-    out[size] = loads.clock[0] / cycle
+    out[size] = loads.clock[0] / (2.0 * math.pi * loads.load_periods)
 
 
 @kernel

@@ -148,6 +148,7 @@ RESULT = tuple(
     DETERMINANT, LARGER_REAL, LARGER_IMAGINARY, SMALLER_REAL, SMALLER_IMAGINARY, TRIVIAL, SINGULAR,
     SPEEDS, STEEPNESS, CONDITIONING,
 ) = range(42)  # fmt: skip
+"""Entries of the result of a step. Under loads ENERGY is the first released parameter, and QUARTER_PERIOD the period."""
 
 
 @inlined

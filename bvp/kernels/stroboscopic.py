@@ -16,7 +16,7 @@ import numpy as np
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.dense import determinant, eigenvalues
-from bvp.kernels.flight import copy_1, inner, row_dot, set_2
+from bvp.kernels.flight import copy_1, inner, set_2
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
 
@@ -37,12 +37,11 @@ def make_stroboscopic(segment):
 
 
 @inlined
-def saltation(segment, i, before, coming, late):
-    """late (2 n,) = (f+ - R f-)/(c . v-) at impact i. coming, late (N,)."""
+def rates_at(segment, i, before, after, coming, going):
+    """after (N,): the node after impact i. coming, going (N,): f- and f+, the rates of the nodes before and after it."""
     loaded_rate(segment.flight, before, coming)
-    speed = row_dot(segment.gap, i, coming)
-    apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], coming, coming)
-    return speed
+    apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before, after)
+    loaded_rate(segment.flight, after, going)
 
 
 @kernel
@@ -62,9 +61,9 @@ def stroboscopic_map(segment, flights, ends, found):
             copy_1(work[r], matrix[r])
         if segment.contact[i, 0] < 0:
             continue
-        apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], ends[i], after)
-        loaded_rate(segment.flight, after, going)
-        speed = saltation(segment, i, ends[i], coming, going)
+        rates_at(segment, i, ends[i], after, coming, going)
+        speed = inner(segment.gap[i, :size], coming[:size])
+        apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], coming, coming)
         for c in range(size):
             for r in range(size):
                 column[r] = matrix[r, c]
@@ -108,9 +107,7 @@ def saltation_frames(segment, i, before, scale, left, right, found):
     lines = found.lines
     size = scale.shape[0]
     after, going, coming, normal = lines[0], lines[1], lines[2], lines[3]
-    loaded_rate(segment.flight, before, coming)
-    apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before, after)
-    loaded_rate(segment.flight, after, going)
+    rates_at(segment, i, before, after, coming, going)
     length = 0.0
     for r in range(size):
         coming[r] /= scale[r]

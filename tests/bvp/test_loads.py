@@ -19,16 +19,15 @@ def flight_of(system, harmonics, cosine, sine, clock, load_periods, cosine_slope
     """The seam's data for a system; slopes (m, H, n) and clock (1 + m,)."""
     modes, n = system.modes, system.degrees_of_freedom
     m = len(clock) - 1
-    zero = np.zeros((m, len(harmonics), n))
-    drive = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
-    loads = Loads(
-        np.ascontiguousarray(drive), np.array(harmonics, float), np.array(cosine, float), np.array(sine, float),
-        zero if cosine_slope is None else np.array(cosine_slope, float), zero if sine_slope is None else np.array(sine_slope, float),
-        np.array(clock, float), float(load_periods),
-    )  # fmt: skip
     size = 2 * n
+    zero = np.zeros((m, len(harmonics), n))
+    parts = [
+        np.concatenate([[part], zero if slope is None else slope]) for part, slope in ((cosine, cosine_slope), (sine, sine_slope))
+    ]
+    modal = np.stack(parts, axis=2) @ (modes.from_state[:, n:] @ np.linalg.inv(system.mass)).T
+    loads = Loads(np.array(harmonics, float), modal, np.array(clock, float), float(load_periods))
     scratch = (
-        *(np.zeros((0, size, size)), np.zeros((0, size, n)), np.zeros((4, size, size)), np.zeros((8, size))),
+        *(np.zeros((0, size, size)), np.zeros((4, size, size)), np.zeros((8, size))),
         *(np.zeros((size, size)), np.zeros((max(m, 1), size))),
     )
     return LoadedFlight(modes.flight, np.ascontiguousarray(modes.from_state), np.ascontiguousarray(modes.to_state), loads, *scratch)
@@ -45,6 +44,7 @@ def exact(system, flight, z, t, changes):
     load_periods = 2 * mp.pi * mp.mpf(loads.load_periods)
     count = len(loads.harmonics)
     inverse = mp.matrix(system.mass.tolist()) ** -1
+    leave = flight.leave[n:]
     whole = mp.zeros(size + 2 * count)
     pulled = -inverse * mp.matrix(system.stiffness.tolist())
     damped = -inverse * mp.matrix(system.damping.tolist())
@@ -56,10 +56,9 @@ def exact(system, flight, z, t, changes):
     for h in range(count):
         k, at = mp.mpf(loads.harmonics[h]), size + 2 * h
         force = []
-        for part, slope in ((loads.cosine, loads.cosine_slope), (loads.sine, loads.sine_slope)):
-            force.append(
-                inverse * mp.matrix([mp.mpf(part[h, i]) + mp.fsum(mp.mpf(slope[j, h, i]) * moved[j] for j in range(m)) for i in range(n)])
-            )
+        for part in range(2):
+            rates = (leave @ loads.modal[:, h, part].T).tolist()
+            force.append(mp.matrix([mp.mpf(row[0]) + mp.fsum(mp.mpf(row[1 + j]) * moved[j] for j in range(m)) for row in rates]))
         for r in range(n):
             whole[n + r, at], whole[n + r, at + 1] = force[0][r], force[1][r]
         whole[at, at + 1], whole[at + 1, at] = -k * w, k * w
