@@ -29,6 +29,7 @@ __all__ = [
     "filters_of",
     "finite",
     "finite_list",
+    "names",
     "nothing_fits",
     "number",
     "parameter_lines",
@@ -131,6 +132,9 @@ value_range = ValueType(
 )
 finite_list = ValueType(
     lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"
+)
+names = ValueType(
+    lambda text: tuple(part.strip() for part in text.split(",")), lambda found: all(found), "names of parameters, NAME1,NAME2,.."
 )
 _impacts = ValueType(
     lambda text: tuple(float(part) for part in (text.split(":") * 2)[: max(2, text.count(":") + 1)]),

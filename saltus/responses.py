@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import compiling, options, outputs
-from saltus.errors import DONE, FAILED, BadInput, nearest, one_line
+from saltus.errors import DONE, FAILED, BadInput, one_line
+from saltus.response_starts import file_and_event, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.tables import Table
     from bvp.forced import ForcedProblem
-    from bvp.parameters import ParametricSystem
-    from continuation.problem import Step
     from saltus.scene import Scene
     from transitions.sweep.figure import Curve
     from transitions.sweep.runs import AlongParameter
@@ -34,13 +33,19 @@ MOST_BRANCHES = 50
 FAILURES = ("MINIMUM_STEP", "NO_START")
 _OTHERS = ("name", "energy", "stop_at", "save", "catalogue")
 """Options of families in the energy."""
-_OWN = ("range", "begin", "phase", "uz", "y")
+_OWN = ("keep", "range", "begin", "phase", "uz", "y")
 """Options of responses."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of responses to the parser of `saltus continue`."""
-    parser.add_argument("--in", dest="parameter", metavar="NAME", help="follow the response to periodic loads in this parameter")
+    parser.add_argument(
+        "--in", dest="parameter", metavar="NAME[,NAME..]", type=options.names,
+        help="follow the response to periodic loads in this parameter; in several, with one --keep less: the first one is reported",
+    )  # fmt: skip
+    parser.add_argument(
+        "--keep", metavar="EQUATION", action="append", help='with --in NAME1,NAME2: equation that holds, such as "F = 0.3*w**2"; repeatable'
+    )
     parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="with --in: range of the parameter")
     parser.add_argument(
         "--start", dest="begin", metavar="U1,..,V1,..", type=options.finite_list,
@@ -65,18 +70,10 @@ def is_response_file(path: str) -> bool:
         return False
 
 
-def _file_and_event(text: str) -> tuple[str, str | None]:
-    """The path and the event of FILE[:EVENT]."""
-    if os.path.exists(text) or ":" not in text:
-        return text, None
-    path, _, event = text.rpartition(":")
-    return path, event
-
-
 def is_wanted(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a response. What then does not fit is refused."""
     start = arguments.start or ""
-    wanted = arguments.parameter is not None or start in ("rest", "simulate") or is_response_file(_file_and_event(start)[0])
+    wanted = arguments.parameter is not None or start in ("rest", "simulate") or is_response_file(file_and_event(start)[0])
     given = [f"--{name.replace('_', '-').replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
     if not wanted and given:
         raise BadInput(f"{given[0]} is an option of a response; expected --in NAME, the parameter in which it is followed")
@@ -103,52 +100,16 @@ def require_no_loads(scene: Scene) -> None:
 def follow(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
     files = outputs.outputs_of(arguments)
-    source, event = _file_and_event(arguments.start) if arguments.start not in (None, "rest", "simulate") else (None, None)
-    arguments.scene_uses = ("ground", "forces")
-    branches: list[ForcedBranch] = []
-    title = ""
-    if source is not None:
-        from branches.tables import plain
-        from transitions.response.files import read_responses
-
-        if not os.path.exists(source):
-            raise BadInput(f"no file {source}; expected rest, simulate, or a JSON file of saltus continue --in NAME, FILE[:EVENT]")
-        given = read_responses(source)
-        parametric = given[0].problem.parametric
-        if arguments.scene is not None or options.parameters_of(arguments):
-            scene = options.scene_of(arguments)
-            title = scene.title
-            if plain(_parametric(scene).describe()) != plain(parametric.describe()):
-                raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
-    else:
-        if arguments.start is None:
-            raise BadInput("--from is required with --in: rest, simulate, or a JSON file FILE[:EVENT]")
-        if arguments.range is None:
-            raise BadInput("--range LO:HI is required: the range of the parameter")
-        scene = options.scene_of(arguments)
-        title, parametric = scene.title, _parametric(scene)
-    for option, value in (("--start", arguments.begin), ("--phase", arguments.phase)):
-        if value is not None and arguments.start != "simulate":
-            raise BadInput(f"{option} is where a simulation starts; expected --from simulate")
-    name = arguments.parameter if source is None or arguments.parameter else given[0].name
-    interval = arguments.range or given[0].interval
-    _check_parameter(parametric, name, interval, source is None)
-    if arguments.y is not None and not _OF_IMPACT.fullmatch(arguments.y):
-        from bvp.forced import ForcedProblem
-
-        _check_column(arguments.y, ForcedProblem(parametric, (), (name,)))
+    request = request_of(arguments)
+    if arguments.y is not None and not _OF_IMPACT.fullmatch(arguments.y) and not request.given:
+        _check_column(arguments.y, request.path.problem(()))
     compiling.prepare("response")
-    if source is not None:
-        starts = _from_file(given, source, event, name, interval)
-    elif arguments.start == "rest":
-        starts = _from_rest(parametric, name, interval, files.report)
-    else:
-        starts = [_from_simulation(arguments, parametric, name, files.report)]
+    waiting = deque(starts_of(request, arguments, files.report))
 
     from branches.forced.tracing import follow_response, switch_response
 
     code = DONE
-    waiting = deque(starts)
+    branches: list[ForcedBranch] = []
     with ProgressBar(arguments.points) as bar:
         while waiting:
             problem, start, both = waiting.popleft()
@@ -157,7 +118,7 @@ def follow(arguments: argparse.Namespace) -> int:
             if isinstance(start, np.ndarray) and any(_covers(branch, problem, start) for branch in branches):
                 continue
             options_of = {"values": arguments.uz or (), "points": arguments.points, "on_point": bar.update}
-            branch = follow_response(problem, start, interval, both=both, **options_of)
+            branch = follow_response(problem, start, request.interval, both=both, **options_of)
             branches.append(branch)
             bar.line("\n".join(report_lines(branch, len(branches), terminal_width(files.words))), files.words)
             code = max(code, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE)
@@ -165,7 +126,7 @@ def follow(arguments: argparse.Namespace) -> int:
             exchanges = [event for event in branch.events if event.type == "LB"]
             if len(branches) < MOST_BRANCHES:
                 waiting.extend((*onward, False) for event in exchanges for onward in switch_response(branch, event))
-    return max(code, _write(files, branches, arguments.y, title))
+    return max(code, _write(files, branches, arguments.y, request.title))
 
 
 def show(arguments: argparse.Namespace) -> int:
@@ -197,6 +158,8 @@ def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: 
     if name != branches[0].name:
         raise BadInput(f"--over {path} is over {branches[0].name}, expected {name}, the parameter of --in")
     given = branches[0].problem.parametric
+    if len(branches[0].problem.released) > 1:
+        raise BadInput(f"--over {path} changes {', '.join(branches[0].problem.released)} together; expected {name} alone, as in the sweep")
     described = [plain(system.replaced(wanted.values).describe()) if system.names == wanted.names else None for system in (given, wanted)]
     same = described[0] == described[1]
     for branch in branches if same else ():
@@ -230,34 +193,6 @@ def _write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | No
     )
 
 
-def _parametric(scene: Scene) -> ParametricSystem:
-    from bvp.parameters import ParametricSystem
-
-    return scene.parametric or ParametricSystem.of(scene.system, scene.forces)
-
-
-def _check_parameter(parametric: ParametricSystem, name: str, interval: tuple[float, float], from_scene: bool) -> None:
-    """Refuse what the response cannot have: an unknown parameter, loads without a period, a range without the start's value."""
-    if not parametric.forces():
-        raise BadInput("--in follows the response to periodic loads, and the scene has none; free orbits are followed without --in")
-    try:
-        if not parametric.layout.harmonics:
-            raise BadInput("--in follows the response to periodic loads, and the scene's are constant; expected one with amplitude")
-    except BadInput:
-        raise
-    except ValueError as error:
-        raise BadInput(one_line(error)) from error
-    known = parametric.names
-    if name in parametric.derived:
-        raise BadInput(f"--in {name}: it is the expression {parametric.derived[name]}; expected one of {', '.join(known)}")
-    if name not in known:
-        raise BadInput(f"--in {name}: no such parameter{nearest(name, known) or '; expected one of ' + ', '.join(known)}")
-    low, high = interval
-    value = parametric.values[name]
-    if from_scene and not low <= value <= high:
-        raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
-
-
 def _check_column(name: str, *problems: ForcedProblem) -> None:
     from transitions.response.figure import require_column
 
@@ -267,38 +202,6 @@ def _check_column(name: str, *problems: ForcedProblem) -> None:
         raise BadInput(f"--y: {error}") from error
 
 
-Start = tuple["ForcedProblem", "np.ndarray | Step", bool]
-"""A problem, an orbit near which or from which its family is followed, and whether both ways."""
-
-
-def _from_rest(
-    parametric: ParametricSystem, name: str, interval: tuple[float, float], report: Callable[[Sequence[str]], object]
-) -> list[Start]:
-    """The response without impacts at the scene's value and at both ends of the range, where it exists."""
-    from transitions.response.starting import Unbounded, linear_response
-
-    starts: list[Start] = []
-    reasons = []
-    for value in (parametric.values[name], *interval):
-        if parametric.violation({name: value}) is not None:
-            continue
-        try:
-            problem, y, why = linear_response(parametric, name, {name: value})
-        except Unbounded as error:
-            why = one_line(error)
-        else:
-            if why is None:
-                starts.append((problem, y, True))
-                continue
-            why = f"the response without impacts at {name} = {value:.10g} is no orbit: {why}"
-        if why not in reasons:
-            reasons.append(why)
-            report([f"note   {why}"])
-    if not starts:
-        raise RuntimeError(f"there is no response without impacts at {name} = {parametric.values[name]:g} and at the ends of the range")
-    return starts
-
-
 def _covers(branch: ForcedBranch, problem: ForcedProblem, start: np.ndarray) -> bool:
     """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
     value = problem.parameters(start)[branch.name]
@@ -306,63 +209,6 @@ def _covers(branch: ForcedBranch, problem: ForcedProblem, start: np.ndarray) -> 
     low, high = branch.parameter.min(), branch.parameter.max()
     slack = 1e-9 * (high - low)  # an end is located to rounding
     return same and bool(low - slack <= value <= high + slack)
-
-
-def _from_simulation(
-    arguments: argparse.Namespace, parametric: ParametricSystem, name: str, report: Callable[[Sequence[str]], object]
-) -> Start:
-    """The orbit on which a simulation settles."""
-    import math
-
-    from bvp.forced import ForcedProblem
-    from transitions.response.starting import settled_orbit
-    from transitions.sweep.settle import settle
-
-    ForcedProblem(parametric, (), (name,))  # what cannot be followed is refused before the work
-    system, n = parametric.system(), parametric.system().degrees_of_freedom
-    u = v = None
-    if arguments.begin is not None:
-        options.require_state("--start", arguments.begin, system.coordinates)
-        u, v = arguments.begin[:n], arguments.begin[n:]
-    phase = (arguments.phase or 0.0) % (2.0 * math.pi)
-    settled = settle(system, parametric.forces(), u, v, phase=phase)
-    found = settled_orbit(parametric, name, settled)
-    over = "half of the period" if found.problem.half else "the period"
-    report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])
-    return found.problem, found.y, True
-
-
-def _from_file(
-    branches: Sequence[ForcedBranch], source: str, event: str | None, name: str, interval: tuple[float, float]
-) -> list[Start]:
-    """The branch of a file in another range or parameter, or the families that begin at an event."""
-    from branches.forced.tracing import point_inside, switch_response
-    from bvp.forced import ForcedProblem
-    from transitions.response.files import named_events
-
-    if event is None:
-        starts: list[Start] = []
-        for branch in branches:
-            if name == branch.name:
-                starts.append((branch.problem, branch.unknowns[point_inside(branch, interval)], True))
-                continue
-            y = branch.unknowns[branch.start].copy()
-            old = branch.problem
-            problem = ForcedProblem(
-                old.parametric, old.sequence, (name,), load_periods=old.load_periods, half=old.half, values=old.parameters(y)
-            )
-            problem.nodes(y)[:, 2 * old.degrees_of_freedom + 1] = problem.values[name]
-            starts.append((problem, y, True))
-        return starts
-    if name != branches[0].name:
-        raise BadInput(f"--in {name}: the events of {source} are those of {branches[0].name}; expected no --in, or --in {branches[0].name}")
-    known = named_events(branches)
-    matches = [key for key in known if key == event or key.rpartition(".")[2].rstrip("0123456789") == event]
-    if len(matches) != 1:
-        found = f"matches {', '.join(matches)}" if matches else f"no such event{nearest(event, known)}; known: {', '.join(known) or 'none'}"
-        raise BadInput(f"{source}:{event}: {found}; expected one of them" if matches else f"{source}:{event}: {found}")
-    branch, at = known[matches[0]]
-    return [(problem, step, False) for problem, step in switch_response(branch, at)]
 
 
 def report_lines(branch: ForcedBranch, number: int, width: int | None = None) -> list[str]:

@@ -192,3 +192,51 @@ def test_a_family_goes_on_where_impacts_exchange_their_order(capsys):
     assert settled["stable"] and followed["stable"]
     assert settled["max.x1"] == pytest.approx(followed["max.x1"], rel=1e-9)
     assert settled["speed"] == pytest.approx(followed["speed"], rel=1e-9)
+
+
+KEPT = ("continue", "--scene", "damped_impact_oscillator", "--in", "w,A", "--keep", "A = 0.2*w**2")
+
+
+def test_two_parameters_move_along_an_equation(capsys):
+    """Oracle: the response grazes where 0.2 w^2 = sqrt((1 - w^2)^2 + (0.1 w)^2), the amplitude of the closed form at the stop x = 1."""
+    code, out, err = run(capsys, *KEPT, "--set", "w=0.5", "--from", "rest", "--range", "0.4:2", "--json", "a.json", "--csv", "a.csv")
+    assert code == 0, err
+    assert out.startswith("keep   A = 0.05 at w = 0.5, from --keep; the scene has 0.1")
+    first = data("a.json")["branches"][0]
+    assert (first["released"], first["keep"]) == (["w", "A"], ["A = 0.2*w**2"])
+    (grazing,) = [event["values"] for event in first["events"] if event["type"] == "GR"]
+    a, b = 1.0 - 0.2**2, 0.1**2 - 2.0  # of a w^4 + b w^2 + 1 = 0
+    assert grazing["w"] == pytest.approx(math.sqrt((-b - math.sqrt(b * b - 4.0 * a)) / (2.0 * a)), abs=1e-12)
+    assert all(point["A"] == pytest.approx(0.2 * point["w"] ** 2, rel=1e-13) for point in first["points"])
+    code, out, err = run(capsys, "continue", "--from", "a.json:GR1", "--points", "20", "--json", "b.json")
+    assert code == 0 and data("b.json")["branches"][0]["keep"] == ["A = 0.2*w**2"], err
+    code, out, err = run(capsys, "continue", "--from", "b.json", "--in", "A", "--range", "0.01:0.5", "--points", "20")
+    assert code == 0 and "A = " in out, err
+    words = "--from", "b.json", "--in", "c,A", "--range", "0.05:0.2", "--points", "20"
+    unequal = "--keep: A = c does not hold at the orbit, which has c = 0.1"
+    refused(run(capsys, "continue", *words, "--keep", "A = c"), unequal, "expected A = 0.1")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--in", "w,A"], ["--in w,A: 2 parameters need 1 equation --keep, received 0"]),
+        (["--in", "w", "--keep", "A = w"], ["--in w: one parameter needs no --keep, received 1", "--in w,NAME"]),
+        (["--in", "w,A", "--keep", "A = w", "--keep", "c = w"], ["need 1 equation --keep, received 2"]),
+        (["--in", "w,w", "--keep", "A = w"], ["--in w,w: a parameter is given twice"]),
+        (["--in", "w,B", "--keep", "B = w"], ["--in B: no such parameter", "A"]),
+        (["--in", "w,", "--keep", "B = w"], ["received 'w,', expected names of parameters, NAME1,NAME2"]),
+        (["--in", "w,A", "--keep", "A = amplitude"], ["the equation 'A = amplitude' has the name amplitude, which is no parameter"]),
+        (["--in", "w,A", "--keep", "A + w"], ["an equation is LEFT = RIGHT", "received 'A + w'"]),
+        (["--in", "w,A", "--keep", "A**2 + w**2 = 0"], ["A**2 + w**2 = 0 cannot be solved for A at w = 1, near A = 0.1"]),
+        (["--in", "w,A", "--keep", "w = 1"], ["w = 1 cannot be solved for A"]),
+        (["--in", "w,A", "--keep", "A = 1/(w - 1)"], ["cannot be solved for A at w = 1"]),
+        (["--in", "w,e", "--keep", "e = 1.2*w"], ["restitution", "1.2"]),
+    ],
+)
+def test_bad_equations(capsys, words, expected):
+    refused(run(capsys, "continue", "--scene", "damped_impact_oscillator", "--from", "rest", "--range", "0.5:2", *words), *expected)
+
+
+def test_equations_need_their_parameters(capsys):
+    refused(run(capsys, "continue", "S13O00+", "--keep", "A = w"), "--keep is an option of a response; expected --in NAME")

@@ -16,12 +16,13 @@ from tests.branches.test_forced_switching import two_sided
 from transitions.response.figure import curves_over
 from transitions.response.files import named_events, read_responses, to_record
 from transitions.response.measures import column_names, column_of, measures_of, response_table
+from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
 from transitions.sweep.settle import settle
 
 
 def settled(parametric, name, u=None, v=None, **options):
-    return settled_orbit(parametric, name, settle(parametric.system(), parametric.forces(), u, v, **options))
+    return settled_orbit(ParameterPath(parametric, [name]), settle(parametric.system(), parametric.forces(), u, v, **options))
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +70,7 @@ def test_stability_changes_where_the_formula_says(one_impact):
 
 def test_a_response_without_impacts_has_the_measures_of_a_harmonic():
     """Oracle: the amplitude a of the closed form; rms a/sqrt(2); the damper takes c w^2 a^2 T/2."""
-    problem, y, why = linear_response(oscillator(0.1, w=1.3, s=5.0), "w")
+    problem, y, why = linear_response(ParameterPath(oscillator(0.1, w=1.3, s=5.0), ["w"]))
     assert why is None and problem.sequence == ()
     branch = follow_response(problem, y, (1.1, 1.5))
     w = branch.parameter
@@ -108,7 +109,7 @@ def test_the_first_impact_has_the_smallest_phase(symmetric):
 def test_an_undamped_resonance_is_unbounded():
     """Oracle: w = 1 is the frequency of the mode; near it the response grows without bound, at the pace 1/|1 - w^2|."""
     with pytest.raises(Unbounded, match="unbounded at w = 1: the load has the frequency of an undamped mode"):
-        linear_response(oscillator(s=5.0, w=1.0), "w")
+        linear_response(ParameterPath(oscillator(s=5.0, w=1.0), ["w"]))
     far = ParametricSystem.from_description(
         {
             "parameters": {"w": 0.8},
@@ -119,7 +120,7 @@ def test_an_undamped_resonance_is_unbounded():
             "forces": [{"load": [1.0, 0.1], "amplitude": 1.0, "harmonic": 1}],
         }
     )  # fmt: skip
-    problem, y, _ = linear_response(far, "w")
+    problem, y, _ = linear_response(ParameterPath(far, ["w"]))
     branch = follow_response(problem, y, (0.5, 1.5))
     assert "grows without bound" in branch.ended[1].text
     assert 0.98 < branch.parameter.max() < 1.0

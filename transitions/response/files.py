@@ -46,6 +46,8 @@ _BRANCH = {
     "solved": ["a string"],
     "load_periods": "an integer",
     "half": "a boolean",
+    "released?": ["a string"],
+    "keep?": ["a string"],
     "values": "an object",
     "range": ["a number or null", 2],
     "start": "an integer",
@@ -84,6 +86,8 @@ def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
         "solved": list(problem.sequence),
         "load_periods": problem.load_periods,
         "half": problem.half,
+        "released": list(problem.released),
+        "keep": list(problem.keep),
         "values": dict(problem.values),
         "range": plain(branch.interval),
         "start": branch.start,
@@ -123,7 +127,7 @@ def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
 
 def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) -> ForcedBranch:
     options = {key: item[key] for key in ("load_periods", "half", "values")}
-    problem = ForcedProblem(parametric, item["solved"], (name,), **options)
+    problem = ForcedProblem(parametric, item["solved"], item.get("released", (name,)), keep=item.get("keep", ()), **options)
     points, count = item["points"], problem.unknowns
     if not points or any(len(point[key]) != count for point in points for key in ("unknowns", "tangent")):
         raise RecordError(f"a point has not the {count} unknowns of its sequence")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from branches.admissible import unphysical
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
-from bvp.parameters import ParametricSystem
+from transitions.response.path import ParameterPath
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = ["NoOrbit", "Unbounded", "linear_response", "settled_orbit"]
@@ -31,18 +31,13 @@ class Unbounded(RuntimeError):
     """The load has the frequency of an undamped mode."""
 
 
-def linear_response(
-    parametric: ParametricSystem, name: str, values: Mapping[str, float] | None = None
-) -> tuple[ForcedProblem, np.ndarray, str | None]:
+def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str | None]:
     """The steady response without impacts.
 
     Parameters
     ----------
-    parametric : ParametricSystem
-    name : str
-        The parameter that is released.
-    values : mapping, optional
-        Values of parameters that replace the defaults.
+    path : ParameterPath
+        The system at the values of its parameters, and those that are released.
 
     Returns
     -------
@@ -56,12 +51,12 @@ def linear_response(
     """
     try:
         # Of an odd system under odd loads half a period is solved: it touches both stops of a pair at once.
-        problem = ForcedProblem(parametric, (), (name,), half=True, values=values)
+        problem = path.problem((), half=True)
     except EndsError:
-        problem = ForcedProblem(parametric, (), (name,), values=values)
-    start = problem.pack(np.zeros((1, 2 * problem.degrees_of_freedom)), [0.0], [problem.values[name]])
+        problem = path.problem(())
+    start = problem.pack(np.zeros((1, 2 * problem.degrees_of_freedom)), [0.0], path.start)
     free = problem.multipliers(start)
-    where = f"at {name} = {problem.values[name]:.10g}"
+    where = f"at {path.name} = {path.values[path.name]:.10g}"
     words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
     if np.abs(free - 1.0).min() < _RESONANT:
         raise Unbounded(words)
@@ -81,16 +76,14 @@ class Periodic:
     distance: float
 
 
-def settled_orbit(
-    parametric: ParametricSystem, name: str, settled: Settled, values: Mapping[str, float] | None = None
-) -> Periodic:
+def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     """The orbit that a simulation has settled on, solved and compared with the simulation.
 
     An orbit with x(t + T/2) = -x(t) is solved over half its period, if the stops and loads are odd and p is odd.
 
     Parameters
     ----------
-    parametric, name, values
+    path : ParameterPath
         As for `linear_response`.
     settled : Settled
 
@@ -107,14 +100,13 @@ def settled_orbit(
     fractions = (impacts.times / settled.period_of_loads + impacts.periods) / p
     problem, guess = None, np.zeros(0)
     if len(impacts) and len(impacts) % 2 == 0:
-        problem, guess = _half(parametric, name, settled, fractions, values)
+        problem, guess = _half(path, settled, fractions)
     if problem is None:
-        problem = ForcedProblem(parametric, settled.stops, (name,), load_periods=p, values=values)
-        value = problem.values[name]
+        problem = path.problem(settled.stops, load_periods=p)
         if len(impacts):
-            guess = problem.pack(impacts.after, fractions, [value])
+            guess = problem.pack(impacts.after, fractions, path.start)
         else:
-            guess = problem.pack(settled.states[:1], [0.0], [value])
+            guess = problem.pack(settled.states[:1], [0.0], path.start)
     try:
         solution = problem.solve(guess)
     except NotConverged as error:
@@ -136,13 +128,11 @@ def _stuck(settled: Settled, problem: ForcedProblem) -> str:
     return "; it may stick for a part of its period, which is not followed" if soft and len(settled.impacts) > 3 else ""
 
 
-def _half(
-    parametric: ParametricSystem, name: str, settled: Settled, fractions: np.ndarray, values: Mapping[str, float] | None
-) -> tuple[ForcedProblem | None, np.ndarray]:
+def _half(path: ParameterPath, settled: Settled, fractions: np.ndarray) -> tuple[ForcedProblem | None, np.ndarray]:
     """The problem of half the period and the unknowns, if the motion has this symmetry."""
     k = len(fractions) // 2
     try:
-        problem = ForcedProblem(parametric, settled.stops[:k], (name,), load_periods=settled.period, half=True, values=values)
+        problem = path.problem(settled.stops[:k], load_periods=settled.period, half=True)
     except EndsError:
         return None, np.zeros(0)
     after = settled.impacts.after
@@ -151,7 +141,7 @@ def _half(
     mirrored = np.abs(after[k:] + after[:k]).max() < _SAME * size and np.abs(fractions[k:] - fractions[:k] - 0.5).max() < _SAME
     if list(settled.stops[k:]) != opposite or not mirrored:
         return None, np.zeros(0)
-    return problem, problem.pack(after[:k], fractions[:k], [problem.values[name]])
+    return problem, problem.pack(after[:k], fractions[:k], path.start)
 
 
 def _opposite(problem: ForcedProblem, letter: str) -> str:

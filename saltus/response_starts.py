@@ -1,0 +1,260 @@
+"""Where `saltus continue --in NAME` starts: from rest, from a simulation, or from a file; and what cannot be followed."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import options
+from saltus.errors import BadInput, nearest, one_line
+
+if TYPE_CHECKING:
+    from branches.forced.branch import ForcedBranch
+    from bvp.forced import ForcedProblem
+    from bvp.parameters import ParametricSystem
+    from continuation.problem import Step
+    from saltus.scene import Scene
+    from transitions.response.path import ParameterPath
+
+__all__ = ["Request", "Start", "file_and_event", "request_of", "starts_of"]
+
+Report = Callable[[Sequence[str]], object]
+
+Start = tuple["ForcedProblem", "np.ndarray | Step", bool]
+"""A problem, an orbit near which or from which its family is followed, and whether both ways."""
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """A response that is asked for.
+
+    Attributes
+    ----------
+    path : ParameterPath
+        Its system, and the parameters that vary; the first one is reported.
+    interval : (float, float)
+        Range of the first parameter.
+    title : str
+        Of the scene.
+    given : tuple of ForcedBranch
+        The branches of the file that it starts from.
+    source, event : str or None
+        That file, and the event in it.
+    """
+
+    path: ParameterPath
+    interval: tuple[float, float]
+    title: str = ""
+    given: tuple[ForcedBranch, ...] = ()
+    source: str | None = None
+    event: str | None = None
+
+
+def file_and_event(text: str) -> tuple[str, str | None]:
+    """The path and the event of FILE[:EVENT]."""
+    if os.path.exists(text) or ":" not in text:
+        return text, None
+    path, _, event = text.rpartition(":")
+    return path, event
+
+
+def request_of(arguments: argparse.Namespace) -> Request:
+    """The response that a command line asks for. What cannot be followed is refused."""
+    from transitions.response.path import ParameterPath
+
+    for option, value in (("--start", arguments.begin), ("--phase", arguments.phase)):
+        if value is not None and arguments.start != "simulate":
+            raise BadInput(f"{option} is where a simulation starts; expected --from simulate")
+    arguments.scene_uses = ("ground", "forces")
+    if arguments.start is None:
+        raise BadInput("--from is required with --in: rest, simulate, or a JSON file FILE[:EVENT]")
+    names, keep = _names(arguments)
+    if arguments.start not in ("rest", "simulate"):
+        return _request_of_file(arguments, names, keep)
+    if arguments.range is None:
+        raise BadInput("--range LO:HI is required: the range of the parameter")
+    scene = options.scene_of(arguments)
+    parametric = _parametric(scene)
+    _check_system(parametric)
+    _check_names(parametric, names)
+    try:
+        path = ParameterPath(parametric, names, keep).at()
+        path.parametric.system(path.values)
+    except ValueError as error:
+        raise BadInput(f"--keep: {one_line(error)}") from error
+    _check_range(path, arguments.range)
+    return Request(path, arguments.range, scene.title)
+
+
+def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...]) -> Request:
+    """The response that goes on from a file."""
+    from branches.tables import plain
+    from transitions.response.files import read_responses
+    from transitions.response.path import ParameterPath
+
+    source, event = file_and_event(arguments.start)
+    if not os.path.exists(source):
+        raise BadInput(f"no file {source}; expected rest, simulate, or a JSON file of saltus continue --in NAME, FILE[:EVENT]")
+    given = read_responses(source)
+    problem, title = given[0].problem, ""
+    if arguments.scene is not None or options.parameters_of(arguments):
+        scene = options.scene_of(arguments)
+        title = scene.title
+        if plain(_parametric(scene).describe()) != plain(problem.parametric.describe()):
+            raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+    if not names:
+        names, keep = problem.released, problem.keep
+    _check_names(problem.parametric, names)
+    try:
+        path = ParameterPath(problem.parametric, names, keep)
+    except ValueError as error:
+        raise BadInput(f"--keep: {one_line(error)}") from error
+    return Request(path, arguments.range or given[0].interval, title, tuple(given), source, event)
+
+
+def starts_of(request: Request, arguments: argparse.Namespace, report: Report) -> list[Start]:
+    """The orbits from which the families of a request are followed; `report` gets the lines about them."""
+    if request.given:
+        return _from_file(request)
+    path = request.path
+    for name in path.names[1:]:
+        if path.values[name] != path.parametric.values[name]:
+            where = f"{path.name} = {path.values[path.name]:.10g}"
+            report([f"keep   {name} = {path.values[name]:.10g} at {where}, from --keep; the scene has {path.parametric.values[name]:.10g}"])
+    if arguments.start == "rest":
+        return _from_rest(request, report)
+    return [_from_simulation(request, arguments, report)]
+
+
+def _parametric(scene: Scene) -> ParametricSystem:
+    from bvp.parameters import ParametricSystem
+
+    return scene.parametric or ParametricSystem.of(scene.system, scene.forces)
+
+
+def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The parameters of ``--in`` and the equations of ``--keep``; there is one equation less."""
+    names, keep = tuple(arguments.parameter or ()), tuple(arguments.keep or ())
+    if len(set(names)) < len(names):
+        raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
+    if keep and not names:
+        raise BadInput(f"--keep {keep[0]!r} needs --in NAME1,NAME2: the parameters that vary")
+    if names and len(keep) != len(names) - 1:
+        wanted = len(names) - 1
+        count = f"{len(names)} parameters need {wanted} equation{'s' * (wanted != 1)} --keep" if wanted else "one parameter needs no --keep"
+        more = "" if wanted else f"; expected another parameter that it determines, --in {names[0]},NAME"
+        raise BadInput(f"--in {','.join(names)}: {count}, received {len(keep)}{more}")
+    return names, keep
+
+
+def _check_system(parametric: ParametricSystem) -> None:
+    """Refuse loads without a period."""
+    if not parametric.forces():
+        raise BadInput("--in follows the response to periodic loads, and the scene has none; free orbits are followed without --in")
+    try:
+        if not parametric.layout.harmonics:
+            raise BadInput("--in follows the response to periodic loads, and the scene's are constant; expected one with amplitude")
+    except BadInput:
+        raise
+    except ValueError as error:
+        raise BadInput(one_line(error)) from error
+
+
+def _check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:
+    """Refuse names that are no independent parameters."""
+    known = parametric.names
+    for name in names:
+        if name in parametric.derived:
+            raise BadInput(f"--in {name}: it is the expression {parametric.derived[name]}; expected one of {', '.join(known)}")
+        if name not in known:
+            raise BadInput(f"--in {name}: no such parameter{nearest(name, known) or '; expected one of ' + ', '.join(known)}")
+
+
+def _check_range(path: ParameterPath, interval: tuple[float, float]) -> None:
+    """Refuse a range without the value of the start."""
+    low, high = interval
+    name, value = path.name, path.values[path.name]
+    if not low <= value <= high:
+        raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
+
+
+def _from_rest(request: Request, report: Report) -> list[Start]:
+    """The response without impacts at the scene's value and at both ends of the range, where it exists."""
+    from transitions.response.starting import Unbounded, linear_response
+
+    path, name = request.path, request.path.name
+    starts: list[Start] = []
+    reasons = []
+    for value in (path.values[name], *request.interval):
+        try:
+            at = path.at(value)
+            if at.parametric.violation(at.values) is not None:
+                continue
+            problem, y, why = linear_response(at)
+        except Unbounded as error:
+            why = one_line(error)
+        else:
+            if why is None:
+                starts.append((problem, y, True))
+                continue
+            why = f"the response without impacts at {name} = {value:.10g} is no orbit: {why}"
+        if why not in reasons:
+            reasons.append(why)
+            report([f"note   {why}"])
+    if not starts:
+        raise RuntimeError(f"there is no response without impacts at {name} = {path.values[name]:g} and at the ends of the range")
+    return starts
+
+
+def _from_simulation(request: Request, arguments: argparse.Namespace, report: Report) -> Start:
+    """The orbit on which a simulation settles."""
+    from transitions.response.starting import settled_orbit
+    from transitions.sweep.settle import settle
+
+    path = request.path
+    path.problem(())  # what cannot be followed is refused before the work
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    n = system.degrees_of_freedom
+    u = v = None
+    if arguments.begin is not None:
+        options.require_state("--start", arguments.begin, system.coordinates)
+        u, v = arguments.begin[:n], arguments.begin[n:]
+    phase = (arguments.phase or 0.0) % (2.0 * math.pi)
+    settled = settle(system, forces, u, v, phase=phase)
+    found = settled_orbit(path, settled)
+    over = "half of the period" if found.problem.half else "the period"
+    report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])
+    return found.problem, found.y, True
+
+
+def _from_file(request: Request) -> list[Start]:
+    """The branches of a file in another range or parameter, or the families that begin at an event."""
+    from branches.forced.tracing import point_inside, switch_response
+    from transitions.response.files import named_events
+
+    branches, path = request.given, request.path
+    source, event = request.source, request.event
+    same = (path.names, path.keep) == (branches[0].problem.released, branches[0].problem.keep)
+    if event is None:
+        if same:
+            return [(branch.problem, branch.unknowns[point_inside(branch, request.interval)], True) for branch in branches]
+        try:
+            return [(*path.through(branch.problem, branch.unknowns[branch.start]), True) for branch in branches]
+        except ValueError as error:
+            raise BadInput(f"--keep: {one_line(error)}") from error
+    if not same:
+        name = branches[0].name
+        raise BadInput(f"--in {path.name}: the events of {source} are those of {name}; expected no --in, or --in {name}")
+    known = named_events(branches)
+    matches = [key for key in known if key == event or key.rpartition(".")[2].rstrip("0123456789") == event]
+    if len(matches) != 1:
+        found = f"matches {', '.join(matches)}" if matches else f"no such event{nearest(event, known)}; known: {', '.join(known) or 'none'}"
+        raise BadInput(f"{source}:{event}: {found}; expected one of them" if matches else f"{source}:{event}: {found}")
+    branch, at = known[matches[0]]
+    return [(problem, step, False) for problem, step in switch_response(branch, at)]
