@@ -70,7 +70,7 @@ def chain(n: int) -> ParametricSystem:
 def one_impact(parametric: ParametricSystem) -> tuple[ForcedProblem, np.ndarray]:
     """The problem in w of the motion that the system settles on, and its solution."""
     system = parametric.system()
-    found = settle(system, parametric.forces(), [0.1] * system.degrees_of_freedom)
+    found = settle(system, parametric.forces(), np.zeros(system.degrees_of_freedom))
     problem = ForcedProblem(parametric, found.stops, ["w"], load_periods=found.period)
     fractions = (found.impacts.times / found.period_of_loads + found.impacts.periods) / found.period
     y = problem.pack(found.impacts.after, fractions, [parametric.values["w"]])

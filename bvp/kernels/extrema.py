@@ -260,6 +260,12 @@ IDLE_LIMIT = 8
 FRUITLESS = 2
 """Such searches after which time is made to pass."""
 
+GLANCES = 4
+"""Parts of a flight at whose ends |u| is looked at before the search."""
+
+SLOW = 1e-3
+"""Part of the bound of a velocity below which it counts as nearly zero."""
+
 PAUSE = 1e-3
 """That time, in radians. Rate and two derivatives are zero to rounding at its begin, so that |u| can exceed its values at both
 ends by no more than a part 1e-13 of its amplitude."""
@@ -286,10 +292,14 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
     # The velocity takes the place of a gap, so that its next zero is found as an impact is, by equation (3).
     watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)
     for i in range(n):
-        level, _, _ = amplitudes(flight, leave, i, z, duration)
+        level, bend, _ = amplitudes(flight, leave, i, z, duration)
         if level <= peaks[i]:
             continue
-        peaks[i] = max(peaks[i], abs(row_dot(leave, i, z)))
+        reached = abs(row_dot(leave, i, z))
+        for k in range(GLANCES):
+            flow_state(flight, z, (k + 1) * duration / GLANCES, later)
+            reached = max(reached, abs(row_dot(leave, i, later)))
+        peaks[i] = max(peaks[i], reached)
         copy_1(z, now)
         copy_1(leave[n + i], scratch[0, 0])
         row_times_matrix(leave, n + i, flight.matrix, scratch[1])
@@ -305,6 +315,19 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
         leaving = -1
         idle = 0
         while left > 0.0 and peaks[i] < level:
+            # What begins at rest and is moved through other coordinates has a velocity that is nearly zero for long. Equation (26) gives a
+            # time in which |u| stays below a value that it reaches in this flight.
+            rate = row_dot(scratch[0], 0, now)
+            step = free_step(reached - abs(row_dot(leave, i, now)), -abs(rate), bend)
+            if rate * rate < SLOW * SLOW * bend * level and step * step * bend > SLOW * reached:
+                if step >= left:
+                    break
+                flow_state(flight, now, step, later)
+                copy_1(later, now)
+                left -= step
+                leaving = -1
+                side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
+                continue
             status, _, step = next_impact(flight, watched, leaving, now, left, work)
             if status == NONE:
                 step = left
