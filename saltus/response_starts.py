@@ -81,7 +81,7 @@ def request_of(arguments: argparse.Namespace) -> Request:
         raise BadInput("--range LO:HI is required: the range of the parameter")
     scene = options.scene_of(arguments)
     parametric = _parametric(scene)
-    _check_system(parametric)
+    _check_system(parametric, arguments.start)
     _check_names(parametric, names)
     try:
         path = ParameterPath(parametric, names, keep).at()
@@ -153,17 +153,18 @@ def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, .
     return names, keep
 
 
-def _check_system(parametric: ParametricSystem) -> None:
-    """Refuse loads without a period."""
-    if not parametric.forces():
-        raise BadInput("--in follows the response to periodic loads, and the scene has none; free orbits are followed without --in")
+def _check_system(parametric: ParametricSystem, start: str) -> None:
+    """Refuse loads without a common period, and a system without periodic loads of which nothing determines an orbit."""
     try:
-        if not parametric.layout.harmonics:
-            raise BadInput("--in follows the response to periodic loads, and the scene's are constant; expected one with amplitude")
-    except BadInput:
-        raise
+        if parametric.layout.harmonics:
+            return
     except ValueError as error:
         raise BadInput(one_line(error)) from error
+    loads = "the scene's loads are constant" if parametric.forces() else "the scene has no load"
+    if start == "rest":
+        raise BadInput(f"--from rest is the response to periodic loads, and {loads}; expected a load with amplitude, or --from simulate")
+    if parametric.system().is_conservative:
+        raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; free orbits are followed without --in")
 
 
 def _check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:
@@ -214,19 +215,24 @@ def _from_rest(request: Request, report: Report) -> list[Start]:
 
 def _from_simulation(request: Request, arguments: argparse.Namespace, report: Report) -> Start:
     """The orbit on which a simulation settles."""
+    from transitions.response.free import settle_free
     from transitions.response.starting import settled_orbit
     from transitions.sweep.settle import settle
 
     path = request.path
-    path.problem(())  # what cannot be followed is refused before the work
     system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
     n = system.degrees_of_freedom
     u = v = None
     if arguments.begin is not None:
         options.require_state("--start", arguments.begin, system.coordinates)
         u, v = arguments.begin[:n], arguments.begin[n:]
-    phase = (arguments.phase or 0.0) % (2.0 * math.pi)
-    settled = settle(system, forces, u, v, phase=phase)
+    if path.parametric.layout.harmonics:
+        path.problem(())  # what cannot be followed is refused before the work
+        settled = settle(system, forces, u, v, phase=(arguments.phase or 0.0) % (2.0 * math.pi))
+    else:
+        if arguments.phase is not None:
+            raise BadInput("--phase is that of periodic loads, and the scene has none; expected --start alone")
+        settled = settle_free(system, forces, u, v)
     found = settled_orbit(path, settled)
     over = "half of the period" if found.problem.half else "the period"
     report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.tables import Table
     from bvp.forced import ForcedProblem
+    from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
     from transitions.sweep.figure import Curve
     from transitions.sweep.runs import AlongParameter
@@ -101,8 +102,8 @@ def follow(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
-    if arguments.y is not None and not _OF_IMPACT.fullmatch(arguments.y) and not request.given:
-        _check_column(arguments.y, request.path.problem(()))
+    if arguments.y is not None and not _OF_IMPACT.fullmatch(arguments.y):
+        _check_column(arguments.y, request.path.parametric, 0)
     compiling.prepare("response")
     waiting = deque(starts_of(request, arguments, files.report))
 
@@ -114,7 +115,7 @@ def follow(arguments: argparse.Namespace) -> int:
         while waiting:
             problem, start, both = waiting.popleft()
             if arguments.y is not None and not branches:
-                _check_column(arguments.y, problem)
+                _check_column(arguments.y, problem.parametric, len(problem.sequence))
             if isinstance(start, np.ndarray) and any(_covers(branch, problem, start) for branch in branches):
                 continue
             options_of = {"values": arguments.uz or (), "points": arguments.points, "on_point": bar.update}
@@ -141,7 +142,7 @@ def draw(arguments: argparse.Namespace, path: str, y: str | None) -> int:
     files = outputs.outputs_of(arguments)
     branches = read_responses(path)
     if y is not None:
-        _check_column(y, *(branch.problem for branch in branches))
+        _check_column(y, branches[0].problem.parametric, max(len(branch.problem.sequence) for branch in branches))
     for number, branch in enumerate(branches, 1):
         files.report(report_lines(branch, number, terminal_width(files.words)))
     return _write(files, branches, y, "")
@@ -193,11 +194,11 @@ def _write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | No
     )
 
 
-def _check_column(name: str, *problems: ForcedProblem) -> None:
+def _check_column(name: str, parametric: ParametricSystem, impacts: int) -> None:
     from transitions.response.figure import require_column
 
     try:
-        require_column(name, problems)
+        require_column(name, parametric, impacts)
     except ValueError as error:
         raise BadInput(f"--y: {error}") from error
 
@@ -219,7 +220,8 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     span = f"{name} = {branch.parameter.min():.10g} to {branch.parameter.max():.10g}"
     half = ", solved over half the period" if problem.half else ""
     impacts = sequence_text(branch.sequence) + half
-    lines = [f"branch {number}: {impacts}; period {problem.load_periods} of the loads; {len(branch)} points, {span}"]
+    period = f"period {problem.load_periods} of the loads" if problem.has_clock else "free period"
+    lines = [f"branch {number}: {impacts}; {period}; {len(branch)} points, {span}"]
     rows = [_event_row(branch, event) for event in branch.events]
     if rows:
         head = ("event", name, "|multiplier|", "stable after", "remark")

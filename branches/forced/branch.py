@@ -14,7 +14,7 @@ from branches.events import Ended
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
 
-__all__ = ["ForcedBranch", "ForcedEvent"]
+__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "sequence_text"]
 
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Relative change of the unknowns whose effect on a multiplier, times `_SAFETY`, counts as its error."""
@@ -28,8 +28,8 @@ class ForcedEvent(NamedTuple):
 
     id: type and count along the branch, "PD1". point: index of its point. values: of all parameters. bracket: arclengths between which it
     certainly is. residual: of its test function. stop: contact touched or left (GR). angle: of the pair of multipliers in (0, pi) (NS).
-    multiplier: modulus of the largest one. neighbours: at GR the sequences of the families that begin there, each with whether the motion
-    persists; else both are on one side of the parameter, a nonsmooth fold.
+    multiplier: modulus of the largest nontrivial one. neighbours: at GR the sequences of the families that begin there, each with whether
+    the motion persists; else both are on one side of the parameter, a nonsmooth fold.
     """
 
     id: str
@@ -61,6 +61,13 @@ class ForcedEvent(NamedTuple):
 def sequence_text(sequence: str) -> str:
     """A sequence in words: "without impacts" if it is empty."""
     return f"sequence {sequence}" if sequence else "the response without impacts"
+
+
+def largest_multiplier(problem: ForcedProblem, multipliers: np.ndarray) -> float:
+    """Largest modulus of the nontrivial multipliers of an orbit, given all 2n. Without a clock one of them is 1, and is left out."""
+    if not problem.has_clock and np.all(np.isfinite(multipliers)):
+        multipliers = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
+    return float(np.abs(multipliers).max())
 
 
 @brief
@@ -117,14 +124,23 @@ class ForcedBranch:
         return np.array([self.problem.period(y) for y in self.unknowns])
 
     @cached_property
+    def _fractions(self) -> np.ndarray:
+        """Time of each solved impact as a fraction of the period, (N, k); without a clock since the first one."""
+        problem = self.problem
+        if problem.has_clock:
+            return np.array([problem.nodes(y)[:, 2 * problem.degrees_of_freedom] for y in self.unknowns])
+        times = np.array([problem.flight_times(y) for y in self.unknowns])
+        return (np.cumsum(times, axis=1) - times) / self.periods[:, None]
+
+    @cached_property
     def _order(self) -> tuple[np.ndarray, np.ndarray]:
         """The impacts in order of phase from the smallest one at the start: their nodes, and fractions of the period to be added."""
         problem = self.problem
-        count, place = len(problem.sequence), 2 * problem.degrees_of_freedom
+        count = len(problem.sequence)
         nodes, added = np.arange(count), np.zeros(count)
         if problem.half:
             nodes, added = np.tile(nodes, 2), np.repeat([0.0, 0.5], count)
-        fractions = (problem.nodes(self.unknowns[self.start])[nodes, place] + added) % 1.0 if count else np.zeros(0)
+        fractions = (self._fractions[self.start, nodes] + added) % 1.0
         first = int(np.argmin(fractions)) if count else 0
         return np.roll(nodes, -first)[:count], np.roll(added, -first)[:count]
 
@@ -141,10 +157,9 @@ class ForcedBranch:
 
     @cached_property
     def phases(self) -> np.ndarray:
-        """Phase w t at each impact, modulo 2 pi p, in radians, (N, k)."""
-        problem, (nodes, added) = self.problem, self._order
-        fractions = np.array([problem.nodes(y)[nodes, 2 * problem.degrees_of_freedom] for y in self.unknowns])
-        return 2.0 * math.pi * problem.load_periods * ((fractions.reshape(len(self), len(nodes)) + added) % 1.0)
+        """Phase w t at each impact, modulo 2 pi p, in radians, (N, k). Without a clock it is 2 pi t/T since the first impact."""
+        nodes, added = self._order
+        return 2.0 * math.pi * self.problem.load_periods * ((self._fractions[:, nodes] + added) % 1.0)
 
     @cached_property
     def speeds(self) -> np.ndarray:
@@ -159,12 +174,17 @@ class ForcedBranch:
         return np.array([self.problem.multipliers(y) for y in self.unknowns])
 
     @cached_property
+    def largest_multiplier(self) -> np.ndarray:
+        """Largest modulus of the nontrivial multipliers, (N,)."""
+        return np.array([largest_multiplier(self.problem, multipliers) for multipliers in self.multipliers])
+
+    @cached_property
     def stable(self) -> np.ndarray:
-        """1: all multipliers are inside the unit circle by more than their error; 0: one is outside; -1: undecided. (N,)
+        """1: all nontrivial multipliers are inside the unit circle by more than their error; 0: one is outside; -1: undecided. (N,)
 
         The error is what rounding of the unknowns makes of the largest modulus."""
-        largest = np.abs(self.multipliers).max(axis=1)
-        rounded = np.array([np.abs(self.problem.multipliers(y * (1.0 + _ROUNDING))).max() for y in self.unknowns])
+        largest = self.largest_multiplier
+        rounded = np.array([largest_multiplier(self.problem, self.problem.multipliers(y * (1.0 + _ROUNDING))) for y in self.unknowns])
         error = _SAFETY * np.abs(rounded - largest) + _LEAST_ERROR
         found = np.full(len(self), -1, dtype=np.int64)
         with np.errstate(invalid="ignore"):

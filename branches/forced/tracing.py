@@ -13,7 +13,7 @@ import numpy as np
 from branches.admissible import unphysical
 from branches.events import Ended
 from branches.family import SETTINGS
-from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.family import ForcedFamily
 from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
 from bvp.forced import ForcedProblem
@@ -27,7 +27,7 @@ SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 """Events at which other families begin."""
 
 _LARGE = 100.0
-"""Size of a state, in units of the metric, from which on a resonance is looked for."""
+"""Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
 
 _UNDAMPED, _NEAR = 1e-10, 0.3
 """Distance of a multiplier from the unit circle, and from 1, at the resonance of an undamped mode."""
@@ -87,7 +87,7 @@ def follow_response(
         on_point(count)
 
     run = follow_both_ways(
-        family, begin, settings, both=both, direction=1 if both else 0, stop_when=None if problem.sequence else _unbounded(problem),
+        family, begin, settings, both=both, direction=1 if both else 0, stop_when=_unbounded(problem),
         on_points=None if on_point is None else counted, on_event=on_event,
     )  # fmt: skip
     if not run.points:
@@ -95,9 +95,13 @@ def follow_response(
     return _branch_of(problem, run, interval)
 
 
-def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool]:
-    """The condition that a response without impacts grows towards the resonance of an undamped mode, in words."""
+def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
+    """The condition that the motion grows without bound, in words: without impacts towards the resonance of an undamped mode, and without
+    a clock where the stops lose no more than the motion gains."""
     place = 2 * problem.degrees_of_freedom
+
+    def gains(point: Point) -> str | bool:
+        return max(map(abs, point.step.position[:place])) > _LARGE and "the motion grows without bound"
 
     def grows(point: Point) -> str | bool:
         if max(map(abs, point.step.position[:place])) < _LARGE:
@@ -107,7 +111,9 @@ def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool]:
         undamped = abs(abs(near) - 1.0) < _UNDAMPED and abs(near - 1.0) < _NEAR
         return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
 
-    return grows
+    if not problem.has_clock:
+        return gains
+    return None if problem.sequence else grows
 
 
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float]) -> ForcedBranch:
@@ -118,7 +124,7 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float]) 
     for event in run.events:
         counts[event.code] += 1
         details, at = event.details, event.point
-        largest = float(np.abs(problem.multipliers(at.y)).max())
+        largest = largest_multiplier(problem, problem.multipliers(at.y))
         found = ForcedEvent(
             f"{event.code}{counts[event.code]}", event.code, event.index, problem.parameters(at.y), event.arclength, event.status,
             (float(event.bracket[0]), float(event.bracket[1])), event.residual, details.get("stop"), details.get("angle"),

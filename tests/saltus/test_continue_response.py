@@ -142,9 +142,9 @@ def test_bad_input_of_starts(capsys):
 
 def test_scenes_without_a_response_are_refused(capsys, scene):
     words = "continue", "--from", "rest", "--range", "0.5:2"
-    refused(run(capsys, *words, "--in", "rho"), "the response to periodic loads, and the scene has none")
+    refused(run(capsys, *words, "--in", "rho"), "the response to periodic loads, and the scene has no load")
     refused(run(capsys, *words, "--in", "w", "--scene", scene(BEATING)), "1.0 and 1.4142135 are incommensurate")
-    refused(run(capsys, *words, "--in", "f", "--scene", scene(PUSHED)), "constant", "expected one with amplitude")
+    refused(run(capsys, *words, "--in", "f", "--scene", scene(PUSHED)), "constant", "expected a load with amplitude")
     refused(run(capsys, "continue", "S13O00+", "--scene", scene(FORCED)), "without loads", "[[forces]]", "--in NAME", "saltus run")
     refused(run(capsys, "continue", "S11O00+", "--scene", scene(DAMPED)), "conservative", "damping acts on", "--in NAME")
     unused = ONE_SIDED.replace("[system]", "[parameters]\nzz = 1.0\n[system]")

@@ -174,7 +174,7 @@ def test_a_damaged_file_is_refused(one_impact, tmp_path, old, new, message):
 
 def test_every_column_can_be_drawn(one_impact):
     table = response_table([one_impact])
-    for name in column_names(one_impact.problem):
+    for name in column_names(one_impact.problem.parametric, 1):
         column = column_of(one_impact, name)
         assert column.shape[0] == len(one_impact) and column.shape[1] >= 1
     assert np.array_equal(table["max.u1"], column_of(one_impact, "max:u1")[:, 0])

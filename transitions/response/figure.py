@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from branches.forced.branch import ForcedBranch
     from bvp.forced import ForcedProblem
+    from bvp.parameters import ParametricSystem
 
 __all__ = ["curves_over", "default_column", "require_column", "response_figure"]
 
@@ -37,9 +38,9 @@ def default_column(problem: ForcedProblem) -> str:
     return f"max:{problem.system.coordinates[0]}"
 
 
-def require_column(name: str, problems: Sequence[ForcedProblem]) -> tuple[str, str]:
-    """The words and the symbol of a column of some problems; a ValueError names the nearest if there is none."""
-    known = {key: text for problem in problems for key, text in column_names(problem).items()}
+def require_column(name: str, parametric: ParametricSystem, impacts: int) -> tuple[str, str]:
+    """The words and the symbol of a column of orbits with so many impacts; a ValueError names the nearest if there is none."""
+    known = column_names(parametric, impacts)
     if name not in known:
         near = get_close_matches(name, known, 1, 0.5)
         raise ValueError(f"unknown column {name!r}; " + (f"nearest: {near[0]}" if near else f"known: {listed(list(known), len(known))}"))
@@ -67,7 +68,7 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
 
     first = branches[0]
     name = y or default_column(first.problem)
-    words, symbol = require_column(name, [branch.problem for branch in branches])
+    words, symbol = require_column(name, first.problem.parametric, max(len(branch.sequence) for branch in branches))
     columns = [column_of(branch, name) for branch in branches]
     with style.figure_settings():
         figure = style.new_figure(4.4)

@@ -16,7 +16,7 @@ from transitions.record import extents
 
 if TYPE_CHECKING:
     from branches.tables import Table
-    from bvp.forced import ForcedProblem
+    from bvp.parameters import ParametricSystem
 
 __all__ = ["Measures", "column_names", "column_of", "measures_of", "response_table"]
 
@@ -82,12 +82,12 @@ def _at_phase_zero(branch: ForcedBranch, y: np.ndarray) -> np.ndarray:
     return nodes[0, :size].copy()
 
 
-def column_names(problem: ForcedProblem) -> dict[str, tuple[str, str]]:
-    """What can be drawn over the parameter: words and mathematical symbol of each, by its name."""
+def column_names(parametric: ParametricSystem, impacts: int) -> dict[str, tuple[str, str]]:
+    """What can be drawn of orbits with so many impacts in the solved segment: words and mathematical symbol of each, by its name."""
     from branches.figures.style import symbol_of
 
-    system = problem.system
-    k = range(1, len(problem.sequence) + 1)
+    system = parametric.system()
+    k = range(1, impacts + 1)
     found = {}
     for name in system.coordinates:
         symbol = symbol_of(name)
@@ -101,7 +101,7 @@ def column_names(problem: ForcedProblem) -> dict[str, tuple[str, str]]:
     for part in parts_of(system):
         found[f"dissipated:{part}"] = f"energy dissipated in a period, {part}", ""
         found[f"share:{part}"] = f"share of the dissipation, {part}", ""
-    return found | {name: ("", symbol_of(name)) for name in problem.parametric.names}
+    return found | {name: ("", symbol_of(name)) for name in parametric.names}
 
 
 def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
@@ -117,7 +117,7 @@ def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
     if name == "period":
         return branch.periods[:, None]
     if name == "multiplier":
-        return np.abs(branch.multipliers).max(axis=1, keepdims=True)
+        return branch.largest_multiplier[:, None]
     measures = measures_of(branch)
     if kind in ("max", "rms"):
         k = system.coordinates.index(part)

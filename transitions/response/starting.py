@@ -104,7 +104,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     if problem is None:
         problem = path.problem(settled.stops, load_periods=p)
         if len(impacts):
-            guess = problem.pack(impacts.after, fractions, path.start)
+            guess = _packed(problem, path, settled, impacts.after, fractions)
         else:
             guess = problem.pack(settled.states[:1], [0.0], path.start)
     try:
@@ -141,7 +141,15 @@ def _half(path: ParameterPath, settled: Settled, fractions: np.ndarray) -> tuple
     mirrored = np.abs(after[k:] + after[:k]).max() < _SAME * size and np.abs(fractions[k:] - fractions[:k] - 0.5).max() < _SAME
     if list(settled.stops[k:]) != opposite or not mirrored:
         return None, np.zeros(0)
-    return problem, problem.pack(after[:k], fractions[:k], path.start)
+    return problem, _packed(problem, path, settled, after[:k], fractions[:k])
+
+
+def _packed(problem: ForcedProblem, path: ParameterPath, settled: Settled, after: np.ndarray, fractions: np.ndarray) -> np.ndarray:
+    """The unknowns of the impacts in the segment that is solved. Without a clock their times are those of the flights."""
+    if problem.has_clock:
+        return problem.pack(after, fractions, path.start)
+    times = np.diff([*fractions, fractions[0] + (0.5 if problem.half else 1.0)]) * settled.period_of_loads
+    return problem.pack(after, np.zeros(len(times)), path.start, times)
 
 
 def _opposite(problem: ForcedProblem, letter: str) -> str:
