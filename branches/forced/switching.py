@@ -7,6 +7,7 @@ inserted or removed. Both families are regular there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,15 @@ _SAME = 1e-6
 
 _SHORT = 1e-3
 """Arclength of the first step away from a grazing."""
+
+_GRAZES = 1e-9
+"""Clearance, impact speed and flight, in units of arclength and of the period, that are zero at a located grazing."""
+
+_INSTANT = 1e-6
+"""Part of the period within which a touch is at an impact."""
+
+_Change = Callable[[ForcedProblem, Solution], tuple[ForcedProblem, np.ndarray]]
+"""Makes the problem with another sequence from a grazing orbit, and the orbit in its unknowns."""
 
 
 def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
@@ -123,28 +133,58 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
     inwards : (u,) float
         A direction along the family that ends, away from the grazing.
     """
-    y = solution.y
-    # A single impact that vanishes is the largest one of its orbit, too: the units are those of arclength.
-    reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
-    sizes = {
-        _with_touch: solution["clearance"] / reach,
-        _without: solution["speed"] / fast,
-        exchanged: solution["flight"] / problem.duration(solution),
-    }
-    neighbour, start = min(sizes, key=lambda make: abs(sizes[make]))(problem, solution)
-    family = ForcedFamily(neighbour)
-    begin = family.begin(start)
+    found = _across(problem, solution, inwards)
+    if problem.half:
+        # Of a symmetric pair one impact alone can appear or vanish, too: the symmetry breaks there.
+        wide, repeated = full_period(problem, solution.y)
+        whole = wide.step(repeated, np.zeros(2 * wide.unknowns), 0.0)
+        others = [] if whole is None else _across(wide, whole, inwards)
+        return found + [one for one in others if len(one.problem.sequence) % 2]
+    symmetric = _half_of(problem, solution.y)
+    return found if symmetric is None else found + _across(*symmetric, inwards)
+
+
+def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:
+    """The families behind a grazing, in which one impact of the solved segment appears, vanishes or changes its place."""
     found = []
-    if begin.converged:
-        at = 2 * problem.degrees_of_freedom + 1
-        side = np.sign(inwards[at])
-        for sign in (1.0, -1.0):
+    at = 2 * problem.degrees_of_freedom + 1
+    side = np.sign(inwards[at])
+    for make in _changes(problem, solution):
+        neighbour, start = make(problem, solution)
+        family = ForcedFamily(neighbour)
+        begin = family.begin(start)
+        for sign in (1.0, -1.0) if begin.converged else ():
             turned = family.step(begin.y, sign * begin.tangent, 0.0)
             step = family.step(turned.y, turned.tangent, _SHORT)
             if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
-                found.append(GrazingNeighbour(neighbour, step, bool(np.sign(step.y[at] - y[at]) != side)))
-    symmetric = None if problem.half else _half_of(problem, y)
-    return found if symmetric is None else found + beside_grazing(*symmetric, inwards)
+                found.append(GrazingNeighbour(neighbour, step, bool(np.sign(step.y[at] - solution.y[at]) != side)))
+    return found
+
+
+def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
+    """The changes of the sequence at a grazing: of what is zero to rounding, else the one that is nearest to it."""
+    # A single impact that vanishes is the largest one of its orbit, too: the units are those of arclength.
+    reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
+    sizes: dict[_Change, float] = {
+        _with_touch: abs(solution["clearance"] / reach),
+        _without: abs(solution["speed"] / fast),
+        exchanged: abs(solution["flight"] / problem.duration(solution)),
+    }
+    limit = max(_GRAZES, min(sizes.values()))
+    if sizes[_without] <= limit and _is_at_slowest_impact(problem, solution):
+        del sizes[_with_touch]
+    if sizes[_without] <= limit:
+        del sizes[exchanged]  # the impact that vanishes has met another one
+    return [make for make, size in sizes.items() if size <= limit]
+
+
+def _is_at_slowest_impact(problem: ForcedProblem, solution: Solution) -> bool:
+    """Whether the closest touch is the turning point at the slowest impact."""
+    flight, slowest = int(solution["clearance_flight"]), int(solution["speed_node"])
+    time, whole = float(solution["clearance_time"]), problem.duration(solution)
+    times = problem.flight_times(solution.y)
+    before = flight == slowest and abs(times[flight] - time) < _INSTANT * whole
+    return bool(before or (flight == (slowest + 1) % len(times) and time < _INSTANT * whole))
 
 
 def _half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
