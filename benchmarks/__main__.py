@@ -24,7 +24,7 @@ TASKS = {
     "browsing": "size of a catalogue, and times of the commands that read it",
     "sections": "Poincare sections beside scipy's integrator",
     "studies": "many damped runs beside scipy's integrator",
-    "forced": "a point of a forced family beside one period by scipy's integrator",
+    "forced": "a point of a forced family beside AUTO-07p, and beside one period by scipy's integrator",
     "sweeps": "impacts a second of forced motion beside scipy's integrator",
     "hard-cases": "errors of the hard cases, into docs/reference/hard_cases.md",
     "kernels": "write the list of the kernels that each command calls, which are compiled before it starts",

@@ -79,7 +79,8 @@ straight = next(method for method in EXACT if method.name == OWN_SHORT).prepare(
 found[OUT_OF_PHASE.title] = min(straight.measured().seconds for _ in range(3))
 if auto.missing() is None:
     with auto.Auto() as program:
-        orbit, settings = (OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()), AutoSettings(intervals=1, step=SHORT_STEP)
+        # With one interval, some versions of AUTO abort.
+        orbit, settings = (OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()), AutoSettings(intervals=2, step=SHORT_STEP)
         time = program.time_a_point(*orbit, settings, short=auto.SHORT, long=auto.LONG)
     found[OUT_OF_PHASE.title + ", AUTO-07p"] = time.processor
 print(json.dumps(found))

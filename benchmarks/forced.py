@@ -1,7 +1,8 @@
-"""`python -m benchmarks forced`: a point of a forced family with everything on, compared with one period by scipy's integrator.
+"""`python -m benchmarks forced`: a point of a forced family with everything on, compared with AUTO-07p and with one period by scipy.
 
 A point is predicted, corrected, looked at along all its flights, and has its multipliers and test functions. Shooting needs 2 n + 1 periods
-for one correction alone. Orbits with 2 and 8 impacts are those with one impact, traversed as often: the equations do not know.
+for one correction alone. AUTO-07p gets the same segments, and computes neither multipliers nor whether a flight penetrates a stop. Orbits
+with 2 and 8 impacts are those with one impact, traversed as often: the equations do not know.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import math
 import numpy as np
 
 from benchmarks.measure import timed
+from benchmarks.peers import auto
+from benchmarks.peers.auto_files import AutoSettings
 from benchmarks.report import Table, machine, number, show
 from benchmarks.sweeps import RTOL, integrated
 from branches.family import SETTINGS
@@ -32,6 +35,14 @@ IMPACTS = (1, 2, 8)
 
 TARGETS = {(1, 1): 15.0, (2, 2): 20.0, (5, 8): 100.0}
 """Microseconds that are aimed at."""
+
+INTERVALS = (2, 4, 8, 16)
+"""Numbers of mesh intervals of AUTO-07p. The first one counts whose error is below `WANTED`."""
+
+WANTED = 1e-9
+
+LONG = 2000
+"""Degrees of freedom times impacts times points of a run of AUTO-07p whose time is taken."""
 
 STEP = 1e-3
 """Length of the steps: short, so that all of a block are on the family."""
@@ -96,10 +107,16 @@ def points_table(quick: bool) -> Table:
                 rows.append(_row(*repeated(problem, y, impacts // len(problem.sequence)), 20 if quick else 200))
     return Table(
         "Points of forced families",
-        ("n", "impacts", "us a point", "aim", "error", "ms a period, solve_ivp", "its error", "ratio"),
+        (
+            "n", "impacts", "us a point", "aim", "error", "ms a period, solve_ivp", "its error", "ratio",
+            "AUTO-07p, us a point", "NTST", "its error", "ratio",
+        ),
         rows,
-        (f"Least of five blocks of steps. Error: the residual; of DOP853, at {RTOL:g}, the change of the state over a period.",),
-    )
+        (
+            f"Least of five blocks of steps. Error: the residual; of DOP853, at {RTOL:g}, the change of the state over a period;",
+            "of AUTO-07p the distance to the orbit that Newton's method finds from its orbit.",
+        ),
+    )  # fmt: skip
 
 
 def _row(problem: ForcedProblem, y: np.ndarray, steps: int) -> tuple[str, ...]:
@@ -125,5 +142,21 @@ def _row(problem: ForcedProblem, y: np.ndarray, steps: int) -> tuple[str, ...]:
     aim = TARGETS.get((n, len(problem.sequence)))
     return (
         str(n), str(len(problem.sequence)), f"{1e6 * seconds:.1f}", "" if aim is None else f"{aim:g}", number(ours),
-        f"{1e3 * other:.1f}", number(float(np.abs(end - state).max())), f"{other / seconds:.0f}",
+        f"{1e3 * other:.1f}", number(float(np.abs(end - state).max())), f"{other / seconds:.0f}", *_beside_auto(problem, y, seconds),
     )  # fmt: skip
+
+
+def _beside_auto(problem: ForcedProblem, y: np.ndarray, seconds: float) -> tuple[str, ...]:
+    """The entries of AUTO-07p in a row; `seconds`: those of a point here."""
+    if auto.missing() is not None:
+        return ("-",) * 4
+    size = problem.degrees_of_freedom * len(problem.sequence)
+    with auto.Auto() as program:
+        for intervals in INTERVALS:
+            settings = AutoSettings(intervals=intervals, step=STEP, points=4)
+            orbits = [point.unknowns(problem) for point in program.follow(problem, y, settings).points]
+            error = max(float(np.abs(problem.solve(orbit).y - orbit).max()) for orbit in orbits)
+            if error < WANTED:
+                break
+        time = program.time_a_point(problem, y, settings, short=8, long=8 + LONG // size)
+    return f"{1e6 * time.processor:.3g}", str(intervals), number(error), f"{time.processor / seconds:.0f}"

@@ -25,6 +25,7 @@ from benchmarks.measure import processor_of_children
 from benchmarks.peers.auto_files import EQUATIONS, AutoError, AutoRun, AutoSettings, constants_text, last_lines, read_run, start_text
 from benchmarks.speed_error.methods import SHORT_STEP, Answer, Method, Task, Work
 from benchmarks.speed_error.tasks import LocateTask, OrbitTask
+from bvp.forced import ForcedProblem
 from bvp.multipoint import MultipointProblem
 
 __all__ = ["Auto", "Auto07p", "PointTime", "missing"]
@@ -84,7 +85,8 @@ class Auto:
         self._program = str(_program())
         self._holder = tempfile.TemporaryDirectory(prefix="saltus-auto-")
         self._folder = Path(self._holder.name)
-        shutil.copy(Path(__file__).with_name(f"{EQUATIONS}.f90"), self._folder)
+        for name in EQUATIONS.values():
+            shutil.copy(Path(__file__).with_name(f"{name}.f90"), self._folder)
 
     def __enter__(self) -> Auto:
         return self
@@ -92,13 +94,13 @@ class Auto:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._holder.cleanup()
 
-    def follow(self, problem: MultipointProblem, y: np.ndarray, settings: AutoSettings, *, keep: bool = True) -> AutoRun:
+    def follow(self, problem: MultipointProblem | ForcedProblem, y: np.ndarray, settings: AutoSettings, *, keep: bool = True) -> AutoRun:
         """Follow a family from an orbit.
 
         Parameters
         ----------
-        problem : MultipointProblem
-            Of the linear oscillator with a vibro-impact sink, from the origin to another end.
+        problem : MultipointProblem or ForcedProblem
+            Of the linear oscillator with a vibro-impact sink, from the origin to another end; or of one harmonic load, in w.
         y : (u,) float
             The first orbit.
         settings : AutoSettings
@@ -112,12 +114,13 @@ class Auto:
         AutoError
             If AUTO fails or does not converge.
         """
+        equations = EQUATIONS[type(problem)]
         for name in ("points", "out"):
-            (self._folder / f"{EQUATIONS}.{name}").unlink(missing_ok=True)
-        (self._folder / f"{EQUATIONS}.start").write_text(start_text(problem, y, keep), encoding="ascii")
-        (self._folder / f"c.{EQUATIONS}").write_text(constants_text(problem, settings), encoding="ascii")
+            (self._folder / f"{equations}.{name}").unlink(missing_ok=True)
+        (self._folder / f"{equations}.start").write_text(start_text(problem, y, keep), encoding="ascii")
+        (self._folder / f"c.{equations}").write_text(constants_text(problem, settings), encoding="ascii")
         script = self._folder / "follow.auto"
-        script.write_text(f"run(e='{EQUATIONS}', c='{EQUATIONS}', sv='{EQUATIONS}')\n", encoding="ascii")
+        script.write_text(f"run(e='{equations}', c='{equations}', sv='{equations}')\n", encoding="ascii")
         before = processor_of_children()
         environment = {**os.environ, "OMP_NUM_THREADS": "1"}
         try:
@@ -127,16 +130,17 @@ class Auto:
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             raise AutoError(f"AUTO was not done in {SECONDS:g} s") from None
-        table = self._folder / f"b.{EQUATIONS}"
+        table = self._folder / f"b.{equations}"
         if done.returncode != 0 or not table.exists():
             raise AutoError(f"AUTO failed: {last_lines(done.stdout, done.stderr)}")
-        points = (self._folder / f"{EQUATIONS}.points").read_text(encoding="utf-8") if keep else ""
+        points = (self._folder / f"{equations}.points").read_text(encoding="utf-8") if keep else ""
         run = read_run(done.stdout, table.read_text(encoding="utf-8"), points, problem.inner + 1)
         return replace(run, processor=processor_of_children() - before)
 
     def time_a_point(
-        self, problem: MultipointProblem, y: np.ndarray, settings: AutoSettings, *, short: int = 100, long: int = 2100, repeats: int = 3
-    ) -> PointTime:
+        self, problem: MultipointProblem | ForcedProblem, y: np.ndarray, settings: AutoSettings, *, short: int = 100, long: int = 2100,
+        repeats: int = 3,
+    ) -> PointTime:  # fmt: skip
         """Time of a point, from the least times of short and long runs that keep nothing.
 
         The equations are compiled before. Processor time is accurate to some 20 ms divided by the difference in points.

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bvp.closures import contact_of
+from bvp.forced import ForcedProblem
+from bvp.forcing import Harmonic
 from bvp.multipoint import MultipointProblem
 
 __all__ = ["EQUATIONS", "AutoError", "AutoPoint", "AutoRun", "AutoSettings", "constants_text", "last_lines", "read_run", "start_text"]
 
-EQUATIONS = "flights"
-"""Name of the equations, and so of all files."""
+EQUATIONS = {MultipointProblem: "flights", ForcedProblem: "forced_flights"}
+"""Name of the equations of each kind of problem, and so of all its files."""
 
 _TYPES = {1: "BP", 5: "LP", 6: "BP", 9: "EP", -4: "UZ", 4: "UZ", -9: "MX"}
 _FAILED = "MX"
@@ -45,9 +48,9 @@ class AutoPoint:
     """An orbit that AUTO found."""
 
     type: str  # "" for an ordinary point, LP for a fold, BP, UZ, EP
-    h: float
+    h: float  # of a forced orbit w
     flight_times: np.ndarray  # (k + 1,)
-    nodes: np.ndarray  # (k + 1, 4) u and u' where each flight begins
+    nodes: np.ndarray  # (k + 1, 2 n) u and u' where each flight begins; of a forced orbit (k + 1, 2 n + 1), the time is the last
 
     @property
     def velocities(self) -> np.ndarray:
@@ -58,8 +61,11 @@ class AutoPoint:
         """alpha."""
         return float(np.sum(self.flight_times)) / problem.quarters
 
-    def unknowns(self, problem: MultipointProblem) -> np.ndarray:
+    def unknowns(self, problem: MultipointProblem | ForcedProblem) -> np.ndarray:
         """The orbit as unknowns of the multipoint problem."""
+        if isinstance(problem, ForcedProblem):
+            period = 2.0 * math.pi * problem.load_periods / self.h
+            return problem.pack(self.nodes[:, :-1], self.nodes[:, -1] / period, [self.h])
         states = self.nodes @ problem.modes.from_state.T
         return problem.pack(states[0], states[1:], self.flight_times)
 
@@ -79,8 +85,15 @@ class AutoRun:
         return [point for point in self.points if point.type == "LP"]
 
 
-def start_text(problem: MultipointProblem, y: np.ndarray, keep: bool) -> str:
-    """The file flights.start: h, mu, sigma, the end, whether points are kept; flight times; sides; states at the starts of the flights."""
+def start_text(problem: MultipointProblem | ForcedProblem, y: np.ndarray, keep: bool) -> str:
+    """The file with the parameters and the first orbit y that the equations read. keep: whether points are kept."""
+    rows = _forced_start(problem, y, keep) if isinstance(problem, ForcedProblem) else _start(problem, y, keep)
+    return "".join(" ".join(repr(x) for x in row) + "\n" for row in rows)
+
+
+def _start(problem: MultipointProblem, y: np.ndarray, keep: bool) -> list[Sequence[float]]:
+    """Rows of the file flights.start: h, mu, sigma, the end, whether points are kept; flight times; sides; states at the starts of the
+    flights."""
     system = problem.system
     parameters = system.describe()
     if parameters.get("model") != "vibro_impact_nes":
@@ -91,18 +104,43 @@ def start_text(problem: MultipointProblem, y: np.ndarray, keep: bool) -> str:
     last = 1.0 if problem.ends[1] == "stop+" else -1.0
     sides = [1.0 if letter == "+" else -1.0 for letter in problem.sequence] + [last]
     first = [problem.energy(y), float(parameters["mu"]), float(parameters["sigma"]), _ENDS[problem.ends[1]], int(keep)]
-    return "".join(" ".join(repr(float(x)) for x in row) + "\n" for row in (first, problem.flight_times(y), sides, states.ravel()))
+    return [[float(x) for x in row] for row in (first, problem.flight_times(y), sides, states.ravel())]
 
 
-def constants_text(problem: MultipointProblem, settings: AutoSettings) -> str:
-    """The file of AUTO's constants. The energy and all flight times are free."""
+def _forced_start(problem: ForcedProblem, y: np.ndarray, keep: bool) -> list[Sequence[float]]:
+    """Rows of the file forced_flights.start, as its equations list them."""
+    at = problem.parameters(y)
+    system, n = problem.parametric.system(at), problem.degrees_of_freedom
+    forces = problem.parametric.forces(at)
+    if problem.released != ("w",) or problem.half or not problem.sequence or len(forces) != 1 or not isinstance(forces[0], Harmonic):
+        raise ValueError("the equations for AUTO are those of orbits with impacts over a full period, of one harmonic load, in w")
+    inverse = np.linalg.inv(system.mass)
+    nodes, period = problem.nodes(y), problem.period(y)
+    rates = -inverse @ np.hstack([system.stiffness, system.damping])
+    waves = [inverse @ force for force in (forces[0].cosine, forces[0].sine)]
+    impacts = []
+    for letter in [*problem.sequence[1:], problem.sequence[0]]:
+        contact = contact_of(system, letter)
+        stop = system.stops[int(system.modes.contact_stop[contact])]
+        row = np.array(stop.gap)
+        bound = stop.upper if system.modes.contacts.side[contact] > 0.0 else stop.lower
+        impacts.append([*row, bound, *(inverse @ row / (row @ inverse @ row)), 1.0 + stop.restitution])
+    states = np.column_stack([nodes[:, : 2 * n], nodes[:, 2 * n] * period])
+    sizes: Sequence[float] = [n, problem.inner + 1, int(keep), problem.load_periods]
+    rows = [[at["w"]], problem.flight_times(y), *rates, [*waves[0], *waves[1], forces[0].frequency / at["w"]], *impacts, states.ravel()]
+    return [sizes, *[[float(x) for x in row] for row in rows]]
+
+
+def constants_text(problem: MultipointProblem | ForcedProblem, settings: AutoSettings) -> str:
+    """The file of AUTO's constants. The energy, or the frequency, and all flight times are free."""
     flights = problem.inner + 1
+    size = 2 * problem.system.degrees_of_freedom + isinstance(problem, ForcedProblem)
     free = [1, *range(21, 21 + flights)]
     step = abs(settings.step)
     return f"""\
-NDIM={4 * flights}, IPS=4, IRS=0, ILP={int(settings.folds)}
+NDIM={size * flights}, IPS=4, IRS=0, ILP={int(settings.folds)}
 ICP={free}
-NTST={settings.intervals}, NCOL={settings.collocation}, IAD={settings.adapt}, ISP=0, ISW=1, IPLT=0, NBC={5 * flights}, NINT=0
+NTST={settings.intervals}, NCOL={settings.collocation}, IAD={settings.adapt}, ISP=0, ISW=1, IPLT=0, NBC={(size + 1) * flights}, NINT=0
 NMX={settings.points}, NPR=0, MXBF=0, IID=0, ITMX=9, ITNW=7, NWTN=3, JAC=1
 EPSL={settings.tolerance!r}, EPSU={settings.tolerance!r}, EPSS={settings.special_tolerance!r}
 DS={settings.step!r}, DSMIN={step * 1e-3!r}, DSMAX={step!r}, IADS=0
@@ -173,7 +211,7 @@ def _match(kinds: Sequence[str], known: np.ndarray, points: str, flights: int) -
             raise AutoError(f"the point h = {values[0]:.10g} of AUTO's table is not among the points that it kept")
         at += int(same[0])
         row = rows[at]
-        out.append(AutoPoint(kind, float(row[0]), row[1 : 1 + flights], row[1 + flights :].reshape(flights, 4)))
+        out.append(AutoPoint(kind, float(row[0]), row[1 : 1 + flights], row[1 + flights :].reshape(flights, -1)))
     return out
 
 

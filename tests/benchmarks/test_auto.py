@@ -9,9 +9,11 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.backbone import Backbone
+from benchmarks.forced import chain, one_impact, repeated
 from benchmarks.peers import auto
 from benchmarks.peers.auto import Auto, missing
 from benchmarks.peers.auto_files import AutoError, AutoRun, AutoSettings, constants_text, read_run, start_text
+from bvp.forced import ForcedProblem
 from bvp.multipoint import MultipointProblem
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.orbits import backbone_segment, collection
@@ -180,6 +182,28 @@ def test_all_ends_and_inner_impacts():
                 exact = problem.solve(y, energy=point.h).y
                 assert np.max(np.abs(y - exact)) < 1e-9 * np.max(np.abs(exact)), (problem.ends, problem.sequence, point.h)
     assert {"origin", "rest", "stop+", "stop-"} == {end for end, _ in seen} and len(seen) >= 5
+
+
+@needs_auto
+@pytest.mark.parametrize("times", [1, 3])
+def test_forced_orbits(times):
+    """Oracle: saltus's own solution at each point's frequency, from the unknowns that AUTO found: they hardly change."""
+    problem, y = repeated(*one_impact(chain(1)), times)
+    with Auto() as there:
+        run = there.follow(problem, y, AutoSettings(intervals=6, step=0.01, points=4))
+    assert run.count == 4 and abs(run.points[-1].h - run.points[0].h) > 1e-3
+    for point in run.points:
+        found = point.unknowns(problem)
+        exact = problem.solve(found).y
+        assert np.max(np.abs(found - exact)) < 1e-12 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize(("sequence", "released"), [(("+",), "F"), ((), "w")])
+def test_other_forced_problems_are_refused(sequence, released):
+    """Oracle: a parameter that is not w; no impact."""
+    problem = ForcedProblem(chain(1), sequence, [released])
+    with pytest.raises(ValueError, match="orbits with impacts over a full period, of one harmonic load, in w"):
+        start_text(problem, np.ones(problem.unknowns), True)
 
 
 def test_the_time_of_a_point_is_the_difference_of_least_times(monkeypatch):
