@@ -19,7 +19,7 @@ from bvp.kernels.flight import Flight
 from bvp.kernels.forced import LoadedSegment, Released, forced_residual, forced_step, set_parameters
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import LoadedFlight, Loads, fly_loaded
-from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, make_factor
+from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import set_scale
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.step import CompiledProblem, Landing, Request
@@ -87,23 +87,17 @@ class ForcedProblem:
         self.load_periods, self.half = load_periods, half
         layout = parametric.layout
         self.has_clock = bool(layout.harmonics)
-        if not self.has_clock and (not self.sequence or system.is_conservative):
-            missing = "damping, restitution below 1 or a harmonic load" if self.sequence else "an impact"
-            raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
-        if half:
-            self._refuse_half(load_periods)
+        self._require_determined()
         self.degrees_of_freedom = n = system.degrees_of_freedom
         found = parametric.program(self.released)
         varies = len(found.rows) > 0 and int(found.rows[0]) < layout.stiffness.stop
         count = len(self.released)
         self.size = self.coordinates = size = 2 * n + 1 + count
         self.modes = modes = system.modes
-        contacts = [contact_of(system, letter) for letter in self.sequence]
-        # The last impact of the segment is the first of the orbit, or its mirror image.
-        closing = [modes.contact_opposite[contacts[0]] if half else contacts[0]] if contacts else [-1]
-        self.contacts = np.array([*contacts[1:], *closing, contacts[0] if contacts else -1])
+        self.contacts = np.array(self._contacts([contact_of(system, letter) for letter in self.sequence]))
         self.inner = len(self.contacts) - 2
-        self.unknowns = (self.inner + 1) * (size + 1)
+        closed, quarters, *kinds = self._closure()
+        self.unknowns = (self.inner + 1) * (size + 1) + int(closed == UNFOLDED)
         nodes = self.inner + 2
         gap, rate, push = (np.zeros((nodes, size)) for _ in range(3))
         changes = count if varies else 0
@@ -128,23 +122,26 @@ class ForcedProblem:
         )  # fmt: skip
         self._renew = _CALLBACK(self._renewed) if varies else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
-        at = np.array([self.values[name] for name in parametric.names])
+        # The user's equations can name what a free orbit has besides its parameters.
+        known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self._conserved)])
+        at = known[: len(parametric.names)]
         places = np.array([part.start for part in (layout.restitution, layout.constant, layout.cosine, layout.sine)], dtype=np.int64)
-        if len(keep) != count - 1:
-            raise ValueError(f"{count} released parameters need {count - 1} equations to keep; received {len(keep)}")
+        needed = count if self._conserved else count - 1
+        if len(keep) != needed:
+            raise ValueError(f"{count} released parameters need {needed} equations to keep; received {len(keep)}")
         self.keep = tuple(keep)
-        kept = parametric.equations(self.keep, self.released)
-        scratch = np.zeros(max(found.scratch, scratch_size(kept, len(at))))
+        kept = parametric.equations(self.keep, self.released, self._conserved)
+        scratch = np.zeros(max(found.scratch, scratch_size(kept, len(known))))
         of_parameters = Released(
             found.program, at, found.columns, found.rows, scratch, np.zeros(len(found.program.outputs)),
             parametric.entries(self.values), np.zeros((count, layout.size)), places, layout.frequency.start, int(address or 0),
         )  # fmt: skip
-        shape = np.array([self.inner, CLOSED, 4, PERIODIC, PERIODIC], dtype=np.int64)
+        shape = np.array([self.inner, closed, quarters, *kinds], dtype=np.int64)
         self.segment = LoadedSegment(
             flight, np.zeros((2 * n, n)), np.zeros((changes, 2 * n, n)), gap, rate, push, np.zeros((changes, nodes, size)),
-            np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), np.zeros((0, size)), entries,
+            np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), self._end_rows(), entries,
             np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), self._metric(),
-            of_parameters, kept, np.zeros(len(kept.outputs)), shape,
+            of_parameters, kept, known, np.zeros(len(kept.outputs)), shape,
         )  # fmt: skip
         stops = np.where(self.contacts >= 0, modes.contact_stop[self.contacts], -1).astype(np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
@@ -158,6 +155,32 @@ class ForcedProblem:
         self._factor = make_factor(self.segment)
         self._zero = np.zeros(2 * self.unknowns)
         self._nothing = np.zeros(1)
+
+    _conserved: tuple[str, ...] = ()
+    """What the user's equations can name besides parameters."""
+
+    def _require_determined(self) -> None:
+        """Refuse a system whose orbits are not isolated at given parameters, and a half period where there is none."""
+        if not self.has_clock and (not self.sequence or self.system.is_conservative):
+            missing = "damping, restitution below 1 or a harmonic load" if self.sequence else "an impact"
+            raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
+        if self.half:
+            self._refuse_half(self.load_periods)
+
+    def _contacts(self, hit: Sequence[int]) -> list[int]:
+        """The contact at each node after the first one, then that at the first; -1: none."""
+        if not hit:
+            return [-1, -1]
+        # The last impact of the segment is the first of the orbit, or its mirror image.
+        return [*hit[1:], int(self.modes.contact_opposite[hit[0]]) if self.half else hit[0], hit[0]]
+
+    def _closure(self) -> tuple[int, int, int, int]:
+        """How the segment closes, for the kernels: CLOSED or UNFOLDED, quarter periods solved, kinds of its ends."""
+        return CLOSED, 4, PERIODIC, PERIODIC
+
+    def _end_rows(self) -> np.ndarray:
+        """The rows of the end conditions."""
+        return np.zeros((0, 2 * self.degrees_of_freedom))
 
     def sibling(self, sequence: Sequence[str], **changes: Any) -> ForcedProblem:
         """The problem with another sequence. changes: keywords of the constructor that differ."""
@@ -264,11 +287,15 @@ class ForcedProblem:
 
     def nodes(self, y: np.ndarray) -> np.ndarray:
         """Nodes (k + 1, N), a view of y."""
-        return y.reshape(self.inner + 1, self.size + 1)[:, : self.size]
+        return self._rows(y)[:, : self.size]
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
         """Flight times (k + 1,), a view of y."""
-        return y.reshape(self.inner + 1, self.size + 1)[:, self.size]
+        return self._rows(y)[:, self.size]
+
+    def _rows(self, y: np.ndarray) -> np.ndarray:
+        """Each node with its flight time, (k + 1, N + 1), a view of y."""
+        return y[: (self.inner + 1) * (self.size + 1)].reshape(self.inner + 1, self.size + 1)
 
     def fly(self, node: np.ndarray, time: float) -> tuple[np.ndarray, float]:
         """The state (u, v) and the fraction of the period that a free flight from a node (N,) leads to."""
@@ -320,7 +347,7 @@ class ForcedProblem:
     def curvature_blocks(self) -> list[np.ndarray]:
         """Indices of the unknowns of each flight, (k + 1) arrays: the node where it starts, and its time. No second derivative of the
         equations is by unknowns of two flights."""
-        return np.split(np.arange(self.unknowns), self.inner + 1)
+        return np.split(np.arange((self.inner + 1) * (self.size + 1)), self.inner + 1)
 
     def _evaluated(self, y: np.ndarray) -> np.ndarray:
         residual = np.empty(self.unknowns - 1)
@@ -370,8 +397,12 @@ class ForcedProblem:
         if landing.result[0] != 1.0:
             return None
         ends = self._factor.before.copy()
-        forced_observe(self.segment, self._watched, landing.y, ends, self._nothing, landing.result)
+        self._observe(landing.y, ends, landing.result)
         return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
+
+    def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
+        """Fill the entries of a result that belong to the paths of the flights."""
+        forced_observe(self.segment, self._watched, y, ends, self._nothing, result)
 
     def impact_speeds(self, y: np.ndarray) -> np.ndarray:
         """Speed of approach of each impact of an orbit y, in the order of the sequence, (k + 1,); without impacts (0,)."""

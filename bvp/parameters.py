@@ -280,18 +280,22 @@ class ParametricSystem:
             self._programs[key] = Released(program, np.array(rows, dtype=np.int64), columns, scratch_size(program, len(self.names)))
         return self._programs[key]
 
-    def equations(self, texts: Sequence[str], names: Sequence[str]) -> Program:
+    def equations(self, texts: Sequence[str], names: Sequence[str], others: Sequence[str] = ()) -> Program:
         """The program of equations such as "F = 0.3*w**2": left less right side of each, then its derivatives by some parameters, equation
-        by equation.
+        by equation. others: more names that can be in an equation; their values follow those of the parameters, and their derivatives
+        those by the parameters.
 
         Raises
         ------
         InvalidSystem
             For a text that is no equation, or has a name that is no parameter.
         """
+        import sympy
+
         from bvp.programs import derivative, program_of
 
-        known = dict(self._symbols) | {name: self._expressions[name] for name in self.derived if name in self._expressions}
+        more = {name: sympy.Symbol(name, real=True) for name in others}
+        known = dict(self._symbols) | more | {name: self._expressions[name] for name in self.derived if name in self._expressions}
         found = []
         for text in texts:
             sides = text.split("=")
@@ -301,8 +305,9 @@ class ParametricSystem:
             found.append(left - right)
         for name in names:
             self._require_known(name)
-        slopes = [derivative(equation, self._symbols[name]) for equation in found for name in names]
-        return program_of([*found, *slopes], list(self._symbols.values()))
+        variables = [*(self._symbols[name] for name in names), *more.values()]
+        slopes = [derivative(equation, variable) for equation in found for variable in variables]
+        return program_of([*found, *slopes], [*self._symbols.values(), *more.values()])
 
     @property
     def layout(self) -> Layout:

@@ -23,8 +23,18 @@ from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.contact_mode import apply_impact, impact_columns
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2, times_matrix
+from bvp.kernels.free_closure import (
+    ends_residuals,
+    fill_ends,
+    fill_kept,
+    fill_unfolding,
+    first_kept,
+    kept_residuals,
+    kept_size,
+    unfold,
+)
 from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
-from bvp.kernels.multipoint import evaluate, fill, unpack
+from bvp.kernels.multipoint import PERIODIC, UNFOLDED, evaluate, fill, unpack
 from bvp.kernels.newton import scaled_residual, set_scale
 from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
 
@@ -60,14 +70,15 @@ class LoadedSegment(NamedTuple):
     side: np.ndarray  # (k + 2,) +1 upper, -1 lower
     start_map: np.ndarray  # (N, N) identity
     start_offset: np.ndarray  # (N,) zero
-    end_map: np.ndarray  # (0, N)
-    contact: np.ndarray  # (k + 2, 2) int64: the entries of bound and restitution; -1: no impact
+    end_map: np.ndarray  # (2 n, 2 n) rows of the conditions at the start, then of those at the far end; without ends (0, 2 n)
+    contact: np.ndarray  # (k + 2, 2) int64: the entries of bound and restitution (-1: plastic, at an end); -1: no impact
     closing: np.ndarray  # (2,) 1 or -1, what the state is multiplied by over the segment; the part of the period that it lasts, 0: no clock
     scale: np.ndarray  # (N,) what a unit of arclength is for each entry of the first node; 0: a unit of its logarithm
     released: Released
-    kept: Program  # left less right sides of the user's m - 1 equations, then their derivatives by the released parameters
-    kept_out: np.ndarray  # ((m - 1) (1 + m),) what that program writes
-    shape: np.ndarray  # (5,) int64: inner impacts k, CLOSED, 4, PERIODIC, PERIODIC
+    kept: Program  # left less right sides of the user's equations, then their derivatives by all that varies
+    kept_values: np.ndarray  # (N,) of all parameters; of free orbits (N + 2,), with the energy and the quarter period behind them
+    kept_out: np.ndarray  # what that program writes
+    shape: np.ndarray  # (5,) int64: inner impacts k; CLOSED or UNFOLDED; quarter periods solved; kind of start; kind of end
 
 
 @unpack.of(LoadedSegment)
@@ -118,7 +129,7 @@ def refresh(segment, node):
                 segment.gap[i, size + 1 + j] = -slopes[j, row]
                 total -= slopes[j, row] * node[size + 1 + j]
             segment.bound[i] = total
-            segment.jump[i] = 1.0 + entries[segment.contact[i, 1]]
+            segment.jump[i] = 1.0 + (entries[segment.contact[i, 1]] if segment.contact[i, 1] >= 0 else 0.0)
 
 
 @evaluate.of(LoadedSegment)
@@ -140,6 +151,10 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
             for r in range(width):
                 residual[row + r] -= y[at + r]
             residual[row + width] = inner(segment.gap[i], y[at : at + width]) - segment.bound[i]
+        elif segment.shape[3] != PERIODIC:
+            copy_1(residual[row : row + width], z[:width])
+            ends_residuals(segment, y, z[:width], residual[row:])
+            kept_residuals(segment, y, residual[row:])
         else:
             # Equation (39): the orbit closes.
             for r in range(size):
@@ -152,10 +167,8 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
                 # Of half a period, the last impact is at the mirror image of the first one's stop.
                 gap = segment.closing[0] * inner(segment.gap[k, :size], y[:size])
                 residual[row + size + 1] = gap + inner(segment.gap[k, size:], y[size:width]) - segment.bound[k]
-            if width > size + 2:
-                run(segment.kept, segment.released.values, segment.released.scratch, segment.kept_out)
-                for e in range(width - size - 2):
-                    residual[row + size + 2 + e] = segment.kept_out[e]
+            unfold(segment, y, residual[row:])
+            kept_residuals(segment, y, residual[row:])
 
 
 @inlined
@@ -172,7 +185,7 @@ def loaded_blocks(segment, i, factor, landing, push_rate):
         speed = row_dot(segment.gap_rate, i, before)
         apply_impact(segment.gap_rate, segment.push, i, jump, push_rate, push_rate)
         impact_columns(segment.gap_rate, segment.push, i, jump, landing)
-        for j in range(count):
+        for j in range(count if segment.contact[i, 1] >= 0 else 0):
             change = segment.released.slopes[j, segment.contact[i, 1]] * speed
             for r in range(size):
                 landing[r, size + 1 + j] -= change * segment.push[i, r]
@@ -209,6 +222,9 @@ def fill_loaded(segment, y, factor):
             column = window[i * rows + width]
             for c in range(width):
                 column[after - base + c] = segment.gap[i, c] * scale[after + c]
+        elif segment.shape[3] != PERIODIC:
+            fill_ends(segment, y, landing, along, closing, scale)
+            fill_kept(segment, y, closing, scale)
         else:
             for e in range(size + 1):
                 column = closing[e]
@@ -225,10 +241,8 @@ def fill_loaded(segment, y, factor):
                     column[c] += (segment.closing[0] if c < size else 1.0) * segment.gap[k, c] * scale[c]
             else:
                 column[size] += scale[size]
-            count = width - size - 1
-            for e in range(count - 1):
-                for j in range(count):
-                    closing[size + 2 + e, size + 1 + j] += segment.kept_out[count - 1 + e * count + j] * scale[size + 1 + j]
+            fill_unfolding(segment, y, closing, scale)
+            fill_kept(segment, y, closing, scale)
         at = after
 
 
@@ -272,6 +286,8 @@ def set_loaded_scale(segment, y, factor):
             scale[at + size + 1 + j] = unit if unit > 0.0 else abs(y[size + 1 + j])
         scale[at + width] = longest
         at += width + 1
+    if segment.shape[1] == UNFOLDED:
+        scale[at] = 1.0
     return displacement, velocity, longest
 
 
@@ -281,15 +297,23 @@ def scaled_loaded_residual(segment, residual, displacement, velocity):
     """See `scaled_residual`."""
     width = segment.gap.shape[1]
     n = segment.flight.enter.shape[0] // 2
+    closing = segment.shape[0] * (width + 1)
     worst = 0.0
     for row in range(residual.shape[0]):
         r = row % (width + 1)
         value = abs(residual[row])
-        if r < n or r == width:
+        if row >= closing + first_kept(segment):
+            value /= kept_size(segment, row - closing - first_kept(segment))
+        elif row >= closing and segment.shape[3] != PERIODIC and r < 2 * n:
+            total = 0.0
+            for c in range(n):
+                total += abs(segment.end_map[r, c])
+            value /= displacement if total > 0.0 else velocity
+        elif r < n or r == width:
             value /= displacement
         elif r < 2 * n:
             value /= velocity
-        elif r == 2 * n + 1 and row >= segment.shape[0] * (width + 1) and segment.contact[segment.shape[0], 0] >= 0:
+        elif r == 2 * n + 1 and row >= closing and segment.contact[segment.shape[0], 0] >= 0:
             value /= displacement
         if not value <= worst:
             worst = value

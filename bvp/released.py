@@ -1,0 +1,144 @@
+"""The multipoint problem of a free orbit in released parameters: the closures of conservative systems, whose parameters can change.
+
+`ReleasedProblem` solves with the kernels of `bvp.forced`, whose nodes are physical states that carry the parameters. At each orbit it gives
+the `MultipointProblem` of the system there, from which follow multipliers, labels and the test functions of events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from bvp.closures import EndsError, parse_end
+from bvp.description import RESERVED
+from bvp.forced import ForcedProblem
+from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
+from bvp.multipoint import MultipointProblem
+from bvp.parameters import ParametricSystem
+
+__all__ = ["ReleasedProblem"]
+
+
+class ReleasedProblem(ForcedProblem):
+    """Orbits of a conservative system between two ends, or closed on themselves, in m released parameters.
+
+    Parameters
+    ----------
+    parametric : ParametricSystem
+        Without loads. No released parameter damps it or lowers a restitution.
+    ends : (str, str)
+    sequence : sequence of str
+        As for `MultipointProblem`.
+    released : sequence of m str
+        Names of the parameters that vary along the family. The first one is reported.
+    keep : sequence of m str
+        Equations that hold along the family, of parameters, ``energy`` and ``quarter_period``: "energy = 0.8".
+    values : mapping, optional
+        Values of the parameters that replace the defaults.
+    energy : float
+        A typical energy: it is the unit of arclength for states.
+
+    Raises
+    ------
+    EndsError
+        For ends that the system does not have, or has not for other values of the released parameters; for a system that loses energy.
+    ValueError
+        For parameters that the system lacks, and another number of equations.
+
+    Notes
+    -----
+    The unknowns are y = (z_0, t_0, z_1, t_1, ..., z_k, t_k [, xi]) of nodes z = (u, v, 0, parameters), equation (41). A periodic orbit has
+    the unfolding parameter xi, which is zero on every solution.
+    """
+
+    _conserved = RESERVED
+
+    def __init__(
+        self,
+        parametric: ParametricSystem,
+        ends: tuple[str, str],
+        sequence: Sequence[str],
+        released: Sequence[str],
+        keep: Sequence[str],
+        *,
+        values: Mapping[str, float] | None = None,
+        energy: float = 0.5,
+    ):
+        self.ends = str(ends[0]), str(ends[1])
+        self.energy = energy
+        system = parametric.system(values)
+        # What the ends need is refused by the problem of the system.
+        self.structure = MultipointProblem(system, self.ends, sequence)
+        self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
+        super().__init__(parametric, sequence, released, keep=keep, values=values)
+        if not self.structure.periodic:
+            self.segment.contact[self.inner :, 1] = -1
+
+    def _require_determined(self) -> None:
+        parametric, layout, released = self.parametric, self.parametric.layout, self.released
+        slopes = parametric.derivatives(self.values, released)
+        for j, name in enumerate(released):
+            for part, what in ((layout.damping, "damps the system"), (layout.restitution, "changes a restitution")):
+                if np.any(slopes[part, j]):
+                    raise EndsError(f"{name} {what}: a family of free orbits needs a conservative system; expected another parameter")
+            if ORIGIN in self.kinds and np.any(slopes[layout.lower, j] + slopes[layout.upper, j]):
+                raise EndsError(f"{name} breaks the odd symmetry that an origin end needs: it moves one bound of a gap by itself")
+        if self.has_clock or np.any(parametric.entries(self.values)[layout.constant]):
+            raise EndsError("a family of free orbits needs a system without loads")
+
+    def _contacts(self, hit: Sequence[int]) -> list[int]:
+        return [int(contact) for contact in self.structure.contacts]
+
+    def _closure(self) -> tuple[int, int, int, int]:
+        return UNFOLDED if self.structure.periodic else CLOSED, self.quarters, *self.kinds
+
+    def _end_rows(self) -> np.ndarray:
+        n = self.degrees_of_freedom
+        rows = np.zeros((0 if self.structure.periodic else 2 * n, 2 * n))
+        for k, (kind, end) in enumerate(zip(self.kinds, self.ends, strict=True) if len(rows) else ()):
+            part = rows[k * n : (k + 1) * n]
+            if kind == ORIGIN:
+                part[:, :n] = np.eye(n)
+            elif kind == REST:
+                part[:, n:] = np.eye(n)
+            else:
+                gap = np.asarray(self.system.stops[self.modes.contact_stop[parse_end(self.system, end)[1]]].gap)
+                part[0, :n] = gap
+                part[1:, n:] = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:].T
+        return rows
+
+    def _metric(self) -> np.ndarray:
+        """As of forced orbits; a velocity in units of sqrt(2 h/m) of its coordinate, a displacement in the distance that a spring with the
+        frequency of the fastest mode allows it."""
+        n, found = self.degrees_of_freedom, super()._metric()
+        speeds = np.sqrt(2.0 * self.energy / np.diag(self.system.mass))
+        fastest = math.sqrt(float(np.abs(self.modes.squares).max())) or 1.0
+        found[:n], found[n : 2 * n] = speeds / fastest, speeds
+        return found
+
+    def period(self, y: np.ndarray) -> float:
+        """T."""
+        return float(np.sum(self.flight_times(y))) * 4.0 / self.quarters
+
+    def of_orbit(self, problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
+        """The unknowns (u,) of an orbit, a solution y of the problem of the system at these values of the parameters."""
+        states = np.vstack([problem.start(y), problem.nodes(y)]) @ problem.modes.to_state.T
+        parameters = [self.values[name] for name in self.released]
+        return self.pack(states, np.zeros(len(states)), parameters, problem.flight_times(y))
+
+    def orbit_problem(self, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
+        """The problem of the system at the parameters of y, with the orbit in its unknowns.
+
+        Raises
+        ------
+        InvalidSystem, EndsError
+            For parameters that the system, or an orbit with these ends, cannot have.
+        """
+        problem = MultipointProblem(self.parametric.system(self.parameters(y)), self.ends, self.sequence)
+        states = self.nodes(y)[:, : 2 * self.degrees_of_freedom] @ problem.modes.from_state.T
+        return problem, problem.pack(states[0], states[1:], self.flight_times(y))
+
+    def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
+        """Left to the problem of the system there."""
