@@ -159,7 +159,7 @@ def save_branch(branch: Branch, place: Path, scene: Scene) -> str:
     """Keep a branch in a catalogue, which is made if there is none; return a line about the result. `CannotWiden` if the family stays kept
     over another range."""
     from branches.catalogue import Catalogue
-    from branches.catalogue.store import CannotWiden, Kept
+    from branches.catalogue.widening import CannotWiden, Kept
 
     with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
         before = _range(catalogue.family(branch.id).h) if branch.id in catalogue else ""

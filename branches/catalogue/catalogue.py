@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue.find import NameMatch
     from branches.catalogue.rows import FamilyRow
-    from branches.catalogue.store import Kept
+    from branches.catalogue.widening import Kept
     from branches.orbit import Orbit
 
 __all__ = ["Catalogue", "FLATTENED", "graph_of", "graph_text"]
@@ -161,7 +161,7 @@ class Catalogue(CatalogueStore):
         CannotWiden
             If the branch lacks orbits that are there already, if an edge does not find its event on it, or if a build is not finished.
         """
-        from branches.catalogue.store import widen
+        from branches.catalogue.widening import widen
 
         return widen(self, branch)
 

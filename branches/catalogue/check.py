@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.between_events import missed_events
+from branches.catalogue import responses
 from branches.catalogue.database import CatalogueDamaged
 from branches.catalogue.members import distances_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, Node
+from branches.forced.branch import ForcedBranch
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem, Solution
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from branches.catalogue.rows import EventOrbit
     from branches.catalogue.store import CatalogueStore
     from branches.events import BranchEvent
+    from bvp.forced import ForcedProblem
 
 __all__ = ["Failure", "check_catalogue"]
 
@@ -74,15 +77,19 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
         except ValueError as damage:
             failures.append(Failure(id, str(damage)))
             continue
-        intact[id] = _Family(branch.ends, branch.sequence, branch.events)
-        failures += (Failure(id, text) for text in _family(branch))
-        if all(0 <= event.point < len(branch) for event in branch.events):
-            missed = missed_events(branch)
-            failures += (Failure(id, f"an event ({' or '.join(m.types)}) is missed {m.text}") for m in missed if not m.hidden)
-            counts["hidden"] += sum(m.hidden for m in missed)
-        followed = branch.full_family.ids[0]
-        if followed != id:
-            failures.append(Failure(id, f"its points and ends give the id {followed}"))
+        if isinstance(branch, ForcedBranch):
+            intact[id] = _Family((), "", catalogue.events(id), branch.problem)
+            failures += (Failure(id, text) for text in responses.failures(branch))
+        else:
+            intact[id] = _Family(branch.ends, branch.sequence, branch.events)
+            failures += (Failure(id, text) for text in _family(branch))
+            if all(0 <= event.point < len(branch) for event in branch.events):
+                missed = missed_events(branch)
+                failures += (Failure(id, f"an event ({' or '.join(m.types)}) is missed {m.text}") for m in missed if not m.hidden)
+                counts["hidden"] += sum(m.hidden for m in missed)
+        followed = branch.full_family.ids
+        if id != followed[0] and not (isinstance(branch, ForcedBranch) and id in followed):
+            failures.append(Failure(id, f"its points and ends give the id {followed[0]}"))
         counts["families"] += 1
         counts["points"] += len(branch)
         counts["events"] += len(branch.events)
@@ -215,14 +222,16 @@ def _evaluate(problem: MultipointProblem, y: np.ndarray) -> Solution | float:
 class _Family(NamedTuple):
     """The data of a family that its edges are compared with."""
 
-    ends: tuple[str, str]
+    ends: tuple[str, ...]
     sequence: str
     events: tuple[BranchEvent, ...]
+    problem: ForcedProblem | None = None
 
 
 def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], nodes: set[str]) -> Iterator[str]:
     """Failures of an edge."""
     solved: list[tuple[MultipointProblem, np.ndarray]] = []
+    forced: list[tuple[ForcedProblem, EventOrbit]] = []
     sides = (("source", edge.source, edge.source_event, edge.source_orbit), ("target", edge.target, edge.target_event, edge.target_orbit))
     for side, id, event, orbit in sides:
         family = families.get(id or "")
@@ -235,6 +244,9 @@ def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], n
             if family is not None:
                 yield f"it has no orbit of its {side}, so it cannot be seen to close"
             continue
+        if family is not None and family.problem is not None:
+            forced.append((family.problem, orbit))
+            continue
         if family is not None and (orbit.ends, orbit.sequence) != (family.ends, family.sequence):
             yield f"the orbit of its {side} is one of {'-'.join(orbit.ends)}:{orbit.sequence}, not of that family"
         try:
@@ -245,6 +257,8 @@ def _edge(catalogue: CatalogueStore, edge: Edge, families: dict[str, _Family], n
             continue
         yield from _solves(problem, y, side, orbit, edge)
         solved.append((problem, y))
+    if len(forced) == 2:
+        yield from responses.meeting_failures(*forced)
     if len(solved) == 2:
         apart = distances_from_orbit(*solved[0], [_start(*solved[1])])[0]
         if not apart <= SAME:
@@ -269,7 +283,9 @@ def _event(family: _Family, side: str, id: str, edge: Edge, source: _Family | No
     # log h and log alpha are two of the coordinates of the arclength, so that its error bar bounds theirs.
     own = [] if source is None else [other for other in source.events if other.id == edge.source_event]
     slack = max(SAME, *(known.bracket[1] - known.bracket[0] for known in (event, *own)))
-    if not (abs(event.h / edge.h - 1.0) <= slack and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= slack)):
+    # A parameter can be zero; a period that was doubled is that of the source.
+    size = abs(edge.h) if family.problem is None else max(abs(edge.h), 1.0)
+    if not (abs(event.h - edge.h) <= slack * size and (side == "target" or abs(event.alpha / edge.alpha - 1.0) <= slack)):
         yield f"it is at h = {edge.h:.12g}, event {id} of its {side} at h = {event.h:.12g}"
 
 

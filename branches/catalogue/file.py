@@ -36,6 +36,7 @@ from branches.files import WriteFailure
 from bvp.texts import shown
 
 if TYPE_CHECKING:
+    from bvp.parameters import ParametricSystem
     from bvp.system import ImpactSystem
 
 __all__ = ["CatalogueFile"]
@@ -107,7 +108,9 @@ class CatalogueFile:
     @cached_property
     def scene(self) -> SceneRecord:
         """The scene that it belongs to."""
-        return SceneRecord(**self._values("scene", [field.name for field in fields(SceneRecord)]))
+        # Only a catalogue of forced responses has parameters.
+        required = [field.name for field in fields(SceneRecord) if field.name != "parameters"]
+        return SceneRecord(**self._values("scene", required))
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
@@ -119,7 +122,14 @@ class CatalogueFile:
         """The system of its families."""
         from bvp.system import ImpactSystem
 
-        return ImpactSystem.from_description(self.scene.system)
+        return self.parametric.system() if self.scene.parameters else ImpactSystem.from_description(self.scene.system)
+
+    @cached_property
+    def parametric(self) -> ParametricSystem:
+        """The system and the loads of a catalogue of forced responses, as functions of parameters."""
+        from bvp.parameters import ParametricSystem
+
+        return ParametricSystem.from_description(self.scene.system)
 
     def require_system(self, system: Mapping[str, Any]) -> None:
         """Refuse another system than that of the catalogue.
@@ -127,16 +137,35 @@ class CatalogueFile:
         Parameters
         ----------
         system : mapping
-            As `ImpactSystem.describe` gives it.
+            As `ImpactSystem.describe` gives it; in a catalogue of forced responses as `ParametricSystem.describe` does. There the values of
+            the parameters that vary do not count.
 
         Raises
         ------
         CatalogueError
             With the differences.
         """
-        differs = difference(self.scene.system, system)
+        own = self.scene
+        if own.parameters and "system" in system:
+            system = self._at_own_values(system)
+        elif own.parameters or "system" in system:
+            held = f"responses in {', '.join(own.parameters['names'])}" if own.parameters else "families in the energy"
+            other = "families in the energy" if own.parameters else "responses to loads"
+            raise CatalogueError(f"{self.path} holds {held}, and no {other}; expected another catalogue")
+        differs = difference(own.system, system)
         if differs is not None:
             raise CatalogueError(f"{self.path} belongs to another system: there {differs}")
+
+    def _at_own_values(self, system: Mapping[str, Any]) -> dict[str, Any]:
+        """A description with this catalogue's values of the parameters that vary."""
+        from bvp.parameters import ParametricSystem
+
+        given, names = ParametricSystem.from_description(system), self.scene.parameters["names"]
+        if not set(names) <= set(given.names):
+            return dict(system)
+        at = given.replaced({name: self.parametric.values[name] for name in names})
+        plain: dict[str, Any] = json.loads(json.dumps(at.describe()))
+        return plain
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
@@ -240,7 +269,8 @@ class CatalogueFile:
             create_tables(self._connection)
             for table, content in (("scene", vars(scene)), ("provenance", made)):
                 for key, value in content.items():
-                    self._insert(table, (key, json.dumps(value, allow_nan=False)))
+                    if value or key != "parameters":
+                        self._insert(table, (key, json.dumps(value, allow_nan=False)))
 
     def _changed(self) -> None:
         """Forget what was read before a transaction."""

@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PREDICTIONS", "QUERIED", "Columns", "Layout", "PackedFamily", "as_floats", "as_integers", "checksum_of_points", "decode", "encode",
-    "folded", "label_intervals", "pack_family", "queried", "queried_rows", "stability_intervals", "unfolded",
+    "folded", "label_intervals", "pack_family", "queried", "queried_rows", "stability_intervals", "stable_fraction", "unfolded",
 ]  # fmt: skip
 
 QUERIED = ("h", "alpha", "arclength", "tau", "stable", "label")
 
-_SMOOTH = ("start_u", "start_v", "flight_times", "tau_half")
+_SMOOTH = ("start_u", "start_v", "flight_times", "tau_half", "unknowns", "tangents")
 
 _ORDER = 3
 """Order of the differences of smooth columns: higher ones amplify rounding."""
@@ -80,7 +80,7 @@ def checksum_of_points(columns: Columns, arrays: bytes) -> int:
     return crc
 
 
-def encode(columns: Columns, problem: MultipointProblem) -> tuple[bytes, Layout]:
+def encode(columns: Columns, problem: Any) -> tuple[bytes, Layout]:
     """All columns but `QUERIED` as an .npz file, with their layout.
 
     Raises
@@ -111,7 +111,7 @@ def encode(columns: Columns, problem: MultipointProblem) -> tuple[bytes, Layout]
     return file.getvalue(), layout
 
 
-def decode(blob: bytes, layout: Layout, columns: Columns, problem: MultipointProblem) -> Columns:
+def decode(blob: bytes, layout: Layout, columns: Columns, problem: Any) -> Columns:
     """The inverse of `encode`: all columns, from the array's file, its layout, the columns `QUERIED` and the problem of the family's
     orbits.
 
@@ -200,7 +200,7 @@ def _sums(differences: np.ndarray) -> np.ndarray:
 # -- predictions --------------------------------------------------------------------------------------------------------------
 
 
-def _predicted(name: str, columns: Columns, problem: MultipointProblem) -> np.ndarray:
+def _predicted(name: str, columns: Columns, problem: Any) -> np.ndarray:
     """A column as others give it; 0 where they give no finite number."""
     with np.errstate(all="ignore"):
         predicted = PREDICTIONS[name](columns, problem)
@@ -292,7 +292,7 @@ def pack_family(branch: Branch) -> PackedFamily:
     row = FamilyRow(
         0, branch.id, branch.label, format_ends(branch.ends), branch.sequence,
         0.5 * impacts_per_period(branch.problem.sequence, branch.ends),
-        *_range(columns["h"]), *_range(columns["alpha"]), len(branch), len(branch.events), int(branch.start), _stable_fraction(stability),
+        *_range(columns["h"]), *_range(columns["alpha"]), len(branch), len(branch.events), int(branch.start), stable_fraction(stability),
         " ".join(dict.fromkeys(part.value for part in labels if part.value)),
         compact_json({"labels": labels, "stability": stability, "ended": ended, "layout": layout}),
     )  # fmt: skip
@@ -325,7 +325,7 @@ def stability_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchE
     return tuple(Interval(code, *_ranges(columns, max(first - 1, 0), last)) for code, first, last in runs)
 
 
-def _stable_fraction(stability: Sequence[Interval]) -> float:
+def stable_fraction(stability: Sequence[Interval]) -> float:
     """The stable fraction of the arclength."""
     total = stability[-1].arclength[1] - stability[0].arclength[0]
     stable = sum(part.arclength[1] - part.arclength[0] for part in stability if part.value == 1)

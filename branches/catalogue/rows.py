@@ -16,8 +16,8 @@ from branches.events import BranchEvent
 from bvp.texts import brief, shown
 
 __all__ = [
-    "Edge", "EventOrbit", "FamilyRow", "Interval", "Node", "SceneRecord", "compact_json", "crosses", "dead_end_id", "difference",
-    "event_from_row", "event_values",
+    "Axes", "ENERGY", "Edge", "EventOrbit", "FamilyRow", "Interval", "Node", "SceneRecord", "compact_json", "crosses", "dead_end_id",
+    "difference", "event_from_row", "event_values",
 ]  # fmt: skip
 
 _ON_BOUND = 1e-10
@@ -49,6 +49,8 @@ def crosses(h: tuple[float, float], energy: float) -> bool:
 
 class FamilyRow(NamedTuple):
     """A family without its points. The fields are the columns of the table.
+
+    Of a family of forced orbits h is its parameter, alpha its period, `ends` its closure, and `impacts` those in a period of the loads.
 
     Attributes
     ----------
@@ -121,6 +123,11 @@ class FamilyRow(NamedTuple):
     def ended(self) -> tuple[tuple[str, str], ...]:
         """Reason and text, at the first point and at the last."""
         return tuple((reason, text) for reason, text in _parsed(self.details)["ended"])
+
+    @property
+    def response(self) -> Any:
+        """Of a family of forced orbits: its problem, range and what else its events have; None of another one."""
+        return _parsed(self.details).get("response")
 
     @property
     def layout(self) -> Any:
@@ -317,6 +324,9 @@ class SceneRecord:
         Cited ``h`` and ``alpha`` by name; they choose among the families that match a bare name.
     title, source, text : str
         The scene's title and source, and its TOML if it was read from a file.
+    parameters : dict
+        Of a catalogue of forced responses: ``names`` of the parameters that vary, and the equations that they ``keep``. `system` is then as
+        `bvp.parameters.ParametricSystem.describe` gives it.
     """
 
     system: dict[str, Any]
@@ -325,6 +335,15 @@ class SceneRecord:
     title: str = ""
     source: str = ""
     text: str = ""
+    parameters: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> Axes:
+        """What the two numbers of its families are."""
+        if not self.parameters:
+            return ENERGY
+        name = self.parameters["names"][0]
+        return Axes((name, "period"), (name, "T"))
 
     @classmethod
     def of(cls, scene: Any) -> SceneRecord:
@@ -343,6 +362,26 @@ class SceneRecord:
         bounds = {key: list(value) if isinstance(value, tuple) else value for key, value in scene.bounds.items()}
         points = {name: dict(point) for name, point in scene.reference_points.items()}
         return cls(scene.system.describe(), bounds, points, scene.title, scene.source, getattr(scene, "text", ""))
+
+
+@dataclass(frozen=True)
+class Axes:
+    """What the two numbers of a family, an event and an edge are: ``h`` and ``alpha``, or a parameter and the period.
+
+    Attributes
+    ----------
+    names : (str, str)
+        In tables.
+    symbols : (str, str)
+        In equations.
+    """
+
+    names: tuple[str, str]
+    symbols: tuple[str, str]
+
+
+ENERGY = Axes(("energy h", "quarter alpha"), ("h", "alpha"))
+"""The axes of conservative families."""
 
 
 def difference(one: Mapping[str, Any], other: Mapping[str, Any]) -> str | None:

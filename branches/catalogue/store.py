@@ -1,14 +1,10 @@
-"""The contents of a catalogue: families, points, events, nodes, edges, and the queue of a build. Each change is one transaction.
-
-A cut branch is replaced by a wider one: its events get new numbers, and the edges are updated.
-"""
+"""The contents of a catalogue: families, points, events, nodes, edges, and the queue of a build. Each change is one transaction."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable
 from dataclasses import replace
-from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +19,10 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.catalogue.packing import PackedFamily
-    from branches.catalogue.rows import EventOrbit
     from branches.events import BranchEvent
-    from bvp.multipoint import MultipointProblem
+    from branches.forced.branch import ForcedBranch
 
-__all__ = ["CannotWiden", "CatalogueStore", "Kept", "holds", "widen"]
+__all__ = ["CatalogueStore"]
 
 _IGNORE = "INSERT OR IGNORE"
 
@@ -93,21 +88,25 @@ class CatalogueStore(CatalogueFile):
         found = list(self._rows("events", "WHERE family = ? ORDER BY position", (row.number,)))
         return tuple(event_from_row(values[2:]) for values in self._complete(found, row, "events"))
 
-    def branch(self, id: str) -> Branch:
-        """A family as the branch that was added, bit for bit."""
+    def branch(self, id: str) -> Any:
+        """A family as the branch that was added, bit for bit: a `Branch`, or a `ForcedBranch`."""
         from branches.branch import Branch, Ended
 
         row = self.family(id)
         problem = self._problem(row)
+        if row.response is not None:
+            from branches.catalogue.responses import unpack_response
+
+            return unpack_response(problem, row, self._columns(row, problem), self.events(id))
         first, last = (Ended(*ended) for ended in row.ended)
         return Branch(problem, self._columns(row, problem), self.events(id), (first, last), row.start).known_as(row.id)
 
-    def add(self, branch: Branch | PackedFamily) -> str:
+    def add(self, branch: Branch | ForcedBranch | PackedFamily) -> str:
         """Add a family. A family with the same id stays as it is.
 
         Parameters
         ----------
-        branch : Branch or PackedFamily
+        branch : Branch, ForcedBranch or PackedFamily
             A worker can do most of the work before, with `branches.catalogue.packing.pack_family`.
 
         Returns
@@ -122,11 +121,12 @@ class CatalogueStore(CatalogueFile):
         WriteFailure
             If the file cannot be written. It keeps what it held.
         """
-        from branches.catalogue.packing import PackedFamily, checksum_of_points, pack_family, queried
+        from branches.catalogue.packing import PackedFamily, checksum_of_points, queried
 
         self._writable()
-        family = branch if isinstance(branch, PackedFamily) else pack_family(branch)
+        family = branch if isinstance(branch, PackedFamily) else _packed(branch)
         self.require_system(family.system)
+        self._require_parameters(family.row)
         if family.row.id in self:
             return family.row.id
         with self.transaction():
@@ -252,13 +252,24 @@ class CatalogueStore(CatalogueFile):
             for values in self._rows(table):
                 other._insert(table, values)
 
-    def _problem(self, row: FamilyRow) -> MultipointProblem:
+    def _require_parameters(self, row: FamilyRow) -> None:
+        """Refuse a forced family in other parameters than those of the catalogue."""
+        own, given = self.scene.parameters, row.response
+        if own and (own["names"], own["keep"]) != (given["released"], given["keep"]):
+            held, other = (", ".join([*names, *keep]) for names, keep in ((own["names"], own["keep"]), (given["released"], given["keep"])))
+            raise CatalogueError(f"{self.path} holds responses in {held}; received one in {other}, expected another catalogue for it")
+
+    def _problem(self, row: FamilyRow) -> Any:
+        if row.response is not None:
+            from branches.catalogue.responses import problem_of
+
+            return problem_of(self.parametric, row)
         from branches.sequences import parse_ends, parse_sequence
         from bvp.multipoint import MultipointProblem
 
         return MultipointProblem(self.system, parse_ends(row.ends), parse_sequence(row.sequence))
 
-    def _columns(self, row: FamilyRow, problem: MultipointProblem) -> dict[str, np.ndarray]:
+    def _columns(self, row: FamilyRow, problem: Any) -> dict[str, np.ndarray]:
         from branches.catalogue.packing import QUERIED, checksum_of_points, decode, queried
 
         found = self._select(f"SELECT {', '.join(QUERIED)} FROM points WHERE family = ? ORDER BY position", (row.number,))
@@ -289,130 +300,14 @@ class CatalogueStore(CatalogueFile):
         self.__dict__.pop("_families", None)
 
 
-SAME = 1e-8
-"""Largest relative distance of an event that was located twice from itself."""
+def _packed(branch: Branch | ForcedBranch) -> PackedFamily:
+    """The rows of a branch of any kind."""
+    from branches.forced.branch import ForcedBranch
 
-PLACES = 9
-"""Number of orbits, evenly spread and with both ends, that decide whether one branch contains another."""
+    if isinstance(branch, ForcedBranch):
+        from branches.catalogue.responses import pack_response
 
+        return pack_response(branch)
+    from branches.catalogue.packing import pack_family
 
-class Kept(Enum):
-    """The effect of adding a branch."""
-
-    NEW = "the family is new"
-    KNOWN = "the catalogue has all of the branch already"
-    WIDER = "the branch has replaced a part of it"
-
-
-class CannotWiden(CatalogueError):
-    """A family stays as it was, without the given branch. The message says why."""
-
-
-def holds(branch: Branch, other: Branch) -> bool:
-    """Whether `branch` contains `other`, tested at both ends of `other` and at `PLACES` - 2 points between them.
-
-    Parameters
-    ----------
-    branch, other : Branch
-        Branches of the same system.
-    """
-    from branches.catalogue.members import KnownFamilies
-
-    known = KnownFamilies()
-    known.add("", branch)
-    # The ends come first: they are the points that a narrower branch most often lacks.
-    last = len(other) - 1
-    places = sorted({round(k * last / (PLACES - 1)) for k in range(PLACES)}, key=lambda i: (i not in (0, last), i))
-    return all(known.find(other.problem, other.unknowns(i)) is not None for i in places)
-
-
-def widen(catalogue: CatalogueStore, branch: Branch) -> Kept:
-    """Add a family, or replace a part of it that is there already: see `Catalogue.widen`."""
-    from bvp.checks import require_branch
-
-    require_branch(branch)
-    catalogue.require_system(branch.system.describe())
-    if branch.id not in catalogue:
-        catalogue.add(branch)
-        return Kept.NEW
-    narrow = catalogue.branch(branch.id)
-    if holds(narrow, branch):
-        return Kept.KNOWN
-    if not holds(branch, narrow):
-        raise CannotWiden("the new branch does not have all orbits of the family in the catalogue")
-    if catalogue.work():
-        raise CannotWiden("a build of the catalogue is not finished, and refers to the family's events")
-    names = {"": ""}
-    moved = [(edge, _moved(edge, narrow, branch, names)) for edge in catalogue.edges(narrow.id)]
-    nodes = {node.id: node for node in catalogue.nodes}
-    with catalogue.transaction():
-        catalogue.remove(narrow.id)
-        catalogue.add(branch)
-        ends = [(nodes[old.target], new.target) for old, new in moved if old.target != new.target and old.target and new.target]
-        # Two of them may exchange their ids.
-        for node, _ in ends:
-            catalogue.remove_node(node.id)
-        for node, id in ends:
-            catalogue.add_node(replace(node, id=id))
-        for _, edge in moved:
-            catalogue.connect(edge)
-    return Kept.WIDER
-
-
-def _moved(edge: Edge, narrow: Branch, wider: Branch, names: dict[str, str]) -> Edge:
-    """An edge at the narrow branch as it is at the wider one. `names` collects the ids there of events here.
-
-    Raises
-    ------
-    CannotWiden
-        If the edge's event, or its orbit, is not found on the wider branch.
-    """
-    if edge.source == narrow.id:
-        name = _name(edge.source_event, narrow, wider, names)
-        dead = edge.target == dead_end_id(narrow.id, edge.source_event)
-        target = dead_end_id(narrow.id, name) if dead else edge.target
-        edge = replace(edge, source_event=name, target=target, source_orbit=_seen(edge.source_orbit, narrow, wider))
-    if edge.target == narrow.id:
-        name = _name(edge.target_event, narrow, wider, names)
-        edge = replace(edge, target_event=name, target_orbit=_seen(edge.target_orbit, narrow, wider))
-    return edge
-
-
-def _name(id: str, narrow: Branch, wider: Branch, names: dict[str, str]) -> str:
-    if id not in names:
-        old = next((event for event in narrow.events if event.id == id), None)
-        new = None if old is None else _same_event(old, wider)
-        if new is None or new.id in names.values():
-            raise CannotWiden(f"the event {id}, where other families meet it, is not found on the new branch")
-        names[id] = new.id
-    return names[id]
-
-
-def _same_event(event: BranchEvent, branch: Branch) -> BranchEvent | None:
-    """The event of a branch that is the same as an event of another one."""
-
-    def apart(found: BranchEvent) -> float:
-        return max(abs(found.h / event.h - 1.0), abs(found.alpha / event.alpha - 1.0))
-
-    def details(found: BranchEvent) -> tuple[object, ...]:
-        return found.stop, found.p_q, found.breaks
-
-    def slack(found: BranchEvent) -> float:
-        return max(SAME, *(located.bracket[1] - located.bracket[0] for located in (event, found)))
-
-    near = [found for found in branch.events if found.type == event.type and apart(found) <= slack(found)]
-    # Several events can be at one orbit: grazings of several stops, several resonances.
-    near = [found for found in near if details(found) == details(event)] or near
-    return min(near, key=apart, default=None)
-
-
-def _seen(orbit: EventOrbit | None, narrow: Branch, wider: Branch) -> EventOrbit | None:
-    """An edge's orbit with the ends and impact sequence of the wider branch."""
-    if orbit is None or (narrow.ends, narrow.sequence) == (wider.ends, wider.sequence):
-        return orbit
-    from branches.catalogue.members import presented, unknowns_of
-
-    found = presented(narrow.problem, unknowns_of(narrow.problem, orbit), wider.ends, tuple(wider.problem.sequence))
-    if found is None:
-        raise CannotWiden("an orbit where another family meets it is not found between the ends of the new branch")
-    return found
+    return pack_family(branch)

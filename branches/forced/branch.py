@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.events import Ended
+from branches.forced.identity import FullResponse, full_response
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
 
@@ -107,6 +108,21 @@ class ForcedBranch:
         low, high = float(self.parameter.min()), float(self.parameter.max())
         title = f"ForcedBranch of {len(self)} points, {sequence_text(self.sequence)}, {self.name} = {low:.8g} to {high:.8g}"
         return title, [(event.id, f"{self.name} = {event.values[self.name]:.12g}") for event in self.events]
+
+    @cached_property
+    def full_family(self) -> FullResponse:
+        """The family beyond the branch, and what identifies it."""
+        return full_response(self)
+
+    @cached_property
+    def id(self) -> str:
+        """`closure:sequence:hash` of the family, which does not depend on how it was reached or cut: see `branches.forced.identity`."""
+        return self.full_family.ids[0]
+
+    def known_as(self, id: str) -> ForcedBranch:
+        """This branch, with the id of its family known. The family is not followed for it."""
+        self.__dict__["id"] = id
+        return self
 
     @property
     def name(self) -> str:

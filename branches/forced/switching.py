@@ -20,7 +20,7 @@ from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
-__all__ = ["GrazingNeighbour", "beside_grazing", "exchanged", "full_period", "later", "leaving", "twice"]
+__all__ = ["GrazingNeighbour", "beside_grazing", "exchanged", "full_period", "half_of", "later", "leaving", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, that makes one symmetric orbit of half a period."""
@@ -140,7 +140,7 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         whole = wide.step(repeated, np.zeros(2 * wide.unknowns), 0.0)
         others = [] if whole is None else _across(wide, whole, inwards)
         return found + [one for one in others if len(one.problem.sequence) % 2]
-    symmetric = _half_of(problem, solution.y)
+    symmetric = half_of(problem, solution.y)
     return found if symmetric is None else found + _across(*symmetric, inwards)
 
 
@@ -187,7 +187,7 @@ def _is_at_slowest_impact(problem: ForcedProblem, solution: Solution) -> bool:
     return bool(before or (flight == (slowest + 1) % len(times) and time < _INSTANT * whole))
 
 
-def _half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
+def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
     """A symmetric orbit as one of half its period; None where the orbit is not symmetric. Impacts appear and vanish there in pairs."""
     count, odd = divmod(len(problem.sequence), 2)
     if odd:

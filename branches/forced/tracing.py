@@ -15,13 +15,14 @@ from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.family import ForcedFamily
+from branches.forced.identity import closure_name, primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
 from continuation.problem import EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["SWITCHES", "follow_response", "point_inside", "switch_response"]
+__all__ = ["SWITCHES", "follow_response", "point_inside", "primitive_branch", "switch_response"]
 
 SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 """Events at which other families begin."""
@@ -190,6 +191,22 @@ def switch_response(branch: ForcedBranch, event: ForcedEvent) -> list[tuple[Forc
     if not found:
         raise RuntimeError(f"no family was found at {event.id}")
     return found
+
+
+def primitive_branch(branch: ForcedBranch) -> ForcedBranch:
+    """The family of the primitive orbits of a branch, in the same range: the branch itself, unless its orbits repeat themselves, or are
+    symmetric and solved over their full period.
+
+    Raises
+    ------
+    RuntimeError
+        Where that family cannot be followed.
+    """
+    i = point_inside(branch, (-math.inf, math.inf))
+    problem, y = primitive_orbit(branch.problem, branch.unknowns[i])
+    if problem is branch.problem or closure_name(problem) != branch.full_family.ids[0].partition(":")[0]:
+        return branch
+    return follow_response(problem, y, branch.interval)
 
 
 def point_inside(branch: ForcedBranch, interval: tuple[float, float]) -> int:

@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
         if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):
             say("a family that was not followed to its ends is not kept in a catalogue")
         elif place is not None:
-            from branches.catalogue.store import CannotWiden
+            from branches.catalogue.widening import CannotWiden
 
             try:
                 files.report([catalogues.save_branch(branch, place, scene)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -55,3 +56,25 @@ def settled(parametric, released, periods=300, load_periods=1, half=False, value
     else:
         states, fractions = motion.final[None], np.zeros(1)
     return problem, problem.pack(states, fractions, [at[name] for name in released])
+
+
+@cache
+def absorber_families():
+    """The response of the shipped absorber over w, and families that emanate from it: with one impact more in half a period, without
+    the symmetry, and of twice the period."""
+    from branches.forced.tracing import follow_response, switch_response
+    from saltus.scene import load_scene
+    from transitions.response.path import ParameterPath
+    from transitions.response.starting import settled_orbit
+    from transitions.sweep.settle import settle
+
+    def emanating(branch, code):
+        event = next(event for event in branch.events if event.type == code)
+        return follow_response(*switch_response(branch, event)[0], (0.7, 2.2))
+
+    parametric = load_scene("absorber").parametric
+    found = settled_orbit(ParameterPath(parametric, ["w"]), settle(parametric.system(), parametric.forces()))
+    first = follow_response(found.problem, found.y, (0.7, 2.2))
+    four = emanating(first, "GR")
+    broken = emanating(four, "SB")
+    return first, four, broken, emanating(broken, "PD")

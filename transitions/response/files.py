@@ -42,6 +42,7 @@ _EVENT = {
 }
 _POINT = {"arclength": "a number", "residual": "a number", "unknowns": ["a number"], "tangent": ["a number"]}
 _BRANCH = {
+    "id?": "a string",
     "sequence": "a string",
     "solved": ["a string"],
     "load_periods": "an integer",
@@ -82,6 +83,7 @@ def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
         neighbours = [{"sequence": sequence, "persists": persists} for sequence, persists in event.neighbours]
         events.append(plain(event._asdict() | {"values": dict(event.values), "neighbours": neighbours}))
     return {
+        "id": branch.id,
         "sequence": branch.sequence,
         "solved": list(problem.sequence),
         "load_periods": problem.load_periods,
@@ -149,11 +151,12 @@ def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) ->
     ]
     low, high = item["range"]
     ended = [Ended(end["reason"], end["text"]) for end in item["ended"]]
-    return ForcedBranch(
+    branch = ForcedBranch(
         problem, unknowns, np.array([point["tangent"] for point in points]), np.array([point["arclength"] for point in points]),
         np.array([point["residual"] for point in points]), tuple(events), (ended[0], ended[1]), item["start"],
         (-np.inf if low is None else low, np.inf if high is None else high),
     )  # fmt: skip
+    return branch.known_as(item["id"]) if "id" in item else branch
 
 
 def named_events(branches: Sequence[ForcedBranch]) -> dict[str, tuple[ForcedBranch, ForcedEvent]]:

@@ -9,7 +9,7 @@ import saltus
 from branches.catalogue import Catalogue, CatalogueError, Edge, Node
 from branches.catalogue.check import check_catalogue
 from branches.catalogue.members import orbit_of_event, switch_edge
-from branches.catalogue.store import CannotWiden, Kept, holds
+from branches.catalogue.widening import CannotWiden, Kept, holds
 from tests.branches.catalogue.families import linear_mode, real, rows, same_columns, scene
 
 

@@ -1,0 +1,243 @@
+"""Families of forced orbits in a catalogue: their rows, the branch of a row, whether one contains another, and what must hold of them.
+
+They have the rows of conservative families. The parameter and the period take the places of the energy and the quarter period, and the
+largest modulus of the multipliers that of tau.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from branches.admissible import unphysical
+from branches.catalogue.packing import PackedFamily, encode, label_intervals, queried_rows, stability_intervals, stable_fraction
+from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_values
+from branches.events import BranchEvent, Ended
+from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.identity import invariants
+from branches.forced.tracing import follow_response, primitive_branch
+from branches.tables import plain
+from bvp.forced import ForcedProblem
+from bvp.multipoint import NotConverged, Solution
+from bvp.parameters import ParametricSystem
+
+if TYPE_CHECKING:
+    from branches.catalogue.store import CatalogueStore
+
+__all__ = [
+    "contains", "failures", "joined", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events", "problem_of",
+    "system_of", "unpack_response",
+]  # fmt: skip
+
+RESIDUAL = 1e-11
+"""Largest residual of a stored point, in units of its unknowns."""
+
+NEAR = 0.1
+"""Distance from the chord between two points, relative to its length, within which an orbit lies on a family. Steps turn by a twentieth."""
+
+_FLOOR = 1e-7
+"""Smallest distance that counts, in units of the curve's size: orbits are located to 1e-10."""
+
+_MEETS = 0.05
+"""Largest relative difference of the orbits on both sides of an event: the first orbit of the new family is a step away from it."""
+
+
+def system_of(problem: ForcedProblem) -> dict[str, Any]:
+    """The system of a family as plain data, with its values of all parameters."""
+    described: dict[str, Any] = plain(problem.parametric.replaced(problem.values).describe())
+    return described
+
+
+def pack_response(branch: ForcedBranch) -> PackedFamily:
+    """Pack a family of forced orbits into the rows of a catalogue."""
+    problem = branch.problem
+    count = len(branch)
+    largest = np.abs(branch.multipliers).max(axis=1)
+    columns: dict[str, np.ndarray] = {
+        "h": branch.parameter, "alpha": branch.periods, "arclength": np.asarray(branch.arclength, float), "tau": largest,
+        "stable": branch.stable.astype(np.int8), "label": np.full(count, ""), "unknowns": branch.unknowns, "tangents": branch.tangents,
+        "residual": np.asarray(branch.residual, float),
+    }  # fmt: skip
+    events = plain_events(branch)
+    arrays, layout = encode(columns, problem)
+    stability = stability_intervals(columns, events)
+    closure, sequence, _ = branch.id.split(":")
+    response = {
+        "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
+        "released": list(problem.released), "keep": list(problem.keep), "range": plain(branch.interval),
+        "events": [[event.note, event.angle, [list(one) for one in event.neighbours]] for event in branch.events],
+    }  # fmt: skip
+    ended = [(str(end.reason), end.text) for end in branch.ended]
+    details = {"labels": label_intervals(columns, ()), "stability": stability, "ended": ended, "layout": layout, "response": response}
+    row = FamilyRow(
+        0, branch.id, "", closure, sequence, len(problem.sequence) * (2.0 if problem.half else 1.0) / problem.load_periods,
+        float(branch.parameter.min()), float(branch.parameter.max()), float(branch.periods.min()), float(branch.periods.max()),
+        count, len(events), int(branch.start), stable_fraction(stability), "", compact_json(details),
+    )  # fmt: skip
+    return PackedFamily(system_of(problem), row, queried_rows(columns), arrays, [event_values(event) for event in events])
+
+
+def plain_events(branch: ForcedBranch) -> tuple[BranchEvent, ...]:
+    """The events of a forced family as events of any family: the parameter in place of h, the period in place of alpha."""
+    found = []
+    for event in branch.events:
+        behind = int(branch.stable[event.point + 1]) if event.point + 1 < len(branch) else -1
+        found.append(
+            BranchEvent(
+                event.id, event.type, event.point, event.point - branch.start, float(branch.parameter[event.point]),
+                float(branch.periods[event.point]), event.arclength, event.status, event.bracket, event.residual, "", event.stop, None,
+                None, event.remark or None, None if behind < 0 else bool(behind), event.multiplier,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def problem_of(parametric: ParametricSystem, row: FamilyRow) -> ForcedProblem:
+    """The problem of a stored family."""
+    given = row.response
+    options = {name: given[name] for name in ("load_periods", "half", "values", "keep")}
+    return ForcedProblem(parametric, given["solved"], given["released"], **options)
+
+
+def unpack_response(
+    problem: ForcedProblem, row: FamilyRow, columns: Mapping[str, np.ndarray], events: tuple[BranchEvent, ...]
+) -> ForcedBranch:
+    """The branch of a stored family, bit for bit."""
+    given = row.response
+    unknowns = columns["unknowns"]
+    restored = []
+    for event, (note, angle, neighbours) in zip(events, given["events"], strict=True):
+        restored.append(
+            ForcedEvent(
+                event.id, event.type, event.point, problem.parameters(unknowns[event.point]), event.arclength, event.status, event.bracket,
+                event.residual, event.stop, angle, note, event.multiplier, tuple((sequence, persists) for sequence, persists in neighbours),
+            )
+        )  # fmt: skip
+    low, high = given["range"]
+    first, last = (Ended(*ended) for ended in row.ended)
+    interval = -math.inf if low is None else low, math.inf if high is None else high
+    branch = ForcedBranch(
+        problem, unknowns, columns["tangents"], columns["arclength"], columns["residual"], tuple(restored), (first, last), row.start,
+        interval,
+    )  # fmt: skip
+    return branch.known_as(row.id)
+
+
+def contains(branch: ForcedBranch, other: ForcedBranch, places: int = 9) -> bool:
+    """Whether a branch has the orbits of another one of its family, at both ends and between them.
+
+    Orbits are compared by numbers that no image of them changes (`branches.forced.identity.invariants`)."""
+    curve = np.array([invariants(branch.problem, y) for y in branch.unknowns])
+    unit = np.maximum(np.ptp(curve, axis=0), 1e-9 * np.abs(curve).max(axis=0))
+    curve = curve / np.where(unit > 0.0, unit, 1.0)
+    chords = np.diff(curve, axis=0)
+    lengths = np.maximum(np.linalg.norm(chords, axis=1), 1e-150)
+    last = len(other) - 1
+    for i in sorted({round(k * last / (places - 1)) for k in range(places)}):
+        away = invariants(other.problem, other.unknowns[i]) / np.where(unit > 0.0, unit, 1.0) - curve
+        if np.linalg.norm(away, axis=1).min() <= _FLOOR:
+            continue
+        if not len(chords):
+            return False
+        parts = np.clip(np.sum(away[:-1] * chords, axis=1) / lengths**2, 0.0, 1.0)
+        if not (np.linalg.norm(away[:-1] - parts[:, None] * chords, axis=1) <= NEAR * lengths + _FLOOR).any():
+            return False
+    return True
+
+
+def orbit_of(problem: ForcedProblem, y: np.ndarray) -> EventOrbit:
+    """An orbit as an edge stores it: all unknowns of its problem."""
+    closure = f"{'half' if problem.half else 'full'}-{problem.load_periods}"
+    return EventOrbit((closure, ""), "".join(problem.sequence), tuple(map(float, y)), ())
+
+
+def failures(branch: ForcedBranch) -> Iterator[str]:
+    """What does not hold of a stored family. Of several points with the same failure the first is reported."""
+    problem = branch.problem
+    grazing = {event.point for event in branch.events if event.type in ("GR", "LB", "EP")}
+    found: dict[str, list[str]] = {}
+    for i, y in enumerate(branch.unknowns):
+        for kind, text in _point(problem, y, i in grazing):
+            found.setdefault(kind, []).append(f"point {i}, {branch.name} = {branch.parameter[i]:.8g}: {text}")
+    for texts in found.values():
+        yield texts[0] + (f" (and {len(texts) - 1} more points)" if len(texts) > 1 else "")
+    if not (np.diff(branch.arclength) >= 0.0).all():
+        yield "its points are not in order of arclength"
+
+
+def _point(problem: ForcedProblem, y: np.ndarray, grazing: bool) -> Iterator[tuple[str, str]]:
+    residual = _residual(problem, y)
+    if not residual <= RESIDUAL:
+        yield "residual", f"its residual is {residual:.1e}, expected below {RESIDUAL:.0e}"
+        return
+    solution = _as_it_is(problem, y)
+    beyond = None if solution is None or grazing else unphysical(problem, solution)
+    if beyond is not None:
+        yield "admissibility", f"it is inadmissible: {beyond}"
+
+
+def _residual(problem: ForcedProblem, y: np.ndarray) -> float:
+    scales = problem.scales(y)[: problem.unknowns - 1]
+    return float(np.abs(problem.residual(y) / np.where(scales > 0.0, scales, 1.0)).max())
+
+
+def _as_it_is(problem: ForcedProblem, y: np.ndarray) -> Solution | None:
+    """The orbit without corrections; None if its residual is too large for that."""
+    return problem.step(y, np.zeros(2 * problem.unknowns), 0.0, maximum=0)
+
+
+def meeting_failures(here: tuple[ForcedProblem, EventOrbit], there: tuple[ForcedProblem, EventOrbit]) -> Iterator[str]:
+    """What does not hold of the two orbits of an edge: each solves its equations, and both are one within the first step away from the
+    event."""
+    measures = []
+    for side, (problem, orbit) in (("source", here), ("target", there)):
+        y = np.array(orbit.start)
+        if len(y) != problem.unknowns or "".join(problem.sequence) != orbit.sequence:
+            yield f"the orbit of its {side} is not one of that family"
+            return
+        residual = _residual(problem, y)
+        if not residual <= RESIDUAL:
+            yield f"its orbit does not solve the problem of its {side}: the residual is {residual:.1e}, expected at most {RESIDUAL:.0e}"
+        flux = float(np.sum(problem.impact_speeds(y) ** 2)) * (2.0 if problem.half else 1.0) / problem.period(y)
+        measures.append((flux, float(np.abs(problem.nodes(y)[:, : problem.degrees_of_freedom]).max())))
+    for one, other in zip(*measures, strict=True):
+        if not abs(one - other) <= _MEETS * max(abs(one), abs(other), measures[0][1] * 1e-3):
+            yield f"its two orbits are not the same: {one:.6g} and {other:.6g} differ"
+            return
+
+
+def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch:
+    """A branch as a catalogue keeps it: of the primitive orbit, of the catalogue's system, and with the id that the family has there.
+
+    Raises
+    ------
+    CatalogueError
+        For a branch of another system, or in other parameters.
+    """
+    branch = primitive_branch(branch)
+    catalogue.require_system(system_of(branch.problem))
+    old = branch.problem
+    problem = ForcedProblem(
+        catalogue.parametric, old.sequence, old.released, load_periods=old.load_periods, half=old.half, values=old.values, keep=old.keep
+    )
+    branch = replace(branch, problem=problem)
+    return branch.known_as(next((id for id in branch.full_family.ids if id in catalogue), branch.full_family.ids[0]))
+
+
+def joined(narrow: ForcedBranch, branch: ForcedBranch) -> ForcedBranch | None:
+    """The family of two branches followed so far that it has both; None where it could not be.
+
+    The family of the narrow one is followed again, so that its unknowns are begun at the same impact."""
+    low, high = (extreme(one, other) for extreme, one, other in zip((min, max), narrow.interval, branch.interval, strict=True))
+    for interval in dict.fromkeys([(low, high), branch.full_family.reach((low, high))]):
+        try:
+            found = follow_response(narrow.problem, narrow.unknowns[narrow.start], interval).known_as(narrow.id)
+        except (NotConverged, RuntimeError, ValueError):
+            continue
+        if contains(found, branch) and contains(found, narrow):
+            return found
+    return None

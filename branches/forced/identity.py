@@ -1,0 +1,251 @@
+"""The identity of a family of forced orbits: its closure, its impact sequence, and the events at which it ends or folds.
+
+The id of a family is `closure:sequence:hash`, as that of a conservative family is `ends:sequence:hash`. It depends neither on where a run
+starts, nor on its direction, its steps and its range: a family is identified by what it has in a window of the parameter, whatever was
+followed of it. It is followed there past the ends of a cut branch. Of its grazing ends the one with the lowest value of the parameter
+identifies it; without one its lowest fold; without either the orbits at which it leaves the window.
+
+Images of one orbit are one orbit: begun at another impact, or a period of the loads later; and the mirror image x(t) -> -x(t + pi/w)
+of an odd system under odd loads. So are an orbit and its repetition, and an orbit with x(t + T/2) = -x(t) and the half of it that is
+solved.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from branches.family import SETTINGS
+from branches.forced.family import ForcedFamily
+from branches.forced.switching import full_period, half_of
+from branches.full_family import FamilyMark, digests
+from bvp.closures import EndsError
+from bvp.description import BASE
+from bvp.forced import ForcedProblem
+from continuation.problem import EndReason
+from continuation.run import follow_both_ways
+
+if TYPE_CHECKING:
+    from branches.forced.branch import ForcedBranch
+
+__all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response", "invariants", "primitive_orbit", "window_of"]
+
+WINDOW = 100.0
+"""A family is looked for up to this factor above and below the scale of its parameter."""
+
+_SAME = 1e-6
+"""Largest change of a state, beside the largest one, after the period of an orbit that repeats itself."""
+
+_TIE = 1e-8
+"""Relative difference below which values of a parameter are equal."""
+
+_ZERO = 1e-9
+"""Value of a parameter, beside its scale, that counts as zero."""
+
+_SLACK = 1e-3
+"""Part by which a range is widened beyond the points of a coarse curve."""
+
+
+def closure_name(problem: ForcedProblem) -> str:
+    """The closure in an id: "period-2", "half-period-1", or "free-period" without harmonic loads."""
+    if not problem.has_clock:
+        return "free-half-period" if problem.half else "free-period"
+    return f"{'half-' if problem.half else ''}period-{problem.load_periods}"
+
+
+def canonical_letters(problem: ForcedProblem) -> str:
+    """The impact sequence in an id: of all images of an orbit, the first one in the order of the alphabet."""
+    letters = problem.modes.contact_letters
+    sequence = list(problem.sequence)
+    mirror = [letters[int(problem.modes.contact_opposite[letters.index(letter)])] for letter in sequence] if is_odd(problem) else []
+    full = [sequence + (mirror if problem.half else [])]
+    full += [mirror + (sequence if problem.half else [])] if mirror else []
+    images = ("".join((one[k:] + one[:k])[: len(sequence)]) for one in full for k in range(len(one) or 1))
+    return min(images)
+
+
+def is_odd(problem: ForcedProblem) -> bool:
+    """Whether the mirror image of a motion, half a period of the loads later, is a motion, too."""
+    if problem.half:
+        return True
+    try:
+        problem.sibling(problem.sequence, half=True, load_periods=1)
+    except EndsError:
+        return False
+    return True
+
+
+def primitive_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """The orbit that y repeats, over half its period where it is symmetric, with its problem; the orbit itself where there is none."""
+    if problem.half and problem.load_periods > 1:
+        wide, full = full_period(problem, y)
+    elif problem.half:
+        return problem, y
+    else:
+        wide, full = problem, y
+    for times in range(wide.load_periods, 1, -1):
+        part = None if wide.load_periods % times else _part(wide, full, times)
+        if part is not None:
+            wide, full = part
+            break
+    symmetric = half_of(wide, full)
+    if symmetric is not None:
+        return symmetric[0], symmetric[1].y
+    return (problem, y) if problem.half else (wide, full)
+
+
+def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The orbit that y repeats so many times, as a solution of its own problem; None where it does not."""
+    count, rest = divmod(len(problem.sequence), times)
+    if rest or problem.sequence != problem.sequence[:count] * times:
+        return None
+    part = problem.sibling(problem.sequence[:count], load_periods=problem.load_periods // times)
+    size, nodes, flights = 2 * problem.degrees_of_freedom, problem.nodes(y), problem.flight_times(y)
+    kept = max(count, 1)
+    begun = part.pack(nodes[:kept, :size], nodes[:kept, size] * times, nodes[0, size + 1 :], flights[:kept] / (1 if count else times))
+    solution = part.step(begun, np.zeros(2 * part.unknowns), 0.0)
+    if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max():
+        return None
+    # Only the first of its repetitions was taken: the others must be the same.
+    repeated = np.abs(nodes[:, :size] - np.tile(nodes[:kept, :size], (max(len(nodes) // kept, 1), 1))).max()
+    return (part, solution.y) if repeated <= _SAME * np.abs(nodes[:, :size]).max() else None
+
+
+def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
+    """Numbers of an orbit that no image changes, (5,): the parameter, the period, two sums over the phases of the impacts, and the root
+    mean square of their speeds."""
+    value = float(y[2 * problem.degrees_of_freedom + 1])
+    nodes = problem.nodes(y)[: len(problem.sequence)]
+    # A period of the loads, and half of one, change twice the phase by whole turns.
+    angles = 4.0 * math.pi * problem.load_periods * nodes[:, 2 * problem.degrees_of_freedom] if problem.has_clock else np.zeros(len(nodes))
+    if not len(nodes):
+        return np.array([value, problem.period(y), 0.0, 0.0, 0.0])
+    speeds = problem.impact_speeds(y)
+    return np.array([value, problem.period(y), np.mean(np.cos(angles)), np.mean(np.sin(angles)), np.sqrt(np.mean(speeds**2))])
+
+
+def window_of(problem: ForcedProblem) -> tuple[float, float]:
+    """The range of the parameter in which a family is identified.
+
+    It is `WINDOW` times a scale, upwards and downwards: for the base frequency the largest natural frequency, for another parameter its
+    value in the scene; both rounded to a power of ten, so that small changes of them do not matter.
+    """
+    name, parametric = problem.released[0], problem.parametric
+    size = float(np.sqrt(np.abs(parametric.system().modes.squares).max())) if name == BASE else abs(parametric.values[name])
+    scale = 10.0 ** round(math.log10(size)) if size > 0.0 else 1.0
+    low, high = parametric.domain(name)
+    least = scale / WINDOW if low >= 0.0 else -scale * WINDOW
+    return max(low, least), min(high, scale * WINDOW)
+
+
+@dataclass(frozen=True, eq=False)
+class FullResponse:
+    """A full family of forced orbits in its window.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        Its id. There are several if a number of its hash is at a border of rounding; each of them names the family.
+    marks : tuple of FamilyMark
+        The orbits that identify it: values of the parameter, periods and phases.
+    closed : bool
+    parameter : (m,) float
+        Along the full family.
+    """
+
+    ids: tuple[str, ...]
+    marks: tuple[FamilyMark, ...]
+    closed: bool
+    parameter: np.ndarray
+
+    def reach(self, interval: tuple[float, float]) -> tuple[float, float]:
+        """The range within which the family hangs together, where it leaves the given one and comes back; else that one."""
+        low, high = interval
+        inside = (self.parameter >= low) & (self.parameter <= high)
+        places = np.flatnonzero(inside)
+        if not places.size or inside[places[0] : places[-1] + 1].all():
+            return interval
+        if self.closed and np.sum(inside & ~np.roll(inside, 1)) < 2:
+            return interval
+        part = self.parameter[places[0] : places[-1] + 1]
+        width = _SLACK * float(part.max() - part.min())
+        return min(low, float(part.min()) - width), max(high, float(part.max()) + width)
+
+
+def full_response(branch: ForcedBranch) -> FullResponse:
+    """Follow a branch's family through the window of its parameter, and identify it."""
+    problem, chosen = branch.problem, _plain_points(branch)
+    canonical = [primitive_orbit(problem, branch.unknowns[i]) for i in chosen]
+    # An orbit at which the symmetry of its family is higher is no orbit of the other family: several are tested.
+    problem, y = max(canonical, key=lambda pair: (pair[0].load_periods, not pair[0].half))
+    window = window_of(problem)
+    if problem is branch.problem and _is_full(branch, window):
+        found = [(event.type, branch.unknowns[event.point], event.point in (0, len(branch) - 1)) for event in branch.events]
+        closed, parameter = branch.ended[1].reason == "CLOSED", branch.parameter
+        cuts: list[np.ndarray] = []
+    else:
+        found, closed, parameter, cuts = _followed(problem, y, window)
+    grazing = [y for kind, y, at_end in found if kind == "GR" and at_end and not closed]
+    folds = [y for kind, y, _ in found if kind == "SN"]
+    kind, orbits = ("GR", grazing) if grazing else ("SN", folds) if folds else ("EP", cuts)
+    marks = _lowest([_mark(problem, kind, y) for y in orbits])
+    name = f"{closure_name(problem)}:{canonical_letters(problem)}"
+    return FullResponse(tuple(f"{name}:{text}" for text in digests(marks)), marks, closed, parameter)
+
+
+def _plain_points(branch: ForcedBranch) -> list[int]:
+    """Points at a third and at two thirds of a branch, at no event."""
+    located = {event.point for event in branch.events}
+    plain = [i for i in range(len(branch)) if i not in located] or [*range(len(branch))]
+    return [plain[len(plain) // 3], plain[2 * len(plain) // 3]]
+
+
+def _is_full(branch: ForcedBranch, window: tuple[float, float]) -> bool:
+    """Whether a branch was cut neither by its range nor by anything else, and is in the window."""
+    inside = (branch.parameter >= window[0]) & (branch.parameter <= window[1])
+    if branch.ended[1].reason == "CLOSED":
+        return bool(inside.all())
+    ends = {event.point for event in branch.events if event.type == "GR"}
+    return bool(inside.all()) and {0, len(branch) - 1} <= ends
+
+
+def _followed(
+    problem: ForcedProblem, y: np.ndarray, window: tuple[float, float]
+) -> tuple[list[tuple[str, np.ndarray, bool]], bool, np.ndarray, list[np.ndarray]]:
+    """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
+    at which it is cut."""
+    family, place = ForcedFamily(problem, window), 2 * problem.degrees_of_freedom + 1
+    run = follow_both_ways(family, family.begin(y), SETTINGS)
+    if not run.points:
+        return [], False, np.array([y[place]]), [y]
+    last = len(run.points) - 1
+    events = [(event.code, event.point.y, event.index in (0, last)) for event in run.events]
+    cuts = []
+    for point, end in zip((run.points[0], run.points[-1]), run.ends, strict=True):
+        if not (end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"):
+            cuts.append(point.step.y)
+    return events, run.closed, np.array([point.step.y[place] for point in run.points]), [] if run.closed else cuts
+
+
+def _mark(problem: ForcedProblem, kind: str, y: np.ndarray) -> FamilyMark:
+    """What identifies an orbit: the values of the parameter, the period and the phases of the impacts."""
+    value, period, cosine, sine, _ = invariants(problem, y).tolist()
+    scale = window_of(problem)[1] / WINDOW
+    path = ",".join((*problem.released, *problem.keep))
+    # A sum of phases far from zero has six digits.
+    phases = 3.0 + cosine + 0.5 * sine if problem.sequence else 0.0
+    return FamilyMark(f"{kind} {path}", 0.0 if abs(value) < _ZERO * scale else value, period, phases)
+
+
+def _lowest(marks: Sequence[FamilyMark]) -> tuple[FamilyMark, ...]:
+    """The mark with the lowest value of the parameter, of several that with the lowest phases; all that are equal within their error."""
+    kept = list(marks)
+    for name in ("h", "pattern"):
+        least = min(getattr(mark, name) for mark in kept)
+        kept = [mark for mark in kept if getattr(mark, name) <= least + _TIE * max(abs(least), _ZERO)]
+    return tuple(mark for mark, _ in itertools.groupby(sorted(kept)))

@@ -1,0 +1,108 @@
+"""Ids of families of forced orbits: they do not depend on how a family was reached, and differ between families."""
+
+import math
+
+import numpy as np
+import pytest
+
+from branches.forced.identity import canonical_letters, closure_name, invariants, primitive_orbit
+from branches.forced.switching import full_period, twice
+from branches.forced.tracing import follow_response, switch_response
+from bvp.forced import ForcedProblem
+from tests.branches.forced_systems import absorber_families, impact_speed, oscillator, settled
+from tests.branches.test_forced_switching import two_sided
+
+
+@pytest.fixture(scope="module")
+def absorber():
+    return absorber_families()
+
+
+def test_an_id_depends_neither_on_the_start_nor_on_the_range(absorber):
+    """Oracle: the id of the family that is followed to both of its ends."""
+    for branch in absorber:
+        for part in (0.1, 0.35, 0.6, 0.9):
+            k = int(part * len(branch))
+            at = float(branch.parameter[k])
+            for interval in ((0.7, 2.2), (at - 1e-3, at + 1e-3), (at, 3.0)):
+                assert follow_response(branch.problem, branch.unknowns[k], interval).id == branch.id
+                one_way = follow_response(branch.problem, branch.unknowns[k], interval, both=False)
+                assert one_way.id == branch.id
+
+
+def test_an_id_does_not_depend_on_the_steps(absorber, monkeypatch):
+    """Oracle: the id with steps of the usual length."""
+    import dataclasses
+
+    from branches import family
+    from branches.forced import identity, tracing
+
+    finer = dataclasses.replace(family.SETTINGS, maximum_step=0.011, initial_step=0.003, target_turn=0.02)
+    for module in (identity, tracing):
+        monkeypatch.setattr(module, "SETTINGS", finer)
+    for branch in absorber:
+        again = follow_response(branch.problem, branch.unknowns[len(branch) // 3], (0.7, 2.2))
+        assert len(again) > 1.5 * len(branch) and again.id == branch.id
+
+
+def test_families_have_ids_of_their_own(absorber):
+    """Oracle: they have other closures, sequences or ends."""
+    ids = [branch.id for branch in absorber]
+    assert len(set(ids)) == len(ids)
+    assert [id.rpartition(":")[0] for id in ids] == ["half-period-1:+", "half-period-1:++", "period-1:++--", "period-2:++--++--"]
+
+
+def test_both_mirror_images_have_one_id(absorber):
+    """Oracle: a broken symmetry gives two families that are images of each other."""
+    _, four, broken, _ = absorber
+    event = next(event for event in four.events if event.type == "SB")
+    images = [follow_response(*start, (0.7, 2.2), both=False) for start in switch_response(four, event)]
+    first, second = (image.unknowns[len(image) // 2] for image in images)
+    assert images[0].id == images[1].id == broken.id
+    size = 2 * four.problem.degrees_of_freedom
+    assert np.abs(images[0].problem.nodes(first)[:, :size] - images[1].problem.nodes(second)[:, :size]).max() > 1e-3
+
+
+def test_a_repeated_orbit_is_the_orbit(absorber):
+    """Oracle: the numbers of an orbit, of its double, and of the full period of a half."""
+    first, _, broken, _ = absorber
+    y = first.unknowns[100]
+    full, whole = full_period(first.problem, y)
+    double, two = twice(full, whole)
+    for problem, orbit in ((first.problem, y), (full, whole), (double, two)):
+        found, back = primitive_orbit(problem, orbit)
+        assert (closure_name(found), canonical_letters(found)) == ("half-period-1", "+")
+        assert invariants(found, back) == pytest.approx(invariants(first.problem, y), rel=1e-10)
+    problem, orbit = twice(broken.problem, broken.unknowns[20])
+    found, back = primitive_orbit(problem, orbit)
+    assert closure_name(found) == "period-1" and back == pytest.approx(broken.unknowns[20], rel=1e-9, abs=1e-9)
+    problem, orbit = broken.problem, broken.unknowns[20]
+    assert primitive_orbit(problem, orbit)[0] is problem, "it is not symmetric"
+
+
+def test_letters_are_those_of_the_first_image():
+    """Oracle: the images by hand."""
+    system = two_sided()
+
+    def letters(sequence, **options):
+        return canonical_letters(ForcedProblem(system, sequence, ["w"], **options))
+
+    assert letters("-", half=True) == letters("+", half=True) == "+"
+    assert letters("-+", half=True) == letters("--", half=True) == "++", "+ + - -, begun at its second impact"
+    assert letters("-++") == letters("+-+") == letters("--+") == "++-"
+    assert letters("") == ""
+
+
+def test_impact_oscillator_ids_from_the_closed_form():
+    """Oracle: design section 9: the two roots of the formula at one value of s lie on the same family where it has a fold between
+    them, and the fold identifies it."""
+    parametric = oscillator()
+    problem, y = settled(parametric, ["s"], values={"s": -0.03, "w": 2.8}, start=(np.array([-0.66]), np.zeros(1)))
+    branch = follow_response(problem, y, (-0.2, 0.02))
+    upper = follow_response(problem, y, (-1.79, -0.02))
+    speeds = [impact_speed(2.8, 0.8, 1, float(branch.parameter[5]), sign) for sign in (1, -1)]
+    assert min(abs(branch.speeds[5, 0] - speed) for speed in speeds) < 1e-10
+    assert branch.id == upper.id and branch.id.startswith("period-1:+:")
+    (mark,) = branch.full_family.marks[:1]
+    assert mark.kind == "GR s" and mark.h == pytest.approx(-0.368968205647608, abs=1e-9)
+    assert mark.alpha == pytest.approx(2.0 * math.pi / 2.8, rel=1e-14)
