@@ -102,8 +102,7 @@ def run_sweeps(
     interrupted = False
     done = 0
     try:
-        for job, count in _pieces(jobs, executor):
-            del job
+        for count in _pieces(jobs, executor):
             done += count
             if on_progress is not None:
                 on_progress(done)
@@ -136,12 +135,12 @@ class _Job:
         return len(self.waiting.pop(0))
 
 
-def _pieces(jobs: Sequence[_Job], executor: Executor | None) -> Iterator[tuple[_Job, int]]:
-    """Carry out the pieces of jobs: each job and the number of values that it has done."""
+def _pieces(jobs: Sequence[_Job], executor: Executor | None) -> Iterator[int]:
+    """Carry out the pieces of jobs: the number of values of each."""
     if executor is None:
         for job in jobs:
             while job.waiting:
-                yield job, job.take(_piece(*job.task))
+                yield job.take(_piece(*job.task))
         return
     futures: dict[Future[tuple[Sweep, Carried]], _Job] = {executor.submit(_piece, *job.task): job for job in jobs}
     while futures:
@@ -150,7 +149,7 @@ def _pieces(jobs: Sequence[_Job], executor: Executor | None) -> Iterator[tuple[_
             count = job.take(future.result())
             if job.waiting:
                 futures[executor.submit(_piece, *job.task)] = job
-            yield job, count
+            yield count
 
 
 def _piece(at: AlongParameter, values: np.ndarray, start: Carried | None, settings: SweepSettings) -> tuple[Sweep, Carried]:
