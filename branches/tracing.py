@@ -16,13 +16,14 @@ from branches.branch import Branch
 from branches.events import BranchEvent, Ended
 from branches.family import SETTINGS, Family
 from branches.full_family import solutions_of
+from branches.interrupted import with_branch, with_computed
 from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
 from bvp.texts import shown, takes_options_of
 from continuation.control import Settings
-from continuation.problem import EndReason, Event, PlainPoints, Point, Points, Step
+from continuation.problem import EndReason, Event, PlainPoints, Point, Step
 from continuation.run import Run, follow_both_ways
 
 __all__ = ["SETTINGS", "cut_branch", "extend", "follow_family", "record_of_event", "report"]
@@ -124,8 +125,7 @@ def follow_family(
             on_event=None if on_event is None else collector.event,
         )
     except (KeyboardInterrupt, RuntimeError) as error:
-        with defer_interrupts():
-            raise _with_branch(error, collector.partial("INTERRUPTED", "the run was interrupted here; trace on from this point")) from None
+        raise with_computed(error, lambda run: _branch_of(problem, run, energy)) from None
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     with defer_interrupts() as interrupt:
@@ -134,7 +134,7 @@ def follow_family(
             for ended in dict.fromkeys(branch.ended):
                 on_end(ended)
     if interrupt.came:  # it had to wait until the branch was finished
-        raise _with_branch(KeyboardInterrupt(), branch)
+        raise with_branch(KeyboardInterrupt(), branch)
     return branch
 
 
@@ -156,7 +156,7 @@ def report(
             for ended in dict.fromkeys(branch.ended):
                 on_end(ended)
     except KeyboardInterrupt as error:
-        raise _with_branch(error, branch) from None
+        raise with_branch(error, branch) from None
     return branch
 
 
@@ -244,30 +244,24 @@ def extend(branch: Branch, i: int, **options: Any) -> Branch:
     return follow_family(branch.problem, branch.unknowns(i), **options)
 
 
-def _with_branch(error: BaseException, branch: Branch | None) -> BaseException:
-    """The error, with the points computed before it as its attribute `branch`."""
-    if branch is not None:
-        error.branch = branch  # type: ignore[attr-defined]
-    return error
-
-
 @dataclass(eq=False)
 class _Collector:
-    """Reports events with their number from the start as they are found, and keeps what an interrupted run has computed."""
+    """Reports points and events as they are found, with their number from the start."""
 
     problem: MultipointProblem
     energy: tuple[float, float]
     on_event: Callable[[BranchEvent], object] | None
     on_point: Callable[[int], object] | None
     direction: int
-    halves: dict[int, Points] = field(default_factory=lambda: {1: Points(), -1: Points()})
+    lasts: dict[int, int] = field(default_factory=lambda: {1: 0, -1: 0})
+    """Index of the last point of each half."""
     sign: int = 1
     begin: Point | None = None
     count: int = 0
     types: Counter[str] = field(default_factory=Counter)
 
     def points(self, points: Sequence[Point]) -> None:
-        """Take the points of a block, or one by one, each into the half of the run that it continues."""
+        """Count the points of a block, or one by one, in the half of the run that they continue."""
         for part in [points] if self.on_point is None and isinstance(points, PlainPoints) else [[point] for point in points]:
             self.count += len(part)
             point = part[0]
@@ -276,10 +270,10 @@ class _Collector:
             else:
                 if point.index == 1:
                     rises = self.direction == 0 or (point.step.parameter - self.begin.step.parameter) * self.direction >= 0.0
-                    self.sign = 1 if rises and not self.halves[1] else -1
-                elif not self.halves[self.sign] or self.halves[self.sign][-1].index + 1 != point.index:
+                    self.sign = 1 if rises and not self.lasts[1] else -1
+                elif not self.lasts[self.sign] or self.lasts[self.sign] + 1 != point.index:
                     self.sign = -self.sign
-                self.halves[self.sign].add(part)
+                self.lasts[self.sign] = part[-1].index
             if self.on_point is not None:
                 self.on_point(self.count)
 
@@ -289,17 +283,6 @@ class _Collector:
         number = self.sign * event.index
         columns = Orbit(self.problem, event.point.extra).columns
         self.on_event(record_of_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
-
-    def partial(self, reason: str, text: str) -> Branch | None:
-        if self.begin is None:
-            return None
-        first = [*reversed(self.halves[-1]), self.begin]
-        points = [*first, *self.halves[1]]
-        lead = self.halves[-1][-1].arclength if self.halves[-1] else 0.0
-        arclength = np.array([lead - p.arclength for p in first] + [lead + p.arclength for p in self.halves[1]])
-        ended = Ended(reason, text)
-        columns = orbit_columns(self.problem, [p.step.extra for p in points], arclength)
-        return Branch(self.problem, columns, (), (ended, ended), len(first) - 1, self.energy)
 
 
 def _along(event: Event, backward: bool) -> tuple[str, int, str | None]:

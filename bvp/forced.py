@@ -120,7 +120,7 @@ class ForcedProblem:
             free, np.zeros(square), np.zeros(square), loads, np.zeros((changes, *square)),
             np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
         )  # fmt: skip
-        self._renew = _CALLBACK(self._renewed) if varies else None
+        self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released) else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
         known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self._conserved)])
@@ -216,6 +216,8 @@ class ForcedProblem:
             self._modes_at = ()
             return
         self._modes_at = at
+        if not len(flight.change):
+            return
         inverse = np.linalg.inv(system.mass)
         for j, slopes in enumerate(released.slopes):
             mass, damping, stiffness = (slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))

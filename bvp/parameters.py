@@ -309,6 +309,14 @@ class ParametricSystem:
         slopes = [derivative(equation, variable) for equation in found for variable in variables]
         return program_of([*found, *slopes], [*self._symbols.values(), *more.values()])
 
+    def leaves_unseen(self, names: Sequence[str]) -> bool:
+        """Whether released parameters can move a restitution or the base frequency out of its domain within the `domain` of the first of
+        them: through an expression, or through another one of them."""
+        places = [*range(self.layout.restitution.start, self.layout.restitution.stop), self.layout.frequency.start]
+        moved = [self._variable[row] for row in places if row in self._variable]
+        symbols = [self._symbols[name] for name in names]
+        return any(entry != symbols[0] and entry.free_symbols & set(symbols) for entry in moved)
+
     @property
     def layout(self) -> Layout:
         return self._entries[0]

@@ -364,6 +364,7 @@ class EndReason(Enum):
     STOP_WHEN = "the stop condition held; start again from the last point to go on"
     POINTS = "the number of points was reached; allow more points, or start again from the last point"
     NOT_ASKED = "this direction was not asked for; start again from this point to go there"
+    INTERRUPTED = "the run was interrupted here; trace on from this point"
     MINIMUM_STEP = (
         "steps were refused down to the shortest allowed; the family may end here or turn sharply: "
         "look at the detail, then try a smaller minimum_step"

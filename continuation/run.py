@@ -83,6 +83,8 @@ def follow_both_ways(
     ------
     ValueError
         A direction or a test function that is not known.
+    KeyboardInterrupt, RuntimeError
+        With a function `computed` as its attribute, which returns the `Run` up to there, or None if it has no point.
     """
     settings = Settings() if settings is None else settings
     first = first_step(problem, start, direction)
@@ -99,6 +101,26 @@ def follow_both_ways(
     allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
     items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance)
     forward = _Half(items, allowance, settings, True, on_points, on_event)
+    halves = [forward]
+    try:
+        return _both_halves(problem, first, settings, both, stop_when, stop_at, halves)
+    except (KeyboardInterrupt, RuntimeError) as error:
+        error.computed = partial(_computed, problem, settings, both, halves)  # type: ignore[union-attr]
+        raise
+
+
+def _both_halves(
+    problem: Problem,
+    first: Step,
+    settings: Settings,
+    both: bool,
+    stop_when: StopWhen | None,
+    stop_at: Collection[str],
+    halves: list[_Half],
+) -> Run:
+    """The run from its first point. `halves` has its first half, and gets the other one."""
+    forward, total = halves[0], settings.maximum_points
+    allowance, on_points, on_event = forward.allowance, forward.on_points, forward.on_event
     forward.go()
     if not both or forward.closed:
         return _joined(problem, settings, None, forward)
@@ -117,10 +139,20 @@ def follow_both_ways(
             break
     items = follow_in_blocks(problem, opposite, settings, stop_when, stop_at, allowance, goal)
     backward = _Half(items, allowance, settings, False, on_points, on_event)
+    halves.append(backward)
     backward.go()
     if forward.end.reason is EndReason.POINTS and not backward.closed and allowance.points > 0:
         forward.go()
     return _joined(problem, settings, None if forward.closed else backward, forward)
+
+
+def _computed(problem: Problem, settings: Settings, both: bool, halves: list[_Half]) -> Run | None:
+    """What an interrupted run has computed."""
+    forward, backward = halves[0], halves[1] if len(halves) > 1 and len(halves[1].points) else None
+    if not len(forward.points):
+        return None
+    run = _joined(problem, settings, backward, forward)
+    return replace(run, ends=(End(EndReason.INTERRUPTED), run.ends[1])) if both and backward is None else run
 
 
 @dataclass(eq=False)
@@ -140,6 +172,7 @@ class _Half:
 
     def go(self) -> None:
         """Collect points and events until the run ends; a run that ended because its points were used up can be continued."""
+        self.end = End(EndReason.INTERRUPTED)
         for item in self.items:
             if isinstance(item, End):
                 self.end, self.closed = item, item.reason is EndReason.CLOSED

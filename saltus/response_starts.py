@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from saltus import options
 from saltus.errors import BadInput, nearest, one_line
 
 if TYPE_CHECKING:
-    from branches.forced.branch import ForcedBranch
+    from branches.forced.branch import ForcedBranch, ForcedEvent
     from bvp.forced import ForcedProblem
     from bvp.parameters import ParametricSystem
     from continuation.problem import Step
@@ -24,10 +24,35 @@ if TYPE_CHECKING:
 
 __all__ = ["Request", "Start", "file_and_event", "request_of", "starts_of"]
 
+_NO_MODE = (
+    "--from {}: a linear mode touches the stops in free undamped motion, without --in; expected --from rest, the response without impacts, "
+    "whose grazings are where impacts begin, or --from simulate"
+)
+
 Report = Callable[[Sequence[str]], object]
 
-Start = tuple["ForcedProblem", "np.ndarray | Step", bool]
-"""A problem, an orbit near which or from which its family is followed, and whether both ways."""
+
+class Start(NamedTuple):
+    """Where a family is followed from.
+
+    Attributes
+    ----------
+    problem : ForcedProblem
+    orbit : (u,) ndarray or Step
+        Near the first orbit, or that with its tangent.
+    direction : str
+        As for `branches.forced.tracing.follow_response`.
+    origin : str or None
+        Where the family begins, in words, if it is followed along the tangent.
+    known : ForcedBranch or None
+        The branch that goes on beyond its ends.
+    """
+
+    problem: ForcedProblem
+    orbit: np.ndarray | Step
+    direction: str
+    origin: str | None = None
+    known: ForcedBranch | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +100,8 @@ def request_of(arguments: argparse.Namespace) -> Request:
     if arguments.start is None:
         raise BadInput("--from is required with --in: rest, simulate, or a JSON file FILE[:EVENT]")
     names, keep = _names(arguments)
+    if arguments.start.startswith("mode:"):
+        raise BadInput(_NO_MODE.format(arguments.start))
     if arguments.start not in ("rest", "simulate"):
         return _request_of_file(arguments, names, keep)
     if arguments.range is None:
@@ -99,6 +126,8 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     from transitions.response.path import ParameterPath
 
     source, event = file_and_event(arguments.start)
+    if event is not None and arguments.direction is not None:
+        raise BadInput(f"--direction {arguments.direction}: families lead away from the event {event}; expected no --direction")
     if not os.path.exists(source):
         raise BadInput(f"no file {source}; expected rest, simulate, or a JSON file of saltus continue --in NAME, FILE[:EVENT]")
     given = read_responses(source)
@@ -120,16 +149,17 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
 
 def starts_of(request: Request, arguments: argparse.Namespace, report: Report) -> list[Start]:
     """The orbits from which the families of a request are followed; `report` gets the lines about them."""
+    direction = arguments.direction or "both"
     if request.given:
-        return _from_file(request)
+        return _from_file(request, direction)
     path = request.path
     for name in path.names[1:]:
         if path.values[name] != path.parametric.values[name]:
             where = f"{path.name} = {path.values[path.name]:.10g}"
             report([f"keep   {name} = {path.values[name]:.10g} at {where}, from --keep; the scene has {path.parametric.values[name]:.10g}"])
     if arguments.start == "rest":
-        return _from_rest(request, report)
-    return [_from_simulation(request, arguments, report)]
+        return _from_rest(request, direction, report)
+    return [_from_simulation(request, arguments, direction, report)]
 
 
 def _parametric(scene: Scene) -> ParametricSystem:
@@ -185,7 +215,7 @@ def _check_range(path: ParameterPath, interval: tuple[float, float]) -> None:
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
 
 
-def _from_rest(request: Request, report: Report) -> list[Start]:
+def _from_rest(request: Request, direction: str, report: Report) -> list[Start]:
     """The response without impacts at the scene's value and at both ends of the range, where it exists."""
     from transitions.response.starting import Unbounded, linear_response
 
@@ -202,7 +232,7 @@ def _from_rest(request: Request, report: Report) -> list[Start]:
             why = one_line(error)
         else:
             if why is None:
-                starts.append((problem, y, True))
+                starts.append(Start(problem, y, direction))
                 continue
             why = f"the response without impacts at {name} = {value:.10g} is no orbit: {why}"
         if why not in reasons:
@@ -213,7 +243,7 @@ def _from_rest(request: Request, report: Report) -> list[Start]:
     return starts
 
 
-def _from_simulation(request: Request, arguments: argparse.Namespace, report: Report) -> Start:
+def _from_simulation(request: Request, arguments: argparse.Namespace, direction: str, report: Report) -> Start:
     """The orbit on which a simulation settles."""
     from transitions.response.free import settle_free
     from transitions.response.starting import settled_orbit
@@ -236,31 +266,49 @@ def _from_simulation(request: Request, arguments: argparse.Namespace, report: Re
     found = settled_orbit(path, settled)
     over = "half of the period" if found.problem.half else "the period"
     report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])
-    return found.problem, found.y, True
+    return Start(found.problem, found.y, direction)
 
 
-def _from_file(request: Request) -> list[Start]:
-    """The branches of a file in another range or parameter, or the families that begin at an event."""
-    from branches.forced.tracing import point_inside, switch_response
-    from transitions.response.files import named_events
+def _from_file(request: Request, direction: str) -> list[Start]:
+    """The branches of a file beyond their ends, in another range or parameter; or the families that begin at an event."""
+    from branches.forced.tracing import switch_response
 
     branches, path = request.given, request.path
-    source, event = request.source, request.event
     same = (path.names, path.keep) == (branches[0].problem.released, branches[0].problem.keep)
-    if event is None:
+    if request.event is None:
         if same:
-            return [(branch.problem, branch.unknowns[point_inside(branch, request.interval)], True) for branch in branches]
+            return [_further(branch, request.interval, direction) for branch in branches]
         try:
-            return [(*path.through(branch.problem, branch.unknowns[branch.start]), True) for branch in branches]
+            return [Start(*path.through(branch.problem, branch.unknowns[branch.start]), direction) for branch in branches]
         except ValueError as error:
             raise BadInput(f"--keep: {one_line(error)}") from error
+    source, event, name = request.source, request.event, branches[0].name
     if not same:
-        name = branches[0].name
         raise BadInput(f"--in {path.name}: the events of {source} are those of {name}; expected no --in, or --in {name}")
+    key, branch, at = _event_named(branches, source, event)
+    origin = f"{key} of {source}, {name} = {at.values[name]:.12g}"
+    return [Start(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
+
+
+def _further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> Start:
+    """A branch beyond its ends; if the range has not all of it, from its point in the range."""
+    from branches.forced.tracing import point_inside
+
+    low, high = interval
+    slack = 1e-9 * (branch.parameter.max() - branch.parameter.min())  # an end is located to rounding
+    inside = low - slack <= branch.parameter.min() and branch.parameter.max() <= high + slack
+    orbit = branch.unknowns[branch.start if inside else point_inside(branch, interval)]
+    return Start(branch.problem, orbit, direction, known=branch if inside else None)
+
+
+def _event_named(branches: Sequence[ForcedBranch], source: str | None, event: str) -> tuple[str, ForcedBranch, ForcedEvent]:
+    """The one event that a name means: its name, its branch and itself."""
+    from transitions.response.files import named_events
+
     known = named_events(branches)
     matches = [key for key in known if key == event or key.rpartition(".")[2].rstrip("0123456789") == event]
-    if len(matches) != 1:
-        found = f"matches {', '.join(matches)}" if matches else f"no such event{nearest(event, known)}; known: {', '.join(known) or 'none'}"
-        raise BadInput(f"{source}:{event}: {found}; expected one of them" if matches else f"{source}:{event}: {found}")
-    branch, at = known[matches[0]]
-    return [(problem, step, False) for problem, step in switch_response(branch, at)]
+    if len(matches) == 1:
+        return matches[0], *known[matches[0]]
+    if matches:
+        raise BadInput(f"{source}:{event}: matches {', '.join(matches)}; expected one of them")
+    raise BadInput(f"{source}:{event}: no such event{nearest(event, known)}; known: {', '.join(known) or 'none'}")

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
-from saltus.errors import DONE, FAILED, BadInput, one_line
-from saltus.response_starts import file_and_event, request_of, starts_of
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
+from saltus.response_starts import Start, file_and_event, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.tables import Table
-    from bvp.forced import ForcedProblem
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
     from transitions.sweep.figure import Curve
@@ -32,8 +32,10 @@ __all__ = ["add_arguments", "draw", "follow", "is_response_file", "is_wanted", "
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
 MOST_BRANCHES = 50
 FAILURES = ("MINIMUM_STEP", "NO_START")
-_OTHERS = ("name", "energy", "stop_at", "save", "catalogue")
+_OTHERS = ("name", "energy", "frequency", "save", "catalogue")
 """Options of families in the energy."""
+_STOPS = ("SN", "BP", "SB", "PD", "NS", "GR", "LB", "UZ")
+"""Events at which a response can be told to end."""
 _OWN = ("keep", "range", "begin", "phase", "uz", "y")
 """Options of responses."""
 
@@ -78,11 +80,15 @@ def is_wanted(arguments: argparse.Namespace) -> bool:
     given = [f"--{name.replace('_', '-').replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
     if not wanted and given:
         raise BadInput(f"{given[0]} is an option of a response; expected --in NAME, the parameter in which it is followed")
+    if not wanted and arguments.stop_at == "UZ":
+        raise BadInput("--stop-at UZ: values are marked along a response; expected --in NAME, or another event")
     if wanted:
         for name in _OTHERS:
             if getattr(arguments, name):
                 what = arguments.name if name == "name" else f"--{name.replace('_', '-')}"
                 raise BadInput(f"{what} belongs to families in the energy; expected --in NAME with --from and --range alone")
+        if arguments.stop_at not in (None, *_STOPS):
+            raise BadInput(f"--stop-at {arguments.stop_at}: a response has no such event; expected one of {', '.join(_STOPS)}")
     return wanted
 
 
@@ -104,30 +110,68 @@ def follow(arguments: argparse.Namespace) -> int:
     request = request_of(arguments)
     if arguments.y is not None and not _OF_IMPACT.fullmatch(arguments.y):
         _check_column(arguments.y, request.path.parametric, 0)
-    compiling.prepare("response")
-    waiting = deque(starts_of(request, arguments, files.report))
+    if arguments.model:
+        from saltus.scene.model import explain_response
 
-    from branches.forced.tracing import follow_response, switch_response
+        files.report(f"model  {line}" for line in explain_response(request.path.parametric, request.path.values))
+    compiling.prepare("response")
+    starts = starts_of(request, arguments, files.report)
+    branches: list[ForcedBranch] = []
+    with defer_interrupts() as interrupt:
+        code = DONE
+        try:
+            with interrupt.released():
+                code = _follow_all(starts, request.interval, arguments, files, branches)
+        except KeyboardInterrupt as error:
+            if not branches and getattr(error, "branch", None) is None:
+                raise
+            say("interrupted, with the points that were computed so far")
+            code = INTERRUPTED
+            if getattr(error, "branch", None) is not None:
+                branches.append(error.branch)  # type: ignore[attr-defined]
+                files.report(report_lines(branches[-1], len(branches), terminal_width(files.words)))
+        code = max(code, _write(files, branches, arguments.y, request.title))
+    if interrupt.came and code != INTERRUPTED:
+        raise KeyboardInterrupt(outputs.WRITTEN)
+    return code
+
+
+def _follow_all(
+    starts: Sequence[Start],
+    interval: tuple[float, float],
+    arguments: argparse.Namespace,
+    files: outputs.Outputs,
+    branches: list[ForcedBranch],
+) -> int:
+    """Follow the families of some starts, and those that go on behind an exchange of impacts, into `branches`; return the exit code."""
+    from branches.forced.tracing import follow_response, go_on, switch_response
 
     code = DONE
-    branches: list[ForcedBranch] = []
+    waiting = deque(starts)
     with ProgressBar(arguments.points) as bar:
         while waiting:
-            problem, start, both = waiting.popleft()
+            start = waiting.popleft()
             if arguments.y is not None and not branches:
-                _check_column(arguments.y, problem.parametric, len(problem.sequence))
-            if isinstance(start, np.ndarray) and any(_covers(branch, problem, start) for branch in branches):
+                _check_column(arguments.y, start.problem.parametric, len(start.problem.sequence))
+            if start.known is None and any(_covers(branch, start) for branch in branches):
                 continue
-            options_of = {"values": arguments.uz or (), "points": arguments.points, "on_point": bar.update}
-            branch = follow_response(problem, start, request.interval, both=both, **options_of)
+            given = {"values": arguments.uz or (), "points": arguments.points, "stop_at": arguments.stop_at, "on_point": bar.update}
+            if start.known is not None:
+                branch, ends = go_on(start.known, interval, direction=start.direction, **given)
+            else:
+                branch = follow_response(start.problem, start.orbit, interval, direction=start.direction, origin=start.origin, **given)
+                ends = [0, len(branch) - 1]
             branches.append(branch)
             bar.line("\n".join(report_lines(branch, len(branches), terminal_width(files.words))), files.words)
+            if not ends:
+                bar.line("note   the branch ends at events, or where the range ends; nothing is left to follow", files.words)
             code = max(code, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE)
             # Where impacts exchange their order the family goes on as the next branch.
-            exchanges = [event for event in branch.events if event.type == "LB"]
-            if len(branches) < MOST_BRANCHES:
-                waiting.extend((*onward, False) for event in exchanges for onward in switch_response(branch, event))
-    return max(code, _write(files, branches, arguments.y, request.title))
+            exchanges = [event for event in branch.events if event.type == "LB" and event.point in ends]
+            for event in exchanges if len(branches) < MOST_BRANCHES else ():
+                origin = f"{event.id} of branch {len(branches)}, {branch.name} = {event.values[branch.name]:.12g}"
+                waiting.extend(Start(*onward, "along", origin) for onward in switch_response(branch, event))
+    return code
 
 
 def show(arguments: argparse.Namespace) -> int:
@@ -203,13 +247,14 @@ def _check_column(name: str, parametric: ParametricSystem, impacts: int) -> None
         raise BadInput(f"--y: {error}") from error
 
 
-def _covers(branch: ForcedBranch, problem: ForcedProblem, start: np.ndarray) -> bool:
+def _covers(branch: ForcedBranch, start: Start) -> bool:
     """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
-    value = problem.parameters(start)[branch.name]
-    same = not branch.problem.sequence and not problem.sequence
+    if branch.problem.sequence or start.problem.sequence or not isinstance(start.orbit, np.ndarray):
+        return False
+    value = start.problem.parameters(start.orbit)[branch.name]
     low, high = branch.parameter.min(), branch.parameter.max()
     slack = 1e-9 * (high - low)  # an end is located to rounding
-    return same and bool(low - slack <= value <= high + slack)
+    return bool(low - slack <= value <= high + slack)
 
 
 def report_lines(branch: ForcedBranch, number: int, width: int | None = None) -> list[str]:

@@ -104,8 +104,14 @@ class ForcedFamily(SolvedFamily):
         return step_of(solution, solution.result.tolist(), out.tolist())
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
-        """Where steps fail: the value of the parameter."""
-        return f"at {self.problem.released[0]} = {self.problem.parameters(y)[self.problem.released[0]]:.6g}"
+        """Where steps fail: the value of the parameter; why the system cannot have the next one."""
+        name, why = self.problem.released[0], self.violation(y, tangent, ds)
+        return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
+
+    def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:
+        """Why the system cannot have the parameters at a distance along the tangent; None if it can."""
+        problem = self.problem
+        return problem.parametric.violation(problem.parameters(y + ds * tangent[: y.size]))
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""

@@ -14,18 +14,25 @@ from branches.admissible import unphysical
 from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
+from branches.forced.extending import can_go_on, joined, outward
 from branches.forced.family import ForcedFamily
 from branches.forced.identity import closure_name, primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
+from branches.interrupted import with_branch, with_computed
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
-from continuation.problem import EndReason, Event, Point, Step
+from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["SWITCHES", "follow_response", "point_inside", "primitive_branch", "switch_response"]
+__all__ = ["OUT_OF_DOMAIN", "SWITCHES", "follow_response", "go_on", "point_inside", "primitive_branch", "switch_response"]
 
 SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 """Events at which other families begin."""
+
+OUT_OF_DOMAIN = "DOMAIN"
+"""Reason of an end behind which the system cannot have the values of its parameters."""
+
+_SIGNS = {"both": 1, "up": 1, "down": -1, "along": 0}
 
 _LARGE = 100.0
 """Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
@@ -41,11 +48,13 @@ def follow_response(
     *,
     values: tuple[float, ...] = (),
     points: int | None = None,
-    both: bool = True,
+    direction: str = "both",
+    stop_at: str | None = None,
+    origin: str | None = None,
     on_event: Callable[[Event], object] | None = None,
     on_point: Callable[[int], object] | None = None,
 ) -> ForcedBranch:
-    """Follow the family of a forced orbit in both directions.
+    """Follow the family of a forced orbit.
 
     Parameters
     ----------
@@ -58,8 +67,12 @@ def follow_response(
         Values of the parameter that are marked (UZ).
     points : int, optional
         Points in total.
-    both : bool
-        False: only along the tangent of the start.
+    direction : {"both", "up", "down", "along"}
+        Both ways; only the way in which the parameter rises or falls at the first step; only along the tangent of the start.
+    stop_at : str, optional
+        Type of the events at which the family ends.
+    origin : str, optional
+        Where the family begins, in words: the end at the start if it is followed along its tangent.
     on_event, on_point : callable, optional
         Called with each event as it is found, and with the number of points so far.
 
@@ -69,6 +82,8 @@ def follow_response(
         For a start that solves the equations but is no orbit.
     RuntimeError
         Where the family cannot be followed.
+    KeyboardInterrupt
+        With the branch up to there as its attribute `branch`, if it has a point.
     """
     family = ForcedFamily(problem, interval, values)
     if isinstance(start, Step):  # it has the test functions of another family
@@ -87,13 +102,55 @@ def follow_response(
         assert on_point is not None
         on_point(count)
 
-    run = follow_both_ways(
-        family, begin, settings, both=both, direction=1 if both else 0, stop_when=_unbounded(problem),
-        on_points=None if on_point is None else counted, on_event=on_event,
-    )  # fmt: skip
+    try:
+        run = follow_both_ways(
+            family, begin, settings, both=direction == "both", direction=_SIGNS[direction], stop_when=_unbounded(problem),
+            stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
+            on_points=None if on_point is None else counted, on_event=on_event,
+        )  # fmt: skip
+    except (KeyboardInterrupt, RuntimeError) as error:
+        raise with_computed(error, lambda run: _branch_of(problem, run, interval, origin)) from None
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
-    return _branch_of(problem, run, interval)
+    return _branch_of(problem, run, interval, origin)
+
+
+def go_on(
+    branch: ForcedBranch, interval: tuple[float, float], *, direction: str = "both", **options: Any
+) -> tuple[ForcedBranch, list[int]]:
+    """Follow a branch on beyond its ends.
+
+    Parameters
+    ----------
+    branch : ForcedBranch
+    interval : (float, float)
+        Range of its parameter, which contains that of the branch.
+    direction : {"both", "up", "down"}
+        Beyond both ends, or beyond those behind which the parameter rises or falls.
+    **options
+        As for `follow_response`.
+
+    Returns
+    -------
+    ForcedBranch, list of int
+        The branch and what follows, and the indices of the points, 0 or the last one, where it now ends. An end at an event is left as it
+        is, and so is one behind which the family leaves the range.
+    """
+    moved = []
+    for last in [last for last in (True, False) if can_go_on(branch, last, interval)]:
+        slope = outward(branch, last)[2 * branch.problem.degrees_of_freedom + 1]
+        if direction != "both" and slope * _SIGNS[direction] <= 0.0:
+            continue
+        place = -1 if last else 0
+        begin = ForcedFamily(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
+        try:
+            further = follow_response(branch.problem, begin, interval, direction="along", **options)
+        except KeyboardInterrupt as error:
+            computed: ForcedBranch | None = getattr(error, "branch", None)
+            raise error if computed is None else with_branch(error, joined(branch, computed, last)) from None
+        branch = joined(branch, further, last)
+        moved.append(last)
+    return branch, [len(branch) - 1 if last else 0 for last in moved]
 
 
 def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
@@ -117,7 +174,7 @@ def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
     return None if problem.sequence else grows
 
 
-def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float]) -> ForcedBranch:
+def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     counts = Counter[str]()
@@ -133,16 +190,29 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float]) 
         )  # fmt: skip
         events.append(found)
     ended = []
-    for end, point in zip(run.ends, (run.points[0], run.points[-1]), strict=True):
-        text = end.text
-        if end.reason is EndReason.EVENT and point.event is not None:
-            text = f"{point.event.code} at {problem.released[0]} = {point.step.parameter:.12g}: {point.event.details.get('note')}"
-        ended.append(Ended(end.reason.name, text))
+    for end, point, sign in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True):
+        ended.append(_ended(problem, end, point, sign, origin))
     branch = ForcedBranch(
         problem, unknowns, np.array([step.tangent[: problem.unknowns] for step in steps]), run.points.arclengths(),
         np.array([step.residual for step in steps]), tuple(events), (ended[0], ended[1]), run.start, interval,
     )  # fmt: skip
     return replace(branch, events=tuple(_with_neighbours(branch, event) for event in events))
+
+
+def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: str | None) -> Ended:
+    """Why a branch ends at a point, in the terms of the user. sign: 1 at the last point, -1 at the first."""
+    name, text = problem.released[0], end.text
+    if end.reason is EndReason.MINIMUM_STEP:
+        why = ForcedFamily(problem).violation(point.step.y, point.step.tangent, 4.0 * sign * SETTINGS.minimum_step)
+        if why is not None:
+            return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
+    if end.reason is EndReason.EVENT and point.event is not None:
+        text = f"{point.event.code} at {name} = {point.step.parameter:.12g}: {point.event.details.get('note')}"
+    elif end.reason is EndReason.NOT_ASKED and origin is not None:
+        return Ended(EndReason.EVENT.name, f"the family begins at {origin}")
+    elif end.reason is EndReason.STOP_WHEN:
+        text = f"{end.detail}, at {name} = {point.step.parameter:.12g}"
+    return Ended(end.reason.name, text)
 
 
 def _with_neighbours(branch: ForcedBranch, event: ForcedEvent) -> ForcedEvent:

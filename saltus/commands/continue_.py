@@ -57,13 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--direction",
         metavar="WAY",
         choices=("up", "down", "both"),
-        default="both",
-        help="up: the first step raises h; down: it lowers h; both (default). Folds are followed either way",
+        help="up: the first step raises h, or the parameter; down: it lowers it; both (default). Folds are followed either way",
     )
     types = ", ".join(f"{code} {words}" for code, words in EVENT_TYPES.items())
-    parser.add_argument("--stop-at", metavar="TYPE", choices=tuple(EVENT_TYPES), help=f"end at the first event of this type: {types}")
+    parser.add_argument("--stop-at", metavar="TYPE", choices=(*EVENT_TYPES, "UZ"), help=f"end at the first event of this type: {types}")
     responses.add_arguments(parser)
     options.add_shared(parser, "frequency")
+    parser.set_defaults(frequency=None)  # so that a response, which has no such axis, can refuse it
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="save the family in a catalogue")
     parser.add_argument(
@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
             {"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)},
             table=lambda: {"family": np.full(count, branch.id), "point": np.arange(count), **branch.points},
             about=lambda: json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False),
-            figure=("branches.figures.single:branch_figure", branch, {"frequency": arguments.frequency}),
+            figure=("branches.figures.single:branch_figure", branch, {"frequency": arguments.frequency or "index"}),
         )
         code = max(code, files_code)
         if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):
@@ -147,7 +147,7 @@ def _follow(
                 catalogue=catalogue,
                 energy=arguments.energy,
                 points=arguments.points,
-                direction=arguments.direction,
+                direction=arguments.direction or "both",
                 stop_at=arguments.stop_at,
                 on_start=lambda text: report(f"start  {text}\n{EVENT_ROW.format(*EVENT_COLUMNS)}"),
                 on_event=lambda event: report(EVENT_ROW.format(*event_cells(event)).rstrip()),

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from bvp.forcing import Force
+    from bvp.parameters import ParametricSystem
     from bvp.system import ImpactSystem
 
-__all__ = ["explain", "explain_motion", "explain_search", "explain_section"]
+__all__ = ["explain", "explain_motion", "explain_response", "explain_search", "explain_section"]
 
 _UNDAMPED = "undamped -> real modes: free flight is a sum of sines and cosines, exact to rounding"
 _RIGID = "a rigid-body mode has frequency 0 -> it moves uniformly, without any division by the frequency"
@@ -108,6 +109,30 @@ def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[s
     kinds = ", ".join(dict.fromkeys(type(force).__name__.lower() for force in forces))
     choice = f"{kinds} -> each load is the state of a linear system of its own, and the flight with it exact" if kinds else ""
     return [*lines, choice or "no loads -> no particular solution"]
+
+
+def explain_response(parametric: ParametricSystem, values: Mapping[str, float] | None = None) -> list[str]:
+    """The model for a family of forced or self-excited orbits, at values of the parameters.
+
+    Examples
+    --------
+    >>> from bvp.parameters import ParametricSystem
+    >>> stop = {"c": [1.0], "lower": -1.0, "upper": 1.0}
+    >>> system = {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [stop]}
+    >>> load = {"load": [1.0], "amplitude": 0.5, "frequency": 1.2}
+    >>> print("\\n".join(explain_response(ParametricSystem.from_description({"system": system, "forces": [load]}))[2:]))
+    harmonic -> each load is the state of a linear system of its own, and the flight with it exact
+    periodic loads -> the period is a multiple of theirs; the times of impacts are unknowns, and all multipliers count
+    equal gaps on both sides, odd loads -> an orbit with half-period symmetry is solved over half a period
+    """
+    system, layout = parametric.system(values), parametric.layout
+    clock = "periodic loads -> the period is a multiple of theirs; the times of impacts are unknowns, and all multipliers count"
+    if not layout.harmonics:
+        clock = "no periodic load -> the period is free, with a phase condition; one multiplier is 1"
+    lines = [*explain_motion(system, parametric.forces(values)), clock]
+    if system.has_odd_symmetry and all(k % 2 for k in layout.harmonics) and not parametric.entries(values)[layout.constant].any():
+        lines.append("equal gaps on both sides, odd loads -> an orbit with half-period symmetry is solved over half a period")
+    return lines
 
 
 def explain_section(system: ImpactSystem) -> list[str]:

@@ -26,7 +26,7 @@ def test_an_id_depends_neither_on_the_start_nor_on_the_range(absorber):
             at = float(branch.parameter[k])
             for interval in ((0.7, 2.2), (at - 1e-3, at + 1e-3), (at, 3.0)):
                 assert follow_response(branch.problem, branch.unknowns[k], interval).id == branch.id
-                one_way = follow_response(branch.problem, branch.unknowns[k], interval, both=False)
+                one_way = follow_response(branch.problem, branch.unknowns[k], interval, direction="along")
                 assert one_way.id == branch.id
 
 
@@ -56,7 +56,7 @@ def test_both_mirror_images_have_one_id(absorber):
     """Oracle: a broken symmetry gives two families that are images of each other."""
     _, four, broken, _ = absorber
     event = next(event for event in four.events if event.type == "SB")
-    images = [follow_response(*start, (0.7, 2.2), both=False) for start in switch_response(four, event)]
+    images = [follow_response(*start, (0.7, 2.2), direction="along") for start in switch_response(four, event)]
     first, second = (image.unknowns[len(image) // 2] for image in images)
     assert images[0].id == images[1].id == broken.id
     size = 2 * four.problem.degrees_of_freedom

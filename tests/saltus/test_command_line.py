@@ -150,7 +150,7 @@ def test_the_label_asked_for_is_meant(capsys):
 
 
 def test_an_interrupted_run_writes_what_it_has(capsys, tmp_path, monkeypatch):
-    """Oracle: the exit code 130, and the points before the interruption. With --points the family is followed anew."""
+    """Oracle: the exit code 130, and the points before the interruption, by blocks. With --points the family is followed anew."""
 
     def interrupt(self, count):
         if count >= 20:
@@ -160,7 +160,7 @@ def test_an_interrupted_run_writes_what_it_has(capsys, tmp_path, monkeypatch):
     path = tmp_path / "family.json"
     code, out, err = run(capsys, "continue", "S13O00+", "--points", "150", "--json", str(path))
     assert code == 130 and len(err.splitlines()) == 1 and "interrupted" in err
-    assert 15 <= len(json.loads(path.read_text())["points"]) <= 25
+    assert 20 <= len(json.loads(path.read_text())["points"]) < 100
 
 
 def test_a_failed_run_writes_what_it_has(capsys, tmp_path, monkeypatch):

@@ -201,7 +201,7 @@ def test_a_branch_goes_on_in_another_range_and_at_its_events(one_impact):
     (known,) = [event for event in one_impact.events if event.type == "PD"]
     assert doubling.values["s"] == pytest.approx(known.values["s"], abs=1e-12)
     ((problem, step),) = switch_response(one_impact, known)
-    doubled = follow_response(problem, step, (-0.3, 0.2), both=False, points=30)
+    doubled = follow_response(problem, step, (-0.3, 0.2), direction="along", points=30)
     assert doubled.periods == pytest.approx(2.0 * one_impact.periods[0]) and len(doubled.sequence) == 2
     with pytest.raises(ValueError, match="no other family begins at SN1"):
         switch_response(one_impact, next(event for event in one_impact.events if event.type == "SN"))
