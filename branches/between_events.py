@@ -61,7 +61,7 @@ def stability_events(problem: MultipointProblem) -> tuple[str, ...]:
 
 def decide_between(
     problem: MultipointProblem,
-    unknowns: Callable[[int], np.ndarray],
+    orbit: Callable[[int], tuple[MultipointProblem, np.ndarray]],
     points: Mapping[str, np.ndarray],
     barriers: Iterable[Barrier],
 ) -> tuple[np.ndarray, DigitWork]:
@@ -70,8 +70,9 @@ def decide_between(
     Parameters
     ----------
     problem : MultipointProblem
-    unknowns : callable
-        Index of a point -> the unknowns of its orbit.
+        Its closure.
+    orbit : callable
+        Index of a point -> the problem and the unknowns of its orbit.
     points : mapping of str to ndarray
         Columns: stable, arclength, multipliers (see `branches.branch.Branch`).
     barriers : iterable of Barrier
@@ -103,7 +104,7 @@ def decide_between(
     @cache
     def solve(i: int) -> int:
         began = perf_counter()
-        found = _in_digits(problem, unknowns(i), float(np.min(np.abs(arclength[i] - limits))))
+        found = _in_digits(*orbit(i), float(np.min(np.abs(arclength[i] - limits))))
         seconds.append(perf_counter() - began)
         return found
 

@@ -56,6 +56,16 @@ def multiplication(p: int, q: int) -> float:
     return 2.0 * math.cos(2.0 * math.pi * p / q)
 
 
+def _general_tests(problem: MultipointProblem, work: Any) -> tuple[Any, int]:
+    """The test functions for any number of degrees of freedom, with their address."""
+    if problem.periodic not in _GENERAL:
+        one, two = np.empty(1), np.empty((1, 1))
+        function = periodic_tests if problem.periodic else general_tests
+        entry = function.entry(problem._packed, one, two, work, one, one, one)
+        _GENERAL[problem.periodic] = function, entry.address
+    return _GENERAL[problem.periodic]
+
+
 class Family(SolvedFamily):
     """A family of orbits with given ends and sequence: a `continuation.Problem`.
 
@@ -133,20 +143,9 @@ class Family(SolvedFamily):
     @cached_property
     def _watched(self) -> WatchedTests:
         singular = np.array([test.singular for test in self.tests], dtype=float)
-        address = 0 if self._two_dof else self._general[1]
+        address = 0 if self._two_dof else _general_tests(self.problem, self._work)[1]
         targets = np.array(self._targets, dtype=float)
         return WatchedTests(np.array(kinds_of(self.tests)), singular, np.array(self._limits), targets, address, self._work)
-
-    @cached_property
-    def _general(self) -> tuple[Any, int]:
-        """The test functions for any number of degrees of freedom: with their address."""
-        problem = self.problem
-        if problem.periodic not in _GENERAL:
-            one, two = np.empty(1), np.empty((1, 1))
-            function = periodic_tests if problem.periodic else general_tests
-            entry = function.entry(problem._packed, one, two, self._work, one, one, one)
-            _GENERAL[problem.periodic] = function, entry.address
-        return _GENERAL[problem.periodic]
 
     def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
         found: tuple[int, int, float] = advance_block(*arguments)
@@ -158,16 +157,21 @@ class Family(SolvedFamily):
         result = solution.result.tolist()
         if not is_orbit(result):
             return FAILED
-        tests = [0.0] * self._computed
+        tests = self._values_at(self.problem, solution, self._work)
+        return step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
+
+    def _values_at(self, problem: MultipointProblem, solution: Solution, work: Any) -> list[float]:
+        """The values of all test functions at an orbit, from its problem and the scratch for its system."""
+        tests, result = [0.0] * self._computed, solution.result.tolist()
         common_tests(result, *self._limits, tests)
         if self._two_dof:
-            two_dof_tests(result, self.problem.quarters, self._targets, tests)
+            two_dof_tests(result, problem.quarters, self._targets, tests)
         else:
             values = np.empty(self._computed)
-            take, targets = self._general[0], self._watched.targets
-            take(self.problem._packed, solution.y, solution.ends, self._work, solution.result, targets, values)
+            take, targets = _general_tests(problem, work)[0], np.array(self._targets, dtype=float)
+            take(problem._packed, solution.y, solution.ends, work, solution.result, targets, values)
             tests[COMMON:] = values[COMMON:].tolist()
-        return step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
+        return tests
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached."""
@@ -192,7 +196,7 @@ class Family(SolvedFamily):
         elif code == "NS" and not self._is_krein_collision(solution):
             return None
         elif code == "RT":
-            data["p_q"] = list(self._resonant[index - len(self.tests)][:2])
+            data["p_q"] = list(self._resonant[index - self._computed][:2])
         on_sides = [counted]
         if code == "LB":
             on_sides.append(location.high.extra)
@@ -208,12 +212,17 @@ class Family(SolvedFamily):
 
     def _is_krein_collision(self, solution: Solution) -> bool:
         """Whether the two pairs of multipliers that are nearest to each other are on the unit circle: they can meet elsewhere, too."""
-        found = stability(self.problem, solution)
-        nu = 0.25 * (found.tau - 2.0) if self.problem.periodic else found.nu
+        problem, solution = self.orbit_of(solution)
+        found = stability(problem, solution)
+        nu = 0.25 * (found.tau - 2.0) if problem.periodic else found.nu
         first, second = np.triu_indices(len(nu), 1)
         apart = np.abs(nu[first] - nu[second])
         nearest = int(np.argmin(apart))
         return bool(-1.0 < 0.5 * (nu[first] + nu[second])[nearest].real < 0.0)
+
+    def orbit_of(self, solution: Solution) -> tuple[MultipointProblem, Solution]:
+        """The problem that a solution belongs to, with it."""
+        return self.problem, solution
 
     def _near(self, before: Point, otherwise: Step, place: float, way: int, room: float = math.inf) -> Solution:
         """The orbit a little before (-1) or after (1) an event, else that of a neighbouring step.

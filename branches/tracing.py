@@ -26,7 +26,7 @@ from continuation.control import Settings
 from continuation.problem import EndReason, Event, PlainPoints, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["SETTINGS", "cut_branch", "extend", "follow_family", "record_of_event", "report"]
+__all__ = ["SETTINGS", "cut_branch", "event_along", "extend", "follow_family", "record_of_event", "report"]
 
 EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 """Types of events, see `branches.family`."""
@@ -285,7 +285,7 @@ class _Collector:
         self.on_event(record_of_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
 
 
-def _along(event: Event, backward: bool) -> tuple[str, int, str | None]:
+def event_along(event: Event, backward: bool) -> tuple[str, int, str | None]:
     """Label and half-waves just below an event in arclength, and its note, read in the order of arclength.
 
     Events found `backward`, against the arclength of the finished branch, have their sides in the other order.
@@ -315,7 +315,7 @@ def record_of_event(
 ) -> BranchEvent:
     """An event as a record. Its orbit is at `index` of the columns; `backward`: it was found against the arclength of the branch."""
     details = event.details
-    label, _, note = _along(event, backward)
+    label, _, note = event_along(event, backward)
     stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
     largest = float(np.max(np.abs(columns["multipliers"][index]), initial=0.0)) or 1.0  # without nontrivial ones, the trivial ones
     return BranchEvent(
@@ -351,12 +351,12 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     for event, against in zip(run.events, backward, strict=True):
         if event.code in UNDECIDED_AT:
             columns["stable"][event.index] = -1
-        labels[event.index], half_waves, _ = _along(event, against)
+        labels[event.index], half_waves, _ = event_along(event, against)
         columns["half_waves"][event.index] = max(1, half_waves)
     columns["label"] = labels.astype(str)
     columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
     barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
-    columns["stable"], work = decide_between(problem, lambda i: solutions.y[i], columns, barriers)
+    columns["stable"], work = decide_between(problem, lambda i: (problem, solutions.y[i]), columns, barriers)
     counts = Counter[str]()
     events = []
     for event, against in zip(run.events, backward, strict=True):

@@ -209,7 +209,14 @@ class ForcedProblem:
             return
         flight, layout = self.segment.flight, self.parametric.layout
         try:
-            system = self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
+            try:
+                system = self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
+            except ValueError:
+                # A step beyond the domain of a parameter locates its end: matrices can go on there.
+                mass, damping, stiffness = (
+                    released.entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)
+                )
+                system = ImpactSystem(mass, damping, stiffness, self.system.stops)
             self._set_modes(system)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
             flight.free.matrix[:] = math.nan
@@ -311,6 +318,10 @@ class ForcedProblem:
         """All parameters at y."""
         moved = y[2 * self.degrees_of_freedom + 1 : self.size].tolist()
         return self.values | dict(zip(self.released, moved, strict=True))
+
+    def known_values(self, y: np.ndarray) -> dict[str, float]:
+        """The values of all names that equations can have, at y."""
+        return self.parameters(y)
 
     def period(self, y: np.ndarray) -> float:
         """T."""

@@ -11,14 +11,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from bvp.closures import EndsError, parse_end
+from bvp.closures import EndsError, cycle_of, parse_end
 from bvp.description import RESERVED
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
+from bvp.multipliers import floquet_multipliers, sort_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 
 __all__ = ["ReleasedProblem"]
+
+_SLACK = 1e-9
+"""How far beyond its domain a parameter counts as at the end of it, in units of its default."""
 
 
 class ReleasedProblem(ForcedProblem):
@@ -118,6 +122,17 @@ class ReleasedProblem(ForcedProblem):
         found[:n], found[n : 2 * n] = speeds / fastest, speeds
         return found
 
+    def known_values(self, y: np.ndarray) -> dict[str, float]:
+        """The values of all parameters, the energy and the quarter period at y."""
+        problem, at = self.orbit_problem(y)
+        return self.parameters(y) | {"energy": problem.energy(at), "quarter_period": problem.quarter_period(at)}
+
+    def multipliers(self, y: np.ndarray) -> np.ndarray:
+        """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1."""
+        problem, at = self.orbit_problem(y)
+        found = floquet_multipliers(cycle_of(problem, at)).values
+        return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
+
     def period(self, y: np.ndarray) -> float:
         """T."""
         return float(np.sum(self.flight_times(y))) * 4.0 / self.quarters
@@ -136,7 +151,13 @@ class ReleasedProblem(ForcedProblem):
         InvalidSystem, EndsError
             For parameters that the system, or an orbit with these ends, cannot have.
         """
-        problem = MultipointProblem(self.parametric.system(self.parameters(y)), self.ends, self.sequence)
+        values = self.parameters(y)
+        for name in self.released:
+            # An end is located to rounding.
+            low, high = self.parametric.domain(name)
+            slack = _SLACK * (abs(self.parametric.values[name]) or 1.0)
+            values[name] = low if low - slack < values[name] < low else high if high < values[name] < high + slack else values[name]
+        problem = MultipointProblem(self.parametric.system(values), self.ends, self.sequence)
         states = self.nodes(y)[:, : 2 * self.degrees_of_freedom] @ problem.modes.from_state.T
         return problem, problem.pack(states[0], states[1:], self.flight_times(y))
 

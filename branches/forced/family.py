@@ -27,13 +27,41 @@ from continuation.problem import Advance, EventDetails, Point, Step, TestFunctio
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["ForcedFamily"]
+__all__ = ["AlongParameters", "ForcedFamily", "limits_of"]
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
 
 
-class ForcedFamily(SolvedFamily):
+def limits_of(problem: ForcedProblem, interval: tuple[float, float]) -> tuple[tuple[float, float], tuple[str, str]]:
+    """The values between which the first released parameter stays, of those asked for and its domain; and what ends a family there."""
+    name = problem.released[0]
+    low, high = problem.parametric.domain(name)
+    texts = [
+        f"{side} value of {name} asked for" if inside else f"{name} leaves its domain here"
+        for side, inside in (("lowest", interval[0] >= low), ("highest", interval[1] <= high))
+    ]
+    return (max(low, interval[0]), min(high, interval[1])), (texts[0], texts[1])
+
+
+class AlongParameters:
+    """What families in released parameters have in common."""
+
+    problem: Any
+
+    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
+        """Where steps fail: the value of the parameter; why the system cannot have the next one."""
+        name, why = self.problem.released[0], self.violation(y, tangent, ds)
+        return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
+
+    def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:
+        """Why the system cannot have the parameters at a distance along the tangent; None if it can."""
+        problem = self.problem
+        found: str | None = problem.parametric.violation(problem.parameters(y + ds * tangent[: y.size]))
+        return found
+
+
+class ForcedFamily(AlongParameters, SolvedFamily):
     """A family of forced orbits in one parameter: a `continuation.Problem`.
 
     Parameters
@@ -57,12 +85,7 @@ class ForcedFamily(SolvedFamily):
         self.problem = problem
         self.values = values
         name = problem.released[0]
-        low, high = problem.parametric.domain(name)
-        self.interval = max(low, interval[0]), min(high, interval[1])
-        first, last = (
-            f"{side} value of {name} asked for" if inside else f"{name} leaves its domain here"
-            for side, inside in (("lowest", interval[0] >= low), ("highest", interval[1] <= high))
-        )
+        self.interval, (first, last) = limits_of(problem, interval)
         turned = ("SB", "the half-period symmetry breaks") if problem.half else ("PD", "period doubling")
         self.tests = (
             TestFunction("SN", "crossing", False, f"fold in {name}", True),
@@ -92,6 +115,10 @@ class ForcedFamily(SolvedFamily):
         address = forced_tests.entry(*arguments).address
         return WatchedTests(np.array(kinds_of(self.tests)), singular, self._work.limits, targets, address, self._work)
 
+    def orbit_of(self, solution: Solution) -> tuple[ForcedProblem, Solution]:
+        """The problem that a solution belongs to, with it."""
+        return self.problem, solution
+
     def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
         found: tuple[int, int, float] = advance_forced_block(*arguments)
         return found
@@ -102,16 +129,6 @@ class ForcedFamily(SolvedFamily):
         out = np.empty(self._computed)
         forced_tests(self.problem.segment, solution.y, solution.ends, self._work, solution.result, self._watched.targets, out)
         return step_of(solution, solution.result.tolist(), out.tolist())
-
-    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
-        """Where steps fail: the value of the parameter; why the system cannot have the next one."""
-        name, why = self.problem.released[0], self.violation(y, tangent, ds)
-        return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
-
-    def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:
-        """Why the system cannot have the parameters at a distance along the tangent; None if it can."""
-        problem = self.problem
-        return problem.parametric.violation(problem.parameters(y + ds * tangent[: y.size]))
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""

@@ -19,8 +19,12 @@ from branches.forced.family import ForcedFamily
 from branches.forced.identity import closure_name, primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
 from branches.interrupted import with_branch, with_computed
+from branches.released.branch import ReleasedBranch
+from branches.released.family import ReleasedFamily
+from branches.tracing import event_along
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
+from bvp.released import ReleasedProblem
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
@@ -59,6 +63,7 @@ def follow_response(
     Parameters
     ----------
     problem : ForcedProblem
+        Of a free orbit a `ReleasedProblem`: the branch is then a `ReleasedBranch`.
     start : (u,) float, or Step
         Unknowns near an orbit, or an orbit with its tangent.
     interval : (float, float)
@@ -85,12 +90,12 @@ def follow_response(
     KeyboardInterrupt
         With the branch up to there as its attribute `branch`, if it has a point.
     """
-    family = ForcedFamily(problem, interval, values)
+    family = _family_of(problem, interval, values)
     if isinstance(start, Step):  # it has the test functions of another family
         begin = family.step(start.y, start.tangent, 0.0)
     else:
         begin = family.begin(problem.solve(np.asarray(start, dtype=float)).y)
-    beyond = unphysical(problem, begin.extra) if begin.converged else None
+    beyond = unphysical(*family.orbit_of(begin.extra)) if begin.converged else None
     if beyond is not None:
         raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
@@ -142,7 +147,7 @@ def go_on(
         if direction != "both" and slope * _SIGNS[direction] <= 0.0:
             continue
         place = -1 if last else 0
-        begin = ForcedFamily(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
+        begin = _family_of(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
         try:
             further = follow_response(branch.problem, begin, interval, direction="along", **options)
         except KeyboardInterrupt as error:
@@ -151,6 +156,15 @@ def go_on(
         branch = joined(branch, further, last)
         moved.append(last)
     return branch, [len(branch) - 1 if last else 0 for last in moved]
+
+
+def _family_of(
+    problem: ForcedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()
+) -> ForcedFamily | ReleasedFamily:
+    """The family of a problem; options of `follow_response`."""
+    if isinstance(problem, ReleasedProblem):
+        return ReleasedFamily(problem, interval, values)
+    return ForcedFamily(problem, interval, values)
 
 
 def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
@@ -169,6 +183,8 @@ def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
         undamped = abs(abs(near) - 1.0) < _UNDAMPED and abs(near - 1.0) < _NEAR
         return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
 
+    if isinstance(problem, ReleasedProblem):
+        return None
     if not problem.has_clock:
         return gains
     return None if problem.sequence else grows
@@ -182,9 +198,11 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     for event in run.events:
         counts[event.code] += 1
         details, at = event.details, event.point
+        if "label" in details:  # its change reads in the order of arclength
+            details = details | {"note": event_along(event, event.index < run.start and not (run.closed and event.index == 0))[2]}
         largest = largest_multiplier(problem, problem.multipliers(at.y))
         found = ForcedEvent(
-            f"{event.code}{counts[event.code]}", event.code, event.index, problem.parameters(at.y), event.arclength, event.status,
+            f"{event.code}{counts[event.code]}", event.code, event.index, problem.known_values(at.y), event.arclength, event.status,
             (float(event.bracket[0]), float(event.bracket[1])), event.residual, details.get("stop"), details.get("angle"),
             details.get("note"), largest if math.isfinite(largest) else None,
         )  # fmt: skip
@@ -192,10 +210,11 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     ended = []
     for end, point, sign in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True):
         ended.append(_ended(problem, end, point, sign, origin))
-    branch = ForcedBranch(
-        problem, unknowns, np.array([step.tangent[: problem.unknowns] for step in steps]), run.points.arclengths(),
-        np.array([step.residual for step in steps]), tuple(events), (ended[0], ended[1]), run.start, interval,
-    )  # fmt: skip
+    tangents, residuals = np.array([step.tangent[: problem.unknowns] for step in steps]), np.array([step.residual for step in steps])
+    rest = unknowns, tangents, run.points.arclengths(), residuals, tuple(events), (ended[0], ended[1]), run.start, interval
+    if isinstance(problem, ReleasedProblem):
+        return ReleasedBranch(problem, *rest)
+    branch = ForcedBranch(problem, *rest)
     return replace(branch, events=tuple(_with_neighbours(branch, event) for event in events))
 
 
@@ -203,7 +222,7 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
     """Why a branch ends at a point, in the terms of the user. sign: 1 at the last point, -1 at the first."""
     name, text = problem.released[0], end.text
     if end.reason is EndReason.MINIMUM_STEP:
-        why = ForcedFamily(problem).violation(point.step.y, point.step.tangent, 4.0 * sign * SETTINGS.minimum_step)
+        why = _family_of(problem).violation(point.step.y, point.step.tangent, 4.0 * sign * SETTINGS.minimum_step)
         if why is not None:
             return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
     if end.reason is EndReason.EVENT and point.event is not None:

@@ -133,7 +133,7 @@ def decided(monkeypatch):
         multipliers = np.ones((len(stable), 2), complex)
         multipliers[list(grazing)] = np.nan
         columns = {"stable": np.array(stable, np.int8), "arclength": np.arange(float(len(stable))), "multipliers": multipliers}
-        found, work = decide_between(problem, lambda i: np.array([i]), columns, barriers)
+        found, work = decide_between(problem, lambda i: (problem, np.array([i])), columns, barriers)
         assert work.orbits == len(asked) == len(set(asked))
         return found.tolist(), asked
 

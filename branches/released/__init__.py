@@ -1,0 +1,1 @@
+"""Families of free orbits of conservative systems in released parameters."""

@@ -1,0 +1,108 @@
+"""A family of free orbits in a parameter as a problem of the continuation engine.
+
+The steps are those of `bvp.released`. Each orbit is one of the system at its own parameters. The test functions are those of a family in
+the energy there (`branches.family`), but for the fold and the branch point, which are those of this family.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from branches.family import Family
+from branches.forced.family import AlongParameters, limits_of
+from branches.kernels import is_orbit, make_pairs_work
+from branches.solved_family import FAILED, step_of
+from bvp.multipoint import MultipointProblem, Solution
+from bvp.released import ReleasedProblem
+from continuation.location import Location
+from continuation.problem import EventDetails, Point, Step, TestFunction
+
+__all__ = ["PlacedSolution", "ReleasedFamily", "placed"]
+
+
+@dataclass(eq=False, slots=True)
+class PlacedSolution(Solution):
+    """A solution of the problem of the system at its own parameters.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    """
+
+    problem: MultipointProblem
+
+
+def placed(problem: ReleasedProblem, y: np.ndarray) -> PlacedSolution | None:
+    """An orbit as a solution of the problem of the system at its parameters; None where that system has no such orbit."""
+    try:
+        plain, at = problem.orbit_problem(y)
+    except (ValueError, RuntimeError):
+        return None
+    found = plain.step(at, np.zeros(2 * plain.unknowns), 0.0, maximum=0)
+    if found is None or not is_orbit(found.result):
+        return None
+    return PlacedSolution(found.y, found.tangent, found.position, found.ends, found.result, plain)
+
+
+class ReleasedFamily(AlongParameters, Family):
+    """A family of free orbits in one parameter: a `continuation.Problem`.
+
+    Parameters
+    ----------
+    problem : ReleasedProblem
+        Its first released parameter is the one that is reported.
+    interval : (float, float)
+        The family ends at these values of the parameter.
+    values : sequence of float
+        Values of the parameter that are marked.
+    """
+
+    def __init__(
+        self, problem: ReleasedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()
+    ):
+        super().__init__(problem.structure)
+        self.problem = problem
+        self.values = values
+        self.advance = None  # each point has a system of its own
+        self.interval, ends = limits_of(problem, interval)
+        # With the energy given at each value of the parameters, the fold in the energy is that in the parameter.
+        self._folds_apart = any("quarter_period" in text for text in problem.keep)
+        tests = list(self.tests)
+        name = problem.released[0]
+        tests[0] = TestFunction("SN", "crossing", False, f"fold in {name}", True)
+        tests[5:7] = [TestFunction("EP", "guard", True, end) for end in ends]
+        tests[7] = TestFunction("SN", "crossing", False, "fold in the energy, at these parameters")
+        self.tests = (*tests, *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values))
+
+    def _step(self, solution: Solution | None) -> Step:
+        if solution is None:
+            return FAILED
+        parameter, (low, high) = solution["energy"], self.interval
+        orbit = placed(self.problem, solution.y)
+        if orbit is None:
+            if low <= parameter <= high:
+                return FAILED
+            # Beyond the domain there is no system, but its end is located.
+            tests = [math.nan] * len(self.tests)
+            tests[5], tests[6] = parameter - low, high - parameter
+            return step_of(solution, solution.result.tolist(), tests)
+        work = self._work if self._two_dof else make_pairs_work(orbit.problem)
+        tests = self._values_at(orbit.problem, orbit, work)
+        tests[0], tests[1] = solution["slope"], solution["branching"]
+        tests[5], tests[6] = parameter - low, high - parameter
+        # The slope and the determinant have the same orientation, which is as it comes.
+        tests[7] = orbit["slope"] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
+        return step_of(solution, solution.result.tolist(), [*tests, *(parameter - value for value in self.values)])._replace(extra=orbit)
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is, in the terms of the record."""
+        if self.tests[index].code == "UZ":
+            return EventDetails("UZ", False, {"note": self.tests[index].label})
+        return super().classify(index, before, at, after, location)
+
+    def orbit_of(self, solution: Solution) -> tuple[MultipointProblem, Solution]:
+        assert isinstance(solution, PlacedSolution)
+        return solution.problem, solution
