@@ -156,6 +156,9 @@ class ForcedProblem:
         self._zero = np.zeros(2 * self.unknowns)
         self._nothing = np.zeros(1)
 
+    ends: tuple[str, str] | None = None
+    """The ends of the solved segment of a free orbit; None of a forced one."""
+
     _conserved: tuple[str, ...] = ()
     """What the user's equations can name besides parameters."""
 

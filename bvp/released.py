@@ -70,7 +70,7 @@ class ReleasedProblem(ForcedProblem):
         values: Mapping[str, float] | None = None,
         energy: float = 0.5,
     ):
-        self.ends = str(ends[0]), str(ends[1])
+        self.ends: tuple[str, str] = str(ends[0]), str(ends[1])
         self.energy = energy
         system = parametric.system(values)
         # What the ends need is refused by the problem of the system.

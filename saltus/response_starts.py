@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from saltus.scene import Scene
     from transitions.response.path import ParameterPath
 
-__all__ = ["Request", "Start", "file_and_event", "request_of", "starts_of"]
+__all__ = ["Request", "Start", "check_names", "check_range", "file_and_event", "further", "is_response_file", "request_of", "starts_of"]
 
 _NO_MODE = (
     "--from {}: a linear mode touches the stops in free undamped motion, without --in; expected --from rest, the response without impacts, "
@@ -89,6 +89,20 @@ def file_and_event(text: str) -> tuple[str, str | None]:
     return path, event
 
 
+def is_response_file(path: str) -> bool:
+    """Whether a path leads to a JSON file of responses."""
+    from transitions.response.files import is_response
+
+    if not os.path.isfile(path):
+        return False
+    from branches.reading import RecordError, load_json
+
+    try:
+        return is_response(load_json(path, "responses"))
+    except RecordError:
+        return False
+
+
 def request_of(arguments: argparse.Namespace) -> Request:
     """The response that a command line asks for. What cannot be followed is refused."""
     from transitions.response.path import ParameterPath
@@ -109,13 +123,13 @@ def request_of(arguments: argparse.Namespace) -> Request:
     scene = options.scene_of(arguments)
     parametric = _parametric(scene)
     _check_system(parametric, arguments.start)
-    _check_names(parametric, names)
+    check_names(parametric, names)
     try:
         path = ParameterPath(parametric, names, keep).at()
         path.parametric.system(path.values)
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
-    _check_range(path, arguments.range)
+    check_range(path.name, path.values[path.name], arguments.range)
     return Request(path, arguments.range, scene.title)
 
 
@@ -139,7 +153,7 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
             raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
     if not names:
         names, keep = problem.released, problem.keep
-    _check_names(problem.parametric, names)
+    check_names(problem.parametric, names)
     try:
         path = ParameterPath(problem.parametric, names, keep)
     except ValueError as error:
@@ -197,7 +211,7 @@ def _check_system(parametric: ParametricSystem, start: str) -> None:
         raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; free orbits are followed without --in")
 
 
-def _check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:
+def check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:
     """Refuse names that are no independent parameters."""
     known = parametric.names
     for name in names:
@@ -207,10 +221,9 @@ def _check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:
             raise BadInput(f"--in {name}: no such parameter{nearest(name, known) or '; expected one of ' + ', '.join(known)}")
 
 
-def _check_range(path: ParameterPath, interval: tuple[float, float]) -> None:
+def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
     """Refuse a range without the value of the start."""
     low, high = interval
-    name, value = path.name, path.values[path.name]
     if not low <= value <= high:
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
 
@@ -277,7 +290,7 @@ def _from_file(request: Request, direction: str) -> list[Start]:
     same = (path.names, path.keep) == (branches[0].problem.released, branches[0].problem.keep)
     if request.event is None:
         if same:
-            return [_further(branch, request.interval, direction) for branch in branches]
+            return [further(branch, request.interval, direction) for branch in branches]
         try:
             return [Start(*path.through(branch.problem, branch.unknowns[branch.start]), direction) for branch in branches]
         except ValueError as error:
@@ -290,7 +303,7 @@ def _from_file(request: Request, direction: str) -> list[Start]:
     return [Start(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
 
 
-def _further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> Start:
+def further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> Start:
     """A branch beyond its ends; if the range has not all of it, from its point in the range."""
     from branches.forced.tracing import point_inside
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 from collections import deque
 from collections.abc import Sequence
@@ -16,7 +15,7 @@ import numpy as np
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.response_starts import Start, file_and_event, request_of, starts_of
+from saltus.response_starts import Start, file_and_event, is_response_file, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -27,13 +26,15 @@ if TYPE_CHECKING:
     from transitions.sweep.figure import Curve
     from transitions.sweep.runs import AlongParameter
 
-__all__ = ["add_arguments", "draw", "follow", "is_response_file", "is_wanted", "over_sweep", "require_no_loads", "show"]
+__all__ = ["add_arguments", "draw", "follow", "follow_free", "is_response_file", "is_wanted", "over_sweep", "require_no_loads", "show"]
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
 MOST_BRANCHES = 50
 FAILURES = ("MINIMUM_STEP", "NO_START")
 _OTHERS = ("name", "energy", "frequency", "save", "catalogue")
 """Options of families in the energy."""
+_FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
+"""Events at which a family of free orbits in a parameter can be told to end."""
 _STOPS = ("SN", "BP", "SB", "PD", "NS", "GR", "LB", "UZ")
 """Events at which a response can be told to end."""
 _OWN = ("keep", "range", "begin", "phase", "uz", "y")
@@ -59,20 +60,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., ...")
 
 
-def is_response_file(path: str) -> bool:
-    """Whether a path leads to a JSON file of responses."""
-    from transitions.response.files import is_response
-
-    if not os.path.isfile(path):
-        return False
-    from branches.reading import RecordError, load_json
-
-    try:
-        return is_response(load_json(path, "responses"))
-    except RecordError:
-        return False
-
-
 def is_wanted(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a response. What then does not fit is refused."""
     start = arguments.start or ""
@@ -83,12 +70,20 @@ def is_wanted(arguments: argparse.Namespace) -> bool:
     if not wanted and arguments.stop_at == "UZ":
         raise BadInput("--stop-at UZ: values are marked along a response; expected --in NAME, or another event")
     if wanted:
+        from saltus import free_families
+
+        free = free_families.is_wanted(arguments)
         for name in _OTHERS:
-            if getattr(arguments, name):
+            if getattr(arguments, name) and not (free and name == "name"):
                 what = arguments.name if name == "name" else f"--{name.replace('_', '-')}"
                 raise BadInput(f"{what} belongs to families in the energy; expected --in NAME with --from and --range alone")
-        if arguments.stop_at not in (None, *_STOPS):
-            raise BadInput(f"--stop-at {arguments.stop_at}: a response has no such event; expected one of {', '.join(_STOPS)}")
+        stops, what = (_FREE_STOPS, "a family of free orbits in a parameter") if free else (_STOPS, "a response")
+        if arguments.stop_at not in (None, *stops):
+            raise BadInput(f"--stop-at {arguments.stop_at}: {what} has no such event; expected one of {', '.join(stops)}")
+        for name in ("begin", "phase") if free else ():
+            if getattr(arguments, name) is not None:
+                option = {"begin": "--start"}.get(name, f"--{name}")
+                raise BadInput(f"{option} is where a simulation starts; expected --from simulate")
     return wanted
 
 
@@ -104,6 +99,26 @@ def require_no_loads(scene: Scene) -> None:
         raise BadInput(f"families in the energy need a conservative system: {why}; expected loads and --in NAME, or saltus run")
 
 
+def follow_free(arguments: argparse.Namespace) -> int:
+    """Follow a family of free orbits in a parameter and write its files; return the exit code."""
+    from saltus import free_families
+
+    files = outputs.outputs_of(arguments)
+    lines: list[str] = []
+    starts, interval, title = free_families.starts_of(arguments, lines.extend)
+    problem = starts[0].problem
+    if arguments.y is not None:
+        _check_column(arguments.y, problem.parametric, len(problem.sequence) + 2, free=True)
+    if arguments.model:
+        from saltus.scene.model import explain
+
+        assert problem.ends is not None
+        lines += [f"model  {line}" for line in explain(problem.system, problem.ends)]
+    files.report(lines)
+    compiling.prepare("response", "continue" if problem.degrees_of_freedom == 2 else "modes")
+    return _follow_and_write(starts, interval, arguments, files, title)
+
+
 def follow(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
     files = outputs.outputs_of(arguments)
@@ -115,13 +130,19 @@ def follow(arguments: argparse.Namespace) -> int:
 
         files.report(f"model  {line}" for line in explain_response(request.path.parametric, request.path.values))
     compiling.prepare("response")
-    starts = starts_of(request, arguments, files.report)
+    return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title)
+
+
+def _follow_and_write(
+    starts: Sequence[Start], interval: tuple[float, float], arguments: argparse.Namespace, files: outputs.Outputs, title: str
+) -> int:
+    """Follow the families of some starts, and write the files, also of what an interrupted run has computed; return the exit code."""
     branches: list[ForcedBranch] = []
     with defer_interrupts() as interrupt:
         code = DONE
         try:
             with interrupt.released():
-                code = _follow_all(starts, request.interval, arguments, files, branches)
+                code = _follow_all(starts, interval, arguments, files, branches)
         except KeyboardInterrupt as error:
             if not branches and getattr(error, "branch", None) is None:
                 raise
@@ -130,7 +151,7 @@ def follow(arguments: argparse.Namespace) -> int:
             if getattr(error, "branch", None) is not None:
                 branches.append(error.branch)  # type: ignore[attr-defined]
                 files.report(report_lines(branches[-1], len(branches), terminal_width(files.words)))
-        code = max(code, _write(files, branches, arguments.y, request.title))
+        code = max(code, _write(files, branches, arguments.y, title))
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
@@ -151,7 +172,7 @@ def _follow_all(
     with ProgressBar(arguments.points) as bar:
         while waiting:
             start = waiting.popleft()
-            if arguments.y is not None and not branches:
+            if arguments.y is not None and not branches and start.problem.ends is None:
                 _check_column(arguments.y, start.problem.parametric, len(start.problem.sequence))
             if start.known is None and any(_covers(branch, start) for branch in branches):
                 continue
@@ -167,7 +188,7 @@ def _follow_all(
                 bar.line("note   the branch ends at events, or where the range ends; nothing is left to follow", files.words)
             code = max(code, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE)
             # Where impacts exchange their order the family goes on as the next branch.
-            exchanges = [event for event in branch.events if event.type == "LB" and event.point in ends]
+            exchanges = [event for event in branch.events if event.type == "LB" and event.point in ends and start.problem.ends is None]
             for event in exchanges if len(branches) < MOST_BRANCHES else ():
                 origin = f"{event.id} of branch {len(branches)}, {branch.name} = {event.values[branch.name]:.12g}"
                 waiting.extend(Start(*onward, "along", origin) for onward in switch_response(branch, event))
@@ -186,7 +207,8 @@ def draw(arguments: argparse.Namespace, path: str, y: str | None) -> int:
     files = outputs.outputs_of(arguments)
     branches = read_responses(path)
     if y is not None:
-        _check_column(y, branches[0].problem.parametric, max(len(branch.problem.sequence) for branch in branches))
+        impacts = max(branch.speeds.shape[1] for branch in branches)
+        _check_column(y, branches[0].problem.parametric, impacts, free=branches[0].problem.ends is not None)
     for number, branch in enumerate(branches, 1):
         files.report(report_lines(branch, number, terminal_width(files.words)))
     return _write(files, branches, y, "")
@@ -238,18 +260,18 @@ def _write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | No
     )
 
 
-def _check_column(name: str, parametric: ParametricSystem, impacts: int) -> None:
+def _check_column(name: str, parametric: ParametricSystem, impacts: int, *, free: bool = False) -> None:
     from transitions.response.figure import require_column
 
     try:
-        require_column(name, parametric, impacts)
+        require_column(name, parametric, impacts, free)
     except ValueError as error:
         raise BadInput(f"--y: {error}") from error
 
 
 def _covers(branch: ForcedBranch, start: Start) -> bool:
     """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
-    if branch.problem.sequence or start.problem.sequence or not isinstance(start.orbit, np.ndarray):
+    if branch.problem.ends or branch.problem.sequence or start.problem.sequence or not isinstance(start.orbit, np.ndarray):
         return False
     value = start.problem.parameters(start.orbit)[branch.name]
     low, high = branch.parameter.min(), branch.parameter.max()
@@ -266,17 +288,22 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     half = ", solved over half the period" if problem.half else ""
     impacts = sequence_text(branch.sequence) + half
     period = f"period {problem.load_periods} of the loads" if problem.has_clock else "free period"
+    more: dict[str, str] = {}
+    if problem.ends is not None:
+        impacts, period = f"{'-'.join(problem.ends)}, sequence {branch.sequence or '(none)'}", " and ".join(problem.keep)
+        more = {"h": "energy", "alpha": "quarter_period"}
     lines = [f"branch {number}: {impacts}; {period}; {len(branch)} points, {span}"]
-    rows = [_event_row(branch, event) for event in branch.events]
+    rows = [_event_row(branch, event, [*more.values()]) for event in branch.events]
     if rows:
-        head = ("event", name, "|multiplier|", "stable after", "remark")
-        lines += table_lines(head, rows, width=width, columns="lrrlt")
+        head = ("event", name, *more, "|multiplier|", "stable after", "remark")
+        lines += table_lines(head, rows, width=width, columns="l" + "r" * (len(head) - 3) + "lt")
     ends = [f"end    {end.text}" for end in branch.ended]
     return lines + list(dict.fromkeys(ends))
 
 
-def _event_row(branch: ForcedBranch, event: ForcedEvent) -> tuple[str, ...]:
+def _event_row(branch: ForcedBranch, event: ForcedEvent, more: Sequence[str]) -> tuple[str, ...]:
     behind = branch.stable[event.point + 1] if event.point + 1 < len(branch) else None
     largest = "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}"
     stable = "-" if behind is None else stability_word(int(behind))
-    return event.id, f"{event.values[branch.name]:.14g}", largest, stable, event.remark
+    values = [f"{event.values[branch.name]:.14g}", *(f"{event.values[name]:.10g}" for name in more)]
+    return event.id, *values, largest, stable, event.remark

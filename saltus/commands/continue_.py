@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from bvp.interrupts import InterruptHandler, defer_interrupts
-from saltus import catalogues, compiling, options, outputs, responses, starts
+from saltus import catalogues, compiling, free_families, options, outputs, responses, starts
 from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
@@ -75,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     if responses.is_wanted(arguments):
-        return responses.follow(arguments)
+        return responses.follow_free(arguments) if free_families.is_wanted(arguments) else responses.follow(arguments)
     files = outputs.outputs_of(arguments)
     arguments.scene_uses = ("ground", "forces")  # refused below, with what to do
     scene = options.scene_of(arguments)

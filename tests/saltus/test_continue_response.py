@@ -125,7 +125,7 @@ CASES = [
     ("--in w --range 0.7:2 --y max:u3", ["--y: unknown column 'max:u3'; nearest: max:u"]),
     ("--in w --range 0.7:2 --energy 1:2", ["--energy belongs to families in the energy", "--range"]),
     ("--in w --range 0.7:2 --uz 1,x", ["received '1,x', expected finite numbers"]),
-    ("--in w --range 0.7:2 S13O00+", ["S13O00+ belongs to families in the energy"]),
+    ("--in w --range 0.7:2 S13O00+", ["S13O00+ is a free orbit, and the scene has [[forces]]", "--from simulate"]),
 ]
 
 

@@ -34,13 +34,17 @@ _WORDS = {"NS": "NS Neimark-Sacker"}
 
 
 def default_column(problem: ForcedProblem) -> str:
-    """What is drawn unless something else is asked for: the largest displacement of the first coordinate."""
+    """What is drawn unless something else is asked for: the largest displacement of the first coordinate; of free orbits, the energy or
+    the quarter period, whichever no equation keeps."""
+    if problem.ends is not None:
+        return "h" if any("quarter_period" in text for text in problem.keep) else "alpha"
     return f"max:{problem.system.coordinates[0]}"
 
 
-def require_column(name: str, parametric: ParametricSystem, impacts: int) -> tuple[str, str]:
-    """The words and the symbol of a column of orbits with so many impacts; a ValueError names the nearest if there is none."""
-    known = column_names(parametric, impacts)
+def require_column(name: str, parametric: ParametricSystem, impacts: int, free: bool = False) -> tuple[str, str]:
+    """The words and the symbol of a column of orbits with so many impacts; a ValueError names the nearest if there is none. free: of free
+    orbits."""
+    known = column_names(parametric, impacts, free)
     if name not in known:
         near = get_close_matches(name, known, 1, 0.5)
         raise ValueError(f"unknown column {name!r}; " + (f"nearest: {near[0]}" if near else f"known: {listed(list(known), len(known))}"))
@@ -68,7 +72,9 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
 
     first = branches[0]
     name = y or default_column(first.problem)
-    words, symbol = require_column(name, first.problem.parametric, max(len(branch.sequence) for branch in branches))
+    words, symbol = require_column(
+        name, first.problem.parametric, max(branch.speeds.shape[1] for branch in branches), first.problem.ends is not None
+    )
     columns = [column_of(branch, name) for branch in branches]
     with style.figure_settings():
         figure = style.new_figure(4.4)

@@ -12,9 +12,11 @@ from branches.events import Ended
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.reading import RecordError, check_pattern, load_json
+from branches.released.branch import ReleasedBranch
 from branches.tables import plain, plain_columns
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
 from transitions.response.measures import response_table
 
 __all__ = ["KIND", "SCHEMA", "is_response", "named_events", "read_responses", "to_record"]
@@ -43,6 +45,7 @@ _EVENT = {
 _POINT = {"arclength": "a number", "residual": "a number", "unknowns": ["a number"], "tangent": ["a number"]}
 _BRANCH = {
     "id?": "a string",
+    "ends?": ["a string", 2],
     "sequence": "a string",
     "solved": ["a string"],
     "load_periods": "an integer",
@@ -82,8 +85,10 @@ def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
     for event in branch.events:
         neighbours = [{"sequence": sequence, "persists": persists} for sequence, persists in event.neighbours]
         events.append(plain(event._asdict() | {"values": dict(event.values), "neighbours": neighbours}))
+    # The id of a family of free orbits is that of the family in the energy, which has many families in parameters.
+    closure = {"id": branch.id} if problem.ends is None else {"ends": list(problem.ends)}
     return {
-        "id": branch.id,
+        **closure,
         "sequence": branch.sequence,
         "solved": list(problem.sequence),
         "load_periods": problem.load_periods,
@@ -128,8 +133,14 @@ def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
 
 
 def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) -> ForcedBranch:
-    options = {key: item[key] for key in ("load_periods", "half", "values")}
-    problem = ForcedProblem(parametric, item["solved"], item.get("released", (name,)), keep=item.get("keep", ()), **options)
+    released, keep = item.get("released", (name,)), item.get("keep", ())
+    problem: ForcedProblem
+    if "ends" in item:
+        energy = item["points"][item["start"]]["h"]
+        problem = ReleasedProblem(parametric, tuple(item["ends"]), item["solved"], released, keep, values=item["values"], energy=energy)
+    else:
+        options = {key: item[key] for key in ("load_periods", "half", "values")}
+        problem = ForcedProblem(parametric, item["solved"], released, keep=keep, **options)
     points, count = item["points"], problem.unknowns
     if not points or any(len(point[key]) != count for point in points for key in ("unknowns", "tangent")):
         raise RecordError(f"a point has not the {count} unknowns of its sequence")
@@ -151,11 +162,12 @@ def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) ->
     ]
     low, high = item["range"]
     ended = [Ended(end["reason"], end["text"]) for end in item["ended"]]
-    branch = ForcedBranch(
-        problem, unknowns, np.array([point["tangent"] for point in points]), np.array([point["arclength"] for point in points]),
-        np.array([point["residual"] for point in points]), tuple(events), (ended[0], ended[1]), item["start"],
-        (-np.inf if low is None else low, np.inf if high is None else high),
-    )  # fmt: skip
+    columns = [np.array([point[key] for point in points]) for key in ("tangent", "arclength", "residual")]
+    interval = -np.inf if low is None else low, np.inf if high is None else high
+    rest = *columns, tuple(events), (ended[0], ended[1]), item["start"], interval
+    if isinstance(problem, ReleasedProblem):
+        return ReleasedBranch(problem, unknowns, *rest)
+    branch = ForcedBranch(problem, unknowns, *rest)
     return branch.known_as(item["id"]) if "id" in item else branch
 
 

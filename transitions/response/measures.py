@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.forced.branch import ForcedBranch
+from branches.released.branch import ReleasedBranch
 from bvp.simulate import parts_of, simulate
 from transitions.record import extents
+from transitions.response.released import free_column, free_names, free_table
 
 if TYPE_CHECKING:
     from branches.tables import Table
@@ -82,10 +84,13 @@ def _at_phase_zero(branch: ForcedBranch, y: np.ndarray) -> np.ndarray:
     return nodes[0, :size].copy()
 
 
-def column_names(parametric: ParametricSystem, impacts: int) -> dict[str, tuple[str, str]]:
-    """What can be drawn of orbits with so many impacts in the solved segment: words and mathematical symbol of each, by its name."""
+def column_names(parametric: ParametricSystem, impacts: int, free: bool = False) -> dict[str, tuple[str, str]]:
+    """What can be drawn of orbits with so many impacts in the solved segment: words and mathematical symbol of each, by its name. free: of
+    free orbits."""
     from branches.figures.style import symbol_of
 
+    if free:
+        return free_names(parametric, impacts)
     system = parametric.system()
     k = range(1, impacts + 1)
     found = {}
@@ -106,6 +111,8 @@ def column_names(parametric: ParametricSystem, impacts: int) -> dict[str, tuple[
 
 def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
     """A column with a name of `column_names`, (N, c): c curves. Without the impact that it names there is none."""
+    if isinstance(branch, ReleasedBranch):
+        return free_column(branch, name)
     system = branch.problem.system
     kind, _, part = name.partition(":")
     if name in branch.problem.parametric.names:
@@ -135,8 +142,11 @@ def response_table(branches: Sequence[ForcedBranch]) -> Table:
     """The points of some branches as one table.
 
     branch: its number, from 1; point; the parameters, by their names; period; arclength; stable; phase, speed: of each impact; max.NAME,
-    rms.NAME; dissipated.PART, share.PART; work; multipliers; residual.
+    rms.NAME; dissipated.PART, share.PART; work; multipliers; residual. Of free orbits: see `free_table`.
     """
+    free = [branch for branch in branches if isinstance(branch, ReleasedBranch)]
+    if free:
+        return free_table(free)
     first = branches[0]
     coordinates, parts = first.problem.system.coordinates, parts_of(first.problem.system)
     measures = [measures_of(branch) for branch in branches]

@@ -1,0 +1,221 @@
+"""`saltus continue NAME --in PARAMETER --keep EQUATION`: where a family of free orbits in a parameter starts."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from saltus import options
+from saltus.errors import BadInput, one_line
+from saltus.response_starts import Start, check_names, check_range, file_and_event, further, is_response_file
+
+if TYPE_CHECKING:
+    from branches.branch import Branch
+    from branches.naming.labels import Name
+    from branches.orbit import Orbit
+    from branches.released.branch import ReleasedBranch
+    from bvp.parameters import ParametricSystem
+    from saltus.scene import Scene
+
+__all__ = ["is_wanted", "starts_of"]
+
+_FIXED = re.compile(r"\s*(energy|quarter_period)\s*=\s*([-+.\deE]+)\s*")
+_NEAR = 0.01
+"""Relative distance from the energy and quarter period of a name within which an orbit is meant."""
+
+
+def is_wanted(arguments: argparse.Namespace) -> bool:
+    """Whether the command line asks for a family of free orbits in a parameter."""
+    start = arguments.start or ""
+    if arguments.parameter is None and not _free_branches(start):
+        return False
+    path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start
+    return arguments.name is not None or start.startswith("mode:") or bool(_free_branches(start)) or _is_file_of_free_orbits(path)
+
+
+def _free_branches(start: str) -> list[ReleasedBranch]:
+    """The branches of free orbits in a file; none where it has none."""
+    path, _ = file_and_event(start)
+    if not is_response_file(path):
+        return []
+    from branches.released.branch import ReleasedBranch
+    from transitions.response.files import read_responses
+
+    return [branch for branch in read_responses(path) if isinstance(branch, ReleasedBranch)]
+
+
+def _is_file_of_free_orbits(path: str) -> bool:
+    """Whether a path leads to a file of an orbit, or of a family in the energy."""
+    return os.path.isfile(path) and not is_response_file(path)
+
+
+def starts_of(arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]) -> tuple[list[Start], tuple[float, float], str]:
+    """The orbit from which the family is followed, the range of the parameter, and a title; `report` gets the lines about it.
+
+    Raises
+    ------
+    BadInput
+        For what cannot be followed.
+    """
+    given = _free_branches(arguments.start or "")
+    if given:
+        return _from_file(arguments, given)
+    arguments.scene_uses = ("ground", "forces")  # refused below, with what to do
+    scene = options.scene_of(arguments)
+    what = arguments.name or f"--from {arguments.start}"
+    if scene.loads:
+        from saltus.scene import LOADS
+
+        instead = "expected --from rest or --from simulate with --in"
+        raise BadInput(f"{what} is a free orbit, and the scene has {LOADS[scene.loads[0]]}; {instead}")
+    why = scene.system.why_not_conservative()
+    if why is not None:
+        raise BadInput(f"families of free orbits need a conservative system: {why}; expected --from simulate with --in")
+    names, keep = _names(arguments)
+    if arguments.range is None:
+        raise BadInput("--range LO:HI is required: the range of the parameter")
+    parametric = scene.parametric
+    assert parametric is not None
+    check_names(parametric, names)
+    check_range(names[0], parametric.values[names[0]], arguments.range)
+    orbit = _orbit(arguments, scene, parametric, names, keep)
+    return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], arguments.range, scene.title
+
+
+def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The parameters of ``--in``, and as many equations of ``--keep``."""
+    names, keep = tuple(arguments.parameter), tuple(arguments.keep or ())
+    if len(set(names)) < len(names):
+        raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
+    if len(keep) != len(names):
+        count = f"{len(names)} parameter{'s' * (len(names) > 1)}"
+        wanted = f"{len(names)} equation{'s' * (len(names) > 1)} --keep, such as --keep energy=0.8 or --keep quarter_period=1.3"
+        raise BadInput(f"--in {','.join(names)}: free orbits in {count} need {wanted}; received {len(keep)}")
+    return names, keep
+
+
+def _start(
+    parametric: ParametricSystem,
+    orbit: Orbit,
+    names: tuple[str, ...],
+    keep: tuple[str, ...],
+    direction: str,
+    report: Callable[[Sequence[str]], object],
+) -> Start:
+    """The problem in which an orbit is followed, and the orbit in its unknowns."""
+    from bvp.multipoint import NotConverged
+    from bvp.released import ReleasedProblem
+
+    try:
+        problem = ReleasedProblem(parametric, orbit.ends, orbit.problem.sequence, names, keep, energy=orbit.h)
+    except ValueError as error:
+        raise BadInput(one_line(error)) from error
+    y = problem.of_orbit(orbit.problem, orbit.solution.y)
+    try:
+        y = problem.solve(y).y
+    except NotConverged as error:
+        raise BadInput(f"--keep: no orbit near {orbit.label or '-'.join(orbit.ends)} fulfils {' and '.join(keep)}: {error}") from error
+    found = problem.known_values(y)
+    report([f"start  {orbit.label or '-'.join(orbit.ends)}: from h = {found['energy']:.10g}, alpha = {found['quarter_period']:.10g}"])
+    for name in names[1:]:
+        if abs(found[name] - parametric.values[name]) > 1e-12 * abs(parametric.values[name]):
+            where = f"{names[0]} = {found[names[0]]:.10g}"
+            report([f"keep   {name} = {found[name]:.10g} at {where}, from --keep; the scene has {parametric.values[name]:.10g}"])
+    return Start(problem, y, direction)
+
+
+def _orbit(
+    arguments: argparse.Namespace, scene: Scene, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]
+) -> Orbit:
+    """The orbit of the family in the energy, at the scene's parameters, that fulfils the first equation for energy or quarter period."""
+    from branches.naming.labels import Name, parse_name
+    from bvp.description import RESERVED
+    from saltus import catalogues, starts
+    from saltus.families import family_named, select, trace
+
+    try:
+        parametric.equations(keep, names, RESERVED)
+    except ValueError as error:
+        raise BadInput(f"--keep: {one_line(error)}") from error
+    fixed = {match[1]: float(match[2]) for text in keep if (match := _FIXED.fullmatch(text)) and _is_number(match[2])}
+    energy, alpha = fixed.get("energy"), fixed.get("quarter_period")
+    for what, value in (("energy", energy), ("quarter_period", alpha)):
+        if value is not None and not value > 0.0:
+            raise BadInput(f"--keep {what}={value:g}: expected a value above 0")
+    if arguments.name is not None:
+        text = catalogues.named(arguments.name, arguments, scene)
+        name = parse_name(text)
+        branch = family_named(text, scene, energy, arguments)
+    else:
+        begin = starts.name_or_orbit(arguments, scene)
+        assert not isinstance(begin, str)
+        name = Name(family=arguments.start)
+        low, high = (f(begin.h, begin.h if energy is None else energy) for f in (min, max))
+        branch = trace(begin, scene=scene, energy=(min(scene.energy[0], 0.9 * low), max(scene.energy[1], 1.1 * high)))
+    if energy is not None or alpha is not None:
+        return select(branch, name, energy if energy is not None else None, alpha if energy is None else name.alpha)
+    return _crossing(branch, name, parametric, names, keep)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return np.isfinite(float(text)).item()
+    except ValueError:
+        return False
+
+
+def _crossing(branch: Branch, name: Name, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]) -> Orbit:
+    """The orbit of a family in the energy near which the first equation that names the energy or the quarter period holds."""
+    from bvp.description import RESERVED
+    from bvp.programs import evaluate
+    from saltus.families import list_orbits
+
+    at = next((text for text in keep if any(word in text for word in RESERVED)), None)
+    if at is None:
+        raise BadInput(f"--keep: no equation names {' or '.join(RESERVED)}: an orbit of the family is not determined")
+    program = parametric.equations([at], names, RESERVED)
+    values = [parametric.values[one] for one in parametric.names]
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    residual = np.array([evaluate(program, [*values, *place])[0] for place in zip(h, alpha, strict=True)])
+    found = np.flatnonzero(residual[:-1] * residual[1:] <= 0.0)
+    orbits = [branch.orbit(int(k + (abs(residual[k + 1]) < abs(residual[k])))) for k in found]
+    for key, value in (("h", name.h), ("alpha", name.alpha)):
+        if value is not None:
+            orbits = [orbit for orbit in orbits if abs(getattr(orbit, key) / value - 1.0) < _NEAR]
+    if not orbits:
+        ends = f"h = {h.min():.8g} to {h.max():.8g}, alpha = {alpha.min():.8g} to {alpha.max():.8g}"
+        raise BadInput(f"--keep {at!r}: no orbit of {name} fulfils it at the scene's parameters; the family has {ends}")
+    if len(orbits) > 1:
+        raise BadInput(f"--keep {at!r}: {len(orbits)} orbits of {name} fulfil it, expected one of {list_orbits(orbits, branch)}")
+    return orbits[0]
+
+
+def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tuple[list[Start], tuple[float, float], str]:
+    """The branch of a file beyond its ends, or its first orbit in other parameters."""
+    source, event = file_and_event(arguments.start)
+    branch = given[0]
+    if event is not None:
+        instead = f"expected {source}, and a family in the energy there"
+        raise BadInput(f"--from {arguments.start}: families that begin at events of free orbits are not followed in a parameter; {instead}")
+    if arguments.name is not None:
+        raise BadInput(f"received {arguments.name} and --from {source}; expected one of them")
+    if arguments.scene is not None or options.parameters_of(arguments):
+        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
+    interval = arguments.range or branch.interval
+    direction = arguments.direction or "both"
+    if arguments.parameter is None:
+        if arguments.keep:
+            raise BadInput(f"--keep {arguments.keep[0]!r} needs --in NAME, the parameter that varies")
+        return [further(one, interval, direction) for one in given], interval, ""
+    names, keep = _names(arguments)
+    parametric = branch.problem.parametric.replaced(branch.problem.parameters(branch.unknowns[branch.start]))
+    check_names(parametric, names)
+    if arguments.range is None:
+        raise BadInput("--range LO:HI is required: the range of the parameter")
+    check_range(names[0], parametric.values[names[0]], interval)
+    return [_start(parametric, branch.orbit(branch.start), names, keep, direction, lambda _: None)], interval, ""
