@@ -18,22 +18,27 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue, Edge, FamilyRow, Node
     from branches.events import BranchEvent
+    from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
 
 __all__ = [
     "SCHEMA",
     "add_arguments",
     "default_path",
+    "filters_for",
     "edge_record",
     "event_record",
     "family_record",
     "given",
     "impacts_text",
+    "in_axes",
     "lookup",
     "named",
     "node_record",
     "open_catalogue",
+    "parametric_of",
     "place_to_save",
+    "require_energies",
     "same_meeting",
     "save_branch",
 ]
@@ -41,7 +46,8 @@ __all__ = [
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--catalogue``, ``--scene``, and the parameters of the model: a catalogue belongs to one system."""
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
-    options.add_scene(parser, model=False)
+    # Responses have loads; of families in the energy they are refused when the catalogue is opened.
+    options.add_scene(parser, ("ground", "forces"), model=False)
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
@@ -68,7 +74,7 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
 
     parameters = options.parameters_of(arguments)
     scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
-    if scene is not None:
+    if scene is not None and not scene.loads:
         from bvp.checks import require_system
 
         require_system(scene.system, conservative="families of periodic orbits")
@@ -77,7 +83,56 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
         raise BadInput(
             f"there is no catalogue {path}; expected --catalogue FILE, or one made by saltus build or saltus continue NAME --save"
         )
-    return Catalogue(path, scene=scene)
+    catalogue = Catalogue(path)
+    try:
+        if scene is not None and catalogue.scene.parameters:
+            catalogue.require_system(parametric_of(scene).describe())
+        elif scene is not None:
+            scene.require_used(f"saltus {arguments.command}")
+            catalogue.require_system(scene.system.describe())
+    except BaseException:
+        catalogue.close()
+        raise
+    return catalogue
+
+
+def parametric_of(scene: Scene) -> ParametricSystem:
+    """The system and the loads of a scene as functions of its parameters."""
+    from bvp.parameters import ParametricSystem
+
+    return scene.parametric or ParametricSystem.of(scene.system, scene.forces)
+
+
+def require_energies(catalogue: Catalogue, what: str) -> None:
+    """Refuse a catalogue of forced responses for what only families in the energy have."""
+    if catalogue.scene.parameters:
+        name = catalogue.scene.axes.symbols[0]
+        raise BadInput(f"{what} needs families in the energy, and {catalogue.path} holds responses in {name}")
+
+
+def filters_for(catalogue: Catalogue, arguments: argparse.Namespace) -> dict[str, Any]:
+    """The filters of the command line. Responses have neither a label nor an energy."""
+    filters = options.filters_of(arguments)
+    for name in ("label", "energy"):
+        if name in filters:
+            require_energies(catalogue, f"--{name}")
+    return filters
+
+
+def in_axes(catalogue: Catalogue, record: Any) -> Any:
+    """Plain data about families with the keys of their axes: of responses ``parameter``, ``period`` and ``closure`` in place of ``h``,
+    ``alpha`` and ``ends``, and without labels."""
+    if not catalogue.scene.parameters:
+        return record
+    first, second = catalogue.scene.axes.keys
+    keys = {"h": first, "alpha": second, "ends": "closure"}
+    if isinstance(record, dict):
+        return {keys.get(key, key): in_axes(catalogue, value) for key, value in record.items() if key not in _OF_ENERGY}
+    return [in_axes(catalogue, value) for value in record] if isinstance(record, list) else record
+
+
+_OF_ENERGY = ("label", "labels", "p_q", "breaks")
+"""Keys of data that responses do not have."""
 
 
 def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:

@@ -26,7 +26,10 @@ if TYPE_CHECKING:
     from transitions.sweep.figure import Curve
     from transitions.sweep.runs import AlongParameter
 
-__all__ = ["add_arguments", "draw", "follow", "follow_free", "is_response_file", "is_wanted", "over_sweep", "require_no_loads", "show"]
+__all__ = [
+    "add_arguments", "draw", "follow", "follow_free", "is_response_file", "is_wanted", "over_sweep", "read", "require_no_loads", "show",
+    "write",
+]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
 MOST_BRANCHES = 50
@@ -151,7 +154,7 @@ def _follow_and_write(
             if getattr(error, "branch", None) is not None:
                 branches.append(error.branch)  # type: ignore[attr-defined]
                 files.report(report_lines(branches[-1], len(branches), terminal_width(files.words)))
-        code = max(code, _write(files, branches, arguments.y, title))
+        code = max(code, write(files, branches, arguments.y, title))
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
@@ -211,7 +214,29 @@ def draw(arguments: argparse.Namespace, path: str, y: str | None) -> int:
         _check_column(y, branches[0].problem.parametric, impacts, free=branches[0].problem.ends is not None)
     for number, branch in enumerate(branches, 1):
         files.report(report_lines(branch, number, terminal_width(files.words)))
-    return _write(files, branches, y, "")
+    return write(files, branches, y, "")
+
+
+def read(paths: Sequence[str]) -> list[ForcedBranch]:
+    """The branches of files of responses, all of one system and parameter."""
+    from branches.catalogue.responses import system_of
+    from branches.catalogue.rows import difference
+    from transitions.response.files import read_responses
+
+    found: list[ForcedBranch] = []
+    for path in paths:
+        branches = read_responses(path)
+        first, here = (found or branches)[0].problem, branches[0].problem
+        if (here.released, here.keep) != (first.released, first.keep):
+            names, others = (",".join((*problem.released, *problem.keep)) for problem in (here, first))
+            raise BadInput(f"{path} is in {names}, and {paths[0]} in {others}; expected files in one parameter")
+        at = {name: first.values[name] for name in first.released if name in here.parametric.names}
+        one, other = system_of(first), system_of(here.sibling(here.sequence, values=here.values | at))
+        differs = difference(one, other)
+        if differs is not None:
+            raise BadInput(f"{path} belongs to another system than {paths[0]}: there {differs}")
+        found += branches
+    return found
 
 
 def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: str) -> list[Curve]:
@@ -242,7 +267,7 @@ def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: 
     return [replace(curve, y=np.where(part, curve.y, np.nan)) for curve, part in zip(curves, inside, strict=True) if part.any()]
 
 
-def _write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str) -> int:
+def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str) -> int:
     """Write the files of some branches; return the exit code."""
     from branches.tables import csv_text
     from transitions.response.files import to_record

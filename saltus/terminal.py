@@ -32,7 +32,7 @@ _GAP = 2
 """Spaces between two columns."""
 _LEAST = 16
 """Width that a column of texts or ids keeps."""
-_ID = re.compile(r"(?:origin|rest|stop|periodic)[^\s:]*:[^\s:]*:[0-9a-f]{8}")
+_ID = re.compile(r"(?:origin|rest|stop|periodic|(?:half-)?period-|free-)[^\s:]*:[^\s:]*:[0-9a-f]{8}")
 EVENT_ROW = "{:>6}  {:<4}  {:<14}  {:<18}  {:<18}  {:<9}  {:<12}  {}"
 
 EVENT_COLUMNS = ("point", "type", "label", "energy h", "quarter alpha", "stable", "|multiplier|", "remark")

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from branches.catalogue.find import NameMatch
     from branches.catalogue.rows import FamilyRow
     from branches.catalogue.widening import Kept
+    from branches.forced.branch import ForcedBranch
     from branches.orbit import Orbit
 
 __all__ = ["Catalogue", "FLATTENED", "graph_of", "graph_text"]
@@ -148,8 +149,9 @@ class Catalogue(CatalogueStore):
         """The families and linear modes as nodes, their events as edges: see `graph_of`."""
         return graph_of(self)
 
-    def widen(self, branch: Branch) -> Kept:
-        """Add a family, or replace a part of it that is there already. Events and edges stay, in one transaction.
+    def widen(self, branch: Branch | ForcedBranch) -> Kept:
+        """Add a family, or replace a part of it that is there already. Events and edges stay, in one transaction. Parts of a family of
+        forced orbits are joined.
 
         Returns
         -------
@@ -188,15 +190,23 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
     Edges are events, from the family that has the event to the one that meets it there: ``type`` (GR, SN, BP, SB, PD, RT), ``kind`` (fold,
     passage, switch, dead end, linear mode), ``source_event``, ``target_event``, ``h``, ``alpha``, ``stop``, ``note``. The key of an edge
     is ``source_event>target_event:kind``.
+
+    Of forced responses a family has ``closure`` in place of ``ends``, and no labels; ``parameter`` and ``period`` take the places of ``h``
+    and ``alpha``.
     """
     import networkx
 
-    graph = networkx.MultiDiGraph()
+    first, second = catalogue.scene.axes.keys
+    graph = networkx.MultiDiGraph(axes=list(catalogue.scene.axes.symbols)) if catalogue.scene.parameters else networkx.MultiDiGraph()
     for family in sorted(catalogue.all_families(), key=lambda row: row.id):
+        names: dict[str, Any] = {"label": family.label, "labels": list(family.label_names), "ends": family.ends}
+        if catalogue.scene.parameters:
+            names = {"closure": family.ends}
+        extents = (first, family.h), (second, family.alpha)
+        ranges = {f"{key}_{side}": end for key, ends in extents for side, end in zip(("low", "high"), ends, strict=True)}
         graph.add_node(
-            family.id, kind="family", label=family.label, labels=list(family.label_names),
-            ends=family.ends, sequence=family.sequence, impacts=family.impacts, h_low=family.h[0], h_high=family.h[1],
-            alpha_low=family.alpha[0], alpha_high=family.alpha[1], points=family.points, stable_fraction=family.stable_fraction,
+            family.id, kind="family", **names, sequence=family.sequence, impacts=family.impacts, **ranges, points=family.points,
+            stable_fraction=family.stable_fraction,
         )  # fmt: skip
     for node in catalogue.nodes:
         if node.kind == "dead end":
@@ -208,7 +218,7 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
         for id in (edge.source, edge.target):
             if id not in graph:
                 graph.add_node(id, kind="missing")
-        attributes = {name: getattr(edge, name) for name in _OF_EDGE}
+        attributes = {{"h": first, "alpha": second}.get(name, name): getattr(edge, name) for name in _OF_EDGE}
         graph.add_edge(edge.source, edge.target, f"{edge.source_event}>{edge.target_event}:{edge.kind}", **attributes)
     return graph
 
@@ -221,7 +231,8 @@ def graph_text(graph: networkx.MultiDiGraph, format: str) -> str:
 def _node_link(graph: networkx.MultiDiGraph) -> str:
     nodes = [{"id": id, **data} for id, data in graph.nodes(data=True)]
     edges = [{"source": a, "target": b, "key": key, **data} for a, b, key, data in graph.edges(keys=True, data=True)]
-    lines = [f'  "{name}": {json.dumps(value)}' for name, value in (("directed", True), ("multigraph", True), ("graph", {"schema": 2}))]
+    about = {"schema": 2, **graph.graph}
+    lines = [f'  "{name}": {json.dumps(value)}' for name, value in (("directed", True), ("multigraph", True), ("graph", about))]
     for name, entries in (("nodes", nodes), ("edges", edges)):
         listed = ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in entries)
         lines.append(f'  "{name}": [\n    {listed}\n  ]' if entries else f'  "{name}": []')
@@ -246,13 +257,14 @@ def _graphml(graph: networkx.MultiDiGraph) -> str:
 
 
 def _dot(graph: networkx.MultiDiGraph) -> str:
+    place, symbol = ("parameter", graph.graph["axes"][0]) if "axes" in graph.graph else ("h", "h")
     lines = ["digraph saltus {", "  node [shape=box, fontname=Helvetica];", "  edge [fontname=Helvetica, fontsize=10];"]
     for id, data in graph.nodes(data=True):
         shown = data.get("label") or (data["note"] if data["kind"] == "dead end" else id)
         colour = {"color": _COLOURS[data["kind"]]} if data["kind"] in _COLOURS else {}
         lines.append(f"  {_quoted(id)} [{_attributes({**_flat(data), 'label': shown, **colour})}];")
     for a, b, key, data in graph.edges(keys=True, data=True):
-        shown = f"{data['source_event'] or data['type']} {data['kind']}\nh = {data['h']:.6g}"
+        shown = f"{data['source_event'] or data['type']} {data['kind']}\n{symbol} = {data[place]:.6g}"
         lines.append(f"  {_quoted(a)} -> {_quoted(b)} [{_attributes({**_flat(data), 'key': key, 'label': shown})}];")
     return "\n".join([*lines, "}"]) + "\n"
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["NameMatch", "chosen", "find", "is_part_of_id"]
 
 _WILD = re.compile(r"[*?\[]")
-_PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic).*")
+_PART_OF_ID = re.compile(r"[0-9a-f]{4,}|(origin|rest|stop|periodic|period-|half-period-|free-).*")
 _SHORTENED = re.compile(r"([a-z][^\s.…]*)(?:…|\.{1,3})([^\s.…]*:[0-9a-f]{8})")
 """An id that a narrow table shows without its middle."""
 _SIDE = re.compile(r"(?<=stop)[a-z]?[+-]")
@@ -143,6 +143,8 @@ def find(catalogue: CatalogueStore, text: str, reference_points: Mapping[str, Ma
     if mode is not None and not at:
         return _match(mode)
     row = _family_of_id(catalogue, head)
+    if catalogue.scene.parameters:
+        return _response(catalogue, text, head, row)
     if row is not None:
         name = parse_name(row.id + at + suffix)
         orbits = _select(catalogue, name, [row], None)
@@ -170,6 +172,17 @@ def find(catalogue: CatalogueStore, text: str, reference_points: Mapping[str, Ma
         more = f" and {len(found) - 12} more" if len(found) > 12 else ""
         raise AmbiguousName(f"{text} matches {len(found)} families; choose one of {' '.join(_suffixed(head, found)[:12])}{more}")
     return found[0]
+
+
+def _response(catalogue: CatalogueStore, text: str, head: str, row: FamilyRow | None) -> NameMatch:
+    """The family of forced orbits that has an id, or the beginning of one: it has no label."""
+    held = f"the families of {catalogue.path} are responses in {catalogue.scene.axes.symbols[0]}"
+    if row is None:
+        near = ", ".join(most_alike(head, [row.id for row in catalogue.all_families()])) or "none, it holds no family"
+        raise NameNotFound(f"no family {shown(text)}: {held}, which have ids and no labels; nearest: {near}")
+    if text != head:
+        raise NameNotFound(f"{shown(text)}: {held}; expected an id without @")
+    return NameMatch(row.id, "family")
 
 
 def _family_of_id(catalogue: CatalogueStore, head: str) -> FamilyRow | None:

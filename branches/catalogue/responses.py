@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.admissible import unphysical
+from branches.catalogue.database import CatalogueError
 from branches.catalogue.packing import PackedFamily, encode, label_intervals, queried_rows, stability_intervals, stable_fraction
 from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_values
 from branches.events import BranchEvent, Ended
@@ -24,13 +25,14 @@ from branches.tables import plain
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged, Solution
 from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
 
 if TYPE_CHECKING:
     from branches.catalogue.store import CatalogueStore
 
 __all__ = [
-    "contains", "failures", "joined", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events", "problem_of",
-    "system_of", "unpack_response",
+    "contains", "failures", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
+    "problem_from", "problem_record", "system_of", "unpack_response",
 ]  # fmt: skip
 
 RESIDUAL = 1e-11
@@ -54,9 +56,10 @@ def system_of(problem: ForcedProblem) -> dict[str, Any]:
 
 def pack_response(branch: ForcedBranch) -> PackedFamily:
     """Pack a family of forced orbits into the rows of a catalogue."""
+    require_forced(branch)
     problem = branch.problem
     count = len(branch)
-    largest = np.abs(branch.multipliers).max(axis=1)
+    largest = branch.largest_multiplier
     columns: dict[str, np.ndarray] = {
         "h": branch.parameter, "alpha": branch.periods, "arclength": np.asarray(branch.arclength, float), "tau": largest,
         "stable": branch.stable.astype(np.int8), "label": np.full(count, ""), "unknowns": branch.unknowns, "tangents": branch.tangents,
@@ -66,11 +69,8 @@ def pack_response(branch: ForcedBranch) -> PackedFamily:
     arrays, layout = encode(columns, problem)
     stability = stability_intervals(columns, events)
     closure, sequence, _ = branch.id.split(":")
-    response = {
-        "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
-        "released": list(problem.released), "keep": list(problem.keep), "range": plain(branch.interval),
-        "events": [[event.note, event.angle, [list(one) for one in event.neighbours]] for event in branch.events],
-    }  # fmt: skip
+    extra = [[event.note, event.angle, [list(one) for one in event.neighbours]] for event in branch.events]
+    response = {**problem_record(problem), "range": plain(branch.interval), "events": extra}
     ended = [(str(end.reason), end.text) for end in branch.ended]
     details = {"labels": label_intervals(columns, ()), "stability": stability, "ended": ended, "layout": layout, "response": response}
     row = FamilyRow(
@@ -96,11 +96,23 @@ def plain_events(branch: ForcedBranch) -> tuple[BranchEvent, ...]:
     return tuple(found)
 
 
-def problem_of(parametric: ParametricSystem, row: FamilyRow) -> ForcedProblem:
-    """The problem of a stored family."""
-    given = row.response
+def problem_record(problem: ForcedProblem) -> dict[str, Any]:
+    """A problem without its system, as plain data."""
+    return {
+        "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
+        "released": list(problem.released), "keep": list(problem.keep),
+    }  # fmt: skip
+
+
+def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> ForcedProblem:
+    """The inverse of `problem_record`."""
     options = {name: given[name] for name in ("load_periods", "half", "values", "keep")}
     return ForcedProblem(parametric, given["solved"], given["released"], **options)
+
+
+def kept_as(family: PackedFamily, id: str) -> PackedFamily:
+    """The rows of a family under another of its ids."""
+    return replace(family, row=family.row._replace(id=id))
 
 
 def unpack_response(
@@ -210,6 +222,12 @@ def meeting_failures(here: tuple[ForcedProblem, EventOrbit], there: tuple[Forced
             return
 
 
+def require_forced(branch: ForcedBranch) -> None:
+    """Refuse a family of free orbits in a parameter: it has no id yet."""
+    if isinstance(branch.problem, ReleasedProblem):
+        raise CatalogueError(f"families of free orbits in {branch.name} are not kept in catalogues; expected a response, or a JSON file")
+
+
 def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch:
     """A branch as a catalogue keeps it: of the primitive orbit, of the catalogue's system, and with the id that the family has there.
 
@@ -218,6 +236,7 @@ def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch
     CatalogueError
         For a branch of another system, or in other parameters.
     """
+    require_forced(branch)
     branch = primitive_branch(branch)
     catalogue.require_system(system_of(branch.problem))
     old = branch.problem
@@ -228,7 +247,7 @@ def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch
     return branch.known_as(next((id for id in branch.full_family.ids if id in catalogue), branch.full_family.ids[0]))
 
 
-def joined(narrow: ForcedBranch, branch: ForcedBranch) -> ForcedBranch | None:
+def joined_family(narrow: ForcedBranch, branch: ForcedBranch) -> ForcedBranch | None:
     """The family of two branches followed so far that it has both; None where it could not be.
 
     The family of the narrow one is followed again, so that its unknowns are begun at the same impact."""

@@ -343,7 +343,7 @@ class SceneRecord:
         if not self.parameters:
             return ENERGY
         name = self.parameters["names"][0]
-        return Axes((name, "period"), (name, "T"))
+        return Axes((name, "period"), (name, "T"), ("parameter", "period"))
 
     @classmethod
     def of(cls, scene: Any) -> SceneRecord:
@@ -374,13 +374,16 @@ class Axes:
         In tables.
     symbols : (str, str)
         In equations.
+    keys : (str, str)
+        In files.
     """
 
     names: tuple[str, str]
     symbols: tuple[str, str]
+    keys: tuple[str, str]
 
 
-ENERGY = Axes(("energy h", "quarter alpha"), ("h", "alpha"))
+ENERGY = Axes(("energy h", "quarter alpha"), ("h", "alpha"), ("h", "alpha"))
 """The axes of conservative families."""
 
 

@@ -261,9 +261,9 @@ class CatalogueStore(CatalogueFile):
 
     def _problem(self, row: FamilyRow) -> Any:
         if row.response is not None:
-            from branches.catalogue.responses import problem_of
+            from branches.catalogue.responses import problem_from
 
-            return problem_of(self.parametric, row)
+            return problem_from(self.parametric, row.response)
         from branches.sequences import parse_ends, parse_sequence
         from bvp.multipoint import MultipointProblem
 

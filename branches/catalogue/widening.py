@@ -88,9 +88,9 @@ def widen(catalogue: CatalogueStore, branch: Branch | ForcedBranch) -> Kept:
         return Kept.KNOWN
     wider: Branch | ForcedBranch | None
     if isinstance(branch, ForcedBranch):
-        from branches.catalogue.responses import joined
+        from branches.catalogue.responses import joined_family
 
-        wider = joined(narrow, branch)
+        wider = joined_family(narrow, branch)
     else:
         wider = branch if holds(branch, narrow) else None
     if wider is None:

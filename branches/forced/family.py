@@ -21,16 +21,23 @@ from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
 from bvp.kernels.stroboscopic import make_stroboscopic
 from bvp.multipoint import Solution
+from bvp.released import ReleasedProblem
 from continuation.control import kinds_of
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["AlongParameters", "ForcedFamily", "limits_of"]
+__all__ = ["AlongParameters", "ForcedFamily", "limits_of", "unbounded"]
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
+
+_LARGE = 100.0
+"""Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
+
+_UNDAMPED, _NEAR = 1e-10, 0.3
+"""Distance of a multiplier from the unit circle, and from 1, at the resonance of an undamped mode."""
 
 
 def limits_of(problem: ForcedProblem, interval: tuple[float, float]) -> tuple[tuple[float, float], tuple[str, str]]:
@@ -173,3 +180,26 @@ class ForcedFamily(AlongParameters, SolvedFamily):
             return None
         nearest = upper[np.argmin(np.abs(np.abs(upper) - 1.0))]
         return float(np.angle(nearest)) if abs(abs(nearest) - 1.0) < _ON_CIRCLE else None
+
+
+def unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
+    """The condition that the motion grows without bound, in words: without impacts towards the resonance of an undamped mode, and without
+    a clock where the stops lose no more than the motion gains."""
+    place = 2 * problem.degrees_of_freedom
+
+    def gains(point: Point) -> str | bool:
+        return max(map(abs, point.step.position[:place])) > _LARGE and "the motion grows without bound"
+
+    def grows(point: Point) -> str | bool:
+        if max(map(abs, point.step.position[:place])) < _LARGE:
+            return False
+        free = problem.multipliers(point.step.y)
+        near = free[np.argmin(np.abs(free - 1.0))]
+        undamped = abs(abs(near) - 1.0) < _UNDAMPED and abs(near - 1.0) < _NEAR
+        return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
+
+    if isinstance(problem, ReleasedProblem):
+        return None
+    if not problem.has_clock:
+        return gains
+    return None if problem.sequence else grows

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.family import SETTINGS
-from branches.forced.family import ForcedFamily
+from branches.forced.family import ForcedFamily, unbounded
 from branches.forced.switching import full_period, half_of
 from branches.full_family import FamilyMark, digests
 from bvp.closures import EndsError
@@ -46,6 +46,9 @@ _TIE = 1e-8
 
 _ZERO = 1e-9
 """Value of a parameter, beside its scale, that counts as zero."""
+
+_BESIDE = 1e-6
+"""Distance from a branch point, beside the scale of the parameter, within which a fold is that of this point."""
 
 _SLACK = 1e-3
 """Part by which a range is widened beyond the points of a coarse curve."""
@@ -190,12 +193,24 @@ def full_response(branch: ForcedBranch) -> FullResponse:
         cuts: list[np.ndarray] = []
     else:
         found, closed, parameter, cuts = _followed(problem, y, window)
-    grazing = [y for kind, y, at_end in found if kind == "GR" and at_end and not closed]
-    folds = [y for kind, y, _ in found if kind == "SN"]
-    kind, orbits = ("GR", grazing) if grazing else ("SN", folds) if folds else ("EP", cuts)
+    kind, orbits = _identifying(problem, found, closed) or ("EP", cuts or [y])
     marks = _lowest([_mark(problem, kind, y) for y in orbits])
     name = f"{closure_name(problem)}:{canonical_letters(problem)}"
     return FullResponse(tuple(f"{name}:{text}" for text in digests(marks)), marks, closed, parameter)
+
+
+def _identifying(
+    problem: ForcedProblem, found: Sequence[tuple[str, np.ndarray, bool]], closed: bool
+) -> tuple[str, list[np.ndarray]] | None:
+    """The events that identify a family, with their type: grazing ends, else folds, else branch points."""
+    grazing = [y for kind, y, at_end in found if kind == "GR" and at_end and not closed]
+    if grazing:
+        return "GR", grazing
+    place, scale = 2 * problem.degrees_of_freedom + 1, window_of(problem)[1] / WINDOW
+    points = [y for kind, y, _ in found if kind == "BP"]
+    # Where a family passes through another one it turns, too: the branch point is located better.
+    folds = [y for kind, y, _ in found if kind == "SN" and all(abs(y[place] - other[place]) > _BESIDE * scale for other in points)]
+    return ("SN", folds) if folds else ("BP", points) if points else None
 
 
 def _plain_points(branch: ForcedBranch) -> list[int]:
@@ -220,7 +235,7 @@ def _followed(
     """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
     at which it is cut."""
     family, place = ForcedFamily(problem, window), 2 * problem.degrees_of_freedom + 1
-    run = follow_both_ways(family, family.begin(y), SETTINGS)
+    run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem))
     if not run.points:
         return [], False, np.array([y[place]]), [y]
     last = len(run.points) - 1

@@ -15,7 +15,7 @@ from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.extending import can_go_on, joined, outward
-from branches.forced.family import ForcedFamily
+from branches.forced.family import ForcedFamily, unbounded
 from branches.forced.identity import closure_name, primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
 from branches.interrupted import with_branch, with_computed
@@ -38,11 +38,10 @@ OUT_OF_DOMAIN = "DOMAIN"
 
 _SIGNS = {"both": 1, "up": 1, "down": -1, "along": 0}
 
-_LARGE = 100.0
-"""Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
+_BESIDE = 1e-3
+"""Largest arclength between a branch point and the fold of a family that turns there. Its cube bounds the difference of the parameter,
+which has a turning point between them."""
 
-_UNDAMPED, _NEAR = 1e-10, 0.3
-"""Distance of a multiplier from the unit circle, and from 1, at the resonance of an undamped mode."""
 
 
 def follow_response(
@@ -109,7 +108,7 @@ def follow_response(
 
     try:
         run = follow_both_ways(
-            family, begin, settings, both=direction == "both", direction=_SIGNS[direction], stop_when=_unbounded(problem),
+            family, begin, settings, both=direction == "both", direction=_SIGNS[direction], stop_when=unbounded(problem),
             stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
             on_points=None if on_point is None else counted, on_event=on_event,
         )  # fmt: skip
@@ -167,35 +166,15 @@ def _family_of(
     return ForcedFamily(problem, interval, values)
 
 
-def _unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
-    """The condition that the motion grows without bound, in words: without impacts towards the resonance of an undamped mode, and without
-    a clock where the stops lose no more than the motion gains."""
-    place = 2 * problem.degrees_of_freedom
-
-    def gains(point: Point) -> str | bool:
-        return max(map(abs, point.step.position[:place])) > _LARGE and "the motion grows without bound"
-
-    def grows(point: Point) -> str | bool:
-        if max(map(abs, point.step.position[:place])) < _LARGE:
-            return False
-        free = problem.multipliers(point.step.y)
-        near = free[np.argmin(np.abs(free - 1.0))]
-        undamped = abs(abs(near) - 1.0) < _UNDAMPED and abs(near - 1.0) < _NEAR
-        return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
-
-    if isinstance(problem, ReleasedProblem):
-        return None
-    if not problem.has_clock:
-        return gains
-    return None if problem.sequence else grows
-
-
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     counts = Counter[str]()
     events = []
+    branch_points = [event for event in run.events if event.code == "BP"]
     for event in run.events:
+        if event.code == "SN" and any(_is_one(event, other) for other in branch_points):
+            continue
         counts[event.code] += 1
         details, at = event.details, event.point
         if "label" in details:  # its change reads in the order of arclength
@@ -232,6 +211,12 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
     elif end.reason is EndReason.STOP_WHEN:
         text = f"{end.detail}, at {name} = {point.step.parameter:.12g}"
     return Ended(end.reason.name, text)
+
+
+def _is_one(fold: Event, point: Event) -> bool:
+    """Whether a fold is that of a family that turns at a branch point, where it passes through another one."""
+    values = fold.point.parameter, point.point.parameter
+    return abs(fold.arclength - point.arclength) < _BESIDE and abs(values[0] - values[1]) <= _BESIDE**3 * max(1.0, abs(values[0]))
 
 
 def _with_neighbours(branch: ForcedBranch, event: ForcedEvent) -> ForcedEvent:

@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
 
     with catalogues.open_catalogue(arguments) as catalogue:
-        compiling.prepare("continue")
+        compiling.prepare("response" if catalogue.scene.parameters else "continue")
 
         from branches.catalogue.check import check_catalogue
 

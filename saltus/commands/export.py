@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ WHAT = {
     "graph": "graph of the families: JSON (node-link), GraphML or DOT",
     "points": "a row for each point: CSV, JSON, NPZ or MAT",
     "orbits": "a row for each orbit: CSV, JSON, NPZ or MAT",
+    "response": "forced responses: a figure, or their points",
 }
 PICTURES = ("fep", "velocities")
 
@@ -36,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         part = parsers.add_parser(what, help=summary, description=summary[0].upper() + summary[1:] + ".")
         if what in PICTURES:
             _add_figure_options(part)
+        elif what == "response":
+            _add_response_options(part)
         else:
             _add_data(part, what)
         part.set_defaults(parser=part)
@@ -47,7 +51,37 @@ def run(arguments: argparse.Namespace) -> int:
     if not files.places:
         known = [f"--{kind}" for kind in outputs.KINDS if hasattr(arguments, kind)]
         raise BadInput(f"missing: {' or '.join(known)} (see saltus export {arguments.what} --help)")
+    if arguments.what == "response":
+        return _response(arguments, files)
     return _figure(arguments, files) if arguments.what in PICTURES else _data(arguments, files)
+
+
+def _add_response_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of ``response``."""
+    parser.add_argument("names", metavar="ID", nargs="*", help="ids of families (default: all)")
+    outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
+    parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="responses, as `saltus continue --in --json` writes them")
+    parser.add_argument("--y", metavar="COLUMN", help="what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., ...")
+    options.add_filters(parser)
+    catalogues.add_arguments(parser)
+
+
+def _response(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+    """Draw responses, or write their points."""
+    from saltus import responses
+
+    if arguments.branches:
+        given = [f"--{name}" for name in options.filters_of(arguments)] + ["--catalogue"] * (arguments.catalogue is not None)
+        if arguments.names or given:
+            raise BadInput(f"{[*given, *arguments.names][0]} chooses families of a catalogue; expected it without --branches")
+        return responses.write(files, responses.read(arguments.branches), arguments.y, "")
+    with catalogues.open_catalogue(arguments) as catalogue:
+        if not catalogue.scene.parameters:
+            raise BadInput(f"{catalogue.path} holds families in the energy; expected saltus export fep, or a catalogue of responses")
+        families = _chosen(catalogue, arguments)
+        branches, title = [catalogue.branch(row.id) for row in families], catalogue.scene.title
+    compiling.prepare("response")
+    return responses.write(files, branches, arguments.y, title)
 
 
 def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
@@ -67,20 +101,17 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Write the graph, or a table of points or orbits."""
     from branches.tables import DEFAULT_COLUMNS, POINT_NAMES, points_table, table_text
 
-    columns = DEFAULT_COLUMNS
-    if arguments.what == "points" and arguments.columns is not None:
-        columns = tuple(name.strip() for name in arguments.columns.split(","))
-        for name in columns:
-            if columns.count(name) > 1:
-                raise BadInput(f"column {name!r} is given {columns.count(name)} times; expected each column once")
-            if name not in POINT_NAMES:
-                hint = nearest(name, POINT_NAMES) or f", expected some of {', '.join(POINT_NAMES)}"
-                raise BadInput(f"unknown column {name!r} of points{hint}")
     with catalogues.open_catalogue(arguments) as catalogue:
         if arguments.what == "graph":
             return _graph(catalogue, _chosen(catalogue, arguments) if len(catalogue) else [], files)
-        points = arguments.what == "points"
-        table = points_table(catalogue, _chosen(catalogue, arguments), columns) if points else _orbits(catalogue, arguments)
+        if arguments.what == "orbits":
+            catalogues.require_energies(catalogue, "saltus export orbits")
+            table = _orbits(catalogue, arguments)
+        elif catalogue.scene.parameters:
+            table = _response_points(catalogue, arguments)
+        else:
+            columns = _columns(arguments, POINT_NAMES) or DEFAULT_COLUMNS
+            table = points_table(catalogue, _chosen(catalogue, arguments), columns)
     thing = "samples" if getattr(arguments, "samples", None) else arguments.what
     note = counted(len(next(iter(table.values()))), thing[:-1])
     return files.write(
@@ -88,9 +119,36 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     )
 
 
+def _columns(arguments: argparse.Namespace, known: Sequence[str]) -> tuple[str, ...]:
+    """The columns of ``--columns``, which are known and differ; empty without it."""
+    columns = tuple(name.strip() for name in arguments.columns.split(",")) if arguments.columns is not None else ()
+    for name in columns:
+        if columns.count(name) > 1:
+            raise BadInput(f"column {name!r} is given {columns.count(name)} times; expected each column once")
+        if name not in known:
+            hint = nearest(name, known) or f", expected some of {', '.join(known)}"
+            raise BadInput(f"unknown column {name!r} of points{hint}")
+    return columns
+
+
+def _response_points(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
+    """The points of forced responses, one family after the other."""
+    import numpy as np
+
+    from transitions.response.measures import response_table
+
+    families = _chosen(catalogue, arguments)
+    compiling.prepare("response")
+    branches = [catalogue.branch(row.id) for row in families]
+    table = response_table(branches)
+    del table["branch"]
+    table = {"family": np.repeat([row.id for row in families], [row.points for row in families]), **table}
+    return {name: table[name] for name in _columns(arguments, [*table]) or table}
+
+
 def _chosen(catalogue: Catalogue, arguments: argparse.Namespace) -> list[FamilyRow]:
     """The families that the names and the filters choose."""
-    filters = options.filters_of(arguments)
+    filters = catalogues.filters_for(catalogue, arguments)
     families = catalogue.families(**filters)
     if arguments.names:
         named = {catalogue.find(name).id for name in arguments.names}
@@ -261,6 +319,7 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
     else:
         with catalogues.open_catalogue(arguments) as catalogue:
             place = str(catalogue.path)
+            catalogues.require_energies(catalogue, f"saltus export {arguments.what}")
             if not len(catalogue):
                 raise options.nothing_fits(place, 0, filters)
             kept = {row.id for row in catalogue.families(**filters)}

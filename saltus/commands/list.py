@@ -26,12 +26,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.naming.matching import spelled
 
-    filters = options.filters_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:
+        filters = catalogues.filters_for(catalogue, arguments)
         families = catalogue.families(**filters)
         total, names = len(catalogue), list(catalogue.scene.reference_points)
+        axes, is_of_responses = catalogue.scene.axes, bool(catalogue.scene.parameters)
+        records = [catalogues.in_axes(catalogue, catalogues.family_record(row)) for row in families]
 
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for row in families:
         label, *others = dict.fromkeys(spelled(text, names) for text in (row.label, *row.label_names))
         rows.append(
@@ -40,12 +42,15 @@ def run(arguments: argparse.Namespace) -> int:
                 f"{100.0 * row.stable_fraction:.0f}%", str(row.points), str(row.events), " ".join(others),
             )
         )  # fmt: skip
-    head = ("label", "id", "impacts", "energy h", "quarter alpha", "stable", "points", "events", "other labels")
-    lines = table_lines(head, rows, width=terminal_width(sys.stdout), columns="lirllrrrt")
-    records = [catalogues.family_record(row) for row in families]
+    head: tuple[str, ...] = ("label", "id", "impacts", *axes.names, "stable", "points", "events", "other labels")
+    columns = "lirllrrrt"
+    if is_of_responses:
+        rows, head, columns = [row[1:-1] for row in rows], head[1:-1], columns[1:-1]
+    lines = table_lines(head, rows, width=terminal_width(sys.stdout), columns=columns)
+    about = {"parameter": axes.symbols[0]} if is_of_responses else {}
     return files.finish(
         [*lines, f"{len(families)} of {counted(total, 'family')}"],
-        lambda: {"schema": catalogues.SCHEMA, "filters": filters, "families": records},
+        lambda: {"schema": catalogues.SCHEMA, **about, "filters": filters, "families": records},
         table=lambda: family_table(records),
     )
 
@@ -54,7 +59,8 @@ def family_table(records: list[dict[str, Any]]) -> Table:
     """A row for each family: its record without its labels and its ends' reasons."""
     import numpy as np
 
-    texts = ("id", "label", "ends", "sequence")
-    numbers = ("impacts", "h", "alpha", "points", "events", "stable_fraction")
-    table: Table = {name: np.array([record[name] for record in records], dtype=str) for name in texts}
-    return table | {name: np.array([record[name] for record in records]) for name in numbers}
+    texts = ("id", "label", "ends", "closure", "sequence")
+    numbers = ("impacts", "h", "alpha", "parameter", "period", "points", "events", "stable_fraction")
+    present = records[0] if records else dict.fromkeys((*texts, *numbers))
+    table: Table = {name: np.array([record[name] for record in records], dtype=str) for name in texts if name in present}
+    return table | {name: np.array([record[name] for record in records]) for name in numbers if name in present}

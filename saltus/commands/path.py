@@ -28,8 +28,10 @@ def run(arguments: argparse.Namespace) -> int:
     with catalogues.open_catalogue(arguments) as catalogue:
         first, last = catalogue.find(arguments.first).id, catalogue.find(arguments.last).id
         chain = _chain(catalogue, first, last)
-    nodes, edges = chain or (None, None)
-    code = files.finish(_lines(*chain) if chain else [], lambda: {"from": first, "to": last, "nodes": nodes, "edges": edges})
+        symbols = catalogue.scene.axes.symbols
+        nodes, edges = catalogues.in_axes(catalogue, list(chain)) if chain else (None, None)
+    lines = _lines(*chain, symbols) if chain else []
+    code = files.finish(lines, lambda: {"from": first, "to": last, "nodes": nodes, "edges": edges})
     if chain is None:
         say(f"no chain of events joins {arguments.first} and {arguments.last} in this catalogue")
         return max(code, FAILED)
@@ -54,10 +56,10 @@ def _chain(catalogue: Catalogue, first: str, last: str) -> tuple[list[dict[str, 
     return [node_record(catalogue, id) for id in found], edges
 
 
-def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]]) -> list[str]:
+def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]], symbols: tuple[str, str]) -> list[str]:
     out = []
     for k, node in enumerate(nodes):
-        extent = "" if node["h"] is None else f"  h {node['h'][0]:.6g}:{node['h'][1]:.6g}"
+        extent = "" if node["h"] is None else f"  {symbols[0]} {node['h'][0]:.6g}:{node['h'][1]:.6g}"
         out.append(f"{node['label'] or node['kind']}{extent}  {node['id']}")
         if k < len(edges):
             edge = edges[k]
@@ -65,6 +67,6 @@ def _lines(nodes: list[dict[str, Any]], edges: list[dict[str, Any]]) -> list[str
             if edge["source"] != node["id"]:
                 here, there = there, here
             way = " to ".join(event for event in (here, there) if event) or edge["type"]
-            out.append(f"  {way}: {edge['kind']} at h = {edge['h']:.10g}, alpha = {edge['alpha']:.10g}")
+            out.append(f"  {way}: {edge['kind']} at {symbols[0]} = {edge['h']:.10g}, {symbols[1]} = {edge['alpha']:.10g}")
     out.append(counted(len(edges), "event"))
     return out

@@ -14,13 +14,16 @@ from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_wo
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge
     from branches.catalogue.find import NameMatch
+    from branches.catalogue.rows import Axes
     from branches.orbit import Orbit
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, L11+, or a JSON file of responses")
-    outputs.add_arguments(parser, "json", plot="draw the orbit that the suffix of NAME selects: FILE.png, FILE.pdf or FILE.svg")
+    outputs.add_arguments(
+        parser, "json", plot="draw the orbit that the suffix of NAME selects, or a response: FILE.png, FILE.pdf or FILE.svg"
+    )
     catalogues.add_arguments(parser)
 
 
@@ -31,12 +34,18 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     with catalogues.open_catalogue(arguments) as catalogue:
         match = catalogue.find(arguments.name)
-        record = _record(catalogue, match)
-        lines = _lines(catalogue, match, record)
-        orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
-
-    figure: outputs.Drawing = "branches.figures.single:orbit_figure", orbit, {}
-    return files.finish(lines, lambda: record, figure=figure, notes={"plot": f"the orbit {name}"})
+        record = catalogues.in_axes(catalogue, _record(catalogue, match))
+        lines = _lines(catalogue, match)
+        figure: outputs.Drawing
+        if catalogue.scene.parameters:
+            branches = [catalogue.branch(match.id)] if match.kind == "family" else []
+            if "plot" in files.places and not branches:
+                raise BadInput(f"{match.id} is a {match.kind}, which has no curve to draw")
+            figure, shown = ("transitions.response.figure:response_figure", branches, {"title": catalogue.scene.title}), match.id
+        else:
+            orbit, name = _orbit(catalogue, match) if "plot" in files.places else (None, "")
+            figure, shown = ("branches.figures.single:orbit_figure", orbit, {}), f"the orbit {name}"
+    return files.finish(lines, lambda: record, figure=figure, notes={"plot": shown})
 
 
 def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
@@ -48,7 +57,9 @@ def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
         return {"schema": SCHEMA, "node": node_record(catalogue, match.id), "neighbours": neighbours}
     row = catalogue.family(match.id)
     events = [event_record(event) for event in catalogue.events(row.id)]
-    family = {"schema": SCHEMA, "family": family_record(row)}
+    family: dict[str, Any] = {"schema": SCHEMA, "family": family_record(row)}
+    if catalogue.scene.parameters:
+        return {**family, "path": catalogue.scene.parameters, "events": events, "neighbours": neighbours}
     return {**family, "model": explain(catalogue.system, row.id), "events": events, "neighbours": neighbours}
 
 
@@ -60,39 +71,60 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
     return {"event": event, "direction": "out" if out else "in", "to": node_record(catalogue, other), "edge": edge_record(edge)}
 
 
-def _lines(catalogue: Catalogue, match: NameMatch, record: dict[str, Any]) -> list[str]:
+def _lines(catalogue: Catalogue, match: NameMatch) -> list[str]:
     """The same in words."""
-    width = terminal_width(sys.stdout)
-    neighbours = _each_once(record["neighbours"], catalogue.edges(match.id))
+    from saltus.scene.model import explain
+
+    width, axes = terminal_width(sys.stdout), catalogue.scene.axes
+    edges = catalogue.edges(match.id)
+    neighbours = _each_once([_neighbour(catalogue, edge, match.id) for edge in edges], edges)
     if match.kind != "family":
-        node = record["node"]
+        node = node_record(catalogue, match.id)
         lines = [f"{node['kind']}  {node['id']}"]
         if node["h"] is not None:
             lines.append(f"energy   h = {node['h'][0]:.10g} to {node['h'][1]:.10g}, where it grazes a stop")
-        return lines + _neighbours(neighbours, width)
+        return lines + _neighbours(neighbours, width, axes)
     row = catalogue.family(match.id)
-    lines = [
-        f"family   {row.id}",
-        f"label    {row.label or '(outside the grammar of labels)'}",
-        *([f"name     {match.note}"] if match.note else []),
-        f"ends     {row.ends}  sequence {row.sequence or '(none)'}  {impacts_text(row.impacts)}",
-        f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
-        f"quarter  alpha = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
+    if row.response is None:
+        lines = [
+            f"family   {row.id}",
+            f"label    {row.label or '(outside the grammar of labels)'}",
+            *([f"name     {match.note}"] if match.note else []),
+            f"ends     {row.ends}  sequence {row.sequence or '(none)'}  {impacts_text(row.impacts)}",
+            f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
+            f"quarter  alpha = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
+        ]
+        model = explain(catalogue.system, row.id)
+    else:
+        path, model = catalogue.scene.parameters, []
+        lines = [
+            f"family   {row.id}",
+            f"closure  {row.ends}  sequence {row.sequence or '(none)'}  {row.impacts:g} impacts in a period of the loads",
+            f"in       {axes.symbols[0]} = {row.h[0]:.12g} to {row.h[1]:.12g}" + "".join(f", with {text}" for text in path["keep"]),
+            f"period   T = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
+        ]
+    lines += [
         f"points   {row.points}, stable over {100.0 * row.stable_fraction:.1f}% of the arclength",
         *(f"ended    at the {place} point: {text}" for place, (_, text) in zip(("first", "last"), row.ended, strict=True)),
-        *(f"model    {text}" for text in record["model"]),
+        *(f"model    {text}" for text in model),
     ]
     lines = [*wrapped(lines, width, 9), ""]
-    cells = [("label", p.value or "-", *map(range_text, p[1:])) for p in row.labels]
+    cells: list[tuple[str, ...]] = []
+    if row.response is None:
+        cells += [("label", p.value or "-", *map(range_text, p[1:])) for p in row.labels]
     cells += [("stable", stability_word(p.value), *map(range_text, p[1:])) for p in row.stability]
-    lines += table_lines(("along it", "", "arclength", "energy h", "quarter alpha"), cells, width=width)
+    lines += table_lines(("along it", "", "arclength", *axes.names), cells, width=width)
     if row.events:
         cells = [event_cells(event) for event in catalogue.events(row.id)]
-        lines += ["", *table_lines(EVENT_COLUMNS, cells, width=width, columns="rllllllt")]
-    return lines + _neighbours(neighbours, width)
+        head: tuple[str, ...] = (*EVENT_COLUMNS[:3], *axes.names, *EVENT_COLUMNS[5:])
+        columns = "rllllllt"
+        if row.response is not None:  # its events have no label
+            cells, head, columns = [(*line[:2], *line[3:]) for line in cells], (*head[:2], *head[3:]), "rlllllt"
+        lines += ["", *table_lines(head, cells, width=width, columns=columns)]
+    return lines + _neighbours(neighbours, width, axes)
 
 
-def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str]:
+def _neighbours(neighbours: list[dict[str, Any]], width: int | None, axes: Axes) -> list[str]:
     if not neighbours:
         return ["", "neighbours  none known"]
     rows = []
@@ -103,7 +135,8 @@ def _neighbours(neighbours: list[dict[str, Any]], width: int | None) -> list[str
             (item["event"] or "-", edge["kind"], f"{edge['h']:.8g}", item["direction"], node["label"] or node["kind"],
              "" if node["kind"] == "dead end" else node["id"], text)
         )  # fmt: skip
-    return ["", *table_lines(("event", "meeting", "energy h", "edge", "neighbour", "id", "remark"), rows, width=width, columns="lllllit")]
+    head = ("event", "meeting", axes.names[0], "edge", "neighbour", "id", "remark")
+    return ["", *table_lines(head, rows, width=width, columns="lllllit")]
 
 
 def _each_once(neighbours: list[dict[str, Any]], edges: list[Edge]) -> list[dict[str, Any]]:

@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     note = f"note   {path} has no family that meets this one: --save keeps one family alone, saltus build also those that it meets"
     lines = tree.lines() if tree.ways.get(root) else [*tree.lines(), note]
     fitted = wrapped((with_short_ids(line, width) for line in lines), width, 8)
-    return files.finish(fitted, lambda: {"depth": arguments.depth, "tree": tree.record(root)})
+    return files.finish(fitted, lambda: {"depth": arguments.depth, "tree": catalogues.in_axes(catalogue, tree.record(root))})
 
 
 class _Tree:
@@ -59,9 +59,10 @@ class _Tree:
         self.root = root
         self.words: dict[str, str] = {}
         names = list(catalogue.scene.reference_points)
+        self.symbol = catalogue.scene.axes.symbols[0]
         for row in catalogue.families():
             label = spelled(row.label, names)
-            self.words[row.id] = f"{label or row.id}  h {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if label else "")
+            self.words[row.id] = f"{label or row.id}  {self.symbol} {row.h[0]:.5g}:{row.h[1]:.5g}" + (f"  {row.id}" if label else "")
         for other in catalogue.nodes:
             h = "" if other.h is None else f"  h {other.h[0]:.5g}:{other.h[1]:.5g}"
             self.words[other.id] = f"dead end: {other.note}" if other.kind == "dead end" else f"{other.id} ({other.kind}){h}"
@@ -112,7 +113,7 @@ class _Tree:
                 last = k == len(ways) - 1
                 words = self.words.get(way.to, f"{way.to} (missing)")
                 again = "" if opens or words.startswith("dead end") else "  (elsewhere in this tree)"
-                out.append(f"{lead}{'└─' if last else '├─'} {way.event} {way.edge.kind} at h {way.edge.h:.6g}: {words}{again}")
+                out.append(f"{lead}{'└─' if last else '├─'} {way.event} {way.edge.kind} at {self.symbol} {way.edge.h:.6g}: {words}{again}")
                 if opens:
                     hang(way.to, lead + ("   " if last else "│  "))
 

@@ -51,7 +51,9 @@ def require_column(name: str, parametric: ParametricSystem, impacts: int, free: 
     return known[name]
 
 
-def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, title: str = "") -> Figure:
+def response_figure(
+    branches: Sequence[ForcedBranch], *, y: str | None = None, title: str = "", interval: tuple[float, float] | None = None
+) -> Figure:
     """The response curves of some branches.
 
     Parameters
@@ -62,6 +64,8 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
         A name of `column_names`; by default the largest displacement of the first coordinate. A column of several numbers draws as many
         curves.
     title : str
+    interval : (float, float), optional
+        Range of the parameter that is shown.
 
     Raises
     ------
@@ -75,7 +79,13 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
     words, symbol = require_column(
         name, first.problem.parametric, max(branch.speeds.shape[1] for branch in branches), first.problem.ends is not None
     )
-    columns = [column_of(branch, name) for branch in branches]
+    columns = []
+    for branch in branches:
+        column = np.array(column_of(branch, name), dtype=float)
+        column[_retraced(branch, column)] = math.nan
+        if interval is not None:
+            column[(branch.parameter < interval[0]) | (branch.parameter > interval[1])] = math.nan
+        columns.append(column)
     with style.figure_settings():
         figure = style.new_figure(4.4)
         if title:
@@ -98,7 +108,7 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
                         places.append((branch.parameter[event.point], curve[event.point]))
         if places:
             draw_events(panel, kinds, np.array(places), "response")
-        values = np.concatenate([branch.parameter for branch in branches])
+        values = np.concatenate([branch.parameter for branch in branches]) if interval is None else np.array(interval)
         style.set_axis(panel, "y", style.limits_of(np.concatenate([column.ravel() for column in columns])), 6, words, symbol)
         style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, "", style.symbol_of(first.name))
         handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes]
@@ -107,6 +117,40 @@ def response_figure(branches: Sequence[ForcedBranch], *, y: str | None = None, t
                 handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
         style.legend_below(figure, handles, 6)
     return figure
+
+
+_RETRACED = 2e-3
+"""Largest distance of two curves, beside their size, that look like one."""
+
+
+def _retraced(branch: ForcedBranch, column: np.ndarray) -> np.ndarray:
+    """Points (N,) at which a family shows what it has shown already: behind a branch point its orbits can be images of those before it.
+
+    Two dashed curves on each other would look solid."""
+    hidden = np.zeros(len(branch), dtype=bool)
+    curve = np.column_stack([branch.parameter, np.sort(column, axis=1)])
+    size = np.ptp(curve, axis=0)
+    curve = curve[:, size > 0.0] / size[size > 0.0]
+    for event in branch.events if np.isfinite(curve).all() else ():
+        k = event.point
+        if event.type != "BP" or not 0 < k < len(branch) - 1:
+            continue
+        parts = slice(0, k + 1), slice(k, len(branch))
+        if (_distances(curve[parts[1]], curve[parts[0]]) <= _RETRACED).all():
+            hidden[k + 1 :] = True
+        elif (_distances(curve[parts[0]], curve[parts[1]]) <= _RETRACED).all():
+            hidden[:k] = True
+    return hidden
+
+
+def _distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """Distance of points (N, d) from a polyline (M, d)."""
+    chords = np.diff(curve, axis=0)
+    away = points[:, None] - curve[None, :-1]
+    squares = np.maximum(np.sum(chords**2, axis=1), 1e-300)
+    along = np.clip(np.sum(away * chords, axis=2) / squares, 0.0, 1.0)
+    found: np.ndarray = np.linalg.norm(away - along[:, :, None] * chords, axis=2).min(axis=1)
+    return found
 
 
 def with_gaps(curve: np.ndarray, name: str) -> np.ndarray:

@@ -136,7 +136,7 @@ def test_a_point_that_was_changed_is_found(families, catalogue):
 
 def test_what_cannot_be_joined_is_refused(families, catalogue, monkeypatch):
     """Oracle: a part that cannot be followed to the other one."""
-    monkeypatch.setattr("branches.catalogue.responses.joined", lambda narrow, branch: None)
+    monkeypatch.setattr("branches.catalogue.responses.joined_family", lambda narrow, branch: None)
     catalogue.widen(part(families[0], 1.1, 1.2))
     with pytest.raises(CannotWiden):
         catalogue.widen(part(families[0], 1.6, 1.7))
