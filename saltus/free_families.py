@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
 
-__all__ = ["is_wanted", "starts_of"]
+__all__ = ["free_start", "wants_free_family"]
 
 _FIXED = re.compile(r"\s*(energy|quarter_period)\s*=\s*([-+.\deE]+)\s*")
 _NEAR = 0.01
 """Relative distance from the energy and quarter period of a name within which an orbit is meant."""
 
 
-def is_wanted(arguments: argparse.Namespace) -> bool:
+def wants_free_family(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a family of free orbits in a parameter."""
     start = arguments.start or ""
     if arguments.parameter is None and not _free_branches(start):
@@ -54,7 +54,7 @@ def _is_file_of_free_orbits(path: str) -> bool:
     return os.path.isfile(path) and not is_response_file(path)
 
 
-def starts_of(arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]) -> tuple[list[Start], tuple[float, float], str]:
+def free_start(arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]) -> tuple[list[Start], tuple[float, float], str]:
     """The orbit from which the family is followed, the range of the parameter, and a title; `report` gets the lines about it.
 
     Raises
@@ -136,7 +136,7 @@ def _orbit(
     from branches.naming.labels import Name, parse_name
     from bvp.description import RESERVED
     from saltus import catalogues, starts
-    from saltus.families import family_named, select, trace
+    from saltus.families import family_named, list_orbits, orbits_of, select, trace
 
     try:
         parametric.equations(keep, names, RESERVED)
@@ -147,19 +147,34 @@ def _orbit(
     for what, value in (("energy", energy), ("quarter_period", alpha)):
         if value is not None and not value > 0.0:
             raise BadInput(f"--keep {what}={value:g}: expected a value above 0")
+    begin: Orbit | None = None
     if arguments.name is not None:
         text = catalogues.named(arguments.name, arguments, scene)
         name = parse_name(text)
         branch = family_named(text, scene, energy, arguments)
     else:
-        begin = starts.name_or_orbit(arguments, scene)
-        assert not isinstance(begin, str)
+        given = starts.name_or_orbit(arguments, scene)
+        assert not isinstance(given, str)
+        begin = given
         name = Name(family=arguments.start)
         low, high = (f(begin.h, begin.h if energy is None else energy) for f in (min, max))
         branch = trace(begin, scene=scene, energy=(min(scene.energy[0], 0.9 * low), max(scene.energy[1], 1.1 * high)))
-    if energy is not None or alpha is not None:
-        return select(branch, name, energy if energy is not None else None, alpha if energy is None else name.alpha)
-    return _crossing(branch, name, parametric, names, keep)
+    if begin is None and (energy is not None or alpha is not None):
+        return select(branch, name, energy, alpha if energy is None else name.alpha)
+    if energy is None and alpha is None:
+        found = _crossings(branch, name, parametric, names, keep)
+    else:
+        found = orbits_of(branch, name, energy, alpha)
+    if begin is not None and found:  # of several orbits the nearest is meant
+        return min(found, key=lambda orbit: abs(np.log(orbit.alpha / begin.alpha)) + abs(np.log(orbit.h / begin.h)))
+    kept = f"--keep {' '.join(keep)}"
+    if not found:
+        h, alphas = branch.points["h"], branch.points["alpha"]
+        ends = f"h = {h.min():.8g} to {h.max():.8g}, alpha = {alphas.min():.8g} to {alphas.max():.8g}"
+        raise BadInput(f"{kept}: no orbit of {name} fulfils it at the scene's parameters; the family has {ends}")
+    if len(found) > 1:
+        raise BadInput(f"{kept}: {len(found)} orbits of {name} fulfil it, expected one of {list_orbits(found, branch)}")
+    return found[0]
 
 
 def _is_number(text: str) -> bool:
@@ -169,11 +184,12 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def _crossing(branch: Branch, name: Name, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]) -> Orbit:
-    """The orbit of a family in the energy near which the first equation that names the energy or the quarter period holds."""
+def _crossings(
+    branch: Branch, name: Name, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]
+) -> list[Orbit]:
+    """The orbits of a family in the energy near which the first equation that names the energy or the quarter period holds."""
     from bvp.description import RESERVED
     from bvp.programs import evaluate
-    from saltus.families import list_orbits
 
     at = next((text for text in keep if any(word in text for word in RESERVED)), None)
     if at is None:
@@ -187,12 +203,7 @@ def _crossing(branch: Branch, name: Name, parametric: ParametricSystem, names: t
     for key, value in (("h", name.h), ("alpha", name.alpha)):
         if value is not None:
             orbits = [orbit for orbit in orbits if abs(getattr(orbit, key) / value - 1.0) < _NEAR]
-    if not orbits:
-        ends = f"h = {h.min():.8g} to {h.max():.8g}, alpha = {alpha.min():.8g} to {alpha.max():.8g}"
-        raise BadInput(f"--keep {at!r}: no orbit of {name} fulfils it at the scene's parameters; the family has {ends}")
-    if len(orbits) > 1:
-        raise BadInput(f"--keep {at!r}: {len(orbits)} orbits of {name} fulfil it, expected one of {list_orbits(orbits, branch)}")
-    return orbits[0]
+    return orbits
 
 
 def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tuple[list[Start], tuple[float, float], str]:

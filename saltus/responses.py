@@ -75,7 +75,7 @@ def is_wanted(arguments: argparse.Namespace) -> bool:
     if wanted:
         from saltus import free_families
 
-        free = free_families.is_wanted(arguments)
+        free = free_families.wants_free_family(arguments)
         for name in _OTHERS:
             if getattr(arguments, name) and not (free and name == "name"):
                 what = arguments.name if name == "name" else f"--{name.replace('_', '-')}"
@@ -108,7 +108,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
 
     files = outputs.outputs_of(arguments)
     lines: list[str] = []
-    starts, interval, title = free_families.starts_of(arguments, lines.extend)
+    starts, interval, title = free_families.free_start(arguments, lines.extend)
     problem = starts[0].problem
     if arguments.y is not None:
         _check_column(arguments.y, problem.parametric, len(problem.sequence) + 2, free=True)

@@ -16,6 +16,7 @@ from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.system import vibro_impact_nes
+from saltus import trace
 
 NES = ParametricSystem.of(vibro_impact_nes())
 
@@ -259,3 +260,23 @@ def test_marked_values(in_mu):
     branch = follow_response(problem, y, (0.09, 0.13), values=(0.11, 0.125))
     assert [event.values["mu"] for event in branch.events if event.type == "UZ"] == pytest.approx([0.11, 0.125], abs=1e-12)
 
+
+def test_events_are_those_of_families_in_the_energy():
+    """S95E22- in mu at h = 0.345: at the parameter of each bifurcation, impulsive orbit and change of label, the family in the energy of
+    that system has the same event, at the same energy."""
+    begin = trace("S95E22-@h=0.345,alpha=8.155", energy=(0.34, 0.35)).orbits_at(energy=0.345)
+    orbit = next(one for one in begin if abs(one.alpha - 8.155) < 0.01)
+    problem = ReleasedProblem(NES, orbit.ends, orbit.problem.sequence, ["mu"], ["energy = 0.345"], energy=0.345)
+    branch = follow_response(problem, problem.of_orbit(orbit.problem, orbit.solution.y), (0.095, 0.15))
+    kinds = [event.type for event in branch.events]
+    assert {kinds.count(kind) for kind in ("PD", "IO", "LB", "SB")} == {1} and kinds.count("RT") == 4
+    for event in branch.events:
+        if event.type != "EP":
+            here = branch.orbit(event.point)
+            near = follow_family(here.problem, here.solution.y, energy=(0.3449, 0.3451))
+            family = follow_family(near.problem, near.unknowns(0), energy=(0.3449, 0.3451))
+            same = [other for other in family.events if other.type == event.type]
+            assert any(abs(other.h / 0.345 - 1.0) < 1e-8 for other in same), event
+            # The two sides of a change of label are in the order of each branch.
+            words = [sorted((other.note or "").partition(":")[0].split(" becomes ")) for other in same]
+            assert sorted((event.note or "").partition(":")[0].split(" becomes ")) in words

@@ -1,137 +1,164 @@
-"""`saltus continue --in NAME` of systems without periodic loads: the period is free, and the motion feeds itself."""
+"""`saltus continue NAME --in PARAMETER --keep EQUATION`: starts, files, figures, messages, exit codes."""
 
+import csv
 import json
-import math
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 
-from tests.branches.test_forced_closures import closed_form
+from benchmarks.backbone import Backbone
 from tests.saltus.running import refused, run
 
-SCENE = """
-title = "A self-excited oscillator with a stop"
-source = "x'' - c x' + x = g, x <= 1"
-
+CHAIN = """
 [parameters]
-c = 0.1
-r = 0.6
-g = 0.0
+k = 0.7
+d = 1.1
+m = 1.0
 
 [system]
-mass = [[1.0]]
-damping = [["-c"]]
-stiffness = [[1.0]]
+mass = [["m", 0, 0], [0, 0.8, 0], [0, 0, 1.3]]
+stiffness = [["1 + k", "-k", 0], ["-k", "k + 0.9", -0.9], [0, -0.9, 1.6]]
 
 [[stops]]
-c = [1.0]
-upper = 1.0
-restitution = "r"
-
-[[forces]]
-on = "x"
-constant = "g"
-
-[coordinates]
-names = ["x"]
-LO = "x"
+c = [1, 0, 0]
+lower = "-d"
+upper = "d"
 
 [bounds]
-energy = [0.05, 20.0]
-quarter_period = 8.0
+energy = [0.01, 100]
+quarter_period = 10
 impacts = 4
 """
-SIMULATED = ("continue", "--scene", "scene.toml", "--from", "simulate", "--in", "c", "--range", "0.01:0.3")
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
     return tmp_path
 
 
-def points(name):
+def data(name):
     with open(name, encoding="utf-8") as file:
-        (branch,) = json.load(file)["branches"]
-    return branch["points"]
+        return json.load(file)
 
 
-def test_a_self_excited_motion_is_followed(capsys):
-    """Oracle: two equations in thirty digits; the nontrivial multiplier r^2 exp(c T) is below 1, so the motion is stable."""
-    code, out, err = run(capsys, *SIMULATED, "--start", "0.5,0", "--json", "a.json", "--csv", "a.csv", "--plot", "a.png", "--y", "period")
+def test_a_backbone_in_mu(capsys):
+    """Oracle: the closed form at each point, in each kind of file."""
+    words = "S11-", "--in", "mu", "--range", "0.02:1", "--keep", "energy=0.8"
+    files = [word for kind in ("json", "csv", "npz", "mat") for word in (f"--{kind}", f"a.{kind}")]
+    code, out, err = run(capsys, "continue", *words, *files, "--plot", "a.png", "--y", "start:u1'", "--uz", "0.5")
     assert code == 0, err
-    assert out.startswith("start  a periodic motion with 1 impacts, T = 4.614437763, after 64 impacts")
-    assert "branch 1: sequence +; free period;" in out
-    found = points("a.json")
-    assert found[0]["c"] == pytest.approx(0.01, abs=1e-10) and found[-1]["c"] == pytest.approx(0.3, abs=1e-10)
-    for point in found[::60]:
-        speed, period = closed_form(point["c"], 0.6, 0.0, point["speed"][0], point["period"])
-        assert point["speed"][0] == pytest.approx(speed, rel=1e-11) and point["period"] == pytest.approx(period, rel=1e-11)
-        moduli = sorted(math.hypot(*multiplier) for multiplier in point["multipliers"])
-        assert moduli == pytest.approx(sorted([1.0, 0.36 * math.exp(point["c"] * period)]), abs=1e-9)
-    assert all(point["stable"] for point in found[1:-1])
-    code, out, err = run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0.5:0.7", "--json", "b.json")
-    assert code == 0 and points("b.json")[-1]["r"] == pytest.approx(0.7, abs=1e-10), err
+    assert out.splitlines()[0] == "start  S11O00-: from h = 0.8, alpha = 0.2411533495"
+    assert "origin-stop-, sequence (none); energy=0.8" in out and "event" in out and "stable after" in out
+    branch = data("a.json")["branches"][0]
+    assert branch["ends"] == ["origin", "stop-"] and branch["keep"] == ["energy=0.8"] and branch["released"] == ["mu"]
+    points = branch["points"]
+    assert min(point["mu"] for point in points) == pytest.approx(0.02) and max(point["mu"] for point in points) == pytest.approx(1.0)
+    for point in points[::20]:
+        assert float(Backbone(point["mu"], 0.1).energy(point["alpha"])) == pytest.approx(0.8, rel=1e-12)
+        assert point["h"] == pytest.approx(0.8, rel=1e-13) and point["label"] == "S11O00-" and point["stable"] is True
+    marked = next(event for event in branch["events"] if event["type"] == "UZ")
+    assert marked["values"]["mu"] == pytest.approx(0.5) and set(marked["values"]) >= {"mu", "sigma", "energy", "quarter_period"}
+    with open("a.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["alpha"]) for row in rows] == [point["alpha"] for point in points]
+    with np.load("a.npz") as arrays:
+        assert arrays["alpha"].tolist() == [point["alpha"] for point in points]
+    assert loadmat("a.mat")["mu"].ravel().tolist() == [point["mu"] for point in points]
 
 
-def test_a_motion_grows_without_bound_where_the_stop_loses_too_little(capsys):
-    """Oracle: far out the stop is at the middle of the vibration: growth by r exp(c T/2) in half a period T = 2 pi/w, w^2 = 1 - c^2/4."""
-    run(capsys, *SIMULATED, "--start", "0.5,0", "--points", "5", "--json", "a.json")
-    code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0.55:0.9", "--json", "b.json")
-    assert code == 0 and "the motion grows without bound" in out
-    limit = math.exp(-0.05 * math.pi / math.sqrt(1.0 - 0.0025))
-    assert limit - 5e-3 < points("b.json")[-1]["r"] < limit
-    code, _, err = run(capsys, *SIMULATED, "--start", "0.5,0", "--set", "r=0.9")
-    growth = float(err.partition("growth ")[2].partition(" ")[0])
-    assert code == 1 and "the motion grows without bound" in err
-    assert growth == pytest.approx(math.log(0.9 / limit), rel=1e-2)
+def test_a_saved_family_is_shown_drawn_and_goes_on(capsys):
+    """Oracle: the file; the same end from both runs."""
+    code, _, err = run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.09:0.12", "--keep", "quarter_period=1.7", "--json", "a.json")
+    assert code == 0, err
+    shown = run(capsys, "show", "a.json")
+    assert shown[0] == 0 and "quarter_period=1.7" in shown[1] and "S" in shown[1]
+    assert run(capsys, "plot", "a.json", "--y", "tau_half", "--plot", "a.pdf")[0] == 0
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--range", "0.05:0.15", "--json", "b.json")
+    assert code == 0 and "GR1" in out
+    first, last = (data(name)["branches"][0] for name in ("a.json", "b.json"))
+    assert {event["type"] for event in first["events"]} == {"SB", "EP"}
+    assert min(point["mu"] for point in last["points"]) == pytest.approx(0.069558656117, rel=1e-9)
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--range", "0.08:0.12", "--keep", "energy = 0.6*sigma/0.1")
+    assert code == 0 and "sigma = 0.08" in out
 
 
-def test_a_symmetric_motion_is_solved_over_half_its_period(capsys, folder):
-    """Oracle: the flight from (-1, r v) to (1, v), in closed form."""
-    (folder / "scene.toml").write_text(SCENE.replace("upper = 1.0", "upper = 1.0\nlower = -1.0"), encoding="utf-8")
-    code, out, err = run(capsys, *SIMULATED, "--start", "0.5,0", "--points", "40", "--json", "a.json")
-    assert code == 0 and "solved over half of the period" in out, err
-    for point in points("a.json")[::10]:
-        c, speed, half = point["c"] / 2.0, point["speed"][0], point["period"] / 2.0
-        w = math.sqrt(1.0 - c * c)
-        a, b = -1.0, (0.6 * speed + c) / w
-        grow, cosine, sine = math.exp(c * half), math.cos(w * half), math.sin(w * half)
-        end = grow * (a * cosine + b * sine)
-        assert end == pytest.approx(1.0, abs=1e-11)
-        assert c * end + grow * w * (b * cosine - a * sine) == pytest.approx(speed, abs=1e-11)
+def test_two_parameters_and_an_equation_that_names_both(capsys):
+    """Oracle: the closed form where energy = quarter_period/3 and sigma = mu."""
+    keep = "--keep", "energy = quarter_period/3", "--keep", "sigma = mu"
+    words = "continue", "S13+", "--in", "mu,sigma", "--range", "0.05:0.3", *keep, "--points", "30", "--json", "a.json"
+    code, out, err = run(capsys, *words)
+    assert code == 0, err
+    for point in data("a.json")["branches"][0]["points"][::5]:
+        assert point["sigma"] == pytest.approx(point["mu"], rel=1e-14)
+        assert float(Backbone(point["mu"], point["mu"]).energy(point["alpha"])) == pytest.approx(point["alpha"] / 3.0, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        ((), "no impacting motion: nothing moves or no stop is reached, after 0 impacts; expected another state in --start"),
-        (("--start", "0.6,0", "--set", "c=-0.1", "--range=-0.2:0"), "no impacting motion: nothing moves or no stop is reached"),
-        (("--start", "0.6,0", "--set", "c=-0.1", "--set", "g=1.5", "--range=-0.2:0"), "it sticks to + for ever, after 17 impacts"),
-    ],
-)
-def test_what_has_no_periodic_motion_ends_with_1(capsys, words, expected):
-    code, out, err = run(capsys, *SIMULATED, *words)
-    assert code == 1 and out == "" and expected in err
+def test_a_mode_and_a_file_of_an_orbit(capsys):
+    words = "--in", "mu", "--range", "0.09:0.11", "--keep", "energy=1"
+    code, out, err = run(capsys, "continue", "--from", "mode:1", *words)
+    assert code == 0 and out.startswith("start  S13O00+: from h = 1"), err
+    assert run(capsys, "orbit", "S13+", "--energy", "0.5", "--json", "orbit.json")[0] == 0
+    code, out, err = run(capsys, "continue", "--from", "orbit.json", *words)
+    assert code == 0 and out.startswith("start  S13O00+: from h = 1"), err
 
 
-def test_bad_input(capsys):
-    refused(run(capsys, *SIMULATED, "--start", "0.5,0", "--phase", "1"), "--phase is that of periodic loads, and the scene has none")
-    refused(run(capsys, *SIMULATED, "--start", "1.5,0"), "the start lies beyond stop", "expected -inf to 1")
-    rest = tuple("rest" if word == "simulate" else word for word in SIMULATED)
-    refused(run(capsys, *rest), "--from rest is the response to periodic loads, and the scene's loads are constant", "--from simulate")
-    refused(run(capsys, *SIMULATED, "--set", "c=0", "--set", "r=1", "--range=-1:1"), "--from simulate needs periodic loads or losses")
+def test_a_chain_of_a_scene_in_a_stiffness_and_a_mass(capsys, folder):
+    """Oracle: in a gap all lengths of a linear system grow together, and the energy with their square."""
+    (folder / "scene.toml").write_text(CHAIN, encoding="utf-8")
+    scene = "--scene", "scene.toml", "--from", "mode:3", "--model"
+    for name, span in (("k", "0.6:0.8"), ("m", "0.9:1.1")):
+        code, out, err = run(capsys, "continue", *scene, "--in", name, "--range", span, "--keep", "energy=4", "--json", "a.json")
+        assert code == 0 and "model  " in out, err
+        points = data("a.json")["branches"][0]["points"]
+        assert {round(point["h"], 12) for point in points} == {4.0} and len(points[0]["multipliers"]) == 4
+    code, _, err = run(capsys, "continue", *scene, "--in", "d", "--range", "1:1.3", "--keep", "energy = 4*(d/1.1)**2", "--json", "a.json")
+    assert code == 0, err
+    points = data("a.json")["branches"][0]["points"]
+    assert [point["alpha"] for point in points] == pytest.approx([points[0]["alpha"]] * len(points), rel=1e-12)
 
 
-def test_motions_that_do_not_settle_are_reported_with_their_rate():
-    """Oracle: two uncoupled self-excited oscillators of incommensurate frequencies make a torus; their common motion returns never."""
-    from bvp.system import ImpactSystem, Stop
-    from transitions.response.free import settle_free
+def test_a_family_ends_where_the_system_cannot_have_the_parameter(capsys, folder):
+    (folder / "scene.toml").write_text(CHAIN.replace('["m", 0, 0]', '["2 - m", 0, 0]'), encoding="utf-8")
+    words = "--scene", "scene.toml", "--from", "mode:3", "--in", "m", "--range", "0.5:3", "--keep", "quarter_period=0.5"
+    code, out, err = run(capsys, "continue", *words)
+    assert code == 0 and ("end    the system ends at m = 1.99" in out or "end    GR" in out), err
 
-    stops = [Stop((1.0, 0.0), upper=1.0, restitution=0.6), Stop((0.0, 1.0), upper=1.0, restitution=0.6)]
-    system = ImpactSystem(np.eye(2), -0.1 * np.eye(2), np.diag([1.0, 2.0]), stops)
-    found = settle_free(system, [], [0.5, 0.4], [0.0, 0.0])
-    assert found.kind.name == "NOT_CONVERGED"
-    assert found.text.startswith("it has not settled (after 16384 impacts; a return after ")
-    assert found.text.endswith("it converges slowly, or it is a torus or chaos") and found.distance > 1e-6
+
+CASES = [
+    ("--in mu --range 0.02:1", ["--in mu: free orbits in 1 parameter need 1 equation --keep", "energy=0.8", "received 0"]),
+    ("--in mu,sigma --range 0.02:1 --keep energy=1", ["2 parameters need 2 equations", "received 1"]),
+    ("--in mu,mu --range 0.02:1 --keep energy=1 --keep sigma=1", ["given twice"]),
+    ("--in mu --keep energy=0.5", ["--range LO:HI is required"]),
+    ("--in nu --range 0.02:1 --keep energy=0.5", ["--in nu: no such parameter; nearest: mu"]),
+    ("--in mu --range 0.2:1 --keep energy=0.5", ["--range 0.2:1 has not the start's value mu = 0.1", "--set mu=VALUE"]),
+    ("--in lam --range 0:1 --keep energy=0.5", ["lam damps the system", "conservative"]),
+    ("--in rho --range 0.5:1 --keep energy=0.5", ["rho changes a restitution", "conservative"]),
+    ("--in mu --range 0.02:1 --keep energy=-1", ["--keep energy=-1: expected a value above 0"]),
+    ("--in mu --range 0.02:1 --keep energy=1e9", ["no orbit of S13O00+ has h = 1000000000"]),
+    ("--in mu --range 0.02:1 --keep foo=1", ["name foo, which is no parameter", "energy, quarter_period"]),
+    ("--in mu --range 0.02:1 --keep sigma=0.1", ["no equation names energy or quarter_period"]),
+    ("--in mu --range 0.02:1 --keep energy", ["an equation is LEFT = RIGHT"]),
+    ("--in mu --range 0.02:1 --keep energy=quarter_period*99", ["no orbit of S13O00+ fulfils it", "the family has h ="]),
+    ("--in mu --range 0.02:1 --keep energy=0.5 --y alfa", ["--y: unknown column 'alfa'; nearest: alpha"]),
+    ("--in mu --range 0.02:1 --keep energy=0.5 --energy 1:2", ["--energy belongs to families in the energy"]),
+    ("--in mu --range 0.02:1 --keep energy=0.5 --phase 1", ["--phase is where a simulation starts"]),
+    ("--in mu --range 0.02:1 --keep energy=0.5 --stop-at EP", ["--stop-at EP: a family of free orbits in a parameter has no such event"]),
+    ("--in mu --range 0.02:1 --keep energy=0.5 --set lam=0.1", ["families of free orbits need a conservative system: damping acts on u2"]),
+    ("--in w --range 0.02:1 --keep energy=0.5 --scene absorber", ["S13+ is a free orbit, and the scene has [[forces]]"]),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), CASES)
+def test_bad_input(capsys, words, expected):
+    refused(run(capsys, "continue", "S13+", *words.split()), *expected)
+
+
+def test_bad_input_with_a_file(capsys):
+    assert run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.09:0.1", "--keep", "energy=0.5", "--json", "a.json")[0] == 0
+    refused(run(capsys, "continue", "--from", "a.json:EP1"), "families that begin at events of free orbits", "expected a.json")
+    refused(run(capsys, "continue", "S13+", "--from", "a.json"), "received S13+ and --from a.json")
+    refused(run(capsys, "continue", "--from", "a.json", "--keep", "energy=1"), "needs --in NAME")
+    refused(run(capsys, "continue", "--from", "a.json", "--set", "mu=0.2"), "has a system of its own")
+    refused(run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--keep", "energy=1"), "--range LO:HI is required")
