@@ -46,6 +46,7 @@ EXAMPLES: dict[str, list[str]] = {
         "continue --from b.json:GR1 --points 20 --csv c.csv --in w --range 0.7:1",
         "continue --scene impact_oscillator --set s=-0.2 --from simulate --start -0.66,0 --in s --range -1:0",
         "continue --scene absorber --from simulate --in mu --range 0.09:0.11 --points 20",
+        "continue --scene impact_oscillator --set r=0 --set s=-0.5 --set w=0.5 --from simulate --start -0.6,0 --in s --range -0.6:-0.4",
     ],
     "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
 }

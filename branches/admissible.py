@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from continuation.problem import TestFunction
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["BEYOND", "GRAZING", "describe_grazing", "unphysical"]
+__all__ = ["BEYOND", "GRAZING", "ForceEvent", "describe_grazing", "force_event", "unphysical"]
 
 BEYOND = 1e-8
 """How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
@@ -27,6 +27,9 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
     """What is known of a kind of grazing: the stop's letter and a note."""
     inner = problem.inner
     if verb == "touches":
+        force = force_event(problem, solution)
+        if force is not None:
+            return {"stop": force.letter, "note": force.note}
         modes = problem.modes
         stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
@@ -40,9 +43,58 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
         return {"stop": letter, "note": note}
     flight = int(solution["flight_index"])
+    if any(event.is_release for event in getattr(problem, "events", ())):
+        return _merging_events(problem, flight)
     here = f"impact {flight}" if flight else "the start"
     there = f"impact {flight + 1}" if flight < inner else "the far end"
     return {"note": f"{here} and {there} merge: the flight between them has no duration"}
+
+
+class ForceEvent(NamedTuple):
+    """Where a contact force reaches zero. kind: "begin" where a stop begins to stick, "inside" the flight, "after" an impact without
+    rebound at a stop that is open. wrong: what is wrong where it is below zero."""
+
+    letter: str
+    kind: str
+    note: str
+    wrong: str
+
+
+def force_event(problem: MultipointProblem | ForcedProblem, solution: Solution) -> ForceEvent | None:
+    """What the clearance of a solution is where it is the contact force of a stop; None where it is the distance of a gap."""
+    events = getattr(problem, "events", ())
+    if not events:
+        return None
+    modes, letters = problem.modes, problem.modes.contact_letters
+    flight, time, stop = int(solution["clearance_flight"]), float(solution["clearance_time"]), int(solution["clearance_stop"])
+    event = events[flight]
+    contact = next((c for c in event.closed if modes.contact_stop[c] == stop), None)
+    if contact is not None:
+        letter = letters[contact]
+        if time == 0.0 and event.contact == contact:
+            note = f"the contact force at stop {letter} is zero where it begins to stick: it would open at once"
+            return ForceEvent(letter, "begin", note, f"stop {letter} sticks though it is pulled")
+        where = f"{time:.6g} after the begin of flight {flight + 1}"
+        note = f"the contact force at stop {letter} touches zero {where}: it can open there"
+        return ForceEvent(letter, "inside", note, f"stop {letter} sticks though it is pulled, {where}")
+    if time == 0.0 and not event.is_release and modes.contact_stop[event.contact] == stop:
+        letter = letters[event.contact]
+        note = f"the contact force after the impact at stop {letter} reaches zero: it would stay closed"
+        return ForceEvent(letter, "after", note, f"stop {letter} opens after its impact though it is pressed")
+    return None
+
+
+def _merging_events(problem: Any, flight: int) -> dict[str, Any]:
+    """What it means that the flight between two events of an orbit with sticking has no duration."""
+    events, letters = problem.events, problem.modes.contact_letters
+    first, second = events[flight], events[(flight + 1) % len(events)]
+    letter = letters[first.contact]
+    if first.sticks and second.is_release and first.contact == second.contact:
+        return {"stop": letter, "note": f"sticking at stop {letter} vanishes: its duration reaches zero"}
+    if first.is_release and not second.is_release and first.contact == second.contact:
+        return {"stop": letter, "note": f"stop {letter} opens no more: the flight until its next impact has no duration"}
+    names = [f"{'the release of' if event.is_release else 'the impact at'} stop {letters[event.contact]}" for event in (first, second)]
+    return {"note": f"{names[0]} and {names[1]} merge: the flight between them has no duration"}
 
 
 def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, tolerance: float = BEYOND) -> str | None:
@@ -61,6 +113,9 @@ def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, t
     """
     inner = problem.inner
     if solution["clearance"] <= -tolerance:
+        force = force_event(problem, solution)
+        if force is not None:
+            return f"{force.wrong}: the force is {solution['clearance']:.2g} in units of length"
         letter, time = describe_grazing(problem, solution, "touches")["stop"], solution["clearance_time"]
         flight, depth = int(solution["clearance_flight"]) + 1, -solution["clearance"]
         return f"flight {flight} of {inner + 1} passes beyond stop {letter} by {depth:.2g} at {time:.6g} after its start"

@@ -14,11 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bvp.closures import EndsError, contact_of
-from bvp.kernels.flight import Flight
+from bvp.closures import EndsError
+from bvp.contact_sequence import CLOSES, OPENS, Event, parse_sequence
+from bvp.deficient import Passage, deficient_eigenvalues
+from bvp.forced_modes import ModeTable
 from bvp.kernels.forced import LoadedSegment, Released, forced_residual, forced_step, set_parameters
+from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
-from bvp.kernels.loads import LoadedFlight, Loads, fly_loaded
+from bvp.kernels.loads import Loads, fly_loaded
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import set_scale
 from bvp.kernels.periodic_qr import product_eigenvalues
@@ -94,7 +97,10 @@ class ForcedProblem:
         count = len(self.released)
         self.size = self.coordinates = size = 2 * n + 1 + count
         self.modes = modes = system.modes
-        self.contacts = np.array(self._contacts([contact_of(system, letter) for letter in self.sequence]))
+        self.events = events = self._events()
+        self.sequence = tuple(event.symbol for event in events) or self.sequence
+        self._refuse_bounces(found.rows)
+        self.contacts = np.array(self._contacts([event.contact for event in events]))
         self.inner = len(self.contacts) - 2
         closed, quarters, *kinds = self._closure()
         self.unknowns = (self.inner + 1) * (size + 1) + int(closed == UNFOLDED)
@@ -102,24 +108,21 @@ class ForcedProblem:
         gap, rate, push = (np.zeros((nodes, size)) for _ in range(3))
         changes = count if varies else 0
         side, entries = np.zeros(nodes), np.full((nodes, 2), -1, dtype=np.int64)
+        releases = [event.is_release for event in (*events[1:], *events[:1], *events[:1])] if events else [False] * nodes
         for i, contact in enumerate(self.contacts.tolist()):
-            if contact >= 0:
+            if contact >= 0 and not releases[i]:
                 stop = int(modes.contact_stop[contact])
                 gap[i, :n] = rate[i, n : 2 * n] = system.stops[stop].gap
                 side[i] = modes.contacts.side[contact]
                 bounds = layout.upper if side[i] > 0.0 else layout.lower
                 entries[i] = bounds.start + stop, layout.restitution.start + stop
+        self.impacts = np.flatnonzero([not event.is_release for event in events])  # nodes
         constant = range(layout.size)[layout.constant]
         loaded = np.any(parametric.entries(self.values)[layout.constant]) or any(row in constant for row in found.rows.tolist())
         harmonics = np.array([*([0.0] if loaded else []), *layout.harmonics], dtype=float)
-        blocks = 2 * n if varies else len(modes.flight.pairs)
-        free = Flight(np.zeros((blocks, 2), dtype=np.int64), np.zeros(blocks), np.zeros(blocks), np.zeros((2 * n, 2 * n)))
         loads = Loads(harmonics, np.zeros((1 + count, len(harmonics), 2, 2 * n)), np.zeros(1 + count), float(load_periods))
-        square = (2 * n, 2 * n)
-        flight = LoadedFlight(
-            free, np.zeros(square), np.zeros(square), loads, np.zeros((changes, *square)),
-            np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
-        )  # fmt: skip
+        metric = self._metric()
+        self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2)
         self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released) else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
@@ -138,18 +141,18 @@ class ForcedProblem:
         )  # fmt: skip
         shape = np.array([self.inner, closed, quarters, *kinds], dtype=np.int64)
         self.segment = LoadedSegment(
-            flight, np.zeros((2 * n, n)), np.zeros((changes, 2 * n, n)), gap, rate, push, np.zeros((changes, nodes, size)),
+            table.flight, table.arrays.drive[0], table.arrays.drive_slope[0], gap, rate, push, np.zeros((changes, nodes, size)),
             np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), self._end_rows(), entries,
-            np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), self._metric(),
-            of_parameters, kept, known, np.zeros(len(kept.outputs)), shape,
+            np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), metric,
+            of_parameters, kept, known, np.zeros(len(kept.outputs)), shape, table.kind,
         )  # fmt: skip
         stops = np.where(self.contacts >= 0, modes.contact_stop[self.contacts], -1).astype(np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
-        sizes = blocks, 2 * n, len(harmonics), len(system.stops)
+        sizes = table.arrays.pairs.shape[1], 2 * n, len(harmonics), len(system.stops)
         self._watched = Watched(
             np.array([stop.gap for stop in system.stops]), stops, bounds, make_extended(*sizes, False), make_extended(*sizes, True)
         )
-        self._set_modes(system)
+        table.write(system, gap, push)
         self._modes_at: tuple[float, ...] = ()
         self._map = make_stroboscopic(self.segment)
         self._factor = make_factor(self.segment)
@@ -169,6 +172,10 @@ class ForcedProblem:
             raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
         if self.half:
             self._refuse_half(self.load_periods)
+
+    def _events(self) -> tuple[Event, ...]:
+        """The events of the sequence; () where no stop can stick."""
+        return parse_sequence(self.system, self.sequence, self.half)
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         """The contact at each node after the first one, then that at the first; -1: none."""
@@ -190,19 +197,6 @@ class ForcedProblem:
         options = {"load_periods": self.load_periods, "half": self.half, "values": self.values, "keep": self.keep, **changes}
         return ForcedProblem(self.parametric, sequence, self.released, **options)
 
-    def _set_modes(self, system: ImpactSystem) -> None:
-        """Write the blocks of free flight and the directions of impulses into the arrays of the kernels."""
-        flight, modes, n = self.segment.flight, system.modes, self.degrees_of_freedom
-        # Where there are fewer blocks than room the last one stands several times: it does the same again.
-        last = [*range(len(modes.flight.pairs))] + [len(modes.flight.pairs) - 1] * (len(flight.free.pairs) - len(modes.flight.pairs))
-        for kept, array in zip(flight.free[:3], modes.flight[:3], strict=True):
-            kept[:] = array[last]
-        flight.free.matrix[:], flight.enter[:], flight.leave[:] = modes.flight.matrix, modes.from_state, modes.to_state
-        self.segment.drive[:] = modes.from_state[:, n:] @ np.linalg.inv(system.mass)
-        for i, row in enumerate(self.segment.gap[:, :n]):
-            along = np.linalg.solve(system.mass, row)
-            self.segment.push[i, n : 2 * n] = along / (row @ along) if row.any() else 0.0
-
     def _renewed(self, _: int) -> None:
         """Compute all that depends on masses, dampers and springs anew, at the parameters that the kernels have just evaluated. NaN where
         the system cannot have them: a step does not converge there."""
@@ -210,7 +204,7 @@ class ForcedProblem:
         at = tuple(released.values.tolist())
         if at == self._modes_at:
             return
-        flight, layout = self.segment.flight, self.parametric.layout
+        segment, layout = self.segment, self.parametric.layout
         try:
             try:
                 system = self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
@@ -220,26 +214,26 @@ class ForcedProblem:
                     released.entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)
                 )
                 system = ImpactSystem(mass, damping, stiffness, self.system.stops)
-            self._set_modes(system)
+            self._table.write(system, segment.gap, segment.push)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
-            flight.free.matrix[:] = math.nan
+            segment.flight.free.matrix[:] = math.nan
             self._modes_at = ()
             return
         self._modes_at = at
-        if not len(flight.change):
+        if not len(segment.flight.change):
             return
-        inverse = np.linalg.inv(system.mass)
         for j, slopes in enumerate(released.slopes):
-            mass, damping, stiffness = (slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
-            pull = np.hstack([stiffness, damping]) - mass @ inverse @ np.hstack([system.stiffness, system.damping])
-            change = np.vstack([np.zeros((n, 2 * n)), -inverse @ pull])
-            flight.change[j] = flight.enter @ change @ flight.leave
-            self.segment.drive_slope[j] = -self.segment.drive @ mass @ inverse
-            for i, row in enumerate(self.segment.gap[:, :n]):
-                if row.any():
-                    along = inverse @ row
-                    turned = -inverse @ mass @ along
-                    self.segment.push_slope[j, i, n : 2 * n] = (turned - along * (row @ turned) / (row @ along)) / (row @ along)
+            parts = [slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)]
+            self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
+
+    def _refuse_bounces(self, released: np.ndarray) -> None:
+        """Refuse stops that stick after an impact with a rebound. released: the entries that vary."""
+        for event in self.events:
+            stop = int(self.modes.contact_stop[event.contact])
+            restitution = self.system.stops[stop].restitution
+            if event.sticks and (restitution != 0.0 or self.parametric.layout.restitution.start + stop in released.tolist()):
+                found = f"{restitution:g}" if restitution else "one that varies"
+                raise EndsError(f"{event.symbol}: a stop sticks after an impact without rebound; expected restitution 0, found {found}")
 
     def _refuse_half(self, load_periods: int) -> None:
         """Refuse the half-period closure where an orbit cannot have its symmetry."""
@@ -281,6 +275,12 @@ class ForcedProblem:
         ]  # fmt: skip
         return np.array([*reach, *(reach * fastest), 1.0, *units])
 
+    def mirrored(self, symbol: str) -> str:
+        """A symbol of the sequence at the opposite contact of its stop."""
+        letters, opposite = self.modes.contact_letters, self.modes.contact_opposite
+        letter = symbol.rstrip(CLOSES + OPENS)
+        return letters[int(opposite[letters.index(letter)])] + symbol[len(letter) :]
+
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
     def pack(self, states: ArrayLike, fractions: ArrayLike, parameters: ArrayLike, flight_times: ArrayLike | None = None) -> np.ndarray:
@@ -309,13 +309,20 @@ class ForcedProblem:
         """Each node with its flight time, (k + 1, N + 1), a view of y."""
         return y[: (self.inner + 1) * (self.size + 1)].reshape(self.inner + 1, self.size + 1)
 
-    def fly(self, node: np.ndarray, time: float) -> tuple[np.ndarray, float]:
-        """The state (u, v) and the fraction of the period that a free flight from a node (N,) leads to."""
+    def fly(self, node: np.ndarray, time: float, flight: int = 0) -> tuple[np.ndarray, float]:
+        """The state (u, v) and the fraction of the period to which a node (N,) flies as in a flight of the orbit."""
         size = 2 * self.degrees_of_freedom
         out, jacobian, rate = np.empty(self.size), np.empty((self.size, self.size)), np.empty(self.size)
         set_parameters(self.segment, np.array(node, float))
-        fly_loaded(self.segment.flight, np.array(node, float), float(time), out, jacobian, rate)
+        fly_loaded(self._table.flight_in(flight), np.array(node, float), float(time), out, jacobian, rate)
         return out[:size].copy(), float(out[size])
+
+    def contact_force(self, node: np.ndarray, flight: int, contact: int) -> float:
+        """The force of a contact that sticks in a flight of the orbit, at a node (N,), equation (43): positive where it presses."""
+        set_parameters(self.segment, np.array(node, float))
+        sticking = self._table.arrays
+        mode, stop = int(sticking.mode[flight]), int(self.modes.contact_stop[contact])
+        return contact_force(sticking, self.segment.flight.loads, mode, stop, np.array(node, float), np.empty(self.size))
 
     def parameters(self, y: np.ndarray) -> dict[str, float]:
         """All parameters at y."""
@@ -421,7 +428,7 @@ class ForcedProblem:
         forced_observe(self.segment, self._watched, y, ends, self._nothing, result)
 
     def impact_speeds(self, y: np.ndarray) -> np.ndarray:
-        """Speed of approach of each impact of an orbit y, in the order of the sequence, (k + 1,); without impacts (0,)."""
+        """Speed of approach at each node of an orbit y, in the order of the sequence, (k + 1,), 0 at releases; without impacts (0,)."""
         self._evaluated(y)
         return np.roll(self._approach(), 1) if self.sequence else np.zeros(0)
 
@@ -443,12 +450,19 @@ class ForcedProblem:
         left, right = np.empty((2, nodes, size, size))
         flights = factor.flights[:, :size, :size] * scale / scale[:, None]
         if self.sequence:
-            if np.min(self._approach()) < GRAZING_LIMIT * np.max(scale[self.degrees_of_freedom :]):
+            if np.min(self._approach()[self.impacts - 1]) < GRAZING_LIMIT * np.max(scale[self.degrees_of_freedom :]):
                 return np.full(size, complex(math.nan, math.nan))
-            for i in range(nodes):
+            for i in self.impacts - 1:
                 saltation_frames(segment, i, factor.before[i], scale, left[i], right[i], self._map)
         else:
             left[:], right[:] = np.eye(size), np.eye(size)
+        ranks = [self._rank(i + 1) for i in range(nodes)]
+        if min(ranks) < size:
+            jumps = [(left[i], right[i]) if (i + 1) % nodes in self.impacts else (None, None) for i in range(nodes)]
+            held = [self._held(i) * scale[:, None] for i in range(nodes)]
+            passages = [Passage(flights[i], held[i], jumps[i][0], jumps[i][1], ranks[i]) for i in range(nodes)]
+            values = deficient_eigenvalues(passages, float(segment.closing[0]))
+            return np.full(size, complex(math.nan, math.nan)) if values is None else sort_multipliers(values)
         chain = np.empty((2 * nodes, size, size))
         chain[::2] = left
         chain[1::2] = np.roll(flights, -1, axis=0) @ right
@@ -458,3 +472,20 @@ class ForcedProblem:
         if steps < 1 or not np.all(np.isfinite(found)):
             return np.full(size, complex(math.nan, math.nan))
         return sort_multipliers(found[0] + 1j * found[1])
+
+    def _held(self, flight: int) -> np.ndarray:
+        """Gaps, and their rates, of the stops that stick in a flight, (2n, 2k)."""
+        stops = sorted(int(self.modes.contact_stop[contact]) for contact in self.events[flight].closed)
+        rows = np.array([self.system.stops[stop].gap for stop in stops]).reshape(-1, self.degrees_of_freedom)
+        return np.kron(np.eye(2), rows).T
+
+    def _rank(self, node: int) -> int:
+        """Rank of the saltation matrix of a node. A stop that sticks takes two directions, an impact that leaves no speed one."""
+        size = 2 * self.degrees_of_freedom
+        if not self.events:
+            return size
+        event = self.events[node % len(self.events)]
+        if event.is_release:
+            return size
+        stops = self.system.stops[self.modes.contact_stop[event.contact]]
+        return size - 2 * len(event.closed) - (not event.sticks and stops.restitution == 0.0)

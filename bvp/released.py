@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bvp.closures import EndsError, cycle_of, parse_end
+from bvp.contact_sequence import Event
 from bvp.description import RESERVED
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
@@ -91,6 +92,9 @@ class ReleasedProblem(ForcedProblem):
                 raise EndsError(f"{name} breaks the odd symmetry that an origin end needs: it moves one bound of a gap by itself")
         if self.has_clock or np.any(parametric.entries(self.values)[layout.constant]):
             raise EndsError("a family of free orbits needs a system without loads")
+
+    def _events(self) -> tuple[Event, ...]:
+        return ()
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         return [int(contact) for contact in self.structure.contacts]

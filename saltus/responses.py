@@ -176,7 +176,7 @@ def _follow_all(
         while waiting:
             start = waiting.popleft()
             if arguments.y is not None and not branches and start.problem.ends is None:
-                _check_column(arguments.y, start.problem.parametric, len(start.problem.sequence))
+                _check_column(arguments.y, start.problem.parametric, len(start.problem.impacts))
             if start.known is None and any(_covers(branch, start) for branch in branches):
                 continue
             given = {"values": arguments.uz or (), "points": arguments.points, "stop_at": arguments.stop_at, "on_point": bar.update}

@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.events import Ended
 from branches.forced.identity import FullResponse, full_response
+from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
 
@@ -150,37 +151,41 @@ class ForcedBranch:
 
     @cached_property
     def _order(self) -> tuple[np.ndarray, np.ndarray]:
-        """The impacts in order of phase from the smallest one at the start: their nodes, and fractions of the period to be added."""
+        """The nodes in order of phase, from the impact with the smallest one at the start, and fractions of the period to be added."""
         problem = self.problem
         count = len(problem.sequence)
         nodes, added = np.arange(count), np.zeros(count)
         if problem.half:
             nodes, added = np.tile(nodes, 2), np.repeat([0.0, 0.5], count)
         fractions = (self._fractions[self.start, nodes] + added) % 1.0
+        fractions[~np.isin(nodes, problem.impacts)] = math.inf
         first = int(np.argmin(fractions)) if count else 0
         return np.roll(nodes, -first)[:count], np.roll(added, -first)[:count]
 
+    @cached_property
+    def _impacts(self) -> tuple[np.ndarray, np.ndarray]:
+        """The same, without the releases."""
+        nodes, added = self._order
+        kept = np.isin(nodes, self.problem.impacts)
+        return nodes[kept], added[kept]
+
     @property
     def sequence(self) -> str:
-        """Letters of the impacts of the solved segment. The first impact is the one with the smallest phase at the start."""
+        """Symbols of the impacts of the solved segment. The first impact is the one with the smallest phase at the start."""
         problem = self.problem
-        letters = problem.modes.contact_letters
-        found = ""
-        for node, added in zip(*self._order, strict=True):
-            letter = problem.sequence[node]
-            found += letters[int(problem.modes.contact_opposite[letters.index(letter)])] if added else letter
-        return found
+        found = [(problem.sequence[node], added) for node, added in zip(*self._order, strict=True)]
+        return joined_sequence([problem.mirrored(symbol) if added else symbol for symbol, added in found])
 
     @cached_property
     def phases(self) -> np.ndarray:
         """Phase w t at each impact, modulo 2 pi p, in radians, (N, k). Without a clock it is 2 pi t/T since the first impact."""
-        nodes, added = self._order
+        nodes, added = self._impacts
         return 2.0 * math.pi * self.problem.load_periods * ((self._fractions[:, nodes] + added) % 1.0)
 
     @cached_property
     def speeds(self) -> np.ndarray:
         """Speed of approach of each impact, (N, k)."""
-        nodes = self._order[0]
+        nodes = self._impacts[0]
         return np.array([self.problem.impact_speeds(y)[nodes] for y in self.unknowns]).reshape(len(self), len(nodes))
 
     @cached_property

@@ -25,6 +25,7 @@ from branches.forced.family import ForcedFamily, unbounded
 from branches.forced.switching import full_period, half_of
 from branches.full_family import FamilyMark, digests
 from bvp.closures import EndsError
+from bvp.contact_sequence import OPENS, joined_sequence
 from bvp.description import BASE
 from bvp.forced import ForcedProblem
 from continuation.problem import EndReason
@@ -63,13 +64,12 @@ def closure_name(problem: ForcedProblem) -> str:
 
 def canonical_letters(problem: ForcedProblem) -> str:
     """The impact sequence in an id: of all images of an orbit, the first one in the order of the alphabet."""
-    letters = problem.modes.contact_letters
     sequence = list(problem.sequence)
-    mirror = [letters[int(problem.modes.contact_opposite[letters.index(letter)])] for letter in sequence] if is_odd(problem) else []
+    mirror = [problem.mirrored(symbol) for symbol in sequence] if is_odd(problem) else []
     full = [sequence + (mirror if problem.half else [])]
     full += [mirror + (sequence if problem.half else [])] if mirror else []
-    images = ("".join((one[k:] + one[:k])[: len(sequence)]) for one in full for k in range(len(one) or 1))
-    return min(images)
+    begins = [(one, k) for one in full for k in range(len(one) or 1) if not one or not one[k].endswith(OPENS)]
+    return min(joined_sequence((one[k:] + one[:k])[: len(sequence)]) for one, k in begins)
 
 
 def is_odd(problem: ForcedProblem) -> bool:

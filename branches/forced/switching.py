@@ -12,15 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from branches.admissible import force_event
 from branches.first_orbits import across_null_space, first_orbits
 from branches.forced.family import ForcedFamily
+from branches.forced.opening import opening_again
+from branches.forced.resequencing import exchanged, with_sticking, with_touch, without_flight, without_impact
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
-__all__ = ["GrazingNeighbour", "beside_grazing", "exchanged", "full_period", "half_of", "later", "leaving", "twice"]
+__all__ = ["GrazingNeighbour", "beside_grazing", "full_period", "half_of", "leaving", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, that makes one symmetric orbit of half a period."""
@@ -34,8 +37,8 @@ _GRAZES = 1e-9
 _INSTANT = 1e-6
 """Part of the period within which a touch is at an impact."""
 
-_Change = Callable[[ForcedProblem, Solution], tuple[ForcedProblem, np.ndarray]]
-"""Makes the problem with another sequence from a grazing orbit, and the orbit in its unknowns."""
+_Change = Callable[[ForcedProblem, Solution], tuple[ForcedProblem, np.ndarray] | None]
+"""Makes the problem with another sequence from a grazing orbit, and the orbit in its unknowns; None where there is none."""
 
 
 def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
@@ -46,10 +49,7 @@ def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndar
 
 def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit whose half period was solved, as a solution of the problem of its full period."""
-    modes = problem.modes
-    letters = modes.contact_letters
-    mirrored = [letters[int(modes.contact_opposite[letters.index(letter)])] for letter in problem.sequence]
-    wide = problem.sibling([*problem.sequence, *mirrored], half=False)
+    wide = problem.sibling([*problem.sequence, *map(problem.mirrored, problem.sequence)], half=False)
     return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
 
 
@@ -139,7 +139,7 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         wide, repeated = full_period(problem, solution.y)
         whole = wide.step(repeated, np.zeros(2 * wide.unknowns), 0.0)
         others = [] if whole is None else _across(wide, whole, inwards)
-        return found + [one for one in others if len(one.problem.sequence) % 2]
+        return found + [one for one in others if len(one.problem.impacts) % 2]
     symmetric = half_of(problem, solution.y)
     return found if symmetric is None else found + _across(*symmetric, inwards)
 
@@ -150,7 +150,15 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
     at = 2 * problem.degrees_of_freedom + 1
     side = np.sign(inwards[at])
     for make in _changes(problem, solution):
-        neighbour, start = make(problem, solution)
+        if make is with_sticking:
+            opened = opening_again(problem, solution, inwards)
+            if opened is not None:
+                found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
+                continue
+        made = make(problem, solution)
+        if made is None:
+            continue
+        neighbour, start = made
         family = ForcedFamily(neighbour)
         begin = family.begin(start)
         for sign in (1.0, -1.0) if begin.converged else ():
@@ -166,14 +174,19 @@ def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
     # A single impact that vanishes is the largest one of its orbit, too: the units are those of arclength.
     reach, fast = problem.segment.scale[0], problem.segment.scale[problem.degrees_of_freedom]
     sizes: dict[_Change, float] = {
-        _with_touch: abs(solution["clearance"] / reach),
-        _without: abs(solution["speed"] / fast),
+        with_touch: abs(solution["clearance"] / reach),
+        without_impact: abs(solution["speed"] / fast),
         exchanged: abs(solution["flight"] / problem.duration(solution)),
     }
+    if any(event.closed for event in problem.events) and sizes[exchanged] < _INSTANT:
+        # The contact force, and the speed of a stop that opens for a moment, vanish faster than the time between two events.
+        return [without_flight]
     limit = max(_GRAZES, min(sizes.values()))
-    if sizes[_without] <= limit and _is_at_slowest_impact(problem, solution):
-        del sizes[_with_touch]
-    if sizes[_without] <= limit:
+    if sizes[with_touch] <= limit and force_event(problem, solution) is not None:
+        return [with_sticking]
+    if sizes[without_impact] <= limit and _is_at_slowest_impact(problem, solution):
+        del sizes[with_touch]
+    if sizes[without_impact] <= limit:
         del sizes[exchanged]  # the impact that vanishes has met another one
     return [make for make, size in sizes.items() if size <= limit]
 
@@ -210,95 +223,3 @@ def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solut
         return None
     solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)
     return None if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max() else (half, solution)
-
-
-def _with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns."""
-    n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
-    flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
-    side = solution["clearance_side"]
-    modes = problem.modes
-    contact = next(
-        c
-        for c in range(len(modes.contact_stop))
-        if modes.contact_stop[c] == int(solution["clearance_stop"]) and modes.contacts.side[c] == side
-    )
-    y = solution.y
-    nodes = problem.nodes(y)
-    state, fraction = problem.fly(nodes[flight], time)
-    # The touch is at zero speed: rounding of the place of the extremum must not leave an impact that pulls.
-    row = np.asarray(problem.system.stops[int(solution["clearance_stop"])].gap)
-    state[n:] -= row * (row @ state[n:]) / (row @ row)
-    letter = modes.contact_letters[contact]
-    if not problem.sequence:
-        return _made(problem, [letter], state[None], np.array([fraction % 1.0]), problem.flight_times(y), y)
-    sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
-    times = np.insert(problem.flight_times(y), flight, time)
-    times[flight + 1] -= time
-    states, fractions = np.insert(nodes[:, :size], flight + 1, state, axis=0), np.insert(nodes[:, size], flight + 1, fraction)
-    return _made(problem, sequence, states, fractions, times, y)
-
-
-def _without(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem without the impact whose speed has vanished, and the orbit in its unknowns."""
-    size, y = 2 * problem.degrees_of_freedom, solution.y
-    nodes, times = problem.nodes(y), problem.flight_times(y).copy()
-    # Node i of the speeds is the impact that ends flight i; the last one is the first of the orbit.
-    gone = (int(solution["speed_node"]) + 1) % len(nodes)
-    times[gone - 1] += times[gone]
-    sequence = [*problem.sequence[:gone], *problem.sequence[gone + 1 :]]
-    if not sequence:
-        # Without impacts the orbit begins at the phase 0.
-        state, _ = problem.fly(nodes[0], (1.0 - nodes[0, size] % 1.0) * problem.period(y))
-        return _made(problem, sequence, state[None], np.zeros(1), problem.flight_times(y), y)
-    states, fractions = np.delete(nodes[:, :size], gone, axis=0), np.delete(nodes[:, size], gone)
-    return _made(problem, sequence, states, fractions, np.delete(times, gone), y)
-
-
-def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
-    """An orbit, begun at its second impact."""
-    size, modes = 2 * problem.degrees_of_freedom, problem.modes
-    sign, part = problem.segment.closing
-    letters = modes.contact_letters
-    first = problem.sequence[0]
-    last = letters[int(modes.contact_opposite[letters.index(first)])] if problem.half else first
-    nodes = np.roll(problem.nodes(y), -1, axis=0)
-    nodes[-1, :size] *= sign
-    nodes[-1, size] += part
-    times = np.roll(problem.flight_times(y), -1)
-    return _made(problem, [*problem.sequence[1:], last], nodes[:, :size], nodes[:, size], times, y)
-
-
-def exchanged(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem in which two impacts at the same instant, at stops that do not interact, have the other order, and the orbit in its
-    unknowns."""
-    flight, y = int(solution["flight_index"]), solution.y
-    if flight == problem.inner:
-        problem, y = later(problem, y)
-        flight -= 1
-    size = 2 * problem.degrees_of_freedom
-    nodes = problem.nodes(y)
-    states = nodes[:, :size].copy()
-    # The impacts change velocities in directions at right angles, in M: the second one taken back from the state after both, the first one
-    # kept.
-    states[flight] += states[flight + 1] - states[flight] - (states[flight] - _before(problem, y, flight))
-    sequence = list(problem.sequence)
-    sequence[flight], sequence[flight + 1] = sequence[flight + 1], sequence[flight]
-    return _made(problem, sequence, states, nodes[:, size], problem.flight_times(y), y)
-
-
-def _before(problem: ForcedProblem, y: np.ndarray, node: int) -> np.ndarray:
-    """The state before the impact of a node."""
-    size = 2 * problem.degrees_of_freedom
-    nodes, times = problem.nodes(y), problem.flight_times(y)
-    state, _ = problem.fly(nodes[node - 1], float(times[node - 1]))
-    return state * problem.segment.closing[0] if node == 0 else state[:size]
-
-
-def _made(
-    problem: ForcedProblem, sequence: list[str], states: np.ndarray, fractions: np.ndarray, times: np.ndarray, y: np.ndarray
-) -> tuple[ForcedProblem, np.ndarray]:
-    """The problem with another sequence, and its unknowns."""
-    at = problem.parameters(y)
-    made = problem.sibling(sequence, values=at)
-    return made, made.pack(states, fractions, [at[name] for name in problem.released], times)

@@ -22,6 +22,7 @@ from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch
 from branches.released.family import ReleasedFamily
 from branches.tracing import event_along
+from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
 from bvp.released import ReleasedProblem
@@ -223,7 +224,7 @@ def _with_neighbours(branch: ForcedBranch, event: ForcedEvent) -> ForcedEvent:
     if event.type != "GR":
         return event
     found = _at_grazing(branch, event)
-    return event._replace(neighbours=tuple(("".join(one.problem.sequence), one.persists) for one in found))
+    return event._replace(neighbours=tuple((joined_sequence(one.problem.sequence), one.persists) for one in found))
 
 
 def _at_grazing(branch: ForcedBranch, event: ForcedEvent) -> list[GrazingNeighbour]:

@@ -14,7 +14,7 @@ Each node carries the released parameters; they are equal on every iterate of Ne
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import int64
@@ -22,7 +22,8 @@ from numpy import int64
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.contact_mode import apply_impact, impact_columns
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2, times_matrix
+from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2
+from bvp.kernels.forced_sticking import contact_gap, flight_of, load_modes, modal_load
 from bvp.kernels.free_closure import (
     ends_residuals,
     fill_ends,
@@ -79,6 +80,7 @@ class LoadedSegment(NamedTuple):
     kept_values: np.ndarray  # (N,) of all parameters; of free orbits (N + 2,), with the energy and the quarter period behind them
     kept_out: np.ndarray  # what that program writes
     shape: np.ndarray  # (5,) int64: inner impacts k; CLOSED or UNFOLDED; quarter periods solved; kind of start; kind of end
+    sticking: Any  # `Unstuck` or `Sticking` of `bvp.kernels.forced_sticking`
 
 
 @unpack.of(LoadedSegment)
@@ -115,12 +117,8 @@ def refresh(segment, node):
         for part in range(1 if h < constants else 2):
             first = places[1] if h < constants else places[2 + part] + (h - constants) * n
             force = entries[first : first + n]
-            times_matrix(segment.drive, force, loads.modal[0, h, part])
-            for j in range(count):
-                times_matrix(segment.drive, slopes[j, first : first + n], loads.modal[1 + j, h, part])
-            for j in range(segment.drive_slope.shape[0]):
-                for r in range(size):
-                    loads.modal[1 + j, h, part, r] += inner(segment.drive_slope[j, r], force)
+            modal_load(segment.drive, segment.drive_slope, force, slopes, first, h, part, loads.modal)
+            load_modes(segment.sticking, segment, force, first, h, part)
     for i in range(segment.contact.shape[0]):
         row = segment.contact[i, 0]
         if row >= 0:
@@ -142,15 +140,15 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
     refresh(segment, y[:width])
     at = 0
     for i in range(k + 1):
-        loaded_flight(segment.flight, y[at : at + width], y[at + width], before[i], flights[i])
+        loaded_flight(flight_of(segment, i), y[at : at + width], y[at + width], before[i], flights[i])
         at += width + 1
         row = i * (width + 1)
         apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before[i], residual[row : row + width])
         if i < k:
-            # Equation (39): the flight lands on the next node, which lies on its stop.
+            # Equation (39): the flight lands on the next node, which lies on its stop, or opens it.
             for r in range(width):
                 residual[row + r] -= y[at + r]
-            residual[row + width] = inner(segment.gap[i], y[at : at + width]) - segment.bound[i]
+            residual[row + width], _ = contact_gap(segment.sticking, segment, i, y[at : at + width])
         elif segment.shape[3] != PERIODIC:
             copy_1(residual[row : row + width], z[:width])
             ends_residuals(segment, y, z[:width], residual[row:])
@@ -179,7 +177,7 @@ def loaded_blocks(segment, i, factor, landing, push_rate):
     for r in range(landing.shape[0]):
         copy_1(factor.flights[i, r], landing[r])
     before = factor.before[i]
-    loaded_rate(segment.flight, before, push_rate)
+    loaded_rate(flight_of(segment, i), before, push_rate)
     if segment.contact[i, 0] >= 0:
         jump = segment.jump[i]
         speed = row_dot(segment.gap_rate, i, before)
@@ -220,8 +218,9 @@ def fill_loaded(segment, y, factor):
                 column[at - base + width] = along[r] * scale[at + width]
                 column[after - base + r] = -scale[after + r]
             column = window[i * rows + width]
+            _, gradient = contact_gap(segment.sticking, segment, i, y[after : after + width])
             for c in range(width):
-                column[after - base + c] = segment.gap[i, c] * scale[after + c]
+                column[after - base + c] = gradient[c] * scale[after + c]
         elif segment.shape[3] != PERIODIC:
             fill_ends(segment, y, landing, along, closing, scale)
             fill_kept(segment, y, closing, scale)

@@ -18,6 +18,7 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.extrema import Observed, nearest_turn
 from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.forced import refresh
+from bvp.kernels.forced_sticking import flight_in, flight_of, is_closed, least_force, lift_off, mode_count, mode_of, watch_forces
 from bvp.kernels.loads import NEAR_RESONANCE
 
 PIECES = 1000
@@ -55,29 +56,37 @@ def make_extended(blocks, size, harmonics, gaps, joined):
 
 
 @inlined
-def resonates(free, k, nu):
-    """Whether a harmonic is near resonance with block k: its particular solution would be large, or the block has more than a pair."""
-    square = free.delta[k] if free.pairs[k, 1] >= 0 else 0.0
+def member(i, j, r):
+    """Where the modal coordinate r of a block (i, j) is: the two of a pair can be far apart, those of a larger block follow each other."""
+    return j if j >= 0 and r == 1 else i + r
+
+
+@inlined
+def joins(flight, k, h):
+    """Whether harmonic h has to join block k: it acts near resonance, where its particular solution would be large, or on a block that is
+    larger than a pair."""
+    free, loads = flight.free, flight.loads
+    i = free.pairs[k, 0]
+    j = free.pairs[k, 1]
+    acts = False
+    for r in range(2 if j >= 0 else -j):
+        of_row = member(i, j, r)
+        acts = acts or loads.modal[0, h, 0, of_row] != 0.0 or loads.modal[0, h, 1, of_row] != 0.0
+    nu = loads.harmonics[h] * loads.clock[0]
+    square = free.delta[k] if j >= 0 else 0.0
     mean = free.mean[k]
     shift = complex(-mean, nu)
-    return free.pairs[k, 1] < -1 or NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square)
+    return acts and (j < -1 or NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square))
 
 
 @inlined
 def any_resonance(flight):
     """Whether a load has to join a block."""
-    loads = flight.loads
     for k in range(flight.free.pairs.shape[0]):
-        for h in range(loads.harmonics.shape[0]):
-            if resonates(flight.free, k, loads.harmonics[h] * loads.clock[0]):
+        for h in range(flight.loads.harmonics.shape[0]):
+            if joins(flight, k, h):
                 return True
     return False
-
-
-@inlined
-def member(i, j, r):
-    """Where the modal coordinate r of a block (i, j) is: the two of a pair can be far apart, those of a larger block follow each other."""
-    return j if j >= 0 and r == 1 else i + r
 
 
 @inlined
@@ -106,8 +115,7 @@ def extend(flight, gaps, extended):
         if j >= 0:
             extended.unit[i] = 1.0
             for h in range(harmonics):
-                nu = loads.harmonics[h] * loads.clock[0]
-                if resonates(free, k, nu) and free.matrix[i, j] != 0.0:
+                if joins(flight, k, h) and free.matrix[i, j] != 0.0:
                     balance = max(math.sqrt(abs(free.matrix[j, i] / free.matrix[i, j])), loads.clock[0] / abs(free.matrix[i, j]))
         for r in range(size):
             of_row = member(i, j, r)
@@ -122,7 +130,7 @@ def extend(flight, gaps, extended):
         for h in range(harmonics):
             nu = loads.harmonics[h] * loads.clock[0]
             real, imaginary = loads.modal[0, h, 0], loads.modal[0, h, 1]
-            if resonates(free, k, nu):
+            if joins(flight, k, h):
                 copies[h, k] = at
                 strength = 0.0
                 for r in range(size):
@@ -140,9 +148,10 @@ def extend(flight, gaps, extended):
                 matrix[at + 1, at] = nu
                 at += 2
                 continue
-            # Equation (38): X = (i nu - B)^-1 (C - i S).
+            # Equation (38): X = (i nu - B)^-1 (C - i S); 0 where no load acts.
             shift = complex(-free.mean[k], nu)
-            part = 1.0 / (shift * shift - (free.delta[k] if j >= 0 else 0.0))
+            far = shift * shift - (free.delta[k] if j >= 0 else 0.0)
+            part = 1.0 / far if far != 0.0 else complex(0.0, 0.0)
             b = complex(real[i], -imaginary[i])
             found = shift * part * b
             if j >= 0:
@@ -254,8 +263,9 @@ def rates_of(flight):
 
 
 @inlined
-def loaded_clearance(extended, stop, duration, growth, decay):
-    """`bvp.kernels.extrema.clearance` of a flight in pieces. What decays fast is gone after the first ones: each is twice as long."""
+def loaded_clearance(extended, stop, start, duration, growth, decay):
+    """`bvp.kernels.extrema.clearance` of a flight from the time `start` on, in pieces. What decays fast is gone after the first ones: each
+    is twice as long."""
     begin = extended.work[2]
     longest = max(GROWTH / growth, duration / PIECES) if growth > 0.0 else duration
     width = GROWTH / decay if decay > 0.0 else duration
@@ -264,7 +274,7 @@ def loaded_clearance(extended, stop, duration, growth, decay):
     best_time = 0.0
     sign = 0
     steps = 0
-    at = 0.0
+    at = start
     while at < duration:
         width = min(width, longest)
         if at + width >= duration:
@@ -301,7 +311,10 @@ def forced_observe(segment, watched, y, ends, work, result):
 
     ends (k + 1, N): the node at the end of each flight. work: not used, here as for other problems."""
     refresh(segment, y[: segment.gap.shape[1]])
-    if any_resonance(segment.flight):
+    joined = False
+    for mode in range(1 + mode_count(segment.sticking)):
+        joined = joined or any_resonance(flight_in(segment.sticking, segment.flight, mode))
+    if joined:
         observe_with(segment, watched, watched.joined, y, ends, result)
     else:
         observe_with(segment, watched, watched.plain, y, ends, result)
@@ -314,7 +327,7 @@ def observe_with(segment, watched, extended, y, ends, result):
     n = watched.gaps.shape[1]
     entries = segment.released.entries
     bounds = extended.observed.bounds
-    extend(segment.flight, watched.gaps, extended)
+    present = -1
     best = math.inf
     set_1(result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1], 0.0)
     result[entry.GAVE_UP] = 0.0
@@ -341,15 +354,28 @@ def observe_with(segment, watched, extended, y, ends, result):
             if speed < slowest:
                 slowest = speed
                 slowest_node = i
-        extended_state(segment.flight, node, extended)
+        mode = mode_of(segment.sticking, i)
+        if mode != present:
+            extend(flight_in(segment.sticking, segment.flight, mode), watched.gaps, extended)
+            watch_forces(segment.sticking, extended, mode)
+            present = mode
+        extended_state(flight_of(segment, i), node, extended)
         growth, decay = rates_of(extended.flight)
+        touched = watched.stops[i - 1 if i > 0 else segment.shape[0]]
         for stop in range(bounds.shape[1] if duration > 0.0 else 0):
             bounds[0, stop] = entries[watched.bounds[0, stop]]
             bounds[1, stop] = entries[watched.bounds[1, stop]]
-            distance, side, time = loaded_clearance(extended, stop, duration, growth, decay)
+            closed = is_closed(segment.sticking, i, stop)
+            if closed:
+                # The contact force takes the place of the distance.
+                bounds[0, stop] = 0.0
+                bounds[1, stop] = math.inf
+            longest = min(duration, GROWTH / growth) if growth > 0.0 else duration
+            start = lift_off(segment.sticking, segment, i, stop, touched, extended, longest)
+            distance, side, time = loaded_clearance(extended, stop, start, duration, growth, decay)
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
-            if watched.stops[i] != stop:
+            if watched.stops[i] != stop and not closed:
                 # The end of the flight can bend the path of this gap, or is a plain cut at its turning point.
                 w = inner(watched.gaps[stop], ends[i, :n])
                 rate = inner(watched.gaps[stop], ends[i, n : 2 * n])
@@ -370,6 +396,13 @@ def observe_with(segment, watched, extended, y, ends, result):
                 result[entry.CLEARANCE_STOP] = stop
                 result[entry.CLEARANCE_SIDE] = side
                 result[entry.CLEARANCE_TIME] = time
+        distance, nearest, part = least_force(segment.sticking, segment, i, node, ends[i])
+        if distance < best:
+            best = distance
+            result[entry.CLEARANCE_FLIGHT] = i
+            result[entry.CLEARANCE_STOP] = nearest
+            result[entry.CLEARANCE_SIDE] = -1.0
+            result[entry.CLEARANCE_TIME] = part * duration
     result[entry.CLEARANCE] = best
     result[entry.SPEED] = slowest
     result[entry.SPEED_NODE] = slowest_node

@@ -17,6 +17,7 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.dense import determinant, eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_2
+from bvp.kernels.forced_sticking import flight_of
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
 
@@ -39,9 +40,10 @@ def make_stroboscopic(segment):
 @inlined
 def rates_at(segment, i, before, after, coming, going):
     """after (N,): the node after impact i. coming, going (N,): f- and f+, the rates of the nodes before and after it."""
-    loaded_rate(segment.flight, before, coming)
+    loaded_rate(flight_of(segment, i), before, coming)
     apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before, after)
-    loaded_rate(segment.flight, after, going)
+    # The last impact of half a period is the mirror image of the first one: the same stop is closed.
+    loaded_rate(flight_of(segment, i + 1 if i < segment.shape[0] else 0), after, going)
 
 
 @kernel

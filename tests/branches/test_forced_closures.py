@@ -11,7 +11,8 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
-from branches.forced.switching import beside_grazing, later
+from branches.forced.resequencing import later
+from branches.forced.switching import beside_grazing
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways

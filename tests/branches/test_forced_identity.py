@@ -21,8 +21,11 @@ def absorber():
 def test_an_id_depends_neither_on_the_start_nor_on_the_range(absorber):
     """Oracle: the id of the family that is followed to both of its ends."""
     for branch in absorber:
+        # At an event the equations can be singular.
+        located = np.array([event.values["w"] for event in branch.events])
+        plain = [k for k in range(len(branch)) if np.abs(located - branch.parameter[k]).min() > 1e-9]
         for part in (0.1, 0.35, 0.6, 0.9):
-            k = int(part * len(branch))
+            k = plain[int(part * len(plain))]
             at = float(branch.parameter[k])
             for interval in ((0.7, 2.2), (at - 1e-3, at + 1e-3), (at, 3.0)):
                 assert follow_response(branch.problem, branch.unknowns[k], interval).id == branch.id

@@ -240,3 +240,20 @@ def test_bad_equations(capsys, words, expected):
 
 def test_equations_need_their_parameters(capsys):
     refused(run(capsys, "continue", "S13O00+", "--keep", "A = w"), "--keep is an option of a response; expected --in NAME")
+
+
+def test_a_simulated_motion_that_sticks_is_followed(capsys):
+    """Oracle: without damping and at half of the natural frequency the contact force at the impact is zero at s = 0 exactly."""
+    words = "--scene", "impact_oscillator", "--set", "r=0", "--set", "s=-0.5", "--set", "w=0.5"
+    started = "--from", "simulate", "--start=-0.6,0", "--in", "s", "--range=-0.6:0.2"
+    code, out, err = run(capsys, "continue", *words, *started, "--json", "a.json")
+    assert code == 0, err
+    assert out.splitlines()[2].startswith("branch 1: sequence +=; period 1 of the loads")
+    event = data("a.json")["branches"][0]["events"][-1]
+    assert event["type"] == "GR" and abs(event["values"]["s"]) < 1e-10 and event["neighbours"][0]["sequence"] == "++="
+    code, out, err = run(capsys, "continue", "--from", "a.json:GR", "--json", "b.json", "--points", "20")
+    assert code == 0, err
+    assert out.startswith("branch 1: sequence ++=")
+    assert run(capsys, "show", "b.json")[0] == 0
+    code, out, err = run(capsys, "continue", *("r=0.4" if word == "r=0" else word for word in words), *started)
+    assert code == 1 and "a stop sticks after an impact without rebound; expected restitution 0, found 0.4" in err

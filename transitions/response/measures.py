@@ -75,10 +75,10 @@ def _at_phase_zero(branch: ForcedBranch, y: np.ndarray) -> np.ndarray:
     size = 2 * problem.degrees_of_freedom
     nodes, times, period = problem.nodes(y), problem.flight_times(y), problem.period(y)
     unit = 0.5 if problem.half else 1.0
-    for node, time in zip(nodes, times.tolist(), strict=True):
+    for i, (node, time) in enumerate(zip(nodes, times.tolist(), strict=True)):
         wanted = math.ceil(node[size] / unit) * unit
         if wanted <= node[size] + time / period:
-            state, _ = problem.fly(node, (wanted - node[size]) * period)
+            state, _ = problem.fly(node, (wanted - node[size]) * period, i)
             # Of half a period x(t + T/2) = -x(t): an odd number of halves turns the state round.
             return -state if round(wanted / unit) % 2 and problem.half else state
     return nodes[0, :size].copy()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
 from transitions.response.path import ParameterPath
+from transitions.response.recognition import MotionNodes, nodes_of
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = ["NoOrbit", "Unbounded", "linear_response", "settled_orbit"]
@@ -90,27 +90,30 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     Raises
     ------
     NoOrbit
-        If the motion is not periodic, sticks, or is not the orbit that was solved.
+        If the motion is not periodic, sticks for ever, or is not the orbit that was solved.
     """
     if settled.kind is not SettledKind.PERIODIC:
         raise NoOrbit(settled.text)
     if settled.sticking:
         raise NoOrbit(f"{settled.text}; orbits with a sticking contact are not followed")
-    impacts, p = settled.impacts, settled.period
-    fractions = (impacts.times / settled.period_of_loads + impacts.periods) / p
+    p = settled.period
+    nodes = nodes_of(path, settled)
     problem, guess = None, np.zeros(0)
-    if len(impacts) and len(impacts) % 2 == 0:
-        problem, guess = _half(path, settled, fractions)
+    if nodes.symbols and len(nodes.symbols) % 2 == 0:
+        problem, guess = _half(path, p, nodes)
     if problem is None:
-        problem = path.problem(settled.stops, load_periods=p)
-        if len(impacts):
-            guess = _packed(problem, path, settled, impacts.after, fractions)
+        try:
+            problem = path.problem(nodes.symbols, load_periods=p)
+        except EndsError as error:
+            raise NoOrbit(f"{settled.text}; {error}") from error
+        if nodes.symbols:
+            guess = _packed(problem, path, nodes)
         else:
             guess = problem.pack(settled.states[:1], [0.0], path.start)
     try:
         solution = problem.solve(guess)
     except NotConverged as error:
-        raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there{_stuck(settled, problem)}") from error
+        raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there") from error
     n = problem.degrees_of_freedom
     scale = np.abs(problem.nodes(solution.y)[:, : 2 * n]).max()
     distance = float(np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1].max() / max(scale, 1e-300))
@@ -118,40 +121,27 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     if beyond is not None:
         raise NoOrbit(f"{settled.text}; the orbit found there is no motion: {beyond}")
     if not distance < _SAME * max(1.0, settled.distance / 1e-9):
-        raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it{_stuck(settled, problem)}")
+        raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it")
     return Periodic(problem, solution.y, distance)
 
 
-def _stuck(settled: Settled, problem: ForcedProblem) -> str:
-    """A hint if the motion may stick for part of the period."""
-    soft = any(stop.restitution < 1.0 for stop in problem.system.stops)
-    return "; it may stick for a part of its period, which is not followed" if soft and len(settled.impacts) > 3 else ""
-
-
-def _half(path: ParameterPath, settled: Settled, fractions: np.ndarray) -> tuple[ForcedProblem | None, np.ndarray]:
+def _half(path: ParameterPath, p: int, nodes: MotionNodes) -> tuple[ForcedProblem | None, np.ndarray]:
     """The problem of half the period and the unknowns, if the motion has this symmetry."""
-    k = len(fractions) // 2
+    part = nodes.half()
+    k = len(part.symbols)
     try:
-        problem = path.problem(settled.stops[:k], load_periods=settled.period, half=True)
+        problem = path.problem(part.symbols, load_periods=p, half=True)
     except EndsError:
         return None, np.zeros(0)
-    after = settled.impacts.after
-    size = float(np.abs(after).max())
-    opposite = [_opposite(problem, letter) for letter in settled.stops[:k]]
-    mirrored = np.abs(after[k:] + after[:k]).max() < _SAME * size and np.abs(fractions[k:] - fractions[:k] - 0.5).max() < _SAME
-    if list(settled.stops[k:]) != opposite or not mirrored:
+    size = float(np.abs(nodes.states).max())
+    late = nodes.fractions[k:] - nodes.fractions[:k] - 0.5
+    mirrored = np.abs(nodes.states[k:] + nodes.states[:k]).max() < _SAME * size and np.abs(late).max() < _SAME
+    if nodes.symbols[k:] != tuple(map(problem.mirrored, part.symbols)) or not mirrored:
         return None, np.zeros(0)
-    return problem, _packed(problem, path, settled, after[:k], fractions[:k])
+    return problem, _packed(problem, path, part)
 
 
-def _packed(problem: ForcedProblem, path: ParameterPath, settled: Settled, after: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-    """The unknowns of the impacts in the segment that is solved. Without a clock their times are those of the flights."""
-    if problem.has_clock:
-        return problem.pack(after, fractions, path.start)
-    times = np.diff([*fractions, fractions[0] + (0.5 if problem.half else 1.0)]) * settled.period_of_loads
-    return problem.pack(after, np.zeros(len(times)), path.start, times)
-
-
-def _opposite(problem: ForcedProblem, letter: str) -> str:
-    letters: Sequence[str] = problem.modes.contact_letters
-    return letters[int(problem.modes.contact_opposite[letters.index(letter)])]
+def _packed(problem: ForcedProblem, path: ParameterPath, nodes: MotionNodes) -> np.ndarray:
+    """The unknowns of the segment that is solved. Without a clock a node has no time."""
+    fractions = nodes.fractions if problem.has_clock else np.zeros(len(nodes.fractions))
+    return problem.pack(nodes.states, fractions, path.start, nodes.times)

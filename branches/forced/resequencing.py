@@ -1,0 +1,151 @@
+"""Orbits at an event in the unknowns of the sequence on its other side: an impact, or a flight, is put in or left out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from branches.admissible import force_event
+from bvp.contact_sequence import CLOSES, OPENS
+from bvp.forced import ForcedProblem
+from bvp.multipoint import Solution
+
+__all__ = ["exchanged", "later", "with_sticking", "with_touch", "without_flight", "without_impact"]
+
+
+def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns."""
+    n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
+    flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
+    side = solution["clearance_side"]
+    modes = problem.modes
+    contact = next(
+        c
+        for c in range(len(modes.contact_stop))
+        if modes.contact_stop[c] == int(solution["clearance_stop"]) and modes.contacts.side[c] == side
+    )
+    y = solution.y
+    nodes = problem.nodes(y)
+    state, fraction = problem.fly(nodes[flight], time, flight)
+    # The touch is at zero speed: rounding of the place of the extremum must not leave an impact that pulls.
+    row = np.asarray(problem.system.stops[int(solution["clearance_stop"])].gap)
+    state[n:] -= row * (row @ state[n:]) / (row @ row)
+    letter = modes.contact_letters[contact]
+    if not problem.sequence:
+        return _made(problem, [letter], state[None], np.array([fraction % 1.0]), problem.flight_times(y), y)
+    sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
+    times = np.insert(problem.flight_times(y), flight, time)
+    times[flight + 1] -= time
+    states, fractions = np.insert(nodes[:, :size], flight + 1, state, axis=0), np.insert(nodes[:, size], flight + 1, fraction)
+    return _made(problem, sequence, states, fractions, times, y)
+
+
+def without_impact(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The problem without the impact whose speed has vanished, and the orbit in its unknowns; None where its stop sticks after it."""
+    size, y = 2 * problem.degrees_of_freedom, solution.y
+    nodes, times = problem.nodes(y), problem.flight_times(y).copy()
+    # Node i of the speeds is the impact that ends flight i; the last one is the first of the orbit.
+    gone = (int(solution["speed_node"]) + 1) % len(nodes)
+    if problem.events[gone].sticks:
+        return None
+    times[gone - 1] += times[gone]
+    sequence = [*problem.sequence[:gone], *problem.sequence[gone + 1 :]]
+    if not sequence:
+        # Without impacts the orbit begins at the phase 0.
+        state, _ = problem.fly(nodes[0], (1.0 - nodes[0, size] % 1.0) * problem.period(y))
+        return _made(problem, sequence, state[None], np.zeros(1), problem.flight_times(y), y)
+    states, fractions = np.delete(nodes[:, :size], gone, axis=0), np.delete(nodes[:, size], gone)
+    return _made(problem, sequence, states, fractions, np.delete(times, gone), y)
+
+
+def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit, begun at its second impact."""
+    size = 2 * problem.degrees_of_freedom
+    sign, part = problem.segment.closing
+    count = int(problem.impacts[1]) if len(problem.impacts) > 1 else len(problem.sequence)
+    first = problem.sequence[:count]
+    last = map(problem.mirrored, first) if problem.half else first
+    nodes = np.roll(problem.nodes(y), -count, axis=0)
+    nodes[-count:, :size] *= sign
+    nodes[-count:, size] += part
+    times = np.roll(problem.flight_times(y), -count)
+    return _made(problem, [*problem.sequence[count:], *last], nodes[:, :size], nodes[:, size], times, y)
+
+
+def exchanged(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which two impacts at the same instant, at stops that do not interact, have the other order, and the orbit in its
+    unknowns."""
+    flight, y = int(solution["flight_index"]), solution.y
+    if flight == problem.inner:
+        flight -= int(problem.impacts[1])
+        problem, y = later(problem, y)
+    size = 2 * problem.degrees_of_freedom
+    nodes = problem.nodes(y)
+    states = nodes[:, :size].copy()
+    # The impacts change velocities in directions at right angles, in M: the second one taken back from the state after both, the first one
+    # kept.
+    states[flight] += states[flight + 1] - states[flight] - (states[flight] - _before(problem, y, flight))
+    sequence = list(problem.sequence)
+    sequence[flight], sequence[flight + 1] = sequence[flight + 1], sequence[flight]
+    return _made(problem, sequence, states, nodes[:, size], problem.flight_times(y), y)
+
+
+def _before(problem: ForcedProblem, y: np.ndarray, node: int) -> np.ndarray:
+    """The state before the impact of a node."""
+    size = 2 * problem.degrees_of_freedom
+    nodes, times = problem.nodes(y), problem.flight_times(y)
+    state, _ = problem.fly(nodes[node - 1], float(times[node - 1]), (node - 1) % len(nodes))
+    return state * problem.segment.closing[0] if node == 0 else state[:size]
+
+
+def _made(
+    problem: ForcedProblem, sequence: list[str], states: np.ndarray, fractions: np.ndarray, times: np.ndarray, y: np.ndarray
+) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem with another sequence, and its unknowns."""
+    at = problem.parameters(y)
+    made = problem.sibling(sequence, values=at)
+    return made, made.pack(states, fractions, [at[name] for name in problem.released], times)
+
+
+def with_sticking(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The problem in which the stop of an impact without rebound, after which there is no contact force, sticks for no time. None where the
+    force of a stop that sticks is zero."""
+    force = force_event(problem, solution)
+    if force is None or force.kind != "after":
+        return None
+    flight, y = int(solution["clearance_flight"]), solution.y
+    nodes, size = problem.nodes(y), 2 * problem.degrees_of_freedom
+    letter = problem.modes.contact_letters[problem.events[flight].contact]
+    sequence = [*problem.sequence[:flight], letter + CLOSES, letter + OPENS, *problem.sequence[flight + 1 :]]
+    twice = np.insert(nodes, flight, nodes[flight], axis=0)
+    return _made(problem, sequence, twice[:, :size], twice[:, size], np.insert(problem.flight_times(y), flight, 0.0), y)
+
+
+def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The problem without a flight that has no duration, between two events at one stop, of which one is sticking or its end.
+
+    What they do together takes their place: nothing where the stop opens and is hit at once. None where that leaves no impact: the stop
+    sticks for ever."""
+    flight, y = int(solution["flight_index"]), solution.y
+    if flight == problem.inner or (flight == 0 and problem.events[1].is_release and not problem.events[0].sticks):
+        if len(problem.impacts) < 2:
+            return None
+        flight -= int(problem.impacts[1])
+        problem, y = later(problem, y)
+        flight %= problem.inner + 1
+    first, second = problem.events[flight], problem.events[flight + 1]
+    letter = problem.modes.contact_letters[first.contact]
+    if first.contact != second.contact:
+        return None
+    if first.is_release:
+        together = [] if second.sticks else [letter + OPENS]
+    else:
+        together = [letter + CLOSES] if second.sticks else [letter]
+    nodes, size = problem.nodes(y), 2 * problem.degrees_of_freedom
+    kept = np.r_[0:flight, [flight + 1] * len(together), flight + 2 : len(nodes)].astype(int)
+    times = np.delete(problem.flight_times(y), flight)
+    if not together:
+        # The flight that ended with the release goes on with that after the impact.
+        times[flight - 1] += times[flight]
+        times = np.delete(times, flight)
+    sequence = [*problem.sequence[:flight], *together, *problem.sequence[flight + 2 :]]
+    return _made(problem, sequence, nodes[kept, :size], nodes[kept, size], times, y)

@@ -1,0 +1,113 @@
+"""Impact sequences: the stops that are hit, in order of time, and those that stick after an impact.
+
+A symbol is the letter of a contact, `+` or `a+`. With `=` behind it the stop stays closed after the impact, `a+=`. With `:` the stop opens,
+`a+:`. It opens before the next symbol, unless the sequence says where.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from bvp.closures import EndsError, contact_of
+
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["CLOSES", "OPENS", "Event", "joined_sequence", "parse_sequence"]
+
+CLOSES, OPENS = "=", ":"
+"""Ends of the symbols of an impact after which the stop sticks, and of its release."""
+
+
+class Event(NamedTuple):
+    """A node of an orbit: an impact at a contact, or its release; and the contacts that stick in the flight after it."""
+
+    symbol: str
+    contact: int
+    is_release: bool
+    closed: frozenset[int]
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the stop stays closed after the impact."""
+        return self.contact in self.closed and not self.is_release
+
+
+def _split(symbol: str) -> tuple[str, str]:
+    return (symbol[:-1], symbol[-1]) if symbol.endswith((CLOSES, OPENS)) else (symbol, "")
+
+
+def parse_sequence(system: ImpactSystem, sequence: Sequence[str], half: bool = False) -> tuple[Event, ...]:
+    """The events of a sequence, with the releases that it leaves out.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    sequence : sequence of str
+        Symbols.
+    half : bool
+        The sequence is that of half a period, whose mirror image follows.
+
+    Raises
+    ------
+    EndsError
+        For an unknown contact, a stop that is hit while it sticks or opens while it does not, and a sequence that begins with a release.
+
+    Examples
+    --------
+    >>> from bvp.system import ImpactSystem, Stop
+    >>> one = ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0, 1.0, restitution=0.0)])
+    >>> [event.symbol for event in parse_sequence(one, ["+=", "-"])]
+    ['+=', '+:', '-']
+    """
+    opposite = system.modes.contact_opposite
+    parts = [_split(symbol) for symbol in sequence]
+    found = [(letter, end, contact_of(system, letter)) for letter, end in parts]
+    if found and found[0][1] == OPENS:
+        raise EndsError(f"a sequence begins with an impact; received {sequence[0]}, which opens a stop")
+
+    def image(contact: int) -> int:
+        return int(opposite[contact]) if half else contact
+
+    # A stop whose release comes first in the sequence sticks from the end of the period before.
+    full: list[tuple[str, str, int]] = []
+    for k, (letter, end, contact) in enumerate(found):
+        full.append((letter, end, contact))
+        if end != CLOSES:
+            continue
+        later = [*found[k + 1 :], *((other, kind, image(place)) for other, kind, place in found[: k + 1])]
+        own = next((kind for _, kind, place in later if place == contact), CLOSES)
+        if own != OPENS:
+            full.append((letter, OPENS, contact))
+    first = {
+        contact
+        for k, (_, end, contact) in enumerate(full)
+        if end == OPENS and not any(kind == CLOSES and other == contact for _, kind, other in full[:k])
+    }
+    closed, events = set(first), list[Event]()
+    for letter, end, contact in full:
+        if end == OPENS and contact not in closed:
+            raise EndsError(f"{letter}{OPENS} opens a stop that does not stick; expected {letter}{CLOSES} before it")
+        if end != OPENS and closed & {contact, int(opposite[contact])}:
+            raise EndsError(f"{letter}{end} hits a stop that sticks; expected {letter}{OPENS} before it")
+        closed = closed - {contact} if end == OPENS else closed | ({contact} if end == CLOSES else set())
+        events.append(Event(letter + end, contact, end == OPENS, frozenset(closed)))
+    if closed != {image(contact) for contact in first}:
+        raise EndsError("a stop sticks at the end of the sequence and not at its beginning")
+    return tuple(events)
+
+
+def joined_sequence(symbols: Sequence[str]) -> str:
+    """A sequence as a text, without the releases that follow their impacts at once.
+
+    Examples
+    --------
+    >>> joined_sequence(["a+=", "a+:", "b-"])
+    'a+=b-'
+    """
+    text = ""
+    for k, symbol in enumerate(symbols):
+        if not (symbol.endswith(OPENS) and k and symbols[k - 1] == symbol[:-1] + CLOSES):
+            text += symbol
+    return text

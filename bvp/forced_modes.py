@@ -1,0 +1,238 @@
+"""The contact modes of orbits under periodic loads, equations (42) and (43): matrices of flights and contact forces, and derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from bvp.blocks import Blocks, Matrices, blocks_of, exact_product
+from bvp.checks import EPSILON
+from bvp.kernels.flight import Flight
+from bvp.kernels.forced_sticking import Sticking, Unstuck, sticking_flight
+from bvp.kernels.loads import LoadedFlight, Loads
+from bvp.modes import undamped_modes
+
+if TYPE_CHECKING:
+    from bvp.contact_sequence import Event
+    from bvp.system import ImpactSystem
+
+__all__ = ["ForcedMode", "ModeSlopes", "ModeTable", "forced_mode", "mode_slopes"]
+
+
+class ForcedMode(NamedTuple):
+    """The motion while k contacts of a system with n degrees of freedom stick, k = 0 being free flight."""
+
+    blocks: Blocks
+    enter: np.ndarray  # (2 n, 2 n) of (u, v)
+    leave: np.ndarray  # (2 n, 2 n)
+    inverse: np.ndarray  # (n, n) P M^-1
+    rows: np.ndarray  # (k, n) gaps of the stops that stick
+    lift: np.ndarray  # (n, k) U
+    compliance: np.ndarray  # (k, k) (c M^-1 c')^-1
+    weight: np.ndarray  # (k,) unit of the forces, with the side of the stop as its sign
+    pull: np.ndarray  # (k, 2 n) contact forces of a unit state, with the other sign
+    reach: np.ndarray  # (k, n) contact forces of unit loads
+
+
+class ModeSlopes(NamedTuple):
+    """Derivatives of a `ForcedMode` by a parameter that changes masses, dampers or springs."""
+
+    inverse: np.ndarray
+    change: np.ndarray  # (2 n, 2 n) of the rates of modal states
+    drive: np.ndarray  # (2 n, n) of the modal rates of unit loads
+    pull: np.ndarray
+    reach: np.ndarray
+
+
+def forced_mode(system: ImpactSystem, contacts: Sequence[int], unit: float) -> ForcedMode:
+    """The mode in which the given contacts stick.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    contacts : sequence of int
+    unit : float
+        What contact forces, as accelerations of their gaps, are multiplied by.
+
+    Raises
+    ------
+    RuntimeError
+        Where the gaps of the contacts depend on each other, or no contact mode is left: every coordinate is constant.
+    """
+    n, modes = system.degrees_of_freedom, system.modes
+    mass_inverse = np.linalg.inv(system.mass)
+    state = np.hstack([system.stiffness, system.damping])
+    k = len(contacts)
+    rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts], dtype=float).reshape(k, n)
+    if not k:
+        free = modes, modes.from_state, modes.to_state, mass_inverse
+        return ForcedMode(*free, rows, rows.T, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 2 * n)), rows)
+    along = mass_inverse @ rows.T
+    compliance = rows @ along
+    if np.linalg.cond(compliance) > 1e12:
+        raise RuntimeError("stops stick whose gaps depend on each other")
+    compliance = np.linalg.inv(compliance)
+    lift = along @ compliance
+    inverse = mass_inverse - lift @ along.T
+    weight = unit * modes.contacts.side[list(contacts)]
+    reach = weight[:, None] * (compliance @ along.T)
+    basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:]
+    blocks, enter, leave = _reduced(system, basis, rows, lift)
+    return ForcedMode(blocks, enter, leave, inverse, rows, lift, compliance, weight, reach @ state, reach)
+
+
+def _reduced(system: ImpactSystem, basis: np.ndarray, rows: np.ndarray, lift: np.ndarray) -> tuple[Blocks, np.ndarray, np.ndarray]:
+    """Blocks of the motion along `basis`, followed by the gaps that rest, each a block of its own; and the maps from and to (u, v).
+
+    A gap that rests bends the others: their static shape under it is split off. Springs that do not resist a motion do not drive it."""
+    n, m = basis.shape
+    k = n - m
+    mass, damping, stiffness = (exact_product(basis.T, matrix, basis) for matrix in (system.mass, system.damping, system.stiffness))
+    left = np.linalg.solve(mass, basis.T @ system.mass) if m else np.zeros((0, n))
+    shape = lift - basis @ np.linalg.lstsq(stiffness, basis.T @ system.stiffness @ lift, rcond=1e-13)[0] if m else lift
+    enter, leave = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
+    pairs, mean, delta, matrix = np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros((2 * n, 2 * n))
+    shapes = np.zeros((0, 0))
+    if m:
+        mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
+        rounding = 4.0 * n * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
+        damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
+        squares, shapes = undamped_modes(mass, stiffness)
+        size = np.abs(basis @ shapes)
+        scale = 8.0 * n * EPSILON * np.einsum("ik,ij,jk->k", size, np.abs(system.stiffness), size)
+        squares = np.where(np.abs(squares) <= scale, 0.0, squares)
+        found = blocks_of(Matrices(mass, damping, stiffness), squares, shapes)
+        pairs, mean, delta, shapes = found.pairs, found.mean, found.delta, found.shapes
+        matrix[: 2 * m, : 2 * m] = found.matrix
+        two = np.kron(np.eye(2), left)
+        two[:m, :n] -= left @ shape @ rows
+        enter[: 2 * m] = found.from_state @ two
+        leave[:, : 2 * m] = np.kron(np.eye(2), basis) @ found.to_state
+    enter[2 * m : 2 * m + k, :n] = rows
+    leave[:n, 2 * m : 2 * m + k] = shape
+    single = np.array([(2 * m + r, -1) for r in range(2 * k)], dtype=np.int64)
+    pairs, mean, delta = np.vstack([pairs, single]), np.pad(mean, (0, 2 * k)), np.pad(delta, (0, 2 * k))
+    return Blocks("coupled", shapes, pairs, mean, delta, matrix, leave, enter), enter, leave
+
+
+def mode_slopes(system: ImpactSystem, mode: ForcedMode, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> ModeSlopes:
+    """Derivatives of a mode where M, C and K have the given ones.
+
+    They are those on states whose sticking gaps are constant."""
+    n, k = system.degrees_of_freedom, len(mode.rows)
+    state, state_slope = np.hstack([system.stiffness, system.damping]), np.hstack([stiffness, damping])
+    inverse = mode.inverse
+    mass_inverse = inverse if not k else np.linalg.inv(system.mass)
+    turned = -mass_inverse @ mass @ mass_inverse
+    reach_slope, slope = mode.reach, turned
+    if k:
+        along = mass_inverse @ mode.rows.T
+        along_slope = turned @ mode.rows.T
+        compliance_slope = -mode.compliance @ (mode.rows @ along_slope) @ mode.compliance
+        lift_slope = along_slope @ mode.compliance + along @ compliance_slope
+        slope = turned - lift_slope @ along.T - mode.lift @ along_slope.T
+        reach_slope = mode.weight[:, None] * (compliance_slope @ along.T + mode.compliance @ along_slope.T)
+    change = mode.enter @ np.vstack([np.zeros((n, 2 * n)), -(slope @ state + inverse @ state_slope)]) @ mode.leave
+    return ModeSlopes(slope, change, mode.enter[:, n:] @ slope, reach_slope @ state + mode.reach @ state_slope, reach_slope)
+
+
+class ModeTable:
+    """The contact modes of an orbit, in the arrays of the kernels. The first one is free flight.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    events : sequence of Event
+        The nodes of the orbit.
+    nodes, width, varying : int
+        Rows of nodes, entries of a node; parameters that change masses, dampers or springs.
+    loads : Loads
+        Those of free flight.
+    unit : float
+        That of contact forces.
+    """
+
+    def __init__(
+        self, system: ImpactSystem, events: Sequence[Event], nodes: int, width: int, varying: int, loads: Loads, unit: float
+    ):
+        self.unit = unit
+        n, stops = system.degrees_of_freedom, len(system.stops)
+        self._sets: list[tuple[int, ...]] = [()]
+        # Row i of the nodes is the event at the end of flight i. The last two are the first event, or its image: the same stop is closed.
+        rows = [*events[1:], *events[:1], *events[:1]]
+        mode = [self._index(event.closed) for event in events] or [0] * (nodes - 1)
+        self._kept = [*mode, mode[-1]]
+        release, opens = np.full((2, nodes), -1, dtype=np.int64)
+        for i, event in enumerate(rows):
+            if event.is_release:
+                release[i] = system.modes.contact_stop[event.contact]
+            elif not event.sticks and system.stops[system.modes.contact_stop[event.contact]].restitution == 0.0:
+                opens[i] = self._index(event.closed | {event.contact})
+        self.made = [forced_mode(system, contacts, unit) for contacts in self._sets]
+        modes = len(self._sets)
+        blocks = 2 * n if varying else max(len(one.blocks.pairs) for one in self.made)
+        closed = np.zeros((modes, stops), dtype=np.int64)
+        for f, contacts in enumerate(self._sets):
+            closed[f, system.modes.contact_stop[list(contacts)]] = 1
+        square, harmonics, count = (2 * n, 2 * n), len(loads.harmonics), len(loads.modal) - 1
+        modal = np.zeros((modes, *loads.modal.shape))
+        self.arrays = Sticking(
+            np.array([*mode, 0], dtype=np.int64), release, opens, closed,
+            np.zeros((modes, blocks, 2), dtype=np.int64), np.zeros((modes, blocks)), np.zeros((modes, blocks)), np.zeros((modes, *square)),
+            np.zeros((modes, *square)), np.zeros((modes, *square)), np.zeros((modes, 2 * n, n)), np.zeros((modes, varying, 2 * n, n)),
+            np.zeros((modes, varying, *square)), modal, np.zeros((modes, stops, 2 * n)), np.zeros((modes, stops, n)),
+            np.zeros((varying, modes, stops, 2 * n)), np.zeros((varying, modes, stops, n)),
+            np.zeros((modes, stops, 1 + count, harmonics, 2)), np.zeros(width),
+        )  # fmt: skip
+        self.kind = Unstuck(0) if modes == 1 else self.arrays
+        first = self.arrays
+        self.flight = LoadedFlight(
+            Flight(first.pairs[0], first.mean[0], first.delta[0], first.matrix[0]), first.enter[0], first.leave[0],
+            loads._replace(modal=modal[0]), first.change[0],
+            np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
+        )  # fmt: skip
+
+    def flight_in(self, flight: int) -> LoadedFlight:
+        """What kernels know of a flight of the orbit."""
+        return sticking_flight.function(self.arrays, self.flight, int(self.arrays.mode[flight]))
+
+    def _index(self, closed: Iterable[int]) -> int:
+        """Index of a contact mode, which is added."""
+        contacts = tuple(sorted(closed))
+        if contacts not in self._sets:
+            self._sets.append(contacts)
+        return self._sets.index(contacts)
+
+    def write(self, system: ImpactSystem, gap: np.ndarray, push: np.ndarray) -> None:
+        """Write all that the masses, dampers and springs of a system determine. gap, push: rows of the nodes."""
+        arrays, n = self.arrays, system.degrees_of_freedom
+        inverse = np.linalg.inv(system.mass)
+        self.made = [forced_mode(system, contacts, self.unit) for contacts in self._sets]
+        for f, mode in enumerate(self.made):
+            blocks = mode.blocks
+            # Where there are fewer blocks than room the last one stands several times: it does the same again.
+            last = np.minimum(np.arange(arrays.pairs.shape[1]), len(blocks.pairs) - 1)
+            arrays.pairs[f], arrays.mean[f], arrays.delta[f] = blocks.pairs[last], blocks.mean[last], blocks.delta[last]
+            arrays.matrix[f], arrays.enter[f], arrays.leave[f] = blocks.matrix, mode.enter, mode.leave
+            arrays.drive[f] = mode.enter[:, n:] @ inverse
+            stops = system.modes.contact_stop[list(self._sets[f])]
+            arrays.pull[f, stops], arrays.reach[f, stops] = mode.pull, mode.reach
+        for i, row in enumerate(gap[:, :n]):
+            kept = self.made[self._kept[i]]
+            along = kept.inverse @ row if len(kept.rows) else np.linalg.solve(system.mass, row)
+            push[i, n : 2 * n] = along / (row @ along) if row.any() else 0.0
+
+    def write_slopes(self, system: ImpactSystem, j: int, slopes: Sequence[np.ndarray], gap: np.ndarray, push_slope: np.ndarray) -> None:
+        """Write the derivatives by parameter j, where M, C and K have the derivatives `slopes`. push_slope: rows of the nodes."""
+        arrays, n = self.arrays, system.degrees_of_freedom
+        found = [mode_slopes(system, mode, *slopes) for mode in self.made]
+        for f, slope in enumerate(found):
+            arrays.change[f, j], arrays.drive_slope[f, j] = slope.change, slope.drive
+            stops = system.modes.contact_stop[list(self._sets[f])]
+            arrays.pull_slope[j, f, stops], arrays.reach_slope[j, f, stops] = slope.pull, slope.reach
+        for i, row in enumerate(gap[:, :n]):
+            if row.any():
+                along, turned = self.made[self._kept[i]].inverse @ row, found[self._kept[i]].inverse @ row
+                push_slope[i, n : 2 * n] = (turned - along * (row @ turned) / (row @ along)) / (row @ along)

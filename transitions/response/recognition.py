@@ -1,0 +1,73 @@
+"""The impact sequence of a simulated periodic motion: its impacts, and the stops that stick after them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.contact_sequence import CLOSES, OPENS
+from bvp.motion import EventKind, Motion
+from bvp.simulate import simulate
+from transitions.response.path import ParameterPath
+from transitions.sweep.settle import Settled
+
+__all__ = ["MotionNodes", "nodes_of"]
+
+_INSTANT = 1e-9
+"""Part of the period within which two events are at one instant."""
+
+
+class MotionNodes(NamedTuple):
+    """The k events of a period: impacts and releases."""
+
+    symbols: tuple[str, ...]
+    states: np.ndarray  # (k, 2n) (u, v) after each
+    fractions: np.ndarray  # (k,) their times as fractions of the period
+    times: np.ndarray  # (k,) durations of the flights after them
+
+    def half(self) -> MotionNodes:
+        """Those of the first half."""
+        count = len(self.symbols) // 2
+        return MotionNodes(self.symbols[:count], self.states[:count], self.fractions[:count], self.times[:count])
+
+
+def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
+    """The events of a settled motion in its period.
+
+    A motion that sticks is simulated again for two more periods, of which the second one is taken, from an impact that follows a release
+    on. An impact after which its stop stays closed gets one symbol.
+    """
+    p, period = settled.period, settled.period_of_loads * settled.period
+    if settled.sticking_time == 0.0 or path.problem(()).has_clock is False:
+        fractions = (settled.impacts.times / settled.period_of_loads + settled.impacts.periods) / p
+        times = np.diff([*fractions, *(fractions[:1] + 1.0)]) * period
+        return MotionNodes(settled.stops, settled.impacts.after, fractions, times)
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    n = system.degrees_of_freedom
+    state = settled.states[0]
+    motion = simulate(system, state[:n], state[n:], 3.0 * period, forces=forces)
+    return _last_period(motion, period)
+
+
+def _last_period(motion: Motion, period: float) -> MotionNodes:
+    """The events of one period, from the first impact after a release in the second one on."""
+    letters = motion.system.modes.contact_letters
+    impact, stick, release = (kind.value for kind in (EventKind.IMPACT, EventKind.STICK, EventKind.RELEASE))
+    kept = np.flatnonzero(np.isin(motion.kinds, (impact, stick, release)) & (motion.times >= period)).tolist()
+    first = next(j for i, j in zip(kept, kept[1:], strict=False) if motion.kinds[i] == release and motion.kinds[j] == impact)
+    end = motion.times[first] + (1.0 - _INSTANT) * period
+    found: list[tuple[str, np.ndarray, float, float]] = []
+    for k in kept:
+        if not (k >= first and motion.times[k] < end):
+            continue
+        letter, kind, time = letters[motion.contacts[k]], int(motion.kinds[k]), float(motion.times[k])
+        if kind == stick:
+            # The impact before it is the one after which the stop stays closed.
+            arrival = found.pop()[3] if found and found[-1][0] == letter else time
+            found.append((letter + CLOSES, motion.after[k], time, arrival))
+        else:
+            found.append((letter + (OPENS if kind == release else ""), motion.after[k], time, time))
+    symbols, states, leaves, arrivals = zip(*found, strict=True)
+    times = np.array([*arrivals[1:], arrivals[0] + period]) - np.array(leaves)
+    return MotionNodes(symbols, np.array(states), np.array(leaves) / period - 1.0, times)
