@@ -209,7 +209,9 @@ class ForcedProblem:
             try:
                 system = self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
             except ValueError:
-                # A step beyond the domain of a parameter locates its end: matrices can go on there.
+                # A step beyond the domain of a parameter locates its end, if its limits are known: matrices can go on there.
+                if self.parametric.leaves_unseen(self.released):
+                    raise
                 mass, damping, stiffness = (
                     released.entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)
                 )
@@ -431,6 +433,17 @@ class ForcedProblem:
         """Speed of approach at each node of an orbit y, in the order of the sequence, (k + 1,), 0 at releases; without impacts (0,)."""
         self._evaluated(y)
         return np.roll(self._approach(), 1) if self.sequence else np.zeros(0)
+
+    def losses(self, y: np.ndarray) -> np.ndarray:
+        """Kinetic energy lost at the impact that ends each flight of an orbit y, (k + 1,)."""
+        self._evaluated(y)
+        size, n = 2 * self.degrees_of_freedom, self.degrees_of_freedom
+        before = self._factor.before[:, n:size]
+        after = np.roll(self.nodes(y)[:, n:size], -1, axis=0)
+        after[-1] *= self.segment.closing[0]
+        mass = self.segment.released.entries[self.parametric.layout.mass].reshape(n, n)
+        lost: np.ndarray = 0.5 * np.einsum("ij,jk,ik->i", before - after, mass, before + after)
+        return lost
 
     def _approach(self) -> np.ndarray:
         """Speed of approach of the impact that ends each flight of the orbit that was evaluated last, (k + 1,)."""

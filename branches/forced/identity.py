@@ -240,8 +240,11 @@ def _followed(
         return [], False, np.array([y[place]]), [y]
     last = len(run.points) - 1
     events = [(event.code, event.point.y, event.index in (0, last)) for event in run.events]
+    ends = list(zip((run.points[0], run.points[-1]), run.ends, strict=True))
+    # Where the motion grows without bound the last orbit is any of them.
+    ends = [pair for pair in ends if pair[1].reason is not EndReason.STOP_WHEN] or ends
     cuts = []
-    for point, end in zip((run.points[0], run.points[-1]), run.ends, strict=True):
+    for point, end in ends:
         if not (end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"):
             cuts.append(point.step.y)
     return events, run.closed, np.array([point.step.y[place] for point in run.points]), [] if run.closed else cuts

@@ -12,10 +12,12 @@ from branches.reading import RecordError
 from bvp.parameters import ParametricSystem
 from saltus.outputs import json_text
 from tests.branches.forced_systems import impact_speed, oscillator
+from tests.branches.forced_systems import settled as simulated
+from tests.branches.test_forced_parameters import chain
 from tests.branches.test_forced_switching import two_sided
 from transitions.response.figure import curves_over
 from transitions.response.files import named_events, read_responses, to_record
-from transitions.response.measures import column_names, column_of, measures_of, response_table
+from transitions.response.measures import _OrbitMeasures, _simulated, column_names, column_of, measures_of, response_table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
 from transitions.sweep.settle import settle
@@ -104,6 +106,37 @@ def test_the_first_impact_has_the_smallest_phase(symmetric):
     phases = branch.phases[branch.start]
     assert np.all(np.diff(phases) > 0.0) and len(branch.sequence) == len(phases) == 1
     assert phases[0] < math.pi  # of both impacts of the full period the first
+
+
+def one_point(problem, y):
+    """A branch of the one orbit."""
+    return follow_response(problem, problem.solve(y).y, points=1)
+
+
+def require_simulated(branch):
+    """The measures are those of a simulation of one period."""
+    y, period = branch.unknowns[0], branch.periods[0]
+    wanted, found = _simulated(branch, y, period), _OrbitMeasures(branch.problem)(branch, y, period)
+    for one, other in zip(found, wanted, strict=True):
+        size = max(1.0, np.abs(other).max())
+        assert np.abs(np.asarray(one) - other).max() < 1e-9 * size
+    return found
+
+
+@pytest.mark.parametrize("case", ["half", "doubled", "several", "resonant", "springs"])
+def test_measures_are_those_of_a_simulation(case, symmetric, one_impact):
+    """Oracle: the event-driven simulation of one period, its energy budget and the peaks of its flights."""
+    if case == "half":
+        require_simulated(one_point(symmetric.problem, symmetric.unknowns[len(symmetric) // 2]))
+    elif case == "doubled":
+        ((problem, step),) = switch_response(one_impact, next(event for event in one_impact.events if event.type == "PD"))
+        doubled = follow_response(problem, step, (-0.3, 0.2), direction="along", points=20)
+        peaks, *_, states = require_simulated(one_point(problem, doubled.unknowns[-1]))
+        assert states.shape == (2, 2) and np.abs(states[0] - states[1]).max() > 1e-3
+    elif case == "resonant":  # the load joins the block of its mode
+        require_simulated(one_point(*simulated(oscillator(0.1, A=0.3, w=1.0, s=0.5), ["s"])))
+    else:  # three harmonics and a constant load
+        require_simulated(one_point(*simulated(chain(), ["k" if case == "springs" else "F"], periods=600)))
 
 
 def test_an_undamped_resonance_is_unbounded():

@@ -171,7 +171,7 @@ def _settled(kind: SettledKind, motion: Motion, count: int, distance: float = ma
         ),
         stops=tuple(events.contacts[rows]),
         sticking=sticking,
-        sticking_time=motion.sticking_time,
+        sticking_time=motion.sticking_time if sticking else 0.0,
         period_of_loads=float(events.times[-1]) - begin if count else math.nan,
         multipliers=np.zeros(0, dtype=complex),
         growth=growth,

@@ -12,12 +12,15 @@ import numpy as np
 
 from branches.forced.branch import ForcedBranch
 from branches.released.branch import ReleasedBranch
+from bvp.forcing import split_damping
 from bvp.simulate import parts_of, simulate
 from transitions.record import extents
+from transitions.response.kernels import make_measuring, orbit_measures
 from transitions.response.released import free_column, free_names, free_table
 
 if TYPE_CHECKING:
     from branches.tables import Table
+    from bvp.forced import ForcedProblem
     from bvp.parameters import ParametricSystem
 
 __all__ = ["Measures", "column_names", "column_of", "measures_of", "response_table"]
@@ -54,34 +57,75 @@ class Measures:
 
 @lru_cache(maxsize=16)
 def measures_of(branch: ForcedBranch) -> Measures:
-    """The measures of all points of a branch. Each orbit is simulated for one period, from phase 0."""
-    problem = branch.problem
-    n, p = problem.degrees_of_freedom, problem.load_periods
-    rows = []
-    for y, period in zip(branch.unknowns, branch.periods, strict=True):
-        at = problem.parameters(y)
-        state = _at_phase_zero(branch, y)
-        system, forces = problem.parametric.system(at), problem.parametric.forces(at)
-        motion = simulate(system, state[:n], state[n:], period, forces=forces)
-        found = extents(motion)
-        u, v = motion.sample(np.arange(p) * (period / p))
-        rows.append((found.peaks, found.rms, motion.totals[:-1] / p, motion.totals[-1] / p, np.concatenate([u, v], axis=1)))
+    """The measures of all points of a branch, from exact integrals along the flights. Orbits with a sticking contact are simulated."""
+    letters = branch.problem.modes.contact_letters
+    plain = all(symbol in letters for symbol in branch.problem.sequence)
+    measured = _OrbitMeasures(branch.problem) if plain else _simulated
+    rows = [measured(branch, y, period) for y, period in zip(branch.unknowns, branch.periods.tolist(), strict=True)]
     return Measures(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _at_phase_zero(branch: ForcedBranch, y: np.ndarray) -> np.ndarray:
-    """The state (2n,) at a phase w t that is a multiple of 2 pi p."""
-    problem = branch.problem
-    size = 2 * problem.degrees_of_freedom
-    nodes, times, period = problem.nodes(y), problem.flight_times(y), problem.period(y)
-    unit = 0.5 if problem.half else 1.0
-    for i, (node, time) in enumerate(zip(nodes, times.tolist(), strict=True)):
-        wanted = math.ceil(node[size] / unit) * unit
-        if wanted <= node[size] + time / period:
-            state, _ = problem.fly(node, (wanted - node[size]) * period, i)
-            # Of half a period x(t + T/2) = -x(t): an odd number of halves turns the state round.
-            return -state if round(wanted / unit) % 2 and problem.half else state
-    return nodes[0, :size].copy()
+Row = tuple[np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]
+"""Peaks, root mean squares, dissipated energies, work and states of one orbit."""
+
+
+class _OrbitMeasures:
+    """The measures of the orbits of one problem, whose arrays they share."""
+
+    def __init__(self, problem: ForcedProblem):
+        self.problem = problem
+        segment, n = problem.segment, problem.degrees_of_freedom
+        sizes = len(segment.flight.free.pairs), 2 * n, len(segment.flight.loads.harmonics)
+        self.measuring = make_measuring(*sizes, False), make_measuring(*sizes, True)
+        layout, parametric = problem.parametric.layout, problem.parametric
+        moved = parametric.program(problem.released).rows
+        self.damping_moves = bool(np.any((moved >= layout.damping.start) & (moved < layout.damping.stop)))
+        self.dampers = list(split_damping(problem.system).values())
+        stops = problem.modes.contact_stop[problem.contacts[: problem.inner + 1]] if problem.sequence else np.zeros(0, dtype=np.int64)
+        self.stop_of_impact = np.eye(len(problem.system.stops))[stops]
+        self.pairs = np.triu_indices(n)
+
+    def __call__(self, branch: ForcedBranch, y: np.ndarray, period: float) -> Row:
+        """The measures of one orbit. A period of the orbit is solved once, or by its half."""
+        problem, n = self.problem, self.problem.degrees_of_freedom
+        peaks, totals, p = np.empty(n), np.empty(len(self.measuring[0].out)), problem.load_periods
+        if not orbit_measures(problem.segment, *self.measuring, np.ascontiguousarray(y), peaks, totals):
+            raise RuntimeError("the search for the largest displacements of an orbit gave up")
+        parts = 2.0 if problem.half else 1.0
+        products = np.zeros((n, n))
+        products[self.pairs] = products.T[self.pairs] = totals[n:-n]
+        dampers = split_damping(problem.parametric.system(problem.parameters(y))).values() if self.damping_moves else self.dampers
+        lost = [float(np.sum(damper * products)) for damper in dampers]
+        losses = problem.losses(y) @ self.stop_of_impact if problem.sequence else np.zeros(len(problem.system.stops))
+        states = np.array([_state_at(problem, y, k / p, period) for k in range(p)])
+        dissipated = np.concatenate([lost, losses]) * (parts / p)
+        return peaks, np.sqrt(totals[:n] * parts / period), dissipated, float(totals[-n:].sum()) * parts / p, states
+
+
+def _simulated(branch: ForcedBranch, y: np.ndarray, period: float) -> Row:
+    """The measures of one orbit from a simulation of its period, from phase 0."""
+    problem, at = branch.problem, branch.problem.parameters(y)
+    n, p = problem.degrees_of_freedom, problem.load_periods
+    state = _state_at(problem, y, 0.0, period)
+    system, forces = problem.parametric.system(at), problem.parametric.forces(at)
+    motion = simulate(system, state[:n], state[n:], period, forces=forces)
+    found = extents(motion)
+    u, v = motion.sample(np.arange(p) * (period / p))
+    return found.peaks, found.rms, motion.totals[:-1] / p, motion.totals[-1] / p, np.concatenate([u, v], axis=1)
+
+
+def _state_at(problem: ForcedProblem, y: np.ndarray, fraction: float, period: float) -> np.ndarray:
+    """The state (2n,) at a fraction of the period since phase 0; without a clock since the first impact."""
+    size, unit = 2 * problem.degrees_of_freedom, 0.5 if problem.half else 1.0
+    nodes = problem.nodes(y)
+    if not problem.has_clock:
+        return nodes[0, :size].copy()
+    shifts = math.ceil((nodes[0, size] - fraction) / unit)
+    target = fraction + shifts * unit
+    i = max(0, int(np.searchsorted(nodes[:, size], target, side="right")) - 1)
+    state, _ = problem.fly(nodes[i], (target - nodes[i, size]) * period, i)
+    # Of half a period x(t + T/2) = -x(t): an odd number of halves turns the state round.
+    return -state if problem.half and shifts % 2 else state
 
 
 def column_names(parametric: ParametricSystem, impacts: int, free: bool = False) -> dict[str, tuple[str, str]]:
