@@ -84,7 +84,8 @@ def free_start(arguments: argparse.Namespace, report: Callable[[Sequence[str]], 
     check_names(parametric, names)
     check_range(names[0], parametric.values[names[0]], arguments.range)
     orbit = _orbit(arguments, scene, parametric, names, keep)
-    return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], arguments.range, scene.title
+    title = f"{orbit.label or '-'.join(orbit.ends)}, {' and '.join(keep)}"
+    return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], arguments.range, title
 
 
 def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -48,10 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of responses to the parser of `saltus continue`."""
     parser.add_argument(
         "--in", dest="parameter", metavar="NAME[,NAME..]", type=options.names,
-        help="follow the response to periodic loads in this parameter; in several, with one --keep less: the first one is reported",
+        help="follow a family of free orbits with as many --keep, or a response to periodic loads, in this parameter; of several, with one "
+        "--keep less for a response, the first one is reported",
     )  # fmt: skip
     parser.add_argument(
-        "--keep", metavar="EQUATION", action="append", help='with --in NAME1,NAME2: equation that holds, such as "F = 0.3*w**2"; repeatable'
+        "--keep", metavar="EQUATION", action="append", help='with --in: equation that holds, such as energy=0.8, "F = 0.3*w**2"; repeatable'
     )
     parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="with --in: range of the parameter")
     parser.add_argument(
@@ -60,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--phase", metavar="X", type=options.finite, help="with --from simulate: phase w t of the start (default: 0)")
     parser.add_argument("--uz", metavar="VALUES", type=options.finite_list, help="with --in: mark these values of the parameter, X1,X2,..")
-    parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., ...")
+    parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...")
 
 
 def is_wanted(arguments: argparse.Namespace) -> bool:
