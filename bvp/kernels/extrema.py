@@ -266,6 +266,9 @@ GLANCES = 4
 SLOW = 1e-3
 """Part of the bound of a velocity below which it counts as nearly zero."""
 
+LEAST = 1e-15
+"""Part of the bound of |u| that is rounding."""
+
 PAUSE = 1e-3
 """That time, in radians. Rate and two derivatives are zero to rounding at its begin, so that |u| can exceed its values at both
 ends by no more than a part 1e-13 of its amplitude."""
@@ -276,6 +279,12 @@ def row_times_matrix(rows, c, matrix, out):
     """out[0] = rows[c] matrix."""
     for r in range(matrix.shape[1]):
         out[0, r] = inner(rows[c], matrix[:, r])
+
+
+@inlined
+def time_to(rise, derivative, power):
+    """(rise/|derivative|)^power"""
+    return (rise / abs(derivative)) ** power if derivative != 0.0 else math.inf
 
 
 @shared("boolean")
@@ -300,6 +309,7 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
             flow_state(flight, z, (k + 1) * duration / GLANCES, later)
             reached = max(reached, abs(row_dot(leave, i, later)))
         peaks[i] = max(peaks[i], reached)
+        reached = max(reached, LEAST * level)
         copy_1(z, now)
         copy_1(leave[n + i], scratch[0, 0])
         row_times_matrix(leave, n + i, flight.matrix, scratch[1])
@@ -315,13 +325,21 @@ def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
         leaving = -1
         idle = 0
         while left > 0.0 and peaks[i] < level:
-            # What begins at rest and is moved through other coordinates has a velocity that is nearly zero for long. Equation (26) gives a
-            # time in which |u| stays below a value that it reaches in this flight.
+            step = 0.0
             rate = row_dot(scratch[0], 0, now)
-            step = free_step(reached - abs(row_dot(leave, i, now)), -abs(rate), bend)
-            if rate * rate < SLOW * SLOW * bend * level and step * step * bend > SLOW * reached:
-                if step >= left:
+            if rate * rate < SLOW * SLOW * bend * level:
+                # What begins at rest and is moved through other coordinates has a velocity that is nearly zero for long. There the terms of
+                # u's Taylor series, and a bound of the fourth derivative, give a time in which |u| stays below a value that it reaches.
+                ahead, _, _ = amplitudes(flight, leave, i, now, left)
+                _, fourth, _ = amplitudes(flight, scratch[1], 0, now, left)
+                rise = 0.25 * max(reached - abs(row_dot(leave, i, now)), 0.0)
+                step = min(left, time_to(rise, rate, 1.0), time_to(2.0 * rise, row_dot(scratch[1], 0, now), 0.5))
+                step = min(step, time_to(6.0 * rise, row_dot(scratch[2], 0, now), 1.0 / 3.0), time_to(24.0 * rise, fourth, 0.25))
+                if ahead <= peaks[i] or step >= left:
                     break
+                if not step**4 * fourth > SLOW * reached:
+                    step = 0.0
+            if step > 0.0:
                 flow_state(flight, now, step, later)
                 copy_1(later, now)
                 left -= step

@@ -289,18 +289,20 @@ def test_peaks_are_the_largest_displacements(forced):
     assert closed.peaks[0] == pytest.approx(math.exp(-0.1 * math.atan2(w, 0.1) / w), rel=1e-14)
 
 
-def test_peaks_of_masses_at_rest_that_a_far_load_moves():
+@pytest.mark.parametrize("duration", [0.1, 20.0, 300.0])
+def test_peaks_of_masses_at_rest_that_a_far_load_moves(duration):
     """The last of five masses moves with the tenth power of the time. Oracle: the closed form of each mode from rest, sampled."""
     stiffness = 2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1)
-    system, duration = ImpactSystem(np.eye(5), np.zeros((5, 5)), stiffness, (Stop((0.0,) * 4 + (1.0,), upper=9.0),)), 20.0
+    system = ImpactSystem(np.eye(5), np.zeros((5, 5)), stiffness, (Stop((0.0,) * 4 + (1.0,), upper=9.0),))
     squares, shapes = np.linalg.eigh(stiffness)
-    times = np.linspace(0.0, duration, 20_001)
+    times = np.linspace(0.0, duration, 100_001)
     nu = 0.4
     modal = [shapes[0, k] * (np.cos(nu * times) - np.cos(math.sqrt(s) * times)) / (s - nu * nu) for k, s in enumerate(squares)]
     largest = np.abs(shapes @ modal).max(axis=1)
     simulator, start = Simulator(system, forces=Harmonic(nu, cosine=np.eye(5)[0])), np.zeros(5)
-    np.testing.assert_allclose(simulator.run_many(np.zeros((1, 10)), duration, with_peaks=True).peaks[0], largest, rtol=1e-6)
-    np.testing.assert_allclose(simulator.run(start, start, duration).peaks, largest, rtol=1e-6)
+    close = {"rtol": 2e-5, "atol": 1e-14}
+    np.testing.assert_allclose(simulator.run_many(np.zeros((1, 10)), duration, with_peaks=True).peaks[0], largest, **close)
+    np.testing.assert_allclose(simulator.run(start, start, duration).peaks, largest, **close)
 
 
 def test_samples_of_summed_bounces_stay_at_the_stop():
