@@ -29,6 +29,7 @@ __all__ = [
     "filters_of",
     "finite",
     "finite_list",
+    "marks",
     "names",
     "nothing_fits",
     "number",
@@ -132,6 +133,11 @@ value_range = ValueType(
 )
 finite_list = ValueType(
     lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"
+)
+marks = ValueType(
+    lambda text: (text.rpartition("=")[0].strip() or None, tuple(float(part) for part in text.rpartition("=")[2].split(","))),
+    lambda pair: all(map(math.isfinite, pair[1])),
+    "values X1,X2,.. of the parameter, or COLUMN=X1,X2,..",
 )
 names = ValueType(
     lambda text: tuple(part.strip() for part in text.split(",")), lambda found: all(found), "names of parameters, NAME1,NAME2,.."

@@ -40,7 +40,7 @@ _FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
 """Events at which a family of free orbits in a parameter can be told to end."""
 _STOPS = ("SN", "BP", "SB", "PD", "NS", "GR", "LB", "UZ")
 """Events at which a response can be told to end."""
-_OWN = ("keep", "range", "begin", "phase", "uz", "y")
+_OWN = ("keep", "range", "begin", "phase", "uz", "x", "y")
 """Options of responses."""
 
 
@@ -60,7 +60,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --from simulate: start with these displacements, then velocities (default: rest)",
     )  # fmt: skip
     parser.add_argument("--phase", metavar="X", type=options.finite, help="with --from simulate: phase w t of the start (default: 0)")
-    parser.add_argument("--uz", metavar="VALUES", type=options.finite_list, help="with --in: mark these values of the parameter, X1,X2,..")
+    parser.add_argument(
+        "--uz", metavar="[COLUMN=]VALUES", type=options.marks, action="append",
+        help="with --in: mark these values of the parameter, X1,X2,.., or of a column of --y, max:u1=X1,X2,..; repeatable",
+    )  # fmt: skip
+    parser.add_argument("--x", metavar="COLUMN", help="with --in: another horizontal axis of the figure than the parameter")
     parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...")
 
 
@@ -111,8 +115,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
     lines: list[str] = []
     starts, interval, title = free_families.free_start(arguments, lines.extend)
     problem = starts[0].problem
-    if arguments.y is not None:
-        _check_column(arguments.y, problem.parametric, len(problem.sequence) + 2, free=True)
+    _check_axes(arguments, problem.parametric, len(problem.sequence) + 2, free=True)
     if arguments.model:
         from saltus.scene.model import explain
 
@@ -127,8 +130,7 @@ def follow(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
-    if arguments.y is not None and not _OF_IMPACT.fullmatch(arguments.y):
-        _check_column(arguments.y, request.path.parametric, 0)
+    _check_axes(arguments, request.path.parametric, None)
     if arguments.model:
         from saltus.scene.model import explain_response
 
@@ -155,7 +157,7 @@ def _follow_and_write(
             if getattr(error, "branch", None) is not None:
                 branches.append(error.branch)  # type: ignore[attr-defined]
                 files.report(report_lines(branches[-1], len(branches), terminal_width(files.words)))
-        code = max(code, write(files, branches, arguments.y, title))
+        code = max(code, write(files, branches, arguments.y, title, arguments.x))
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
@@ -170,22 +172,27 @@ def _follow_all(
 ) -> int:
     """Follow the families of some starts, and those that go on behind an exchange of impacts, into `branches`; return the exit code."""
     from branches.forced.tracing import follow_response, go_on, switch_response
+    from transitions.response.marks import mark_values
 
     code = DONE
     waiting = deque(starts)
     with ProgressBar(arguments.points) as bar:
         while waiting:
             start = waiting.popleft()
-            if arguments.y is not None and not branches and start.problem.ends is None:
-                _check_column(arguments.y, start.problem.parametric, len(start.problem.impacts))
+            if not branches and start.problem.ends is None:
+                _check_axes(arguments, start.problem.parametric, len(start.problem.impacts))
             if start.known is None and any(_covers(branch, start) for branch in branches):
                 continue
-            given = {"values": arguments.uz or (), "points": arguments.points, "stop_at": arguments.stop_at, "on_point": bar.update}
+            values, columns = _marks(arguments, start)
+            given = {"values": values, "points": arguments.points, "stop_at": arguments.stop_at, "on_point": bar.update}
             if start.known is not None:
                 branch, ends = go_on(start.known, interval, direction=start.direction, **given)
             else:
                 branch = follow_response(start.problem, start.orbit, interval, direction=start.direction, origin=start.origin, **given)
                 ends = [0, len(branch) - 1]
+            for column, wanted in columns.items():
+                branch = mark_values(branch, column, wanted)
+                ends = [end and len(branch) - 1 for end in ends]
             branches.append(branch)
             bar.line("\n".join(report_lines(branch, len(branches), terminal_width(files.words))), files.words)
             if not ends:
@@ -199,23 +206,35 @@ def _follow_all(
     return code
 
 
+def _marks(arguments: argparse.Namespace, start: Start) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
+    """The values of the parameter, and of each other column, that are marked. A known branch is marked in all its parts."""
+    name, impacts, free = start.problem.released[0], len(start.problem.impacts), start.problem.ends is not None
+    found: dict[str, tuple[float, ...]] = {}
+    for column, values in arguments.uz or ():
+        found[column or name] = found.get(column or name, ()) + values
+    for column in found:
+        _check_column("--uz", column, start.problem.parametric, impacts + 2 * free, free)
+    own = found.get(name, ())
+    return own, {column: values for column, values in found.items() if column != name or start.known is not None}
+
+
 def show(arguments: argparse.Namespace) -> int:
     """Print what a file of responses has, and draw it; return the exit code."""
-    return draw(arguments, arguments.name, None)
+    arguments.x = arguments.y = None
+    return draw(arguments, arguments.name)
 
 
-def draw(arguments: argparse.Namespace, path: str, y: str | None) -> int:
+def draw(arguments: argparse.Namespace, path: str) -> int:
     """Print the branches of a file of responses, and write the files that are asked for; return the exit code."""
     from transitions.response.files import read_responses
 
     files = outputs.outputs_of(arguments)
     branches = read_responses(path)
-    if y is not None:
-        impacts = max(branch.speeds.shape[1] for branch in branches)
-        _check_column(y, branches[0].problem.parametric, impacts, free=branches[0].problem.ends is not None)
+    impacts = max(branch.speeds.shape[1] for branch in branches)
+    _check_axes(arguments, branches[0].problem.parametric, impacts, free=branches[0].problem.ends is not None)
     for number, branch in enumerate(branches, 1):
         files.report(report_lines(branch, number, terminal_width(files.words)))
-    return write(files, branches, y, "")
+    return write(files, branches, arguments.y, "", arguments.x)
 
 
 def read(paths: Sequence[str]) -> list[ForcedBranch]:
@@ -268,7 +287,7 @@ def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: 
     return [replace(curve, y=np.where(part, curve.y, np.nan)) for curve, part in zip(curves, inside, strict=True) if part.any()]
 
 
-def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str) -> int:
+def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str, x: str | None = None) -> int:
     """Write the files of some branches; return the exit code."""
     from branches.tables import csv_text
     from transitions.response.files import to_record
@@ -282,17 +301,27 @@ def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | Non
         {"json": lambda: outputs.json_text(to_record(branches)), "csv": lambda: csv_text(table())},
         table=table,
         about=lambda: outputs.json_text({key: value for key, value in to_record(branches).items() if key != "branches"}),
-        figure=("transitions.response.figure:response_figure", branches, {"y": y, "title": title}),
+        figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title}),
     )
 
 
-def _check_column(name: str, parametric: ParametricSystem, impacts: int, *, free: bool = False) -> None:
+def _check_axes(arguments: argparse.Namespace, parametric: ParametricSystem, impacts: int | None, *, free: bool = False) -> None:
+    """Refuse unknown columns of the axes and marks. impacts: None as long as their number is not known."""
+    columns = [("--uz", column) for column, _ in getattr(arguments, "uz", None) or ()]
+    for option, name in (("--x", arguments.x), ("--y", arguments.y), *columns):
+        if name is not None and (impacts is not None or not _OF_IMPACT.fullmatch(name)):
+            _check_column(option, name, parametric, impacts or 0, free)
+    if arguments.x in ("speed", "phase"):
+        raise BadInput(f"--x {arguments.x} is a curve for each impact; expected {arguments.x}:1")
+
+
+def _check_column(option: str, name: str, parametric: ParametricSystem, impacts: int, free: bool) -> None:
     from transitions.response.figure import require_column
 
     try:
         require_column(name, parametric, impacts, free)
     except ValueError as error:
-        raise BadInput(f"--y: {error}") from error
+        raise BadInput(f"{option}: {error}") from error
 
 
 def _covers(branch: ForcedBranch, start: Start) -> bool:

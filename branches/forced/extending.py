@@ -11,7 +11,7 @@ from branches.events import Ended
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from continuation.problem import EndReason
 
-__all__ = ["can_go_on", "joined", "outward"]
+__all__ = ["can_go_on", "joined", "outward", "with_ids"]
 
 _OPEN = {
     reason.name
@@ -46,7 +46,7 @@ def joined(branch: ForcedBranch, further: ForcedBranch, last: bool) -> ForcedBra
     if last:
         length = float(branch.arclength[-1])
         events = [*kept, *(_moved(event, place, length) for event in further.events if event.point)]
-        return _with_ids(
+        return with_ids(
             replace(
                 branch, unknowns=np.concatenate([branch.unknowns, further.unknowns[1:]]),
                 tangents=np.concatenate([branch.tangents, further.tangents[1:]]),
@@ -55,7 +55,7 @@ def joined(branch: ForcedBranch, further: ForcedBranch, last: bool) -> ForcedBra
                 events=tuple(events), ended=(branch.ended[0], further.ended[1]), interval=further.interval,
             )
         )  # fmt: skip
-    return _with_ids(_reversed(joined(_reversed(branch), further, True)))
+    return with_ids(_reversed(joined(_reversed(branch), further, True)))
 
 
 def _reversed(branch: ForcedBranch) -> ForcedBranch:
@@ -75,7 +75,7 @@ def _moved(event: ForcedEvent, place: int, length: float, sign: int = 1) -> Forc
     return event._replace(point=place + sign * event.point, arclength=length + sign * event.arclength, bracket=(low, high))
 
 
-def _with_ids(branch: ForcedBranch) -> ForcedBranch:
+def with_ids(branch: ForcedBranch) -> ForcedBranch:
     """The branch with its events counted anew."""
     counts = Counter[str]()
     events = []

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--best", metavar="NAME", default="nes_share", help="the best run has the largest value of this result (default: nes_share)"
     )
+    parser.add_argument("--x", metavar="COLUMN", help="of responses: another horizontal axis than the parameter")
     parser.add_argument("--y", metavar="COLUMN", help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...")
     parser.add_argument("--over", metavar="X,Y", help="the two parameters of a map (default: the first two that are numbers)")
 
@@ -38,10 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     is_response = responses.is_response_file(arguments.study)
-    if arguments.y is not None and not is_response:
-        raise BadInput("--y is a column of responses; expected a JSON file of saltus continue --in NAME")
+    given = next((option for option in ("x", "y") if getattr(arguments, option) is not None), None)
+    if given and not is_response:
+        raise BadInput(f"--{given} is a column of responses; expected a JSON file of saltus continue --in NAME")
     if is_response:
-        return responses.draw(arguments, arguments.study, arguments.y)
+        return responses.draw(arguments, arguments.study)
     files = outputs.outputs_of(arguments)
     if not files.places:
         raise BadInput("missing: --plot, --json, --csv, --npz or --mat (see saltus plot --help)")

@@ -123,8 +123,11 @@ CASES = [
     ("--in w --range 0.7:2 --start 5,0,0,0", ["the start lies beyond stop", "expected -1 to 1"]),
     ("--in w --range 0.7:2 --start 5,0", ["--start has 2 numbers, expected 4: u1,u2,u1',u2'"]),
     ("--in w --range 0.7:2 --y max:u3", ["--y: unknown column 'max:u3'; nearest: max:u"]),
+    ("--in w --range 0.7:2 --x maxx:u2", ["--x: unknown column 'maxx:u2'; nearest: max:u2"]),
+    ("--in w --range 0.7:2 --x speed", ["--x speed is a curve for each impact; expected speed:1"]),
+    ("--in w --range 0.7:2 --uz max:u3=1", ["--uz: unknown column 'max:u3'"]),
     ("--in w --range 0.7:2 --energy 1:2", ["--energy belongs to families in the energy", "--range"]),
-    ("--in w --range 0.7:2 --uz 1,x", ["received '1,x', expected finite numbers"]),
+    ("--in w --range 0.7:2 --uz 1,x", ["received '1,x', expected values X1,X2,.. of the parameter"]),
     ("--in w --range 0.7:2 S13O00+", ["S13O00+ is a free orbit, and the scene has [[forces]]", "--from simulate"]),
 ]
 

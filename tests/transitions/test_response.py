@@ -15,7 +15,7 @@ from tests.branches.forced_systems import impact_speed, oscillator
 from tests.branches.forced_systems import settled as simulated
 from tests.branches.test_forced_parameters import chain
 from tests.branches.test_forced_switching import two_sided
-from transitions.response.figure import curves_over
+from transitions.response.figure import curves_over, response_figure
 from transitions.response.files import named_events, read_responses, to_record
 from transitions.response.measures import _OrbitMeasures, _simulated, column_names, column_of, measures_of, response_table
 from transitions.response.path import ParameterPath
@@ -207,6 +207,7 @@ def test_a_damaged_file_is_refused(one_impact, tmp_path, old, new, message):
 
 def test_every_column_can_be_drawn(one_impact):
     table = response_table([one_impact])
+    assert {"s", "period", "phase", "speed", "max.u1", "rms.u1", "share.stop_a", "multipliers", "test.SN", "test.PD"} <= set(table)
     for name in column_names(one_impact.problem.parametric, 1):
         column = column_of(one_impact, name)
         assert column.shape[0] == len(one_impact) and column.shape[1] >= 1
@@ -240,3 +241,35 @@ def test_a_branch_goes_on_in_another_range_and_at_its_events(one_impact):
         switch_response(one_impact, next(event for event in one_impact.events if event.type == "SN"))
     with pytest.raises(ValueError, match="has no point of the branch"):
         point_inside(one_impact, (5.0, 6.0))
+
+
+def test_test_functions_vanish_at_their_events(one_impact, symmetric):
+    """Oracle: the located events; the clearance and the speed of a grazing; det(M + 1) = (1 + mu_1)(1 + mu_2) of one impact."""
+    table = response_table([one_impact])
+    for event in one_impact.events:
+        if event.type in ("SN", "PD"):
+            values, k = table[f"test.{event.type}"], event.point
+            assert abs(values[k]) < 1e-9 and values[k - 1] * values[k + 1] < 0.0
+        elif event.type == "GR":
+            assert min(abs(table[name][event.point]) for name in ("test.touch", "test.speed")) < 1e-9
+    away = one_impact.speeds[:, 0] > 0.1
+    determinant = np.prod(1.0 + one_impact.multipliers, axis=1).real
+    ratio = (table["test.PD"] / determinant)[away]
+    assert np.all(ratio > 0.0)
+    assert np.array_equal(column_of(symmetric, "test:NS")[:, 0], response_table([symmetric])["test.NS"], equal_nan=True)
+
+
+def test_every_column_is_an_axis(one_impact):
+    """Oracle: the drawn lines, of one column of each kind."""
+    import matplotlib.pyplot as plt
+
+    kinds = {name.partition(":")[0] + name[-1]: name for name in column_names(one_impact.problem.parametric, 1)}
+    for name in kinds.values():
+        column = column_of(one_impact, name)
+        figure = response_figure([one_impact], y=name, x="speed:1" if column.shape[1] > 1 else name)
+        drawn = np.concatenate([line.get_ydata() for line in figure.axes[0].lines if line.get_gid().startswith("response")])
+        finite = column[np.isfinite(column)]
+        assert np.isin(drawn[np.isfinite(drawn)], finite).all(), name
+        plt.close(figure)
+    with pytest.raises(ValueError, match="unknown column 'maxx:u1'; nearest: max:u1"):
+        response_figure([one_impact], y="speed", x="maxx:u1")

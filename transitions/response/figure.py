@@ -52,7 +52,12 @@ def require_column(name: str, parametric: ParametricSystem, impacts: int, free: 
 
 
 def response_figure(
-    branches: Sequence[ForcedBranch], *, y: str | None = None, title: str = "", interval: tuple[float, float] | None = None
+    branches: Sequence[ForcedBranch],
+    *,
+    y: str | None = None,
+    x: str | None = None,
+    title: str = "",
+    interval: tuple[float, float] | None = None,
 ) -> Figure:
     """The response curves of some branches.
 
@@ -63,6 +68,8 @@ def response_figure(
     y : str, optional
         A name of `column_names`; by default the largest displacement of the first coordinate. A column of several numbers draws as many
         curves.
+    x : str, optional
+        Another one, of one curve; by default the parameter.
     title : str
     interval : (float, float), optional
         Range of the parameter that is shown.
@@ -76,9 +83,13 @@ def response_figure(
 
     first = branches[0]
     name = y or default_column(first.problem)
-    words, symbol = require_column(
-        name, first.problem.parametric, max(branch.speeds.shape[1] for branch in branches), first.problem.ends is not None
-    )
+    impacts, free = max(branch.speeds.shape[1] for branch in branches), first.problem.ends is not None
+    words, symbol = require_column(name, first.problem.parametric, impacts, free)
+    across = x or first.name
+    x_words, x_symbol = require_column(across, first.problem.parametric, impacts, free)
+    abscissas = [column_of(branch, across) for branch in branches]
+    if any(abscissa.shape[1] != 1 for abscissa in abscissas):
+        raise ValueError(f"{across} is more than one curve, or none; expected one for the horizontal axis, such as speed:1 or max:..")
     columns = []
     for branch in branches:
         column = np.array(column_of(branch, name), dtype=float)
@@ -94,23 +105,23 @@ def response_figure(
         codes: set[int] = set()
         kinds: list[str] = []
         places = []
-        for number, (branch, column) in enumerate(zip(branches, columns, strict=True), 1):
+        for number, (branch, column, (along,)) in enumerate(zip(branches, columns, (one.T for one in abscissas), strict=True), 1):
             for curve in column.T:
                 curve = with_gaps(curve, name)
-                runs = curve_runs(np.stack([branch.parameter, curve], axis=1), branch.stable)
+                runs = curve_runs(np.stack([along, curve], axis=1), branch.stable)
                 codes |= set(runs)
                 for code, run in runs.items():
                     look = {key: value for key, value in _LINES[code].items() if key != "label"}
                     panel.plot(run[:, 0], run[:, 1], gid=f"response-{number}-{_LINES[code]['label']}", zorder=2.0 + 0.1 * code, **look)
                 for event in branch.events:
-                    if event.type != "EP" and math.isfinite(curve[event.point]):
+                    if event.type != "EP" and math.isfinite(curve[event.point]) and math.isfinite(along[event.point]):
                         kinds.append(event.type)
-                        places.append((branch.parameter[event.point], curve[event.point]))
+                        places.append((along[event.point], curve[event.point]))
         if places:
             draw_events(panel, kinds, np.array(places), "response")
-        values = np.concatenate([branch.parameter for branch in branches]) if interval is None else np.array(interval)
+        values = np.concatenate([abscissa[:, 0] for abscissa in abscissas]) if interval is None or x else np.array(interval)
         style.set_axis(panel, "y", style.limits_of(np.concatenate([column.ravel() for column in columns])), 6, words, symbol)
-        style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, "", style.symbol_of(first.name))
+        style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, x_words, x_symbol)
         handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes]
         for kind, look in style.EVENT_LOOKS.items():
             if kind in kinds:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.forced.branch import ForcedBranch
+from branches.forced.family import ForcedFamily
 from branches.released.branch import ReleasedBranch
 from bvp.forcing import split_damping
 from bvp.simulate import parts_of, simulate
@@ -102,6 +103,22 @@ class _OrbitMeasures:
         return peaks, np.sqrt(totals[:n] * parts / period), dissipated, float(totals[-n:].sum()) * parts / p, states
 
 
+TESTS = ("SN", "BP", "touch", "speed", "flight", "PD", "NS")
+"""Test functions: of fold and branch point, the least clearance, impact speed and flight time, det(M + 1) of the map M over the solved
+segment, whose zero is PD, or SB of half a period; and the product of 1 - mu_i mu_j over the pairs of its multipliers."""
+
+_PLACES = np.array([0, 1, 2, 3, 4, 7, 8])
+"""Where they are among those of a family; the others are the distances from the bounds of the parameter."""
+
+
+@lru_cache(maxsize=16)
+def tests_of(branch: ForcedBranch) -> np.ndarray:
+    """The test functions `TESTS` at each point, (N, 7), in the orientation of growing arclength; NaN where they have no value."""
+    family, zero = ForcedFamily(branch.problem), np.zeros(branch.problem.unknowns)
+    steps = [family.step(y, np.concatenate([tangent, zero]), 0.0) for y, tangent in zip(branch.unknowns, branch.tangents, strict=True)]
+    return np.array([np.asarray(step.tests)[_PLACES] if step.converged else np.full(len(_PLACES), math.nan) for step in steps])
+
+
 def _simulated(branch: ForcedBranch, y: np.ndarray, period: float) -> Row:
     """The measures of one orbit from a simulation of its period, from phase 0."""
     problem, at = branch.problem, branch.problem.parameters(y)
@@ -150,6 +167,7 @@ def column_names(parametric: ParametricSystem, impacts: int, free: bool = False)
     for part in parts_of(system):
         found[f"dissipated:{part}"] = f"energy dissipated in a period, {part}", ""
         found[f"share:{part}"] = f"share of the dissipation, {part}", ""
+    found |= {f"test:{name}": (f"test function, {name}", "") for name in TESTS}
     return found | {name: ("", symbol_of(name)) for name in parametric.names}
 
 
@@ -169,6 +187,8 @@ def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
         return branch.periods[:, None]
     if name == "multiplier":
         return branch.largest_multiplier[:, None]
+    if kind == "test":
+        return tests_of(branch)[:, TESTS.index(part), None]
     measures = measures_of(branch)
     if kind in ("max", "rms"):
         k = system.coordinates.index(part)
@@ -186,7 +206,7 @@ def response_table(branches: Sequence[ForcedBranch]) -> Table:
     """The points of some branches as one table.
 
     branch: its number, from 1; point; the parameters, by their names; period; arclength; stable; phase, speed: of each impact; max.NAME,
-    rms.NAME; dissipated.PART, share.PART; work; multipliers; residual. Of free orbits: see `free_table`.
+    rms.NAME; dissipated.PART, share.PART; work; test.NAME of `TESTS`; multipliers; residual. Of free orbits: see `free_table`.
     """
     free = [branch for branch in branches if isinstance(branch, ReleasedBranch)]
     if free:
@@ -217,6 +237,9 @@ def response_table(branches: Sequence[ForcedBranch]) -> Table:
         table[f"dissipated.{part.replace(' ', '_')}"] = joined([found.dissipated[:, k] for found in measures])
         table[f"share.{part.replace(' ', '_')}"] = joined([found.shares[:, k] for found in measures])
     table["work"] = joined([found.work for found in measures])
+    tests = joined([tests_of(branch) for branch in branches])
+    for k, name in enumerate(TESTS):
+        table[f"test.{name}"] = tests[:, k]
     table["multipliers"] = joined([branch.multipliers for branch in branches])
     table["residual"] = joined([branch.residual for branch in branches])
     return table
