@@ -107,9 +107,9 @@ def request_of(arguments: argparse.Namespace) -> Request:
     """The response that a command line asks for. What cannot be followed is refused."""
     from transitions.response.path import ParameterPath
 
-    for option, value in (("--start", arguments.begin), ("--phase", arguments.phase)):
+    for option, value in (("--start", arguments.begin), ("--phase", arguments.phase), ("--transient", arguments.transient)):
         if value is not None and arguments.start != "simulate":
-            raise BadInput(f"{option} is where a simulation starts; expected --from simulate")
+            raise BadInput(f"{option} is an option of a simulation; expected --from simulate")
     arguments.scene_uses = ("ground", "forces")
     if arguments.start is None:
         raise BadInput("--from is required with --in: rest, simulate, or a JSON file FILE[:EVENT]")
@@ -260,7 +260,7 @@ def _from_simulation(request: Request, arguments: argparse.Namespace, direction:
     """The orbit on which a simulation settles."""
     from transitions.response.free import settle_free
     from transitions.response.starting import settled_orbit
-    from transitions.sweep.settle import settle
+    from transitions.sweep.settle import MOST, settle
 
     path = request.path
     system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
@@ -271,10 +271,11 @@ def _from_simulation(request: Request, arguments: argparse.Namespace, direction:
         u, v = arguments.begin[:n], arguments.begin[n:]
     if path.parametric.layout.harmonics:
         path.problem(())  # what cannot be followed is refused before the work
-        settled = settle(system, forces, u, v, phase=(arguments.phase or 0.0) % (2.0 * math.pi))
+        settled = settle(system, forces, u, v, phase=(arguments.phase or 0.0) % (2.0 * math.pi), most=arguments.transient or MOST)
     else:
-        if arguments.phase is not None:
-            raise BadInput("--phase is that of periodic loads, and the scene has none; expected --start alone")
+        for option in ("phase", "transient"):
+            if getattr(arguments, option) is not None:
+                raise BadInput(f"--{option} counts in periodic loads, and the scene has none; expected --start alone")
         settled = settle_free(system, forces, u, v)
     found = settled_orbit(path, settled)
     over = "half of the period" if found.problem.half else "the period"

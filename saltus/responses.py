@@ -40,7 +40,7 @@ _FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
 """Events at which a family of free orbits in a parameter can be told to end."""
 _STOPS = ("SN", "BP", "SB", "PD", "NS", "GR", "LB", "UZ")
 """Events at which a response can be told to end."""
-_OWN = ("keep", "range", "begin", "phase", "uz", "x", "y")
+_OWN = ("keep", "range", "begin", "phase", "transient", "uz", "x", "y")
 """Options of responses."""
 
 
@@ -60,6 +60,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="with --from simulate: start with these displacements, then velocities (default: rest)",
     )  # fmt: skip
     parser.add_argument("--phase", metavar="X", type=options.finite, help="with --from simulate: phase w t of the start (default: 0)")
+    parser.add_argument(
+        "--transient", metavar="N", type=options.whole_above_zero,
+        help="with --from simulate: most periods of the loads until the motion repeats (default: 20000)",
+    )  # fmt: skip
     parser.add_argument(
         "--uz", metavar="[COLUMN=]VALUES", type=options.marks, action="append",
         help="with --in: mark these values of the parameter, X1,X2,.., or of a column of --y, max:u1=X1,X2,..; repeatable",
@@ -88,7 +92,7 @@ def is_wanted(arguments: argparse.Namespace) -> bool:
         stops, what = (_FREE_STOPS, "a family of free orbits in a parameter") if free else (_STOPS, "a response")
         if arguments.stop_at not in (None, *stops):
             raise BadInput(f"--stop-at {arguments.stop_at}: {what} has no such event; expected one of {', '.join(stops)}")
-        for name in ("begin", "phase") if free else ():
+        for name in ("begin", "phase", "transient") if free else ():
             if getattr(arguments, name) is not None:
                 option = {"begin": "--start"}.get(name, f"--{name}")
                 raise BadInput(f"{option} is where a simulation starts; expected --from simulate")

@@ -115,6 +115,33 @@ def test_what_is_no_orbit_ends_with_1(capsys):
     assert code == 1 and out == "" and err.startswith("saltus: chaotic motion")
 
 
+LINEAR = ("--scene", "impact_oscillator", "--set", "s=50", "--start", "0.3,0", "--in", "s", "--range", "10:60")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--set", "w=1.4142135623730951", *LINEAR, "--transient", "3000"), "saltus: probably quasiperiodic motion (a torus)"),
+        (("--set", "w=1.4142135623730951", *LINEAR, "--transient", "64"), "saltus: it has not settled yet; allow more periods (after 64"),
+        (
+            ("--scene", "bouncing_ball", "--set", "Gamma=0.5", "--in", "Gamma", "--range", "0.1:1"),
+            "saltus: rest: it sticks to its stops for ever",
+        ),
+    ],
+)
+def test_what_a_simulation_finds_is_reported_with_its_rate(capsys, words, expected):
+    """Oracle: an undamped linear oscillator keeps its own frequency; a ball rests on a table that accelerates less than gravity."""
+    code, out, err = run(capsys, "continue", "--from", "simulate", *words)
+    assert code == 1 and out == "" and err.startswith(expected) and "growth" in err
+
+
+def test_the_period_that_a_simulation_finds_is_followed(capsys):
+    """Oracle: behind the period doubling of design section 9 the motion has two impacts in two periods."""
+    words = "continue", "--scene", "impact_oscillator", "--set", "s=-0.05", *SMALL[2:]
+    code, out, err = run(capsys, *words, "--from", "simulate", "--points", "3")
+    assert code == 0 and "a periodic motion of period 2 with 2 impacts" in out and "period 2 of the loads; 3 points" in out, err
+
+
 CASES = [
     ("--in omega --range 0.7:2", ["--in omega: no such parameter", "mu, sigma"]),
     ("--in F --range 1:2", ["--range 1:2 has not the start's value F = 0.3", "--set F=VALUE"]),
@@ -139,7 +166,7 @@ def test_bad_input(capsys, words, expected):
 
 def test_bad_input_of_starts(capsys):
     refused(run(capsys, *ABSORBER), "--from is required with --in: rest, simulate")
-    refused(run(capsys, *ABSORBER, "--from", "rest", "--start", "0,0,0,0"), "--start is where a simulation starts")
+    refused(run(capsys, *ABSORBER, "--from", "rest", "--start", "0,0,0,0"), "--start is an option of a simulation")
     refused(run(capsys, "continue", "S13O00+", "--range", "1:2"), "--range is an option of a response; expected --in NAME")
 
 

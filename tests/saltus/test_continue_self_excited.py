@@ -124,7 +124,7 @@ def test_what_has_no_periodic_motion_ends_with_1(capsys, words, expected):
 
 
 def test_bad_input(capsys):
-    refused(run(capsys, *SIMULATED, "--start", "0.5,0", "--phase", "1"), "--phase is that of periodic loads, and the scene has none")
+    refused(run(capsys, *SIMULATED, "--start", "0.5,0", "--phase", "1"), "--phase counts in periodic loads, and the scene has none")
     refused(run(capsys, *SIMULATED, "--start", "1.5,0"), "the start lies beyond stop", "expected -inf to 1")
     rest = tuple("rest" if word == "simulate" else word for word in SIMULATED)
     refused(run(capsys, *rest), "--from rest is the response to periodic loads, and the scene's loads are constant", "--from simulate")

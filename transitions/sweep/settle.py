@@ -28,6 +28,9 @@ CLOSED = 1e-11
 FIRST, LARGEST = 64, 2048
 """Periods of the first block and of the largest one. Each is twice as long as the one before."""
 
+MOST = 20_000
+"""Periods that are simulated at most, unless something else is asked for."""
+
 CERTAIN = 1024
 """Periods after which a motion can be called chaotic."""
 
@@ -139,7 +142,7 @@ def settle(
     v: Any = None,
     *,
     phase: float = 0.0,
-    most: int = 20_000,
+    most: int = MOST,
     longest: int = 128,
 ) -> Settled:
     """Simulate a motion under periodic loads until its transient is gone.
