@@ -85,8 +85,8 @@ class Auto:
         self._program = str(_program())
         self._holder = tempfile.TemporaryDirectory(prefix="saltus-auto-")
         self._folder = Path(self._holder.name)
-        for name in EQUATIONS.values():
-            shutil.copy(Path(__file__).with_name(f"{name}.f90"), self._folder)
+        for name in (*(f"{equations}.f90" for equations in EQUATIONS.values()), "guess.inc"):
+            shutil.copy(Path(__file__).with_name(name), self._folder)
 
     def __enter__(self) -> Auto:
         return self

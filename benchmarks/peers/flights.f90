@@ -119,9 +119,7 @@
       INTEGER, INTENT(IN) :: NDIM
       DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
       DOUBLE PRECISION, INTENT(IN) :: T
-      INTEGER, PARAMETER :: STEPS = 100
-      INTEGER FLIGHTS, I, NONE(1)
-      DOUBLE PRECISION DT, A(NDIM), B(NDIM), C(NDIM), D(NDIM), J(1,1)
+      INTEGER FLIGHTS
 
       FLIGHTS = NDIM/4
       OPEN(UNIT=77, FILE='flights.start', STATUS='old')
@@ -130,22 +128,10 @@
       READ(77,*) PAR(21+FLIGHTS:20+2*FLIGHTS)
       READ(77,*) U
       CLOSE(77)
-!     From there to T by Runge-Kutta steps: a guess that AUTO corrects before its first point.
-      DT = T/STEPS
-      DO I = 1, STEPS
-        CALL FUNC(NDIM,U,NONE,PAR,0,A,J,J)
-        CALL FUNC(NDIM,U+DT*A/2,NONE,PAR,0,B,J,J)
-        CALL FUNC(NDIM,U+DT*B/2,NONE,PAR,0,C,J,J)
-        CALL FUNC(NDIM,U+DT*C,NONE,PAR,0,D,J,J)
-        U = U + DT*(A + 2*B + 2*C + D)/6
-      ENDDO
+      CALL GUESS(NDIM,U,PAR,T)
       END SUBROUTINE STPNT
 
-      SUBROUTINE ICND
-      END SUBROUTINE ICND
-
-      SUBROUTINE FOPT
-      END SUBROUTINE FOPT
+      INCLUDE 'guess.inc'
 
 !     Where PAR(5) is not 0, every point goes to flights.points with all its digits, which AUTO's own files cut to eleven: the energy, the
 !     flight times, and the state at the beginning of each flight.

@@ -104,9 +104,7 @@
       INTEGER, INTENT(IN) :: NDIM
       DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
       DOUBLE PRECISION, INTENT(IN) :: T
-      INTEGER, PARAMETER :: STEPS = 100
-      INTEGER I, NONE(1)
-      DOUBLE PRECISION DT, A(NDIM), B(NDIM), C(NDIM), D(NDIM), J(1,1)
+      INTEGER I
 
       OPEN(UNIT=77, FILE='forced_flights.start', STATUS='old')
       READ(77,*) N, FLIGHTS, KEEP, PERIODS
@@ -124,22 +122,10 @@
       ENDDO
       READ(77,*) U
       CLOSE(77)
-!     From there to T by Runge-Kutta steps: a guess that AUTO corrects before its first point.
-      DT = T/STEPS
-      DO I = 1, STEPS
-        CALL FUNC(NDIM,U,NONE,PAR,0,A,J,J)
-        CALL FUNC(NDIM,U+DT*A/2,NONE,PAR,0,B,J,J)
-        CALL FUNC(NDIM,U+DT*B/2,NONE,PAR,0,C,J,J)
-        CALL FUNC(NDIM,U+DT*C,NONE,PAR,0,D,J,J)
-        U = U + DT*(A + 2*B + 2*C + D)/6
-      ENDDO
+      CALL GUESS(NDIM,U,PAR,T)
       END SUBROUTINE STPNT
 
-      SUBROUTINE ICND
-      END SUBROUTINE ICND
-
-      SUBROUTINE FOPT
-      END SUBROUTINE FOPT
+      INCLUDE 'guess.inc'
 
 !     Where KEEP is not 0, every point goes to forced_flights.points with all its digits: w, the flight times, the start of each flight.
       SUBROUTINE PVLS(NDIM,U,PAR)
