@@ -208,7 +208,8 @@ def _check_system(parametric: ParametricSystem, start: str) -> None:
     if start == "rest":
         raise BadInput(f"--from rest is the response to periodic loads, and {loads}; expected a load with amplitude, or --from simulate")
     if parametric.system().is_conservative:
-        raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; free orbits are followed without --in")
+        instead = "expected a NAME or --from mode:K, with --keep energy=H"
+        raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; {instead}")
 
 
 def check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:

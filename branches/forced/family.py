@@ -15,6 +15,7 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests
+from branches.forced.resonance import RESONANCE
 from branches.kernels import WatchedTests, is_orbit
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
 from bvp.forced import ForcedProblem
@@ -79,6 +80,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         The family ends at these values of the parameter.
     values : sequence of float
         Values of the parameter that are marked.
+    resonances : (float, float), optional
+        Values of the parameter, below and above, at which the response is unbounded.
 
     Attributes
     ----------
@@ -88,11 +91,19 @@ class ForcedFamily(AlongParameters, SolvedFamily):
 
     problem: ForcedProblem
 
-    def __init__(self, problem: ForcedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()):
+    def __init__(
+        self,
+        problem: ForcedProblem,
+        interval: tuple[float, float] = (-math.inf, math.inf),
+        values: tuple[float, ...] = (),
+        resonances: tuple[float, float] = (-math.inf, math.inf),
+    ):
         self.problem = problem
         self.values = values
         name = problem.released[0]
-        self.interval, (first, last) = limits_of(problem, interval)
+        (low, high), (first, last) = limits_of(problem, interval)
+        first, last = (RESONANCE if resonances[0] > low else first), (RESONANCE if resonances[1] < high else last)
+        self.interval = max(low, resonances[0]), min(high, resonances[1])
         turned = ("SB", "the half-period symmetry breaks") if problem.half else ("PD", "period doubling")
         self.tests = (
             TestFunction("SN", "crossing", False, f"fold in {name}", True),

@@ -22,6 +22,7 @@ import numpy as np
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily, unbounded
+from branches.forced.resonance import resonances_around
 from branches.forced.switching import full_period, half_of
 from branches.full_family import FamilyMark, digests
 from bvp.closures import EndsError
@@ -234,7 +235,8 @@ def _followed(
 ) -> tuple[list[tuple[str, np.ndarray, bool]], bool, np.ndarray, list[np.ndarray]]:
     """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
     at which it is cut."""
-    family, place = ForcedFamily(problem, window), 2 * problem.degrees_of_freedom + 1
+    place = 2 * problem.degrees_of_freedom + 1
+    family = ForcedFamily(problem, window, (), resonances_around(problem, float(y[place])))
     run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem))
     if not run.points:
         return [], False, np.array([y[place]]), [y]

@@ -17,6 +17,7 @@ from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.extending import can_go_on, joined, outward
 from branches.forced.family import ForcedFamily, unbounded
 from branches.forced.identity import closure_name, primitive_orbit
+from branches.forced.resonance import resonances_around
 from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch
@@ -90,7 +91,8 @@ def follow_response(
     KeyboardInterrupt
         With the branch up to there as its attribute `branch`, if it has a point.
     """
-    family = _family_of(problem, interval, values)
+    place = 2 * problem.degrees_of_freedom + 1
+    family = _family_of(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
     if isinstance(start, Step):  # it has the test functions of another family
         begin = family.step(start.y, start.tangent, 0.0)
     else:
@@ -159,12 +161,15 @@ def go_on(
 
 
 def _family_of(
-    problem: ForcedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()
+    problem: ForcedProblem,
+    interval: tuple[float, float] = (-math.inf, math.inf),
+    values: tuple[float, ...] = (),
+    begin: float = math.nan,
 ) -> ForcedFamily | ReleasedFamily:
-    """The family of a problem; options of `follow_response`."""
+    """The family of a problem; options of `follow_response`. begin: the value of its parameter at the start."""
     if isinstance(problem, ReleasedProblem):
         return ReleasedFamily(problem, interval, values)
-    return ForcedFamily(problem, interval, values)
+    return ForcedFamily(problem, interval, values, resonances_around(problem, begin))
 
 
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:

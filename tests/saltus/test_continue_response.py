@@ -101,6 +101,19 @@ def test_an_undamped_resonance_is_unbounded(capsys):
     assert "sequence + begins here" in out
 
 
+@pytest.mark.parametrize("stop", [5.0, 1e3, 1e6])
+def test_no_step_leads_over_a_resonance(capsys, stop):
+    """Oracle: the amplitude 1/(1 - w^2) reaches the stop at w^2 = 1 - 1/s and 1 + 1/s, however near to the resonance this is. At w = 1/2
+    free motion has half the period of the load, and the response is bounded."""
+    words = "continue", "--scene", "impact_oscillator", "--set", "w=0.8", "--set", f"s={stop}", "--from", "rest", "--in", "w"
+    code, out, err = run(capsys, *words, "--range", "0.5:1.5", "--json", "a.json")
+    assert code == 0 and out.startswith("note   the response without impacts is not isolated at w = 0.5"), (out, err)
+    below, above = (
+        next(event["values"]["w"] for event in branch["events"] if event["type"] == "GR") for branch in data("a.json")["branches"]
+    )
+    assert below == pytest.approx(math.sqrt(1.0 - 1.0 / stop), rel=1e-13) and above == pytest.approx(math.sqrt(1.0 + 1.0 / stop), rel=1e-13)
+
+
 def test_a_response_that_grazes_at_the_start_is_followed_once(capsys):
     """Oracle: COCO's oscillator grazes at A = 0.1 exactly, the scene's value; both families are on the lower side."""
     words = "continue", "--scene", "damped_impact_oscillator", "--from", "rest", "--in", "A", "--range", "0.05:0.2"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from branches.admissible import unphysical
+from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
@@ -47,7 +49,7 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     Raises
     ------
     Unbounded
-        At an undamped resonance.
+        At an undamped resonance, and where free motion can be added to the response.
     """
     try:
         # Of an odd system under odd loads half a period is solved: it touches both stops of a pair at once.
@@ -59,6 +61,8 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     where = f"at {path.name} = {path.values[path.name]:.10g}"
     words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
     if np.abs(free - 1.0).min() < _RESONANT:
+        if not is_driven(problem, 2.0 * math.pi * problem.load_periods / problem.period(start)):
+            words = f"the response without impacts is not isolated {where}: free motion of an undamped mode repeats in its period"
         raise Unbounded(words)
     try:
         solution = problem.solve(start)
