@@ -22,12 +22,9 @@ if TYPE_CHECKING:
     from saltus.scene import Scene
     from transitions.response.path import ParameterPath
 
-__all__ = ["Request", "Start", "check_names", "check_range", "file_and_event", "further", "is_response_file", "request_of", "starts_of"]
-
-_NO_MODE = (
-    "--from {}: a linear mode touches the stops in free undamped motion, without --in; expected --from rest, the response without impacts, "
-    "whose grazings are where impacts begin, or --from simulate"
-)
+__all__ = [
+    "ResponseRequest", "Start", "check_names", "check_range", "file_and_event", "further", "is_response_file", "request_of", "starts_of",
+]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
 
@@ -56,7 +53,7 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Request:
+class ResponseRequest:
     """A response that is asked for.
 
     Attributes
@@ -103,7 +100,7 @@ def is_response_file(path: str) -> bool:
         return False
 
 
-def request_of(arguments: argparse.Namespace) -> Request:
+def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     """The response that a command line asks for. What cannot be followed is refused."""
     from transitions.response.path import ParameterPath
 
@@ -114,8 +111,6 @@ def request_of(arguments: argparse.Namespace) -> Request:
     if arguments.start is None:
         raise BadInput("--from is required with --in: rest, simulate, or a JSON file FILE[:EVENT]")
     names, keep = _names(arguments)
-    if arguments.start.startswith("mode:"):
-        raise BadInput(_NO_MODE.format(arguments.start))
     if arguments.start not in ("rest", "simulate"):
         return _request_of_file(arguments, names, keep)
     if arguments.range is None:
@@ -123,6 +118,8 @@ def request_of(arguments: argparse.Namespace) -> Request:
     scene = options.scene_of(arguments)
     parametric = _parametric(scene)
     _check_system(parametric, arguments.start)
+    if not names:
+        raise BadInput(f"--in NAME is required: the parameter in which the response is followed; known: {', '.join(parametric.names)}")
     check_names(parametric, names)
     try:
         path = ParameterPath(parametric, names, keep).at()
@@ -130,10 +127,10 @@ def request_of(arguments: argparse.Namespace) -> Request:
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
     check_range(path.name, path.values[path.name], arguments.range)
-    return Request(path, arguments.range, scene.title)
+    return ResponseRequest(path, arguments.range, scene.title)
 
 
-def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...]) -> Request:
+def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...]) -> ResponseRequest:
     """The response that goes on from a file."""
     from branches.tables import plain
     from transitions.response.files import read_responses
@@ -158,10 +155,10 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
         path = ParameterPath(problem.parametric, names, keep)
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
-    return Request(path, arguments.range or given[0].interval, title, tuple(given), source, event)
+    return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
 
 
-def starts_of(request: Request, arguments: argparse.Namespace, report: Report) -> list[Start]:
+def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: Report) -> list[Start]:
     """The orbits from which the families of a request are followed; `report` gets the lines about them."""
     direction = arguments.direction or "both"
     if request.given:
@@ -229,7 +226,7 @@ def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
 
 
-def _from_rest(request: Request, direction: str, report: Report) -> list[Start]:
+def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list[Start]:
     """The response without impacts at the scene's value and at both ends of the range, where it exists."""
     from transitions.response.starting import Unbounded, linear_response
 
@@ -257,7 +254,7 @@ def _from_rest(request: Request, direction: str, report: Report) -> list[Start]:
     return starts
 
 
-def _from_simulation(request: Request, arguments: argparse.Namespace, direction: str, report: Report) -> Start:
+def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, direction: str, report: Report) -> Start:
     """The orbit on which a simulation settles."""
     from transitions.response.free import settle_free
     from transitions.response.starting import settled_orbit
@@ -284,7 +281,7 @@ def _from_simulation(request: Request, arguments: argparse.Namespace, direction:
     return Start(found.problem, found.y, direction)
 
 
-def _from_file(request: Request, direction: str) -> list[Start]:
+def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
     """The branches of a file beyond their ends, in another range or parameter; or the families that begin at an event."""
     from branches.forced.tracing import switch_response
 

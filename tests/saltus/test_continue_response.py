@@ -178,6 +178,8 @@ def test_bad_input(capsys, words, expected):
 
 
 def test_bad_input_of_starts(capsys):
+    for start in ("rest", "simulate"):
+        refused(run(capsys, "continue", "--scene", "absorber", "--from", start, "--range", "0.7:2"), "--in NAME is required", "mu, sigma")
     refused(run(capsys, *ABSORBER), "--from is required with --in: rest, simulate")
     refused(run(capsys, *ABSORBER, "--from", "rest", "--start", "0,0,0,0"), "--start is an option of a simulation")
     refused(run(capsys, "continue", "S13O00+", "--range", "1:2"), "--range is an option of a response; expected --in NAME")
