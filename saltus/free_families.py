@@ -12,7 +12,7 @@ import numpy as np
 
 from saltus import options
 from saltus.errors import BadInput, one_line
-from saltus.response_starts import Start, check_names, check_range, file_and_event, further, is_response_file
+from saltus.response_starts import Start, check_names, check_range, event_named, file_and_event, further, is_response_file
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -208,18 +208,27 @@ def _crossings(
 
 
 def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tuple[list[Start], tuple[float, float], str]:
-    """The branch of a file beyond its ends, or its first orbit in other parameters."""
+    """The branch of a file beyond its ends, its first orbit in other parameters, or the families that begin at an event."""
+    from branches.released.branch import ReleasedBranch
+
     source, event = file_and_event(arguments.start)
     branch = given[0]
-    if event is not None:
-        instead = f"expected {source}, and a family in the energy there"
-        raise BadInput(f"--from {arguments.start}: families that begin at events of free orbits are not followed in a parameter; {instead}")
     if arguments.name is not None:
         raise BadInput(f"received {arguments.name} and --from {source}; expected one of them")
     if arguments.scene is not None or options.parameters_of(arguments):
         raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
     interval = arguments.range or branch.interval
     direction = arguments.direction or "both"
+    if event is not None:
+        from branches.released.switching import switch_released
+
+        if arguments.parameter is not None or arguments.keep:
+            kept = " and ".join(branch.problem.keep)
+            raise BadInput(f"--from {arguments.start}: the family keeps {kept}; expected no --in and no --keep")
+        key, at_branch, at = event_named(given, source, event)
+        assert isinstance(at_branch, ReleasedBranch)
+        found = switch_released(at_branch, at)
+        return [Start(problem, step, direction) for problem, step in found], interval, f"{key} of {source}"
     if arguments.parameter is None:
         if arguments.keep:
             raise BadInput(f"--keep {arguments.keep[0]!r} needs --in NAME, the parameter that varies")

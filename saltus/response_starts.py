@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from transitions.response.path import ParameterPath
 
 __all__ = [
-    "ResponseRequest", "Start", "check_names", "check_range", "file_and_event", "further", "is_response_file", "request_of", "starts_of",
+    "ResponseRequest", "Start", "check_names", "check_range", "event_named", "file_and_event", "further", "is_response_file",
+    "request_of", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -297,7 +298,7 @@ def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
     source, event, name = request.source, request.event, branches[0].name
     if not same:
         raise BadInput(f"--in {path.name}: the events of {source} are those of {name}; expected no --in, or --in {name}")
-    key, branch, at = _event_named(branches, source, event)
+    key, branch, at = event_named(branches, source, event)
     origin = f"{key} of {source}, {name} = {at.values[name]:.12g}"
     return [Start(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
 
@@ -313,7 +314,7 @@ def further(branch: ForcedBranch, interval: tuple[float, float], direction: str)
     return Start(branch.problem, orbit, direction, known=branch if inside else None)
 
 
-def _event_named(branches: Sequence[ForcedBranch], source: str | None, event: str) -> tuple[str, ForcedBranch, ForcedEvent]:
+def event_named(branches: Sequence[ForcedBranch], source: str | None, event: str) -> tuple[str, ForcedBranch, ForcedEvent]:
     """The one event that a name means: its name, its branch and itself."""
     from transitions.response.files import named_events
 

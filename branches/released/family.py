@@ -13,7 +13,7 @@ import numpy as np
 
 from branches.family import Family
 from branches.forced.family import AlongParameters, limits_of
-from branches.kernels import is_orbit, make_pairs_work
+from branches.kernels import TANGENT_NOISE, is_orbit, make_pairs_work
 from branches.solved_family import FAILED, step_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import ReleasedProblem
@@ -72,6 +72,7 @@ class ReleasedFamily(AlongParameters, Family):
         self._folds_apart = any("quarter_period" in text for text in problem.keep)
         tests = list(self.tests)
         name = problem.released[0]
+        self._unit = abs(problem.values[name]) or 1.0
         tests[0] = TestFunction("SN", "crossing", False, f"fold in {name}", True)
         tests[5:7] = [TestFunction("EP", "guard", True, end) for end in ends]
         tests[7] = TestFunction("SN", "crossing", False, "fold in the energy, at these parameters")
@@ -91,10 +92,12 @@ class ReleasedFamily(AlongParameters, Family):
             return step_of(solution, solution.result.tolist(), tests)
         work = self._work if self._two_dof else make_pairs_work(orbit.problem)
         tests = self._values_at(orbit.problem, orbit, work)
-        tests[0], tests[1] = solution["slope"], solution["branching"]
+        # The slope in the energy, nan where it is rounding, and the determinant have the same orientation, which is as it comes.
+        tests[7] = tests[0] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
+        # Along a family of one value of the parameter the slope is rounding.
+        certain = abs(solution["slope"]) * solution["branching"] ** 2 > TANGENT_NOISE * solution["steepness"] * self._unit
+        tests[0], tests[1] = solution["slope"] if certain else math.nan, solution["branching"]
         tests[5], tests[6] = parameter - low, high - parameter
-        # The slope and the determinant have the same orientation, which is as it comes.
-        tests[7] = orbit["slope"] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
         return step_of(solution, solution.result.tolist(), [*tests, *(parameter - value for value in self.values)])._replace(extra=orbit)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

@@ -84,6 +84,19 @@ def test_a_saved_family_is_shown_drawn_and_goes_on(capsys):
     assert code == 0 and "sigma = 0.08" in out
 
 
+def test_a_family_that_begins_at_an_event(capsys):
+    """Oracle: both pass the event at one mu."""
+    code, _, err = run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.04:0.1", "--keep", "energy=0.8", "--json", "a.json")
+    assert code == 0, err
+    code, _, err = run(capsys, "continue", "--from", "a.json:SB", "--points", "60", "--json", "b.json")
+    assert code == 0, err
+    first, last = (data(name)["branches"][0]["events"] for name in ("a.json", "b.json"))
+    broken = next(event["values"]["mu"] for event in first if event["type"] == "SB")
+    assert next(event["values"]["mu"] for event in last if event["type"] == "BP") == pytest.approx(broken, rel=1e-9)
+    code, _, err = run(capsys, "continue", "--from", "a.json:GR1")
+    assert code == 1 and "all impacts vanish at GR1: the linear mode L11+ remains" in err
+
+
 def test_two_parameters_and_an_equation_that_names_both(capsys):
     """Oracle: the closed form where energy = quarter_period/3 and sigma = mu."""
     keep = "--keep", "energy = quarter_period/3", "--keep", "sigma = mu"
@@ -157,7 +170,9 @@ def test_bad_input(capsys, words, expected):
 
 def test_bad_input_with_a_file(capsys):
     assert run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.09:0.1", "--keep", "energy=0.5", "--json", "a.json")[0] == 0
-    refused(run(capsys, "continue", "--from", "a.json:EP1"), "families that begin at events of free orbits", "expected a.json")
+    refused(run(capsys, "continue", "--from", "a.json:EP1"), "no other family begins at EP1", "BP, SB, PD, RT, GR")
+    refused(run(capsys, "continue", "--from", "a.json:XX"), "no such event")
+    refused(run(capsys, "continue", "--from", "a.json:EP1", "--in", "mu", "--keep", "energy=1"), "keeps energy=0.5", "expected no --in")
     refused(run(capsys, "continue", "S13+", "--from", "a.json"), "received S13+ and --from a.json")
     refused(run(capsys, "continue", "--from", "a.json", "--keep", "energy=1"), "needs --in NAME")
     refused(run(capsys, "continue", "--from", "a.json", "--set", "mu=0.2"), "has a system of its own")

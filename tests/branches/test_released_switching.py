@@ -1,0 +1,79 @@
+"""Families that begin at events of families of free orbits in a parameter: both pass the event at one value of the parameter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from branches.forced.tracing import follow_response
+from branches.released.switching import switch_released
+from tests.branches.test_released import in_phase
+
+
+@pytest.fixture(scope="module")
+def at_energy():
+    """S13O00+ in mu at the energy that it has at alpha = 1.7."""
+    problem, y, _ = in_phase(("mu",), ["energy = {h!r}"])
+    return follow_response(problem, y, (0.03, 0.3))
+
+
+def followed(branch, event, points=80):
+    return [follow_response(problem, step, branch.interval, points=points) for problem, step in switch_released(branch, event)]
+
+
+def passes(branch, kind, value):
+    """Whether a branch has an event of a type at a value of its parameter."""
+    return any(event.type == kind and abs(event.values["mu"] / value - 1.0) < 1e-8 for event in branch.events)
+
+
+def events_of(branch, kind):
+    return [event for event in branch.events if event.type == kind]
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_symmetry_breaking(at_energy, number):
+    """The family that breaks the symmetry crosses the symmetric one (BP) where that has SB, at the same energy. Both sides are images."""
+    event = events_of(at_energy, "SB")[number]
+    (other,) = followed(at_energy, event)
+    assert other.problem.ends != at_energy.problem.ends
+    assert passes(other, "BP", event.values["mu"])
+    assert other.columns["h"] == pytest.approx([at_energy.columns["h"][0]] * len(other), rel=1e-12)
+    (crossing,) = events_of(other, "BP")
+    assert crossing.values["quarter_period"] == pytest.approx(event.values["quarter_period"], rel=1e-7)
+    first, last = other.columns["alpha"][crossing.point + np.array([-3, 3])]
+    assert abs(first - last) < 0.1 * abs(first - event.values["quarter_period"]) + 1e-3
+
+
+def test_families_of_five_periods_begin_at_a_resonance():
+    """Stable between two 1:5 resonances: the family of five periods that begins at one of them leads to the other."""
+    problem, y, _ = in_phase(("mu",), ["energy = 0.8"], alpha=1.6887)
+    branch = follow_response(problem, problem.solve(y).y, (0.06, 0.15))
+    first, last = events_of(branch, "RT")
+    (other,) = followed(branch, first, points=300)
+    assert passes(other, "BP", first.values["mu"]) and passes(other, "BP", last.values["mu"])
+    assert other.ended[0].reason == "CLOSED"
+    assert other.columns["alpha"].min() > 4.9 * branch.columns["alpha"].min()
+
+
+def test_grazing():
+    """Families meet the backbone where it touches a stop at a fixed quarter period. Those with ends begin there, at the same mu and energy.
+    Along the others mu does not change, which makes no event."""
+    problem, y, _ = in_phase(("mu",), ["quarter_period = {alpha!r}"])
+    branch = follow_response(problem, y, (0.09, 0.25))
+    event = events_of(branch, "GR")[-1]
+    found = followed(branch, event, points=40)
+    reversible = [one for one in found if one.problem.ends != ("periodic", "periodic")]
+    assert {"".join(one.problem.sequence) for one in reversible} == {"+-", "-"}
+    for one in found:
+        assert one in reversible or not events_of(one, "SN")
+    for one in reversible:
+        assert passes(one, "GR", event.values["mu"])
+        assert min(abs(end.values["energy"] / event.values["energy"] - 1.0) for end in events_of(one, "GR")) < 1e-6
+
+
+def test_events_where_nothing_begins(at_energy):
+    end = events_of(at_energy, "EP")[0]
+    with pytest.raises(ValueError, match="no other family begins at EP1; expected an event of type"):
+        switch_released(at_energy, end)
+    with pytest.raises(RuntimeError, match=r"all impacts vanish at GR1: the linear mode L11\+ remains"):
+        switch_released(at_energy, events_of(at_energy, "GR")[0])
