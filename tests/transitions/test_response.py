@@ -10,14 +10,16 @@ import pytest
 from branches.forced.tracing import follow_response, point_inside, switch_response
 from branches.reading import RecordError
 from bvp.parameters import ParametricSystem
+from bvp.simulate import simulate
 from saltus.outputs import json_text
 from tests.branches.forced_systems import impact_speed, oscillator
 from tests.branches.forced_systems import settled as simulated
 from tests.branches.test_forced_parameters import chain
 from tests.branches.test_forced_switching import two_sided
+from transitions.record import extents
 from transitions.response.figure import curves_over, response_figure
 from transitions.response.files import named_events, read_responses, to_record
-from transitions.response.measures import _OrbitMeasures, _simulated, column_names, column_of, measures_of, response_table
+from transitions.response.measures import _OrbitMeasures, _state_at, column_names, column_of, measures_of, response_table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
 from transitions.sweep.settle import settle
@@ -108,6 +110,18 @@ def test_the_first_impact_has_the_smallest_phase(symmetric):
     assert phases[0] < math.pi  # of both impacts of the full period the first
 
 
+def measured_in_a_simulation(problem, y, period):
+    """The measures of one orbit from a simulation of its period, from phase 0."""
+    at = problem.parameters(y)
+    n, p = problem.degrees_of_freedom, problem.load_periods
+    state = _state_at(problem, y, 0.0, period)
+    system, forces = problem.parametric.system(at), problem.parametric.forces(at)
+    motion = simulate(system, state[:n], state[n:], period, forces=forces)
+    found = extents(motion)
+    u, v = motion.sample(np.arange(p) * (period / p))
+    return found.peaks, found.rms, motion.totals[:-1] / p, motion.totals[-1] / p, np.concatenate([u, v], axis=1)
+
+
 def one_point(problem, y):
     """A branch of the one orbit."""
     return follow_response(problem, problem.solve(y).y, points=1)
@@ -116,11 +130,33 @@ def one_point(problem, y):
 def require_simulated(branch):
     """The measures are those of a simulation of one period."""
     y, period = branch.unknowns[0], branch.periods[0]
-    wanted, found = _simulated(branch, y, period), _OrbitMeasures(branch.problem)(branch, y, period)
+    wanted, found = measured_in_a_simulation(branch.problem, y, period), _OrbitMeasures(branch.problem)(y, period)
     for one, other in zip(found, wanted, strict=True):
         size = max(1.0, np.abs(other).max())
         assert np.abs(np.asarray(one) - other).max() < 1e-9 * size
     return found
+
+
+def test_measures_of_an_orbit_that_sticks():
+    """Oracle: a ball on a table, without rebound: all energy of its impact is lost, and is the work of the loads. While it rests on the
+    table it does not move; its height in between is that of the simulation."""
+    ball = ParametricSystem.from_description(
+        {
+            "parameters": {"G": 1.2, "w": 1.0},
+            "system": {"mass": [[1.0]], "stiffness": [[0.0]], "stops": [{"c": [1.0], "lower": 0.0, "restitution": 0.0}]},
+            "forces": [{"load": [1.0], "constant": -1.0}, {"load": [1.0], "amplitude": "G", "harmonic": 1}],
+        }
+    )
+    found = settled(ball, "G")
+    branch = follow_response(found.problem, found.y, (1.1, 1.3))
+    measures = measures_of(branch)
+    assert measures.dissipated[:, -1] == pytest.approx(0.5 * branch.speeds[:, 0] ** 2, rel=1e-12)
+    assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), rel=1e-12)
+    before, motion = (simulate(ball.system(), [0.0], [0.0], 2.0 * math.pi * count, forces=ball.forces()) for count in (2, 3))
+    at = measures_of(one_point(found.problem, found.y))
+    assert at.peaks[0] == pytest.approx(extents(motion).peaks, rel=1e-9)
+    assert at.dissipated[0, -1] == pytest.approx(motion.totals[-2] - before.totals[-2], rel=1e-9)
+    assert np.all(measures.peaks[:, 0] > 0.0) and np.all(np.diff(measures.peaks[:, 0]) > 0.0)
 
 
 @pytest.mark.parametrize("case", ["half", "doubled", "several", "resonant", "springs"])

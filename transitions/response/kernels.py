@@ -9,8 +9,9 @@ import numpy as np
 from bvp.kernels.compiled import kernel
 from bvp.kernels.energy_budget import Products, integral_work, integrals
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
-from bvp.kernels.flight import copy_1, flow_state, row_dot, set_1, set_2
+from bvp.kernels.flight import copy_1, flow_state, set_1, set_2
 from bvp.kernels.forced import refresh
+from bvp.kernels.forced_sticking import flight_in, flight_of, mode_count, mode_of
 from bvp.kernels.impact import work_array
 from bvp.kernels.loaded_paths import GROWTH, PIECES, Extended, any_resonance, extend, extended_state, make_extended, rates_of
 
@@ -47,7 +48,10 @@ def orbit_measures(segment, plain, joined, y, peaks, totals):
     """The measures of the solved segment of an orbit y into peaks (n,), the largest displacements, and totals (R,), the integrals of the
     products (`Measuring`). Returns False if the search for a peak gave up."""
     refresh(segment, y[: segment.gap.shape[1]])
-    if any_resonance(segment.flight):
+    joins = False
+    for mode in range(1 + mode_count(segment.sticking)):
+        joins = joins or any_resonance(flight_in(segment.sticking, segment.flight, mode))
+    if joins:
         return measure_flights(segment, joined, y, peaks, totals)
     return measure_flights(segment, plain, y, peaks, totals)
 
@@ -59,24 +63,27 @@ def measure_flights(segment, measuring, y, peaks, totals):
     rows = measuring.rows
     width = segment.gap.shape[1]
     n = measuring.coordinates.shape[0]
-    extend(segment.flight, measuring.coordinates, extended)
-    for c in range(n):
-        copy_1(extended.observed.rows[c, 0], rows[c])
-        copy_1(extended.observed.rows[c, 1], rows[n + c])
-    fill_products(segment, measuring)
     set_1(peaks, 0.0)
     set_1(totals, 0.0)
     flights = y.shape[0] // (width + 1)
     # The starts of all flights first: a flight that begins at rest is long searched, unless it is known to stay below these.
     for i in range(flights):
-        extended_state(segment.flight, y[i * (width + 1) : i * (width + 1) + width], extended)
         for c in range(n):
-            peaks[c] = max(peaks[c], abs(row_dot(rows, c, extended.state)))
-    growth, decay = rates_of(extended.flight)
+            peaks[c] = max(peaks[c], abs(y[i * (width + 1) + c]))
+    present = -1
     for i in range(flights):
         at = i * (width + 1)
         duration = y[at + width]
-        extended_state(segment.flight, y[at : at + width], extended)
+        mode = mode_of(segment.sticking, i)
+        if mode != present:
+            present = mode
+            extend(flight_in(segment.sticking, segment.flight, mode), measuring.coordinates, extended)
+            for c in range(n):
+                copy_1(extended.observed.rows[c, 0], rows[c])
+                copy_1(extended.observed.rows[c, 1], rows[n + c])
+            fill_products(segment, measuring)
+        growth, decay = rates_of(extended.flight)
+        extended_state(flight_of(segment, i), y[at : at + width], extended)
         integrals(extended.flight, measuring.products, extended.state, duration, measuring.integral, measuring.out)
         for r in range(totals.shape[0]):
             totals[r] += measuring.out[r]

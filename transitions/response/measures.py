@@ -14,8 +14,7 @@ from branches.forced.branch import ForcedBranch
 from branches.forced.family import ForcedFamily
 from branches.released.branch import ReleasedBranch
 from bvp.forcing import split_damping
-from bvp.simulate import parts_of, simulate
-from transitions.record import extents
+from bvp.simulate import parts_of
 from transitions.response.kernels import make_measuring, orbit_measures
 from transitions.response.released import free_column, free_names, free_table
 
@@ -58,11 +57,9 @@ class Measures:
 
 @lru_cache(maxsize=16)
 def measures_of(branch: ForcedBranch) -> Measures:
-    """The measures of all points of a branch, from exact integrals along the flights. Orbits with a sticking contact are simulated."""
-    letters = branch.problem.modes.contact_letters
-    plain = all(symbol in letters for symbol in branch.problem.sequence)
-    measured = _OrbitMeasures(branch.problem) if plain else _simulated
-    rows = [measured(branch, y, period) for y, period in zip(branch.unknowns, branch.periods.tolist(), strict=True)]
+    """The measures of all points of a branch, from exact integrals along the flights."""
+    measured = _OrbitMeasures(branch.problem)
+    rows = [measured(y, period) for y, period in zip(branch.unknowns, branch.periods.tolist(), strict=True)]
     return Measures(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -86,7 +83,7 @@ class _OrbitMeasures:
         self.stop_of_impact = np.eye(len(problem.system.stops))[stops]
         self.pairs = np.triu_indices(n)
 
-    def __call__(self, branch: ForcedBranch, y: np.ndarray, period: float) -> Row:
+    def __call__(self, y: np.ndarray, period: float) -> Row:
         """The measures of one orbit. A period of the orbit is solved once, or by its half."""
         problem, n = self.problem, self.problem.degrees_of_freedom
         peaks, totals, p = np.empty(n), np.empty(len(self.measuring[0].out)), problem.load_periods
@@ -117,18 +114,6 @@ def tests_of(branch: ForcedBranch) -> np.ndarray:
     family, zero = ForcedFamily(branch.problem), np.zeros(branch.problem.unknowns)
     steps = [family.step(y, np.concatenate([tangent, zero]), 0.0) for y, tangent in zip(branch.unknowns, branch.tangents, strict=True)]
     return np.array([np.asarray(step.tests)[_PLACES] if step.converged else np.full(len(_PLACES), math.nan) for step in steps])
-
-
-def _simulated(branch: ForcedBranch, y: np.ndarray, period: float) -> Row:
-    """The measures of one orbit from a simulation of its period, from phase 0."""
-    problem, at = branch.problem, branch.problem.parameters(y)
-    n, p = problem.degrees_of_freedom, problem.load_periods
-    state = _state_at(problem, y, 0.0, period)
-    system, forces = problem.parametric.system(at), problem.parametric.forces(at)
-    motion = simulate(system, state[:n], state[n:], period, forces=forces)
-    found = extents(motion)
-    u, v = motion.sample(np.arange(p) * (period / p))
-    return found.peaks, found.rms, motion.totals[:-1] / p, motion.totals[-1] / p, np.concatenate([u, v], axis=1)
 
 
 def _state_at(problem: ForcedProblem, y: np.ndarray, fraction: float, period: float) -> np.ndarray:

@@ -104,7 +104,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     nodes = nodes_of(path, settled)
     problem, guess = None, np.zeros(0)
     if nodes.symbols and len(nodes.symbols) % 2 == 0:
-        problem, guess = _half(path, p, nodes)
+        problem, guess = _half(path, settled, nodes)
     if problem is None:
         try:
             problem = path.problem(nodes.symbols, load_periods=p)
@@ -119,7 +119,8 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     except NotConverged as error:
         raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there") from error
     n = problem.degrees_of_freedom
-    scale = np.abs(problem.nodes(solution.y)[:, : 2 * n]).max()
+    # A state after an impact without rebound can be zero.
+    scale = max(np.abs(part).max(initial=0.0) for part in (problem.nodes(solution.y)[:, : 2 * n], settled.states, settled.impacts.before))
     distance = float(np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1].max() / max(scale, 1e-300))
     beyond = unphysical(problem, solution)
     if beyond is not None:
@@ -129,15 +130,15 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     return Periodic(problem, solution.y, distance)
 
 
-def _half(path: ParameterPath, p: int, nodes: MotionNodes) -> tuple[ForcedProblem | None, np.ndarray]:
+def _half(path: ParameterPath, settled: Settled, nodes: MotionNodes) -> tuple[ForcedProblem | None, np.ndarray]:
     """The problem of half the period and the unknowns, if the motion has this symmetry."""
     part = nodes.half()
     k = len(part.symbols)
     try:
-        problem = path.problem(part.symbols, load_periods=p, half=True)
+        problem = path.problem(part.symbols, load_periods=settled.period, half=True)
     except EndsError:
         return None, np.zeros(0)
-    size = float(np.abs(nodes.states).max())
+    size = max(float(np.abs(part).max(initial=0.0)) for part in (nodes.states, settled.impacts.before))
     late = nodes.fractions[k:] - nodes.fractions[:k] - 0.5
     mirrored = np.abs(nodes.states[k:] + nodes.states[:k]).max() < _SAME * size and np.abs(late).max() < _SAME
     if nodes.symbols[k:] != tuple(map(problem.mirrored, part.symbols)) or not mirrored:
