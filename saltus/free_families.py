@@ -12,10 +12,11 @@ import numpy as np
 
 from saltus import options
 from saltus.errors import BadInput, one_line
-from saltus.response_starts import Start, check_names, check_range, event_named, file_and_event, further, is_response_file
+from saltus.response_starts import check_names, check_range, event_named, file_and_event, further, is_response_file
 
 if TYPE_CHECKING:
     from branches.branch import Branch
+    from branches.forced.onwards import Start
     from branches.naming.labels import Name
     from branches.orbit import Orbit
     from branches.released.branch import ReleasedBranch
@@ -109,6 +110,7 @@ def _start(
     report: Callable[[Sequence[str]], object],
 ) -> Start:
     """The problem in which an orbit is followed, and the orbit in its unknowns."""
+    from branches.forced.onwards import Start
     from bvp.multipoint import NotConverged
     from bvp.released import ReleasedProblem
 
@@ -209,6 +211,7 @@ def _crossings(
 
 def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tuple[list[Start], tuple[float, float], str]:
     """The branch of a file beyond its ends, its first orbit in other parameters, or the families that begin at an event."""
+    from branches.forced.onwards import Start
     from branches.released.branch import ReleasedBranch
 
     source, event = file_and_event(arguments.start)

@@ -7,50 +7,24 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from saltus import options
 from saltus.errors import BadInput, nearest, one_line
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
-    from bvp.forced import ForcedProblem
+    from branches.forced.onwards import Start
     from bvp.parameters import ParametricSystem
-    from continuation.problem import Step
     from saltus.scene import Scene
     from transitions.response.path import ParameterPath
 
 __all__ = [
-    "ResponseRequest", "Start", "check_names", "check_range", "event_named", "file_and_event", "further", "is_response_file",
+    "ResponseRequest", "check_names", "check_range", "event_named", "file_and_event", "further", "is_response_file",
     "request_of", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
-
-
-class Start(NamedTuple):
-    """Where a family is followed from.
-
-    Attributes
-    ----------
-    problem : ForcedProblem
-    orbit : (u,) ndarray or Step
-        Near the first orbit, or that with its tangent.
-    direction : str
-        As for `branches.forced.tracing.follow_response`.
-    origin : str or None
-        Where the family begins, in words, if it is followed along the tangent.
-    known : ForcedBranch or None
-        The branch that goes on beyond its ends.
-    """
-
-    problem: ForcedProblem
-    orbit: np.ndarray | Step
-    direction: str
-    origin: str | None = None
-    known: ForcedBranch | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,6 +203,7 @@ def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
 
 def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list[Start]:
     """The response without impacts at the scene's value and at both ends of the range, where it exists."""
+    from branches.forced.onwards import Start
     from transitions.response.starting import Unbounded, linear_response
 
     path, name = request.path, request.path.name
@@ -257,6 +232,7 @@ def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list
 
 def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, direction: str, report: Report) -> Start:
     """The orbit on which a simulation settles."""
+    from branches.forced.onwards import Start
     from transitions.response.free import settle_free
     from transitions.response.starting import settled_orbit
     from transitions.sweep.settle import MOST, settle
@@ -284,6 +260,7 @@ def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, di
 
 def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
     """The branches of a file beyond their ends, in another range or parameter; or the families that begin at an event."""
+    from branches.forced.onwards import Start
     from branches.forced.tracing import switch_response
 
     branches, path = request.given, request.path
@@ -305,6 +282,7 @@ def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
 
 def further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> Start:
     """A branch beyond its ends; if the range has not all of it, from its point in the range."""
+    from branches.forced.onwards import Start
     from branches.forced.tracing import point_inside
 
     low, high = interval

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -15,11 +14,12 @@ import numpy as np
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.response_starts import Start, file_and_event, is_response_file, request_of, starts_of
+from saltus.response_starts import file_and_event, is_response_file, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
+    from branches.forced.onwards import Onwards, Start
     from branches.tables import Table
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
@@ -32,7 +32,6 @@ __all__ = [
 ]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
-MOST_BRANCHES = 50
 FAILURES = ("MINIMUM_STEP", "NO_START")
 _OTHERS = ("name", "energy", "frequency", "save", "catalogue")
 """Options of families in the energy."""
@@ -40,7 +39,8 @@ _FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
 """Events at which a family of free orbits in a parameter can be told to end."""
 _STOPS = ("SN", "BP", "SB", "PD", "NS", "GR", "LB", "UZ")
 """Events at which a response can be told to end."""
-_OWN = ("keep", "range", "begin", "phase", "transient", "uz", "x", "y")
+_SWITCHES = ("GR", "SB", "PD", "BP")
+_OWN = ("keep", "range", "begin", "phase", "transient", "uz", "x", "y", "through", "branches")
 """Options of responses."""
 
 
@@ -68,6 +68,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--uz", metavar="[COLUMN=]VALUES", type=options.marks, action="append",
         help="with --in: mark these values of the parameter, X1,X2,.., or of a column of --y, max:u1=X1,X2,..; repeatable",
     )  # fmt: skip
+    parser.add_argument(
+        "--through", metavar="TYPES", type=options.names, help="with --in: go on with the families that begin at these events: GR,SB,PD,BP"
+    )
+    parser.add_argument("--branches", metavar="N", type=options.whole_above_zero, help="with --through: most families (default: 50)")
     parser.add_argument("--x", metavar="COLUMN", help="with --in: another horizontal axis of the figure than the parameter")
     parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...")
 
@@ -115,6 +119,8 @@ def follow_free(arguments: argparse.Namespace) -> int:
     """Follow a family of free orbits in a parameter and write its files; return the exit code."""
     from saltus import free_families
 
+    if arguments.through is not None or arguments.branches is not None:
+        raise BadInput("--through and --branches are options of a response; expected --from FILE:EVENT, one event after the other")
     files = outputs.outputs_of(arguments)
     lines: list[str] = []
     starts, interval, title = free_families.free_start(arguments, lines.extend)
@@ -132,6 +138,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
 
 def follow(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
+    _through(arguments)  # what cannot be followed is refused before the work
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
     _check_axes(arguments, request.path.parametric, None)
@@ -147,67 +154,59 @@ def _follow_and_write(
     starts: Sequence[Start], interval: tuple[float, float], arguments: argparse.Namespace, files: outputs.Outputs, title: str
 ) -> int:
     """Follow the families of some starts, and write the files, also of what an interrupted run has computed; return the exit code."""
-    branches: list[ForcedBranch] = []
+    from branches.forced.onwards import Onwards
+
+    found = Onwards()
     with defer_interrupts() as interrupt:
         code = DONE
         try:
             with interrupt.released():
-                code = _follow_all(starts, interval, arguments, files, branches)
+                code = _follow_all(starts, interval, arguments, files, found)
         except KeyboardInterrupt as error:
-            if not branches and getattr(error, "branch", None) is None:
+            if not found.branches and getattr(error, "branch", None) is None:
                 raise
             say("interrupted, with the points that were computed so far")
             code = INTERRUPTED
             if getattr(error, "branch", None) is not None:
-                branches.append(error.branch)  # type: ignore[attr-defined]
-                files.report(report_lines(branches[-1], len(branches), terminal_width(files.words)))
-        code = max(code, write(files, branches, arguments.y, title, arguments.x))
+                found.branches.append(error.branch)  # type: ignore[attr-defined]
+                files.report(report_lines(found.branches[-1], len(found.branches), terminal_width(files.words)))
+        code = max(code, write(files, found.branches, arguments.y, title, arguments.x))
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
 
 
 def _follow_all(
-    starts: Sequence[Start],
-    interval: tuple[float, float],
-    arguments: argparse.Namespace,
-    files: outputs.Outputs,
-    branches: list[ForcedBranch],
+    starts: Sequence[Start], interval: tuple[float, float], arguments: argparse.Namespace, files: outputs.Outputs, found: Onwards
 ) -> int:
-    """Follow the families of some starts, and those that go on behind an exchange of impacts, into `branches`; return the exit code."""
-    from branches.forced.tracing import follow_response, go_on, switch_response
+    """Follow the families of some starts, and those behind the events that the command line names, into `found`; return the exit code."""
+    from branches.forced.onwards import MOST_BRANCHES, follow_onwards, trace_start
     from transitions.response.marks import mark_values
 
-    code = DONE
-    waiting = deque(starts)
+    first = starts[0].problem
+    if first.ends is None:
+        _check_axes(arguments, first.parametric, len(first.impacts))
     with ProgressBar(arguments.points) as bar:
-        while waiting:
-            start = waiting.popleft()
-            if not branches and start.problem.ends is None:
-                _check_axes(arguments, start.problem.parametric, len(start.problem.impacts))
-            if start.known is None and any(_covers(branch, start) for branch in branches):
-                continue
+
+        def trace(start: Start) -> tuple[ForcedBranch, list[int]]:
             values, columns = _marks(arguments, start)
             given = {"values": values, "points": arguments.points, "stop_at": arguments.stop_at, "on_point": bar.update}
-            if start.known is not None:
-                branch, ends = go_on(start.known, interval, direction=start.direction, **given)
-            else:
-                branch = follow_response(start.problem, start.orbit, interval, direction=start.direction, origin=start.origin, **given)
-                ends = [0, len(branch) - 1]
+            branch, ends = trace_start(start, interval, **given)
             for column, wanted in columns.items():
                 branch = mark_values(branch, column, wanted)
                 ends = [end and len(branch) - 1 for end in ends]
-            branches.append(branch)
-            bar.line("\n".join(report_lines(branch, len(branches), terminal_width(files.words))), files.words)
+            lines = report_lines(branch, len(found.branches) + 1, terminal_width(files.words))
+            bar.line("\n".join(lines), files.words)
             if not ends:
                 bar.line("note   the branch ends at events, or where the range ends; nothing is left to follow", files.words)
-            code = max(code, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE)
-            # Where impacts exchange their order the family goes on as the next branch.
-            exchanges = [event for event in branch.events if event.type == "LB" and event.point in ends and start.problem.ends is None]
-            for event in exchanges if len(branches) < MOST_BRANCHES else ():
-                origin = f"{event.id} of branch {len(branches)}, {branch.name} = {event.values[branch.name]:.12g}"
-                waiting.extend(Start(*onward, "along", origin) for onward in switch_response(branch, event))
-    return code
+            return branch, ends
+
+        follow_onwards(starts, trace, through=_through(arguments), most=arguments.branches or MOST_BRANCHES, found=found)
+    if found.left:
+        files.report([f"left   {found.left} starts were not followed, with {len(found.branches)} families; --branches N allows more"])
+    files.report([f"note   {note}" for note in found.notes])
+    failed = any(end.reason in FAILURES for branch in found.branches for end in branch.ended)
+    return FAILED if failed or found.notes else DONE
 
 
 def _marks(arguments: argparse.Namespace, start: Start) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
@@ -328,14 +327,15 @@ def _check_column(option: str, name: str, parametric: ParametricSystem, impacts:
         raise BadInput(f"{option}: {error}") from error
 
 
-def _covers(branch: ForcedBranch, start: Start) -> bool:
-    """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
-    if branch.problem.ends or branch.problem.sequence or start.problem.sequence or not isinstance(start.orbit, np.ndarray):
-        return False
-    value = start.problem.parameters(start.orbit)[branch.name]
-    low, high = branch.parameter.min(), branch.parameter.max()
-    slack = 1e-9 * (high - low)  # an end is located to rounding
-    return bool(low - slack <= value <= high + slack)
+def _through(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """The events behind which it goes on. Where impacts exchange their order it always does: the family continues."""
+    wanted = tuple(arguments.through or ())
+    if arguments.branches is not None and not wanted:
+        raise BadInput("--branches is the largest number of families with --through; expected --through GR,SB,..")
+    for code in wanted:
+        if code not in _SWITCHES:
+            raise BadInput(f"--through {code}: no family begins at such an event; expected some of {', '.join(_SWITCHES)}")
+    return (*wanted, "LB")
 
 
 def report_lines(branch: ForcedBranch, number: int, width: int | None = None) -> list[str]:

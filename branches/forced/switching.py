@@ -95,7 +95,7 @@ def leaving(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray, code: st
     """
     if code == "BP":
         direction = branch_directions(ForcedFamily(problem), y, tangent)[0]
-        return [(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction)]
+        return [_halved(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction)]
     wide, repeated = (twice if code == "PD" else full_period)(problem, y)
     embed = twice if code == "PD" else full_period
     known = embed(problem, y + 1e-6 * tangent)[1] - embed(problem, y - 1e-6 * tangent)[1]
@@ -165,8 +165,24 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             turned = family.step(begin.y, sign * begin.tangent, 0.0)
             step = family.step(turned.y, turned.tangent, _SHORT)
             if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
-                found.append(GrazingNeighbour(neighbour, step, bool(np.sign(step.y[at] - solution.y[at]) != side)))
+                persists = bool(np.sign(step.y[at] - solution.y[at]) != side)
+                found.append(GrazingNeighbour(*_halved(neighbour, step), persists))
     return found
+
+
+def _halved(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]:
+    """An orbit with its tangent, over half the period if it is symmetric."""
+    symmetric = None if problem.half else half_of(problem, step.y)
+    if symmetric is None:
+        return problem, step
+    half, solution = symmetric
+    begin = ForcedFamily(half).begin(solution.y)
+    if not begin.converged:
+        return problem, step
+    along = begin.tangent[: half.unknowns]
+    change = full_period(half, begin.y + 1e-6 * along)[1] - full_period(half, begin.y - 1e-6 * along)[1]
+    sign = np.sign(change @ step.tangent[: problem.unknowns])
+    return half, ForcedFamily(half).step(begin.y, sign * begin.tangent, 0.0)
 
 
 def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:

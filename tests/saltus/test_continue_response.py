@@ -302,3 +302,23 @@ def test_a_simulated_motion_that_sticks_is_followed(capsys):
     assert run(capsys, "show", "b.json")[0] == 0
     code, out, err = run(capsys, "continue", *("r=0.4" if word == "r=0" else word for word in words), *started)
     assert code == 1 and "a stop sticks after an impact without rebound; expected restitution 0, found 0.4" in err
+
+
+def test_the_families_behind_events_are_followed(capsys):
+    """Oracle: branch by branch, the same values of the events; what is not followed is said."""
+    words = "continue", "--scene", "absorber", "--from", "rest", "--in", "w", "--range", "0.98:2.2", "--set", "w=2"
+    code, out, err = run(capsys, *words, "--through", "GR", "--json", "a.json")
+    assert code == 0, err
+    found = data("a.json")["branches"]
+    assert [len(branch["sequence"]) for branch in found if branch["half"]] == [0, 1, 2]
+    assert "left " not in out
+    code, out, _ = run(capsys, *words, "--json", "b.json")
+    code, _, err = run(capsys, "continue", "--from", "b.json:GR1", "--json", "c.json")
+    assert code == 0, err
+    second = data("c.json")["branches"][0]
+    assert [event["values"]["w"] for event in second["events"]] == [event["values"]["w"] for event in found[1]["events"]]
+    code, out, _ = run(capsys, *words, "--through", "GR", "--branches", "1")
+    assert code == 0 and "left   1 starts were not followed, with 1 families; --branches N allows more" in out
+    refused(run(capsys, *words, "--through", "GR,XY"), "--through XY: no family begins at such an event; expected some of GR, SB, PD, BP")
+    refused(run(capsys, *words, "--branches", "3"), "--branches is the largest number of families with --through")
+    refused(run(capsys, "continue", "S11O00-", "--through", "GR"), "--through is an option of a response")

@@ -1,0 +1,194 @@
+"""Families of forced orbits and those that begin at their events, each followed once."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.tracing import SWITCHES, follow_response, go_on, switch_response
+from bvp.forced import ForcedProblem
+from continuation.problem import Step
+
+__all__ = ["MOST_BRANCHES", "Onwards", "Start", "follow_onwards", "trace_start"]
+
+MOST_BRANCHES = 50
+
+_SAME = 1e-7
+"""Largest difference, beside the value, of the parameter at an event that two families share."""
+
+
+class Start(NamedTuple):
+    """Where a family is followed from.
+
+    Attributes
+    ----------
+    problem : ForcedProblem
+    orbit : (u,) ndarray or Step
+        Near the first orbit, or that with its tangent.
+    direction : str
+        As for `branches.forced.tracing.follow_response`.
+    origin : str or None
+        Where the family begins, in words, if it is followed along the tangent.
+    known : ForcedBranch or None
+        The branch that goes on beyond its ends.
+    """
+
+    problem: ForcedProblem
+    orbit: np.ndarray | Step
+    direction: str = "both"
+    origin: str | None = None
+    known: ForcedBranch | None = None
+
+
+
+@dataclass
+class Onwards:
+    """Families that are linked by events.
+
+    Attributes
+    ----------
+    branches : list of ForcedBranch
+        In the order in which they were followed.
+    links : list of (int, str, int)
+        Number of a branch, id of its event, and number of the branch that begins there.
+    notes : list of str
+        Where no family was found, or one could not be followed.
+    left : int
+        Starts that were not followed: there are more families than asked for.
+    """
+
+    branches: list[ForcedBranch] = field(default_factory=list)
+    links: list[tuple[int, str, int]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    left: int = 0
+
+
+_Shared = tuple[tuple[Any, ...], float, int]
+"""Kind of a family, value of the parameter at one of its events, and its number."""
+
+
+class _Waiting(NamedTuple):
+    start: Start
+    source: int
+    event: ForcedEvent | None
+
+
+def trace_start(start: Start, interval: tuple[float, float], **options: Any) -> tuple[ForcedBranch, list[int]]:
+    """The family of a start within an interval of its parameter, and its ends that are new: points. options: of `follow_response`."""
+    if start.known is not None:
+        return go_on(start.known, interval, direction=start.direction, **options)
+    branch = follow_response(start.problem, start.orbit, interval, direction=start.direction, origin=start.origin, **options)
+    return branch, [0, len(branch) - 1]
+
+
+def follow_onwards(
+    starts: Sequence[Start],
+    trace: Callable[[Start], tuple[ForcedBranch, list[int]]],
+    *,
+    through: Collection[str] = ("LB",),
+    most: int = MOST_BRANCHES,
+    found: Onwards | None = None,
+) -> Onwards:
+    """Follow families, then those that begin at their events, and so on.
+
+    Two families are the same one if their orbits have the same period, symmetry and impacts, and both have an event at the same value of
+    the parameter. Impacts are the same if they are those of the mirror image, so of two mirror images one is followed.
+
+    Parameters
+    ----------
+    starts : sequence of Start
+    trace : callable
+        Follows the family of a start: `trace_start` with its options.
+    through : collection of str
+        Types of the events behind which it goes on: of GR, SB, PD, BP and LB.
+    most : int
+        Most families.
+    found : Onwards, optional
+        Filled and returned; after an interrupt it has the families that were finished.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        As `trace`, for one of the starts.
+    """
+    assert set(through) <= set(SWITCHES)
+    found = Onwards() if found is None else found
+    waiting = deque(_Waiting(start, -1, None) for start in starts)
+    shared: list[_Shared] = []
+    while waiting and len(found.branches) < most:
+        start, source, event = waiting.popleft()
+        known = _followed(found.branches, shared, start, event)
+        if known is not None:
+            if event is not None:
+                found.links.append((source, event.id, known))
+            continue
+        try:
+            branch, ends = trace(start)
+        except (ValueError, RuntimeError) as error:
+            if event is None:
+                raise
+            found.notes.append(f"the family from {start.origin} was not followed: {error}")
+            continue
+        number = len(found.branches)
+        found.branches.append(branch)
+        if start.problem.ends is not None:
+            continue
+        kind = _kind(start.problem)
+        if event is not None:
+            found.links.append((source, event.id, number))
+            shared.append((kind, event.values[branch.name], number))
+        shared.extend((kind, at.values[branch.name], number) for at in branch.events if at.type in SWITCHES)
+        for at in branch.events:
+            # At an exchange of impacts the family goes on, from an end that is new.
+            if at.type in through and (at.type != "LB" or at.point in ends):
+                waiting.extend(_Waiting(onward, number, at) for onward in _behind(found, number, at))
+    found.left = sum(_followed(found.branches, shared, one.start, one.event) is None for one in waiting)
+    return found
+
+
+def _behind(found: Onwards, number: int, event: ForcedEvent) -> list[Start]:
+    """The starts of the families that begin at an event."""
+    branch = found.branches[number]
+    origin = f"{event.id} of branch {number + 1}, {branch.name} = {event.values[branch.name]:.12g}"
+    try:
+        return [Start(*onward, "along", origin) for onward in switch_response(branch, event)]
+    except RuntimeError as error:
+        found.notes.append(f"branch {number + 1}: {error}")
+        return []
+
+
+def _followed(branches: Sequence[ForcedBranch], shared: Sequence[_Shared], start: Start, event: ForcedEvent | None) -> int | None:
+    """Number of the branch that is the family of a start; None if it was not followed yet."""
+    if event is None:
+        return next((number for number, branch in enumerate(branches) if start.known is None and _covers(branch, start)), None)
+    if event.type == "LB":  # with the other order of its impacts an orbit can have the same sequence, begun at another impact
+        return None
+    value, kind = event.values[start.problem.released[0]], _kind(start.problem)
+    slack = _SAME * max(1.0, abs(value))
+    return next((number for other, at, number in shared if other == kind and abs(at - value) <= slack), None)
+
+
+def _kind(problem: ForcedProblem) -> tuple[Any, ...]:
+    """What the orbits of a family have in common: periods of the loads, symmetry, and the impacts of a full period up to a mirror image."""
+    modes, symbols = problem.modes, list(problem.sequence)
+    odd = bool(np.all(np.asarray(modes.contact_opposite) >= 0))
+    if problem.half:
+        symbols += [problem.mirrored(symbol) for symbol in symbols]
+    images = [symbols, [problem.mirrored(symbol) for symbol in symbols]] if odd else [symbols]
+    turned = (tuple(image[k:] + image[:k]) for image in images for k in range(max(len(image), 1)))
+    return problem.load_periods, problem.half, min(turned)
+
+
+def _covers(branch: ForcedBranch, start: Start) -> bool:
+    """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
+    if branch.problem.ends or branch.problem.sequence or start.problem.sequence or not isinstance(start.orbit, np.ndarray):
+        return False
+    value = start.problem.parameters(start.orbit)[branch.name]
+    low, high = branch.parameter.min(), branch.parameter.max()
+    slack = 1e-9 * (high - low)  # an end is located to rounding
+    return bool(low - slack <= value <= high + slack)
