@@ -137,20 +137,21 @@ def require_simulated(branch):
     return found
 
 
-def test_measures_of_an_orbit_that_sticks():
+@pytest.mark.parametrize("mass", [1.0, 2.0])
+def test_measures_of_an_orbit_that_sticks(mass):
     """Oracle: a ball on a table, without rebound: all energy of its impact is lost, and is the work of the loads. While it rests on the
     table it does not move; its height in between is that of the simulation."""
     ball = ParametricSystem.from_description(
         {
             "parameters": {"G": 1.2, "w": 1.0},
-            "system": {"mass": [[1.0]], "stiffness": [[0.0]], "stops": [{"c": [1.0], "lower": 0.0, "restitution": 0.0}]},
-            "forces": [{"load": [1.0], "constant": -1.0}, {"load": [1.0], "amplitude": "G", "harmonic": 1}],
+            "system": {"mass": [[mass]], "stiffness": [[0.0]], "stops": [{"c": [1.0], "lower": 0.0, "restitution": 0.0}]},
+            "forces": [{"load": [mass], "constant": -1.0}, {"load": [mass], "amplitude": "G", "harmonic": 1}],
         }
     )
     found = settled(ball, "G")
     branch = follow_response(found.problem, found.y, (1.1, 1.3))
     measures = measures_of(branch)
-    assert measures.dissipated[:, -1] == pytest.approx(0.5 * branch.speeds[:, 0] ** 2, rel=1e-12)
+    assert measures.dissipated[:, -1] == pytest.approx(0.5 * mass * branch.speeds[:, 0] ** 2, rel=1e-12)
     assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), rel=1e-12)
     before, motion = (simulate(ball.system(), [0.0], [0.0], 2.0 * math.pi * count, forces=ball.forces()) for count in (2, 3))
     at = measures_of(one_point(found.problem, found.y))

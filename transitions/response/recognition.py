@@ -65,6 +65,9 @@ def _last_period(motion: Motion, period: float) -> MotionNodes:
         if kind == stick:
             # The impact before it is the one after which the stop stays closed.
             arrival = found.pop()[3] if found and found[-1][0] == letter else time
+            # Rounding can leave a speed, and more impacts at the same instant.
+            while found and found[-1][0] == letter and arrival - found[-1][3] <= _INSTANT * period:
+                arrival = found.pop()[3]
             found.append((letter + CLOSES, motion.after[k], time, arrival))
         else:
             found.append((letter + (OPENS if kind == release else ""), motion.after[k], time, time))
