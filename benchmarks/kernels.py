@@ -48,6 +48,12 @@ EXAMPLES: dict[str, list[str]] = {
         "continue --scene absorber --from simulate --in mu --range 0.09:0.11 --points 20",
         "continue --scene impact_oscillator --set r=0 --set s=-0.5 --set w=0.5 --from simulate --start -0.6,0 --in s --range -0.6:-0.4",
     ],
+    "parameter": [
+        "continue S11- --in mu --range 0.09:0.11 --keep energy=0.8 --json a.json --plot a.png",
+        "continue --from a.json --in sigma --range 0.09:0.11 --keep quarter_period=0.25",
+        "continue S13+ --in mu --range 0.09:0.12 --keep energy=0.8 --json b.json",
+        "continue --from b.json:RT1 --points 20",
+    ],
     "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""

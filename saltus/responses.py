@@ -132,7 +132,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
         assert problem.ends is not None
         lines += [f"model  {line}" for line in explain(problem.system, problem.ends)]
     files.report(lines)
-    compiling.prepare("response", "continue" if problem.degrees_of_freedom == 2 else "modes")
+    compiling.prepare("parameter", *(["modes"] if problem.degrees_of_freedom > 2 else []))
     return _follow_and_write(starts, interval, arguments, files, title)
 
 
