@@ -27,6 +27,11 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
     """What is known of a kind of grazing: the stop's letter and a note."""
     inner = problem.inner
     if verb == "touches":
+        if solution["clearance_side"] == 0.0:
+            letter = problem.modes.contact_letters[int(problem.contacts[int(solution["clearance_flight"])])]
+            if solution["clearance_time"] == 0.0:
+                return {"stop": letter, "note": f"the bounces at stop {letter} hardly end: the contact force behind them nearly vanishes"}
+            return {"stop": letter, "note": f"the bounces at stop {letter} last too long to be summed from the first one on"}
         force = force_event(problem, solution)
         if force is not None:
             return {"stop": force.letter, "note": force.note}
@@ -63,7 +68,7 @@ class ForceEvent(NamedTuple):
 def force_event(problem: MultipointProblem | ForcedProblem, solution: Solution) -> ForceEvent | None:
     """What the clearance of a solution is where it is the contact force of a stop; None where it is the distance of a gap."""
     events = getattr(problem, "events", ())
-    if not events:
+    if not events or solution["clearance_side"] == 0.0:
         return None
     modes, letters = problem.modes, problem.modes.contact_letters
     flight, time, stop = int(solution["clearance_flight"]), float(solution["clearance_time"]), int(solution["clearance_stop"])
@@ -112,6 +117,8 @@ def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, t
     'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
     """
     inner = problem.inner
+    if solution["clearance"] <= -tolerance and solution["clearance_side"] == 0.0:
+        return str(describe_grazing(problem, solution, "touches")["note"])
     if solution["clearance"] <= -tolerance:
         force = force_event(problem, solution)
         if force is not None:

@@ -229,13 +229,16 @@ class ForcedProblem:
             self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
 
     def _refuse_bounces(self, released: np.ndarray) -> None:
-        """Refuse stops that stick after an impact with a rebound. released: the entries that vary."""
+        """Refuse stops that stick after impacts without loss, and plastic impacts that do not stay so. released: the entries that vary."""
         for event in self.events:
             stop = int(self.modes.contact_stop[event.contact])
             restitution = self.system.stops[stop].restitution
-            if event.sticks and (restitution != 0.0 or self.parametric.layout.restitution.start + stop in released.tolist()):
-                found = f"{restitution:g}" if restitution else "one that varies"
-                raise EndsError(f"{event.symbol}: a stop sticks after an impact without rebound; expected restitution 0, found {found}")
+            if event.sticks and restitution == 1.0:
+                raise EndsError(f"{event.symbol}: a stop with restitution 1 does not stick; expected one below 1")
+            if event.sticks and restitution > 0.0 and not self.has_clock:
+                raise EndsError(f"{event.symbol}: bounces that end in sticking need a harmonic load; expected one, or restitution 0")
+            if event.sticks and not restitution and self.parametric.layout.restitution.start + stop in released.tolist():
+                raise EndsError(f"{event.symbol}: the restitution of a plastic impact cannot vary; expected another parameter")
 
     def _refuse_half(self, load_periods: int) -> None:
         """Refuse the half-period closure where an orbit cannot have its symmetry."""

@@ -12,6 +12,7 @@ from bvp.checks import EPSILON
 from bvp.kernels.flight import Flight
 from bvp.kernels.forced_sticking import Sticking, Unstuck, sticking_flight
 from bvp.kernels.loads import LoadedFlight, Loads
+from bvp.kernels.summed_chatter import ORDERS, Chatter
 from bvp.modes import undamped_modes
 
 if TYPE_CHECKING:
@@ -165,10 +166,13 @@ class ModeTable:
         mode = [self._index(event.closed) for event in events] or [0] * (nodes - 1)
         self._kept = [*mode, mode[-1]]
         release, opens = np.full((2, nodes), -1, dtype=np.int64)
+        summed = np.zeros(nodes, dtype=np.int64)
         for i, event in enumerate(rows):
             if event.is_release:
                 release[i] = system.modes.contact_stop[event.contact]
-            elif not event.sticks and system.stops[system.modes.contact_stop[event.contact]].restitution == 0.0:
+            elif event.sticks:
+                summed[i] = system.stops[system.modes.contact_stop[event.contact]].restitution > 0.0
+            elif system.stops[system.modes.contact_stop[event.contact]].restitution == 0.0:
                 opens[i] = self._index(event.closed | {event.contact})
         self.made = [forced_mode(system, contacts, unit) for contacts in self._sets]
         modes = len(self._sets)
@@ -178,13 +182,19 @@ class ModeTable:
             closed[f, system.modes.contact_stop[list(contacts)]] = 1
         square, harmonics, count = (2 * n, 2 * n), len(loads.harmonics), len(loads.modal) - 1
         modal = np.zeros((modes, *loads.modal.shape))
+        self._forces, forces = stops, stops + nodes
+        square_node = (width, width)
+        chatter = Chatter(
+            summed, np.zeros((nodes, *square_node)), np.zeros(nodes), np.zeros((ORDERS + 1, 1 + width, width)),
+            np.zeros((1 + width, width)), np.zeros(square_node), np.zeros((4, width)),
+        )  # fmt: skip
         self.arrays = Sticking(
             np.array([*mode, 0], dtype=np.int64), release, opens, closed,
             np.zeros((modes, blocks, 2), dtype=np.int64), np.zeros((modes, blocks)), np.zeros((modes, blocks)), np.zeros((modes, *square)),
             np.zeros((modes, *square)), np.zeros((modes, *square)), np.zeros((modes, 2 * n, n)), np.zeros((modes, varying, 2 * n, n)),
-            np.zeros((modes, varying, *square)), modal, np.zeros((modes, stops, 2 * n)), np.zeros((modes, stops, n)),
-            np.zeros((varying, modes, stops, 2 * n)), np.zeros((varying, modes, stops, n)),
-            np.zeros((modes, stops, 1 + count, harmonics, 2)), np.zeros(width),
+            np.zeros((modes, varying, *square)), modal, np.zeros((modes, forces, 2 * n)), np.zeros((modes, forces, n)),
+            np.zeros((varying, modes, forces, 2 * n)), np.zeros((varying, modes, forces, n)),
+            np.zeros((modes, forces, 1 + count, harmonics, 2)), np.zeros(width), chatter,
         )  # fmt: skip
         self.kind = Unstuck(0) if modes == 1 else self.arrays
         first = self.arrays
@@ -223,6 +233,9 @@ class ModeTable:
             kept = self.made[self._kept[i]]
             along = kept.inverse @ row if len(kept.rows) else np.linalg.solve(system.mass, row)
             push[i, n : 2 * n] = along / (row @ along) if row.any() else 0.0
+            if arrays.chatter.summed[i]:
+                arrays.reach[0, self._forces + i] = row @ kept.inverse
+                arrays.pull[0, self._forces + i] = row @ kept.inverse @ np.hstack([system.stiffness, system.damping])
 
     def write_slopes(self, system: ImpactSystem, j: int, slopes: Sequence[np.ndarray], gap: np.ndarray, push_slope: np.ndarray) -> None:
         """Write the derivatives by parameter j, where M, C and K have the derivatives `slopes`. push_slope: rows of the nodes."""
@@ -236,3 +249,7 @@ class ModeTable:
             if row.any():
                 along, turned = self.made[self._kept[i]].inverse @ row, found[self._kept[i]].inverse @ row
                 push_slope[i, n : 2 * n] = (turned - along * (row @ turned) / (row @ along)) / (row @ along)
+                if arrays.chatter.summed[i]:
+                    state, state_slope = np.hstack([system.stiffness, system.damping]), np.hstack([slopes[2], slopes[1]])
+                    arrays.reach_slope[j, 0, self._forces + i] = turned
+                    arrays.pull_slope[j, 0, self._forces + i] = turned @ state + along @ state_slope

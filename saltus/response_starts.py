@@ -271,7 +271,8 @@ def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
         try:
             return [Start(*path.through(branch.problem, branch.unknowns[branch.start]), direction) for branch in branches]
         except ValueError as error:
-            raise BadInput(f"--keep: {one_line(error)}") from error
+            option = "--keep" if path.keep else f"--in {path.name}"
+            raise BadInput(f"{option}: {one_line(error)}") from error
     source, event, name = request.source, request.event, branches[0].name
     if not same:
         raise BadInput(f"--in {path.name}: the events of {source} are those of {name}; expected no --in, or --in {name}")

@@ -158,6 +158,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         if test.code == "GR":
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
             data.update(describe_grazing(self.problem, solution, verb))
+            if verb == "touches" and solution["clearance_side"] == 0.0 and solution["clearance_time"] > 0.0:
+                return EventDetails("LB", True, data | {"note": f"{data['note']}: that is an impact of its own; the family continues"})
             if verb == "merge":
                 return self._merging(solution, data)
         elif test.code == "NS":

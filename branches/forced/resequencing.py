@@ -9,7 +9,10 @@ from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 
-__all__ = ["exchanged", "later", "with_sticking", "with_touch", "without_flight", "without_impact"]
+__all__ = ["exchanged", "later", "with_first_bounce", "with_sticking", "with_touch", "without_flight", "without_impact"]
+
+_INSTANT = 1e-7
+"""Part of the period over which an acceleration is a difference of velocities."""
 
 
 def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
@@ -120,11 +123,30 @@ def with_sticking(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPro
     return _made(problem, sequence, twice[:, :size], twice[:, size], np.insert(problem.flight_times(y), flight, 0.0), y)
 
 
+def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
+    """The problem in which the first impact of a chatter that is summed is one of its own, and a guess of its unknowns."""
+    flight, y, segment = int(solution["clearance_flight"]), solution.y, problem.segment
+    nodes, times, size = problem.nodes(y), problem.flight_times(y), 2 * problem.degrees_of_freedom
+    state, fraction = problem.fly(nodes[flight], float(times[flight]), flight)
+    node = np.array([*state, fraction, *nodes[flight, size + 1 :]])
+    node -= segment.jump[flight] * segment.push[flight] * (segment.gap_rate[flight] @ node)
+    row, short = segment.gap_rate[flight, :size], _INSTANT * problem.period(y)
+    press = row @ (problem.fly(node, short, flight)[0] - node[:size]) / short
+    place, sign = flight + 1, 1.0
+    if flight == problem.inner:
+        place, sign = 0, segment.closing[0]
+        node[size] -= segment.closing[1]
+    letter = problem.sequence[place].removesuffix(CLOSES)
+    sequence = [*problem.sequence[:place], letter, *problem.sequence[place:]]
+    states, fractions = np.insert(nodes[:, :size], place, sign * node[:size], axis=0), np.insert(nodes[:, size], place, node[size])
+    return _made(problem, sequence, states, fractions, np.insert(times, place, -2.0 * (row @ node[:size]) / press), y)
+
+
 def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
     """The problem without a flight that has no duration, between two events at one stop, of which one is sticking or its end.
 
-    What they do together takes their place: nothing where the stop opens and is hit at once. None where that leaves no impact: the stop
-    sticks for ever."""
+    What they do together takes their place: nothing where the stop opens and is hit at once. None where that leaves no impact, since the
+    stop sticks for ever, and where bounces do not end."""
     flight, y = int(solution["flight_index"]), solution.y
     if flight == problem.inner or (flight == 0 and problem.events[1].is_release and not problem.events[0].sticks):
         if len(problem.impacts) < 2:
@@ -134,8 +156,9 @@ def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPr
         flight %= problem.inner + 1
     first, second = problem.events[flight], problem.events[flight + 1]
     letter = problem.modes.contact_letters[first.contact]
-    if first.contact != second.contact:
-        return None
+    restitution = problem.system.stops[problem.modes.contact_stop[first.contact]].restitution
+    if first.contact != second.contact or (restitution > 0.0 and not first.is_release):
+        return None  # of bounces that end without sticking there is no end
     if first.is_release:
         together = [] if second.sticks else [letter + OPENS]
     else:

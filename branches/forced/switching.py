@@ -16,7 +16,7 @@ from branches.admissible import force_event
 from branches.first_orbits import across_null_space, first_orbits
 from branches.forced.family import ForcedFamily
 from branches.forced.opening import opening_again
-from branches.forced.resequencing import exchanged, with_sticking, with_touch, without_flight, without_impact
+from branches.forced.resequencing import exchanged, with_first_bounce, with_sticking, with_touch, without_flight, without_impact
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
@@ -166,7 +166,8 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             step = family.step(turned.y, turned.tangent, _SHORT)
             if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
                 persists = bool(np.sign(step.y[at] - solution.y[at]) != side)
-                found.append(GrazingNeighbour(*_halved(neighbour, step), persists))
+                if persists or make is not with_first_bounce:  # whose orbits are the same ones on this side
+                    found.append(GrazingNeighbour(*_halved(neighbour, step), persists))
     return found
 
 
@@ -198,6 +199,8 @@ def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
         # The contact force, and the speed of a stop that opens for a moment, vanish faster than the time between two events.
         return [without_flight]
     limit = max(_GRAZES, min(sizes.values()))
+    if sizes[with_touch] <= limit and solution["clearance_side"] == 0.0:
+        return [with_first_bounce] if solution["clearance_time"] > 0.0 else []
     if sizes[with_touch] <= limit and force_event(problem, solution) is not None:
         return [with_sticking]
     if sizes[without_impact] <= limit and _is_at_slowest_impact(problem, solution):

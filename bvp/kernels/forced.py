@@ -20,9 +20,8 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import call_at, inlined, kernel
-from bvp.kernels.contact_mode import apply_impact, impact_columns
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight import copy_1, inner, row_dot, set_1, set_2
+from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.forced_sticking import contact_gap, flight_of, load_modes, modal_load
 from bvp.kernels.free_closure import (
     ends_residuals,
@@ -38,6 +37,7 @@ from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
 from bvp.kernels.multipoint import PERIODIC, UNFOLDED, evaluate, fill, unpack
 from bvp.kernels.newton import scaled_residual, set_scale
 from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
+from bvp.kernels.summed_chatter import strike, strike_blocks
 
 
 class Released(NamedTuple):
@@ -143,7 +143,7 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
         loaded_flight(flight_of(segment, i), y[at : at + width], y[at + width], before[i], flights[i])
         at += width + 1
         row = i * (width + 1)
-        apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before[i], residual[row : row + width])
+        strike(segment.sticking, segment, i, before[i], residual[row : row + width])
         if i < k:
             # Equation (39): the flight lands on the next node, which lies on its stop, or opens it.
             for r in range(width):
@@ -172,24 +172,12 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
 @inlined
 def loaded_blocks(segment, i, factor, landing, push_rate):
     """landing (N, N) and push_rate (N,): derivatives of the node after impact i by the one before its flight, and by the flight time."""
-    size = segment.flight.enter.shape[0]
-    count = segment.released.columns.shape[0]
     for r in range(landing.shape[0]):
         copy_1(factor.flights[i, r], landing[r])
     before = factor.before[i]
     loaded_rate(flight_of(segment, i), before, push_rate)
     if segment.contact[i, 0] >= 0:
-        jump = segment.jump[i]
-        speed = row_dot(segment.gap_rate, i, before)
-        apply_impact(segment.gap_rate, segment.push, i, jump, push_rate, push_rate)
-        impact_columns(segment.gap_rate, segment.push, i, jump, landing)
-        for j in range(count if segment.contact[i, 1] >= 0 else 0):
-            change = segment.released.slopes[j, segment.contact[i, 1]] * speed
-            for r in range(size):
-                landing[r, size + 1 + j] -= change * segment.push[i, r]
-        for j in range(segment.push_slope.shape[0]):
-            for r in range(size):
-                landing[r, size + 1 + j] -= jump * speed * segment.push_slope[j, i, r]
+        strike_blocks(segment.sticking, segment, i, before, landing, push_rate)
 
 
 @fill.of(LoadedSegment)

@@ -16,7 +16,7 @@ All of this comes in two kinds. Orbits without sticking have `Unstuck`, for whic
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,8 @@ class Unstuck(NamedTuple):
 
 class Sticking(NamedTuple):
     """Contact modes of an orbit with k + 2 rows of nodes: F of them, of which the first is free flight. S stops, H harmonics, m parameters,
-    m' of these change masses, dampers or springs."""
+    m' of these change masses, dampers or springs. Of free flight, the rows of forces behind those of the S stops are the accelerations of
+    the gaps of the k + 2 nodes, for chatter."""
 
     mode: np.ndarray  # (k + 2,) int64 contact mode of each flight
     release: np.ndarray  # (k + 2,) int64 stop that opens at a node; -1: it is an impact
@@ -52,12 +53,13 @@ class Sticking(NamedTuple):
     drive_slope: np.ndarray  # (F, m', 2 n, n)
     change: np.ndarray  # (F, m', 2 n, 2 n) of `LoadedFlight`
     modal: np.ndarray  # (F, 1 + m, H, 2, 2 n) of `Loads`
-    pull: np.ndarray  # (F, S, 2 n) contact forces of a unit state, with the other sign
-    reach: np.ndarray  # (F, S, n) contact forces of unit loads
-    pull_slope: np.ndarray  # (m', F, S, 2 n)
-    reach_slope: np.ndarray  # (m', F, S, n)
-    level: np.ndarray  # (F, S, 1 + m, H, 2) contact forces of the loads, by cos and sin; then their derivatives
+    pull: np.ndarray  # (F, S + k + 2, 2 n) contact forces of a unit state, with the other sign
+    reach: np.ndarray  # (F, S + k + 2, n) contact forces of unit loads
+    pull_slope: np.ndarray  # (m', F, S + k + 2, 2 n)
+    reach_slope: np.ndarray  # (m', F, S + k + 2, n)
+    level: np.ndarray  # (F, S + k + 2, 1 + m, H, 2) contact forces of the loads, by cos and sin; then their derivatives
     row: np.ndarray  # (N,) scratch
+    chatter: Any  # `bvp.kernels.summed_chatter.Chatter`
 
 
 @chosen
@@ -157,10 +159,12 @@ def load_sticking_modes(sticking, segment, force, first, h, part):
     """See `load_modes`."""
     slopes = segment.released.slopes
     n = force.shape[0]
-    for f in range(1, sticking.pairs.shape[0]):
-        modal_load(sticking.drive[f], sticking.drive_slope[f], force, slopes, first, h, part, sticking.modal[f])
-        for s in range(sticking.closed.shape[1]):
-            if sticking.closed[f, s] == 1:
+    stops = sticking.closed.shape[1]
+    for f in range(sticking.pairs.shape[0]):
+        if f > 0:
+            modal_load(sticking.drive[f], sticking.drive_slope[f], force, slopes, first, h, part, sticking.modal[f])
+        for s in range(sticking.pull.shape[1]):
+            if (s < stops and sticking.closed[f, s] == 1) or (s >= stops and f == 0 and sticking.chatter.summed[s - stops] == 1):
                 # Equation (43): the part of the loads.
                 sticking.level[f, s, 0, h, part] = inner(sticking.reach[f, s], force)
                 for j in range(slopes.shape[0]):

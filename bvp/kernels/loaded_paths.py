@@ -20,6 +20,7 @@ from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot,
 from bvp.kernels.forced import refresh
 from bvp.kernels.forced_sticking import flight_in, flight_of, is_closed, least_force, lift_off, mode_count, mode_of, watch_forces
 from bvp.kernels.loads import NEAR_RESONANCE
+from bvp.kernels.summed_chatter import chatter_room, is_summed
 
 PIECES = 1000
 """A piece is not shorter than this part of a flight where bounds grow."""
@@ -390,12 +391,31 @@ def observe_with(segment, watched, extended, y, ends, result):
                     distance = w - bounds[0, stop]
                     side = -1.0
                     time = duration
+            if is_summed(segment.sticking, i) and watched.stops[i] != stop and not closed:
+                # Chatter is short: another stop is beyond its bound at the end if it is hit meanwhile.
+                w = inner(watched.gaps[stop], y[at : at + n]) if i + 1 < ends.shape[0] else (
+                    segment.closing[0] * inner(watched.gaps[stop], y[:n])
+                )
+                if min(bounds[1, stop] - w, w - bounds[0, stop]) < distance:
+                    distance = min(bounds[1, stop] - w, w - bounds[0, stop])
+                    side = 1.0 if bounds[1, stop] - w < w - bounds[0, stop] else -1.0
+                    time = duration
             if distance < best:
                 best = distance
                 result[entry.CLEARANCE_FLIGHT] = i
                 result[entry.CLEARANCE_STOP] = stop
                 result[entry.CLEARANCE_SIDE] = side
                 result[entry.CLEARANCE_TIME] = time
+        later = y[at + 2 * n] if i + 1 < ends.shape[0] else y[2 * n] + segment.closing[1]
+        room, digits = chatter_room(segment.sticking, segment, i, later - ends[i, 2 * n])
+        if math.isnan(room) or math.isnan(digits):
+            result[entry.GAVE_UP] = 1.0
+        if min(room, digits) < best:
+            best = min(room, digits)
+            result[entry.CLEARANCE_FLIGHT] = i
+            result[entry.CLEARANCE_STOP] = watched.stops[i]
+            result[entry.CLEARANCE_SIDE] = 0.0
+            result[entry.CLEARANCE_TIME] = duration if room < digits else 0.0
         distance, nearest, part = least_force(segment.sticking, segment, i, node, ends[i])
         if distance < best:
             best = distance

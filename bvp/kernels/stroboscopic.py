@@ -16,10 +16,11 @@ import numpy as np
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.dense import determinant, eigenvalues
-from bvp.kernels.flight import copy_1, inner, set_2
+from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.forced_sticking import flight_of
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
+from bvp.kernels.summed_chatter import chatter_frame, is_summed, strike
 
 
 class Stroboscopic(NamedTuple):
@@ -29,19 +30,20 @@ class Stroboscopic(NamedTuple):
     work: np.ndarray  # (2 n, 2 n) scratch
     values: np.ndarray  # (2, 2 n) real and imaginary parts of the multipliers
     lines: np.ndarray  # (4, N) scratch
+    late: np.ndarray  # (N,) scratch
 
 
 def make_stroboscopic(segment):
     """Arrays for a forced problem."""
     size, width = segment.flight.enter.shape[0], segment.gap.shape[1]
-    return Stroboscopic(np.empty((size, size)), np.empty((size, size)), np.empty((2, size)), np.empty((4, width)))
+    return Stroboscopic(np.empty((size, size)), np.empty((size, size)), np.empty((2, size)), np.empty((4, width)), np.empty(width))
 
 
 @inlined
 def rates_at(segment, i, before, after, coming, going):
     """after (N,): the node after impact i. coming, going (N,): f- and f+, the rates of the nodes before and after it."""
     loaded_rate(flight_of(segment, i), before, coming)
-    apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before, after)
+    strike(segment.sticking, segment, i, before, after)
     # The last impact of half a period is the mirror image of the first one: the same stop is closed.
     loaded_rate(flight_of(segment, i + 1 if i < segment.shape[0] else 0), after, going)
 
@@ -49,7 +51,7 @@ def rates_at(segment, i, before, after, coming, going):
 @kernel
 def stroboscopic_map(segment, flights, ends, found):
     """Fill found.matrix for an orbit. flights (k + 1, N, N), ends (k + 1, N): of `bvp.kernels.multipoint.evaluate`."""
-    matrix, work, _, lines = found
+    matrix, work, _, lines, _ = found
     size = matrix.shape[0]
     after, going, coming, column = lines[0], lines[1], lines[2], lines[3]
     set_2(matrix, 0.0)
@@ -65,6 +67,16 @@ def stroboscopic_map(segment, flights, ends, found):
             continue
         rates_at(segment, i, ends[i], after, coming, going)
         speed = inner(segment.gap[i, :size], coming[:size])
+        if is_summed(segment.sticking, i):
+            for c in range(size):
+                set_1(column, 0.0)
+                for r in range(size):
+                    column[r] = matrix[r, c]
+                lateness = -inner(segment.gap[i, :size], column[:size]) / speed
+                chatter_frame(segment.sticking, i, column, lateness, coming, going, after)
+                for r in range(size):
+                    matrix[r, c] = after[r]
+            continue
         apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], coming, coming)
         for c in range(size):
             for r in range(size):
@@ -83,7 +95,7 @@ def stroboscopic_tests(segment, flights, ends, speeds, found, out):
     """out[0] = det(M + 1), out[1] = the product of 1 - mu_i mu_j over the pairs i < j of multipliers, made smooth at grazings: times the
     product of the impact speeds, and times its power 2 n - 1. The multipliers go to found.values."""
     stroboscopic_map(segment, flights, ends, found)
-    matrix, work, values, _ = found
+    matrix, work, values, _, _ = found
     size = matrix.shape[0]
     for r in range(size):
         for c in range(size):
@@ -103,6 +115,28 @@ def stroboscopic_tests(segment, flights, ends, speeds, found, out):
 
 
 @kernel
+def chatter_frames(segment, i, scale, left, right, found):
+    """See `saltation_frames`, for a chatter whose rates are in the scratch of `found`."""
+    after, going, coming, normal = found.lines[0], found.lines[1], found.lines[2], found.lines[3]
+    size = scale.shape[0]
+    length = 0.0
+    for r in range(size):
+        normal[r] = segment.gap[i, r] * scale[r]
+        length = max(length, abs(coming[r]) / scale[r])
+    _, factor = reflector(normal, 0, size)
+    change = found.late
+    for c in range(size):
+        set_1(change, 0.0)
+        for r in range(size):
+            left[r, c] = coming[r] / scale[r] / length if c == 0 else (1.0 if r == c else 0.0) - factor * normal[r] * normal[c]
+            change[r] = left[r, c] * scale[r]
+        # A state that is moved along the flow arrives earlier.
+        chatter_frame(segment.sticking, i, change, -1.0 / length if c == 0 else 0.0, coming, going, after)
+        for r in range(size):
+            right[r, c] = after[r] / scale[r]
+
+
+@kernel
 def saltation_frames(segment, i, before, scale, left, right, found):
     """The saltation matrix of impact i as right left^-1, (2 n, 2 n) in states divided by their scale: it takes (f-, the directions in
     c . u = constant) to (f+, their images under R). Nothing is divided by the speed of the impact."""
@@ -110,6 +144,9 @@ def saltation_frames(segment, i, before, scale, left, right, found):
     size = scale.shape[0]
     after, going, coming, normal = lines[0], lines[1], lines[2], lines[3]
     rates_at(segment, i, before, after, coming, going)
+    if is_summed(segment.sticking, i):
+        chatter_frames(segment, i, scale, left, right, found)
+        return
     length = 0.0
     for r in range(size):
         coming[r] /= scale[r]

@@ -14,10 +14,16 @@ from bvp.closures import EndsError
 from bvp.contact_sequence import joined_sequence, parse_sequence
 from bvp.forced import ForcedProblem
 from bvp.forcing import Harmonic
+from bvp.kernels.forced import set_parameters
+from bvp.kernels.loads import fly_loaded
+from bvp.kernels.summed_chatter import sum_chatter
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop
 from tests.branches.forced_systems import oscillator
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
 
 TURN = 2.0 * math.pi
 
@@ -157,6 +163,11 @@ def test_derivatives(n, name):
     symbols, states, fractions = simulated(parametric)
     problem = ForcedProblem(parametric, symbols, (name,))
     y = problem.solve(problem.pack(states, fractions, [parametric.values[name]])).y
+    require_derivatives(problem, y)
+
+
+def require_derivatives(problem, y):
+    """The Jacobian is that of differences of the residual."""
     jacobian, step = problem.jacobian(y), 1e-4
     directions = [*np.eye(len(y))]
     parameters = [k for k in range(len(y)) if k % (problem.size + 1) == problem.size - 1]
@@ -267,3 +278,97 @@ def test_symbols():
     ):  # fmt: skip
         with pytest.raises(EndsError, match=text):
             parse_sequence(two, sequence)
+
+
+@pytest.mark.parametrize("restitution", [0.05, 0.4, 0.5, 0.8, 0.93])
+def test_a_chatter_under_a_constant_force_has_a_closed_form(restitution):
+    """Oracle: bounces under a constant force g last 2 v r/(g (1 - r)) after an impact with the speed v, and so do the derivatives by v and
+    r. The end does not depend on where the chatter is cut into single impacts."""
+    g, speed, w = 1.3, 0.02, 0.7
+    table = ParametricSystem.from_description(
+        {
+            "parameters": {"A": 0.0, "w": w, "r": restitution},
+            "system": {
+                "mass": [[2.0]], "damping": [[0.0]], "stiffness": [[0.0]], "stops": [{"c": [1.0], "upper": 0.5, "restitution": "r"}],
+            },
+            "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}, {"load": [1.0], "constant": 2.0 * g}],
+        }
+    )  # fmt: skip
+    problem = ForcedProblem(table, ("+=",), ("r",))
+    before, after = np.array([0.5, speed, 0.3, restitution]), np.empty(4)
+    set_parameters(problem.segment, before)
+    sum_chatter(problem.segment, 1, before, after)
+    chatter = problem.segment.sticking.chatter
+    lasts = 2.0 * speed * restitution / (g * (1.0 - restitution))
+    assert after == pytest.approx([0.5, 0.0, 0.3 + lasts * w / TURN, restitution], abs=1e-15)
+    by_speed, by_restitution = lasts / speed * w / TURN, lasts / (restitution * (1.0 - restitution)) * w / TURN
+    assert chatter.slope[1, 2] == pytest.approx([0.0, by_speed, 1.0, by_restitution], abs=1e-12)
+    assert np.abs(chatter.slope[1, 0] - [1.0, 0.0, 0.0, 0.0]).max() < 1e-13 and chatter.error[1] < 1e-14
+
+
+@pytest.mark.parametrize(("n", "name"), [(1, "r"), (2, "w"), (2, "m"), (2, "d")])
+def test_bounces_that_end_in_sticking_are_one_impact(n, name):
+    """Oracles: the simulation, whose end of the bounces is the solved one; differences of the residual; and the orbit with its first bounce
+    as an impact of its own, which has the same state behind the bounces and the same multipliers."""
+    parametric = oscillator(damping=0.1, r=0.4, s=0.2, w=0.5) if n == 1 else chain(n, 0.5)
+    settled = settle(parametric.system(), parametric.forces())
+    found = settled_orbit(ParameterPath(parametric, (name,)), settled)
+    problem, y = found.problem, found.y
+    assert found.distance < 1e-10 and problem.sequence[-2:] == ("+=", "+:")
+    require_derivatives(problem, y)
+    branch = follow_response(problem, y, points=12)
+    other = problem.sibling([*problem.sequence[:-2], "+", *problem.sequence[-2:]])
+    for point in (y, branch.unknowns[2], branch.unknowns[-3]):
+        single = split_first_bounce(problem, point, other)
+        assert np.abs(other.multipliers(single) - problem.multipliers(point)).max() < 1e-9
+        assert np.count_nonzero(problem.multipliers(point) == 0.0) == 2
+
+
+def split_first_bounce(problem, y, other):
+    """An orbit with its first summed bounce as an impact of its own."""
+    i = len(problem.sequence) - 3  # the flight that ends with the chatter
+    nodes, times, size = problem.nodes(y), problem.flight_times(y), 2 * problem.degrees_of_freedom
+    problem.residual(y)
+    before = problem._factor.before[i]
+    after = before.copy()
+    row = problem.segment.gap_rate[i]
+    after -= problem.segment.jump[i] * problem.segment.push[i] * (row @ before)
+    rate = np.empty(len(after))
+    fly_loaded(problem.segment.flight, after, 0.0, np.empty(len(after)), np.empty((len(after), len(after))), rate)
+    guess = -2.0 * (row @ after) / (row @ rate)
+    states, fractions = np.insert(nodes[:, :size], i + 1, after[:size], axis=0), np.insert(nodes[:, size], i + 1, after[size])
+    packed = other.pack(states, fractions, y[size + 1 : problem.size], np.insert(times, i + 1, guess))
+    solved = other.solve(packed).y
+    assert np.abs(other.nodes(solved)[-2] - nodes[-2]).max() < 1e-12
+    return solved
+
+
+def test_long_and_endless_bounces():
+    """Oracle: the contact force A cos(w t) - s. The family goes on where its first bounce becomes an impact of its own, and ends where the
+    force behind the bounces nearly vanishes."""
+    parametric = oscillator(r=0.4, s=-0.5, w=0.5)
+    settled = settle(parametric.system(), parametric.forces(), [-0.6], [0.0])
+    found = settled_orbit(ParameterPath(parametric, ("s",)), settled)
+    branch = follow_response(found.problem, found.y, (-0.6, 0.9))
+    event = branch.events[-1]
+    assert event.type == "LB" and "too long" in event.note and event.neighbours == ()
+    ((problem, step),) = switch_response(branch, event)
+    assert len(problem.impacts) == len(branch.problem.impacts) + 1
+    begun = problem.step(step.y, np.zeros(2 * problem.unknowns), 0.0)
+    assert begun is not None and problem.parameters(begun.y)["s"] > event.values["s"]
+    further = follow_response(problem, step, (-0.1, 0.9), direction="along")
+    end = further.events[-1]
+    assert end.type == "GR" and "hardly end" in end.note
+    sticks = next(k for k, one in enumerate(problem.events) if one.sticks)
+    node = problem.nodes(further.unknowns[end.point])[sticks]
+    force = problem.contact_force(node, sticks, 0)
+    assert 0.0 < force < 0.02 and math.cos(TURN * node[2]) - end.values["s"] == pytest.approx(force, abs=1e-9)
+
+
+@pytest.mark.parametrize(("restitution", "symbols"), [(0.0, ("+", "+=", "+:")), (0.4, ("+", "+", "+", "+=", "+:"))])
+def test_a_settled_motion_has_its_sequence(restitution, symbols):
+    """Oracle: the closed form of the first case, and the number of bounces of the second one. An impact that opens at once is one of its
+    own."""
+    parametric = oscillator(damping=0.1, r=restitution, s=0.2, w=0.5)
+    found = settled_orbit(ParameterPath(parametric, ("s",)), settle(parametric.system(), parametric.forces()))
+    assert found.problem.sequence == symbols and found.distance < 1e-10

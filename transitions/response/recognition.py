@@ -14,6 +14,9 @@ from transitions.sweep.settle import Settled
 
 __all__ = ["MotionNodes", "nodes_of"]
 
+_SUMMED = 0.3
+"""Largest duration of the bounces that are summed, times the fastest rate: those before are impacts of their own."""
+
 _INSTANT = 1e-9
 """Part of the period within which two events are at one instant."""
 
@@ -47,11 +50,12 @@ def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
     n = system.degrees_of_freedom
     state = settled.states[0]
     motion = simulate(system, state[:n], state[n:], 3.0 * period, forces=forces)
-    return _last_period(motion, period)
+    fastest = max([float(np.sqrt(np.abs(system.modes.squares).max())), *(getattr(force, "frequency", 0.0) for force in forces)])
+    return _last_period(motion, period, _SUMMED / fastest)
 
 
-def _last_period(motion: Motion, period: float) -> MotionNodes:
-    """The events of one period, from the first impact after a release in the second one on."""
+def _last_period(motion: Motion, period: float, longest: float) -> MotionNodes:
+    """The events of one period, from the first impact after a release in the second one on. longest: duration of chatter that is summed."""
     letters = motion.system.modes.contact_letters
     impact, stick, release = (kind.value for kind in (EventKind.IMPACT, EventKind.STICK, EventKind.RELEASE))
     kept = np.flatnonzero(np.isin(motion.kinds, (impact, stick, release)) & (motion.times >= period)).tolist()
@@ -63,10 +67,11 @@ def _last_period(motion: Motion, period: float) -> MotionNodes:
             continue
         letter, kind, time = letters[motion.contacts[k]], int(motion.kinds[k]), float(motion.times[k])
         if kind == stick:
-            # The impact before it is the one after which the stop stays closed.
+            # The impact before it is the one after which the stop stays closed. Rounding can leave a speed, and more impacts at one instant.
+            # Or it is the first one of the bounces that are summed.
             arrival = found.pop()[3] if found and found[-1][0] == letter else time
-            # Rounding can leave a speed, and more impacts at the same instant.
-            while found and found[-1][0] == letter and arrival - found[-1][3] <= _INSTANT * period:
+            bounces = motion.system.stops[motion.system.modes.contact_stop[motion.contacts[k]]].restitution > 0.0
+            while found and found[-1][0] == letter and time - found[-1][3] <= (longest if bounces else _INSTANT * period):
                 arrival = found.pop()[3]
             found.append((letter + CLOSES, motion.after[k], time, arrival))
         else:
