@@ -67,8 +67,8 @@ def _last_period(motion: Motion, period: float, longest: float) -> MotionNodes:
             continue
         letter, kind, time = letters[motion.contacts[k]], int(motion.kinds[k]), float(motion.times[k])
         if kind == stick:
-            # The impact before it is the one after which the stop stays closed. Rounding can leave a speed, and more impacts at one instant.
-            # Or it is the first one of the bounces that are summed.
+            # The impact before it is the one after which the stop stays closed, or the first of the bounces that are summed. Rounding can
+            # leave a speed, and more impacts at one instant.
             arrival = found.pop()[3] if found and found[-1][0] == letter else time
             bounces = motion.system.stops[motion.system.modes.contact_stop[motion.contacts[k]]].restitution > 0.0
             while found and found[-1][0] == letter and time - found[-1][3] <= (longest if bounces else _INSTANT * period):
