@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from saltus.outputs import check_writable
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue, Edge, FamilyRow, Node
+    from branches.catalogue.rows import SceneRecord
     from branches.events import BranchEvent
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
@@ -194,9 +195,11 @@ def _with_ids(arguments: argparse.Namespace, scene: Scene) -> Iterator[Catalogue
             yield Catalogue(place, scene=scene)
 
 
-def place_to_save(arguments: argparse.Namespace, scene: Scene) -> Path:
-    """The catalogue to save in. A place where that is not possible is refused before the work starts."""
-    place = Path(arguments.catalogue or default_path(arguments.scene, options.parameters_of(arguments)))
+def place_to_save(arguments: argparse.Namespace, scene: Scene | SceneRecord, names: Sequence[str] = ()) -> Path:
+    """The catalogue to save in. A place where that is not possible is refused before the work starts. `names`: parameters whose values do
+    not make another catalogue."""
+    changed = {name: value for name, value in options.parameters_of(arguments).items() if name not in names}
+    place = Path(arguments.catalogue or default_path(arguments.scene, changed))
     if arguments.catalogue is None:
         try:
             place.parent.mkdir(parents=True, exist_ok=True)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from transitions.response.path import ParameterPath
 
 __all__ = [
-    "ResponseRequest", "check_names", "check_range", "event_named", "file_and_event", "further", "is_response_file",
-    "request_of", "starts_of",
+    "ResponseRequest", "add_start_arguments", "check_names", "check_range", "event_named", "file_and_event", "further",
+    "is_response_file", "request_of", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -51,6 +51,28 @@ class ResponseRequest:
     given: tuple[ForcedBranch, ...] = ()
     source: str | None = None
     event: str | None = None
+
+
+def add_start_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say in which parameter responses are followed, and where they start."""
+    parser.add_argument(
+        "--in", dest="parameter", metavar="NAME[,NAME..]", type=options.names,
+        help="follow a family of free orbits with as many --keep, or a response to periodic loads, in this parameter; of several, with one "
+        "--keep less for a response, the first one is reported",
+    )  # fmt: skip
+    parser.add_argument(
+        "--keep", metavar="EQUATION", action="append", help='with --in: equation that holds, such as energy=0.8, "F = 0.3*w**2"; repeatable'
+    )
+    parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="with --in: range of the parameter")
+    parser.add_argument(
+        "--start", dest="begin", metavar="U1,..,V1,..", type=options.finite_list,
+        help="with --from simulate: start with these displacements, then velocities (default: rest)",
+    )  # fmt: skip
+    parser.add_argument("--phase", metavar="X", type=options.finite, help="with --from simulate: phase w t of the start (default: 0)")
+    parser.add_argument(
+        "--transient", metavar="N", type=options.whole_above_zero,
+        help="with --from simulate: most periods of the loads until the motion repeats (default: 20000)",
+    )  # fmt: skip
 
 
 def file_and_event(text: str) -> tuple[str, str | None]:
@@ -278,7 +300,8 @@ def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
         raise BadInput(f"--in {path.name}: the events of {source} are those of {name}; expected no --in, or --in {name}")
     key, branch, at = event_named(branches, source, event)
     origin = f"{key} of {source}, {name} = {at.values[name]:.12g}"
-    return [Start(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
+    begins = branch, at
+    return [Start(problem, step, "along", origin, begins=begins) for problem, step in switch_response(branch, at)]
 
 
 def further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> Start:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.response_starts import file_and_event, is_response_file, request_of, starts_of
+from saltus.response_starts import add_start_arguments, file_and_event, is_response_file, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from transitions.sweep.runs import AlongParameter
 
 __all__ = [
-    "add_arguments", "draw", "follow", "follow_free", "is_response_file", "is_wanted", "over_sweep", "read", "require_no_loads", "show",
-    "write",
+    "add_arguments", "check_column", "draw", "follow", "follow_free", "is_response_file", "is_wanted",
+    "over_sweep", "read", "require_no_loads", "show", "write",
 ]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
@@ -46,24 +46,7 @@ _OWN = ("keep", "range", "begin", "phase", "transient", "uz", "x", "y", "through
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of responses to the parser of `saltus continue`."""
-    parser.add_argument(
-        "--in", dest="parameter", metavar="NAME[,NAME..]", type=options.names,
-        help="follow a family of free orbits with as many --keep, or a response to periodic loads, in this parameter; of several, with one "
-        "--keep less for a response, the first one is reported",
-    )  # fmt: skip
-    parser.add_argument(
-        "--keep", metavar="EQUATION", action="append", help='with --in: equation that holds, such as energy=0.8, "F = 0.3*w**2"; repeatable'
-    )
-    parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="with --in: range of the parameter")
-    parser.add_argument(
-        "--start", dest="begin", metavar="U1,..,V1,..", type=options.finite_list,
-        help="with --from simulate: start with these displacements, then velocities (default: rest)",
-    )  # fmt: skip
-    parser.add_argument("--phase", metavar="X", type=options.finite, help="with --from simulate: phase w t of the start (default: 0)")
-    parser.add_argument(
-        "--transient", metavar="N", type=options.whole_above_zero,
-        help="with --from simulate: most periods of the loads until the motion repeats (default: 20000)",
-    )  # fmt: skip
+    add_start_arguments(parser)
     parser.add_argument(
         "--uz", metavar="[COLUMN=]VALUES", type=options.marks, action="append",
         help="with --in: mark these values of the parameter, X1,X2,.., or of a column of --y, max:u1=X1,X2,..; repeatable",
@@ -90,7 +73,7 @@ def is_wanted(arguments: argparse.Namespace) -> bool:
 
         free = free_families.wants_free_family(arguments)
         for name in _OTHERS:
-            if getattr(arguments, name) and not (free and name == "name"):
+            if getattr(arguments, name) and not (name == "name" if free else name in ("save", "catalogue")):
                 what = arguments.name if name == "name" else f"--{name.replace('_', '-')}"
                 raise BadInput(f"{what} belongs to families in the energy; expected --in NAME with --from and --range alone")
         stops, what = (_FREE_STOPS, "a family of free orbits in a parameter") if free else (_STOPS, "a response")
@@ -146,12 +129,26 @@ def follow(arguments: argparse.Namespace) -> int:
         from saltus.scene.model import explain_response
 
         files.report(f"model  {line}" for line in explain_response(request.path.parametric, request.path.values))
+    keep = None
+    if arguments.save or arguments.catalogue is not None:
+        from saltus import response_catalogues
+
+        keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, request), request)
     compiling.prepare("response")
-    return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title)
+    return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title, keep)
+
+
+Keep = Callable[["Onwards", "Sequence[Start]"], "tuple[list[str], int]"]
+"""Keeps what was followed from some starts in a catalogue: lines about the result, and an exit code."""
 
 
 def _follow_and_write(
-    starts: Sequence[Start], interval: tuple[float, float], arguments: argparse.Namespace, files: outputs.Outputs, title: str
+    starts: Sequence[Start],
+    interval: tuple[float, float],
+    arguments: argparse.Namespace,
+    files: outputs.Outputs,
+    title: str,
+    keep: Keep | None = None,
 ) -> int:
     """Follow the families of some starts, and write the files, also of what an interrupted run has computed; return the exit code."""
     from branches.forced.onwards import Onwards
@@ -171,6 +168,10 @@ def _follow_and_write(
                 found.branches.append(error.branch)  # type: ignore[attr-defined]
                 files.report(report_lines(found.branches[-1], len(found.branches), terminal_width(files.words)))
         code = max(code, write(files, found.branches, arguments.y, title, arguments.x))
+        if keep is not None:
+            lines, kept = keep(found, starts)
+            files.report(lines)
+            code = max(code, kept)
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
@@ -216,7 +217,7 @@ def _marks(arguments: argparse.Namespace, start: Start) -> tuple[tuple[float, ..
     for column, values in arguments.uz or ():
         found[column or name] = found.get(column or name, ()) + values
     for column in found:
-        _check_column("--uz", column, start.problem.parametric, impacts + 2 * free, free)
+        check_column("--uz", column, start.problem.parametric, impacts + 2 * free, free)
     own = found.get(name, ())
     return own, {column: values for column, values in found.items() if column != name or start.known is not None}
 
@@ -290,8 +291,15 @@ def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: 
     return [replace(curve, y=np.where(part, curve.y, np.nan)) for curve, part in zip(curves, inside, strict=True) if part.any()]
 
 
-def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | None, title: str, x: str | None = None) -> int:
-    """Write the files of some branches; return the exit code."""
+def write(
+    files: outputs.Outputs,
+    branches: Sequence[ForcedBranch],
+    y: str | None,
+    title: str,
+    x: str | None = None,
+    interval: tuple[float, float] | None = None,
+) -> int:
+    """Write the files of some branches; return the exit code. The figure shows the parameter in an interval."""
     from branches.tables import csv_text
     from transitions.response.files import to_record
     from transitions.response.measures import response_table
@@ -304,7 +312,7 @@ def write(files: outputs.Outputs, branches: Sequence[ForcedBranch], y: str | Non
         {"json": lambda: outputs.json_text(to_record(branches)), "csv": lambda: csv_text(table())},
         table=table,
         about=lambda: outputs.json_text({key: value for key, value in to_record(branches).items() if key != "branches"}),
-        figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title}),
+        figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title, "interval": interval}),
     )
 
 
@@ -313,12 +321,12 @@ def _check_axes(arguments: argparse.Namespace, parametric: ParametricSystem, imp
     columns = [("--uz", column) for column, _ in getattr(arguments, "uz", None) or ()]
     for option, name in (("--x", arguments.x), ("--y", arguments.y), *columns):
         if name is not None and (impacts is not None or not _OF_IMPACT.fullmatch(name)):
-            _check_column(option, name, parametric, impacts or 0, free)
+            check_column(option, name, parametric, impacts or 0, free)
     if arguments.x in ("speed", "phase"):
         raise BadInput(f"--x {arguments.x} is a curve for each impact; expected {arguments.x}:1")
 
 
-def _check_column(option: str, name: str, parametric: ParametricSystem, impacts: int, free: bool) -> None:
+def check_column(option: str, name: str, parametric: ParametricSystem, impacts: int, free: bool) -> None:
     from transitions.response.figure import require_column
 
     try:

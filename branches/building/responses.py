@@ -6,6 +6,7 @@ The result of a seed and the seeds that it gives are kept in one transaction, so
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
@@ -23,9 +24,9 @@ from branches.catalogue.rows import Edge, EventOrbit, FamilyRow
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
-from branches.forced.identity import invariants
+from branches.forced.identity import invariants, primitive_orbit
 from branches.forced.tracing import SWITCHES, follow_response, primitive_branch, switch_response
-from branches.sequences import parse_sequence
+from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 
@@ -40,6 +41,9 @@ AHEAD = 6
 
 _SAME = 1e-7
 """Largest relative difference of the numbers of one event on two families, or of two images of one event."""
+
+MOST_POINTS = 3000
+"""Points of a family, unless another number is asked for. A typical one has some hundreds."""
 
 _LOST = "the family that begins here cannot be distinguished from this one"
 
@@ -58,12 +62,15 @@ class ResponsePlan:
     depth : int
         Most events from a start to a family.
     points : int or None
-        Most points of a family.
+        Most points of a family; by default `MOST_POINTS`.
+    starts : str
+        What the starts are, in short: a build of other ones is another one.
     """
 
     interval: tuple[float, float]
     depth: int
     points: int | None = None
+    starts: str = ""
 
     def in_words(self) -> str:
         """The plan as a message names it."""
@@ -150,11 +157,13 @@ def _system(description: str) -> ParametricSystem:
 
 def work(description: str, points: int | None, seed: ResponseSeed) -> _Answer:
     """Follow the family of a seed, and find the first orbits of those that begin at its events."""
-    problem = problem_from(_system(description), seed.problem)
-    options: dict[str, Any] = {"points": points}
+    given = problem_from(_system(description), seed.problem)
+    options: dict[str, Any] = {"points": points or MOST_POINTS}
     try:
-        start: Any = np.array(seed.y)
-        if seed.tangent is not None:
+        # The equations of a full period are singular where those of the half that is solved are not.
+        problem, y = primitive_orbit(given, np.array(seed.y))
+        start: Any = y
+        if problem is given and seed.tangent is not None:
             start = ForcedFamily(problem).step(start, np.array(seed.tangent), 0.0)
         branch = primitive_branch(follow_response(problem, start, seed.interval, **options))
         whole = branch.full_family.reach(seed.interval)
@@ -191,7 +200,7 @@ def _beginning(branch: ForcedBranch, event: ForcedEvent, seed: ResponseSeed) -> 
         return [], one_line(error)
     seeds = []
     for problem, step in found if event.type in ("GR", "LB") else found[:1]:
-        its = replace(link_at(branch, event, "".join(problem.sequence)), there=orbit_of(problem, step.y))
+        its = replace(link_at(branch, event, joined_sequence(problem.sequence)), there=orbit_of(problem, step.y))
         seeds.append(seed_of(problem, step, seed.interval, seed.depth - 1, its))
     return seeds, ""
 
@@ -232,6 +241,10 @@ class _Build:
         )  # fmt: skip
 
     def run(self, starts: Sequence[ResponseSeed]) -> dict[str, Any]:
+        self.plan = replace(self.plan, starts=hashlib.sha256(json.dumps([_plain(seed) for seed in starts]).encode()).hexdigest()[:8])
+        built = self.catalogue.progress("built")
+        if built and not self.catalogue.work() and self.catalogue.progress("plan") == _plain_plan(self.plan):
+            return dict(built)
         if not self._take_up():
             self._begin(starts)
         for piece, answer in self.frontier:
@@ -266,6 +279,7 @@ class _Build:
             for node in catalogue.nodes:
                 catalogue.remove_node(node.id)
             catalogue.note("plan", _plain_plan(self.plan))
+            catalogue.note("built", False)
             catalogue.note("report", self.report)
             self._extend([*starts, *saved])
 
@@ -277,12 +291,13 @@ class _Build:
             return False
         with readable(catalogue.path, "the work that its build has left"):
             plan = catalogue.progress("plan")
-            earlier = ResponsePlan(tuple(plan["range"]), plan["depth"], plan["points"])
+            earlier = ResponsePlan(tuple(plan["range"]), plan["depth"], plan["points"], plan["starts"])
             seeds = [(key, _read(value)) for key, value in pending]
             self.report = catalogue.progress("report")
             self.count = 1 + max(int(key) for key, _ in pending)
         if earlier != self.plan:
-            words = f"a build of {earlier.in_words()} is not finished in {catalogue.path}; received {self.plan.in_words()}"
+            others = "" if earlier.in_words() != self.plan.in_words() else " from other starts"
+            words = f"a build of {earlier.in_words()} is not finished in {catalogue.path}; received {self.plan.in_words()}{others}"
             raise CatalogueError(f"{words}; expected the same, or another file")
         for edge in catalogue.edges():
             self._meet(edge.source, edge.source_event)
@@ -327,13 +342,30 @@ class _Build:
             return
         if new:
             self.report["images"] += [[id, event] for event in answer.images]
-        following = [one._replace(link=replace(one.link, source=id)) for one in answer.seeds if one.link is not None]
-        following = [one for one in following if one.link is not None and (id, one.link.event) not in self.met]
+        following = []
+        for one in answer.seeds:
+            assert one.link is not None
+            here = self._at_home(one.link, id, new)
+            if here is not None and (id, here.event) not in self.met:
+                following.append(one._replace(link=here))
         for end in answer.ends:
-            if (id, end.event) not in self.met:
-                self.report["lost"].append(f"{id}: {end.event} at {end.h:.10g}: {end.note}")
-                self._connect(replace(end, source=id), None)
+            here = self._at_home(end, id, new)
+            if here is not None and (id, here.event) not in self.met:
+                self.report["lost"].append(f"{id}: {here.event} at {end.h:.10g}: {end.note}")
+                self._connect(here, None)
         self._extend(following)
+
+    def _at_home(self, link: Link, id: str, new: bool) -> Link | None:
+        """A link from an event of the family that was followed, as one of the family in the catalogue, whose events can have other numbers;
+        None if that has no such event."""
+        if new:
+            return replace(link, source=id)
+        slack = max(_SAME, link.width) * max(1.0, abs(link.h))
+        branch = self.catalogue.branch(id)
+        near = [event for event in branch.events if event.type == link.type and abs(event.values[branch.name] - link.h) <= slack]
+        if not near:
+            return None
+        return replace(link_at(branch, near[0]), kind=link.kind, note=link.note, there=link.there)
 
     def _connect(self, link: Link, target: str | None) -> None:
         edge = edge_of(self.catalogue, link, target)
@@ -360,7 +392,7 @@ def edge_of(catalogue: Catalogue, link: Link, target: str | None) -> Edge:
         return replace(edge, target_event=event.id, target_orbit=orbit_of(branch.problem, branch.unknowns[event.point]))
     # Another image of this orbit has other unknowns, so the nearest orbit of the stored family is taken.
     closure, load_periods = link.there.ends[0].split("-")
-    begun = branch.problem.sibling(parse_sequence(link.there.sequence), half=closure == "half", load_periods=int(load_periods))
+    begun = branch.problem.sibling(link.there.ends[1].split(), half=closure == "half", load_periods=int(load_periods))
     numbers = invariants(begun, np.array(link.there.start))
     curve = np.array([invariants(branch.problem, y) for y in branch.unknowns])
     size = np.maximum(np.ptp(curve, axis=0), 1e-9)
@@ -369,7 +401,7 @@ def edge_of(catalogue: Catalogue, link: Link, target: str | None) -> Edge:
 
 
 def _plain_plan(plan: ResponsePlan) -> dict[str, Any]:
-    return {"range": list(plan.interval), "depth": plan.depth, "points": plan.points}
+    return {"range": list(plan.interval), "depth": plan.depth, "points": plan.points, "starts": plan.starts}
 
 
 def _plain(seed: ResponseSeed) -> dict[str, Any]:

@@ -76,6 +76,8 @@ class CatalogueFile:
                     schema2.add_views(self._connection)
             if record is not None:
                 self.require_system(record.system)
+            if record is not None and record.parameters:
+                self.require_parameters(record.parameters)
             if self._lock is not None:
                 with translated(self.path):
                     log_commits(self._connection)
@@ -155,6 +157,13 @@ class CatalogueFile:
         differs = difference(own.system, system)
         if differs is not None:
             raise CatalogueError(f"{self.path} belongs to another system: there {differs}")
+
+    def require_parameters(self, parameters: Mapping[str, Any]) -> None:
+        """Refuse forced families in other parameters, or with other equations, than those of the catalogue: ``names`` and ``keep``."""
+        own = self.scene.parameters
+        if any(list(own[key]) != list(parameters[key]) for key in ("names", "keep")):
+            held, other = (", ".join([*found["names"], *found["keep"]]) for found in (own, parameters))
+            raise CatalogueError(f"{self.path} holds responses in {held}; received one in {other}, expected another catalogue for it")
 
     def _at_own_values(self, system: Mapping[str, Any]) -> dict[str, Any]:
         """A description with this catalogue's values of the parameters that vary."""

@@ -164,7 +164,7 @@ def contains(branch: ForcedBranch, other: ForcedBranch, places: int = 9) -> bool
 def orbit_of(problem: ForcedProblem, y: np.ndarray) -> EventOrbit:
     """An orbit as an edge stores it: all unknowns of its problem."""
     closure = f"{'half' if problem.half else 'full'}-{problem.load_periods}"
-    return EventOrbit((closure, ""), "".join(problem.sequence), tuple(map(float, y)), ())
+    return EventOrbit((closure, " ".join(problem.sequence)), "".join(problem.sequence), tuple(map(float, y)), ())
 
 
 def failures(branch: ForcedBranch) -> Iterator[str]:

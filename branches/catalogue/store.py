@@ -126,7 +126,8 @@ class CatalogueStore(CatalogueFile):
         self._writable()
         family = branch if isinstance(branch, PackedFamily) else _packed(branch)
         self.require_system(family.system)
-        self._require_parameters(family.row)
+        if self.scene.parameters:
+            self.require_parameters({"names": family.row.response["released"], "keep": family.row.response["keep"]})
         if family.row.id in self:
             return family.row.id
         with self.transaction():
@@ -251,13 +252,6 @@ class CatalogueStore(CatalogueFile):
         for table in ("work", "progress"):
             for values in self._rows(table):
                 other._insert(table, values)
-
-    def _require_parameters(self, row: FamilyRow) -> None:
-        """Refuse a forced family in other parameters than those of the catalogue."""
-        own, given = self.scene.parameters, row.response
-        if own and (own["names"], own["keep"]) != (given["released"], given["keep"]):
-            held, other = (", ".join([*names, *keep]) for names, keep in ((own["names"], own["keep"]), (given["released"], given["keep"])))
-            raise CatalogueError(f"{self.path} holds responses in {held}; received one in {other}, expected another catalogue for it")
 
     def _problem(self, row: FamilyRow) -> Any:
         if row.response is not None:

@@ -36,6 +36,8 @@ class Start(NamedTuple):
         Where the family begins, in words, if it is followed along the tangent.
     known : ForcedBranch or None
         The branch that goes on beyond its ends.
+    begins : (ForcedBranch, ForcedEvent) or None
+        The event at which the family begins, with its branch.
     """
 
     problem: ForcedProblem
@@ -43,7 +45,7 @@ class Start(NamedTuple):
     direction: str = "both"
     origin: str | None = None
     known: ForcedBranch | None = None
-
+    begins: tuple[ForcedBranch, ForcedEvent] | None = None
 
 
 @dataclass

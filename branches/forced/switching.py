@@ -138,10 +138,11 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         # Of a symmetric pair one impact alone can appear or vanish, too: the symmetry breaks there.
         wide, repeated = full_period(problem, solution.y)
         whole = wide.step(repeated, np.zeros(2 * wide.unknowns), 0.0)
-        others = [] if whole is None else _across(wide, whole, inwards)
+        ahead = full_period(problem, solution.y + inwards)[1] - repeated
+        others = [] if whole is None else _across(wide, whole, ahead)
         return found + [one for one in others if len(one.problem.impacts) % 2]
     symmetric = half_of(problem, solution.y)
-    return found if symmetric is None else found + _across(*symmetric, inwards)
+    return found if symmetric is None else found + _across(*symmetric, inwards[: symmetric[0].unknowns])
 
 
 def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from saltus import __version__, catalogues, compiling, options, outputs, processes
+from saltus import __version__, catalogues, compiling, options, outputs, processes, response_catalogues
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import ProgressBar, counted
@@ -27,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
     options.add_shared(parser, "max-quarter-period", "workers", "dask")
+    response_catalogues.add_arguments(parser)
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     outputs.add_arguments(parser, "json")
     options.add_scene(parser)
@@ -34,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code, 1 if some of the work failed."""
+    if response_catalogues.is_wanted(arguments):
+        return response_catalogues.build(arguments)
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
     place = catalogues.place_to_save(arguments, scene)

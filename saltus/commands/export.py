@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue, FamilyRow
     from branches.figures.atlas_data import Atlas, Bound
+    from branches.forced.branch import ForcedBranch
     from branches.orbit import Orbit
     from branches.tables import Table
     from saltus.scene import Scene
@@ -62,6 +63,7 @@ def _add_response_options(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="responses, as `saltus continue --in --json` writes them")
     parser.add_argument("--y", metavar="COLUMN", help="what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., ...")
+    parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="range of the parameter that the figure shows")
     options.add_filters(parser)
     catalogues.add_arguments(parser)
 
@@ -74,14 +76,29 @@ def _response(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
         given = [f"--{name}" for name in options.filters_of(arguments)] + ["--catalogue"] * (arguments.catalogue is not None)
         if arguments.names or given:
             raise BadInput(f"{[*given, *arguments.names][0]} chooses families of a catalogue; expected it without --branches")
-        return responses.write(files, responses.read(arguments.branches), arguments.y, "")
+        return _write_responses(files, responses.read(arguments.branches), arguments, "")
     with catalogues.open_catalogue(arguments) as catalogue:
         if not catalogue.scene.parameters:
             raise BadInput(f"{catalogue.path} holds families in the energy; expected saltus export fep, or a catalogue of responses")
         families = _chosen(catalogue, arguments)
         branches, title = [catalogue.branch(row.id) for row in families], catalogue.scene.title
+    return _write_responses(files, branches, arguments, title)
+
+
+def _write_responses(files: outputs.Outputs, branches: list[ForcedBranch], arguments: argparse.Namespace, title: str) -> int:
+    from saltus import responses
+
     compiling.prepare("response")
-    return responses.write(files, branches, arguments.y, title)
+    y, interval = arguments.y, arguments.range
+    if interval is not None and "plot" not in files.places:
+        raise BadInput("--range needs --plot FILE")
+    if interval is not None and not any(((b.parameter >= interval[0]) & (b.parameter <= interval[1])).any() for b in branches):
+        low, high = min(b.parameter.min() for b in branches), max(b.parameter.max() for b in branches)
+        raise BadInput(f"--range {interval[0]:g}:{interval[1]:g} has no point of the responses; expected a part of {low:.6g}:{high:.6g}")
+    if y is not None:
+        first = branches[0].problem
+        responses.check_column("--y", y, first.parametric, max(branch.speeds.shape[1] for branch in branches), free=first.ends is not None)
+    return responses.write(files, branches, y, title, interval=interval)
 
 
 def _add_data(parser: argparse.ArgumentParser, what: str) -> None:

@@ -175,7 +175,7 @@ def test_a_family_ends_where_the_system_ends(capsys, folder, name, texts, bound,
 
 CASES = [
     (("--frequency", "index"), ["--frequency belongs to families in the energy"]),
-    (("--save",), ["--save belongs to families in the energy"]),
+    (("--energy", "1:2"), ["--energy belongs to families in the energy"]),
     (("--stop-at", "RT"), ["--stop-at RT: a response has no such event; expected one of SN, BP"]),
     (("--stop-at", "XX"), ["'XX'", "SN"]),
     (("--direction", "left"), ["'left'", "up, down, both"]),
