@@ -24,6 +24,9 @@ from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import Flight, amplitudes, inner, set_1, times_matrix
 from bvp.kernels.loads import LoadedFlight, Loads
 
+SHORTEST = 1e-7
+"""Part of a flight in which a stop that opens without speed is not searched for another touch."""
+
 AT_ONCE = 1.0
 """1 + restitution of an impact that leaves no speed."""
 
@@ -355,4 +358,5 @@ def lift_off_slowly(sticking, segment, i, stop, touched, extended, horizon):
     safe = 2.0 * slope / second if second > 0.0 else 0.0
     if sticking.release[begin] >= 0 and third > 0.0:
         safe = 3.0 * bend / third
-    return min(0.5 * safe, horizon)
+    # Where the contact force vanishes with them, rounding would decide.
+    return min(max(0.5 * safe, SHORTEST * horizon), horizon)

@@ -1,10 +1,16 @@
-"""Two hundred settled motions of random forced chains: each is solved, continued in both directions, and simulated again."""
+"""Two hundred settled motions of random forced chains, and those that stick: each is solved, continued both ways, and simulated again."""
 
 from __future__ import annotations
 
 from tests.branches.test_forced_chains import check
+from tests.branches.test_sticking_chains import check_sticking
 
 
 def test_two_hundred_settled_motions():
     """Oracle: the simulation, and the product of the multipliers."""
     assert sum(check(seed) for seed in range(260)) >= 200
+
+
+def test_motions_that_stick():
+    """Oracle: the simulation, and the number of multipliers that are zero."""
+    assert sum(check_sticking(seed) for seed in range(200)) >= 30

@@ -1,0 +1,61 @@
+"""Random forced chains with soft stops: a simulated motion that sticks is solved, continued, and simulated again at its points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from branches.family import SETTINGS
+from branches.forced.family import ForcedFamily
+from bvp.parameters import ParametricSystem
+from bvp.simulate import simulate
+from continuation.run import follow_both_ways
+from tests.branches.test_forced_chains import chain
+from tests.branches.test_forced_sticking import turned
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import SettledKind, settle
+
+
+def soft_chain(seed):
+    """A chain of `chain` with other restitutions: most of them 0, the others small."""
+    description = dict(chain(np.random.RandomState(seed)).description)
+    random = np.random.RandomState(1000 + seed)
+    restitutions = [0.0 if random.rand() < 0.6 else round(float(random.uniform(0.1, 0.6)), 3) for _ in description["system"]["stops"]]
+    stops = [stop | {"restitution": r} for stop, r in zip(description["system"]["stops"], restitutions, strict=True)]
+    return ParametricSystem.from_description(description | {"system": description["system"] | {"stops": stops}})
+
+
+def check_sticking(seed):
+    """Whether a chain settles on a motion that sticks for a part of its period. Its orbit is then followed; the simulation of three periods
+    comes back to every fifth point, but for what the largest multiplier makes of rounding."""
+    parametric = soft_chain(seed)
+    settled = settle(parametric.system(), parametric.forces(), most=3000)
+    if settled.kind is not SettledKind.PERIODIC or settled.sticking or settled.sticking_time == 0.0:
+        return False
+    found = settled_orbit(ParameterPath(parametric, ("w",)), settled)
+    problem, n, w = found.problem, found.problem.degrees_of_freedom, parametric.values["w"]
+    assert found.distance < 1e-9 and any(event.sticks for event in problem.events)
+    run = follow_both_ways(ForcedFamily(problem, (0.2 * w, 5.0 * w)), found.y, replace(SETTINGS, maximum_points=40))
+    assert {end.reason.name for end in run.ends} <= {"EVENT", "POINTS"}
+    for point in run.points[::5]:
+        if point.event is not None:
+            continue
+        y = point.step.y
+        assert np.count_nonzero(problem.multipliers(y) == 0.0) == 2 * max(len(event.closed) for event in problem.events)
+        at, period = problem.parameters(y), problem.period(y)
+        flight = next(i for i, event in enumerate(problem.events) if not event.closed)
+        state, fraction = problem.fly(problem.nodes(y)[flight], 0.5 * problem.flight_times(y)[flight], flight)
+        forces = [turned(force, getattr(force, "frequency", 0.0) * fraction * period) for force in parametric.forces(at)]
+        final = simulate(parametric.system(at), state[:n], state[n:], 3.0 * period, forces=forces).final
+        growth = max(1.0, float(np.abs(problem.multipliers(y)).max())) ** 3
+        assert np.abs(final - state).max() < 1e-10 * max(1.0, float(np.abs(state).max())) * growth
+    return True
+
+
+@pytest.mark.parametrize("seed", [8, 14, 16, 26, 31, 41, 60, 100, 107, 143, 180])
+def test_settled_motions_that_stick_are_orbits(seed):
+    """Oracle: the simulation, and the number of multipliers that are zero."""
+    assert check_sticking(seed)
