@@ -20,7 +20,8 @@ CAPTIONS = "captions.md"
 def load_gallery(name: str) -> dict[str, Any]:
     """Read a gallery that ships with saltus: ``title``, ``source``, ``scene``, and ``figures`` by their names.
 
-    A figure has a ``caption``, the ``words`` of its command, and the options of its ``files``, with {stem}, {format} and {caption}.
+    A figure has a ``caption``, the ``words`` of its command, and the options of its ``files``, with {stem}, {format} and {caption}. Words
+    can name a file of an earlier figure, in {folder}.
 
     Examples
     --------
@@ -42,7 +43,7 @@ def load_gallery(name: str) -> dict[str, Any]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="the gallery: paper")
+    parser.add_argument("name", metavar="NAME", help="the gallery: paper or absorber")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder of the figures; made if there is none")
     parser.add_argument("--figure", metavar="FIG", action="append", help="this figure only, by the name of its files; can be repeated")
     parser.add_argument("--format", metavar="KIND", choices=("png", "pdf", "svg"), default="png", help="png (default), pdf or svg")
@@ -74,9 +75,10 @@ def run(arguments: argparse.Namespace) -> int:
         caption = figure["caption"]
         options = [text.format(stem=folder / name, format=arguments.format, caption=caption) for text in figure["files"]]
         more = [] if arguments.catalogue is None else ["--catalogue", arguments.catalogue]
+        words = [word.replace("{folder}", str(folder)) for word in figure["words"]]
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            ended = main([*figure["words"], *options, *more])
+            ended = main([*words, *options, *more])
         if ended == INTERRUPTED:
             code = INTERRUPTED
             break

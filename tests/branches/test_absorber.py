@@ -1,0 +1,144 @@
+"""The absorber under a harmonic load (scene `absorber`, F = 0.3): the numbers of docs/absorber.md.
+
+Oracle: `forced_digits`, orbits and events in forty digits by single shooting with textbook saltation matrices; and what must be the same
+from another start, in another direction and with other steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+import saltus
+from branches.family import SETTINGS
+from branches.forced.family import ForcedFamily
+from branches.forced.onwards import Start, follow_onwards, trace_start
+from continuation.run import follow_both_ways
+from tests.branches.forced_digits import ForcedDigits
+from tests.docs.pages import page, table
+from transitions.response.path import ParameterPath
+from transitions.response.starting import linear_response
+
+RANGE = (0.7, 2.2)
+ABSORBER = saltus.load_scene("absorber").parametric
+EVENTS = table(page("../absorber.md"), "All bifurcations")
+FAST = [cells for cells in EVENTS if int(cells[2]) <= 4]
+"""Events of the others are compared in tests/full."""
+
+
+@cache
+def whole():
+    """All families that are linked with the response without impacts by grazings and broken symmetries."""
+    starts = []
+    for w in (0.72, 2.0):
+        problem, y, why = linear_response(ParameterPath(ABSORBER, ["w"], [], {"w": w}))
+        assert why is None
+        starts.append(Start(problem, y))
+    found = follow_onwards(starts, lambda start: trace_start(start, RANGE), through=("GR", "SB"))
+    assert not found.notes and not found.left
+    return found
+
+
+@cache
+def located():
+    """(branch, event) of each bifurcation and grazing, once: by type, symmetry, impacts in a period and value."""
+    found = {}
+    for branch in whole().branches:
+        half = branch.problem.half
+        impacts = len(branch.sequence) * (2 if half else 1)
+        for event in branch.events:
+            if event.type != "EP":
+                found.setdefault((event.type, half, impacts, round(event.values["w"], 9)), (branch, event))
+    return found
+
+
+def of_row(cells):
+    """The branch and the event of a row of the page."""
+    kind, symmetric, impacts, value = cells[0], cells[1] == "yes", int(cells[2]), float(cells[3])
+    near = [pair for key, pair in located().items() if key[:3] == (kind, symmetric, impacts) and abs(key[3] - value) < 2e-9]
+    assert len(near) == 1, (cells, len(near))
+    return near[0]
+
+
+def test_the_table_of_the_page_is_whole():
+    """Oracle: each event of the families that are no grazing has its row, and no row has none."""
+    rows = {(cells[0], cells[1] == "yes", int(cells[2]), round(float(cells[3]), 9)) for cells in EVENTS}
+    computed = {key for key in located() if key[0] not in ("GR", "BP")}
+    assert {row for row in rows if row[0] != "GR"} == computed
+    assert len(whole().branches) == 22
+
+
+def require_event(cells):
+    """Oracle: the event in many digits; its multipliers."""
+    branch, event = of_row(cells)
+    exact = ForcedDigits(branch.problem, branch.unknowns[event.point])
+    at = exact.event(event.type)
+    assert float(cells[3]) == pytest.approx(float(at[4]), abs=1e-12)
+    assert event.values["w"] == pytest.approx(float(at[4]), abs=2e-13)
+    if event.type == "GR":
+        return
+    found = sorted((complex(value) for value in exact.multipliers(at)), key=abs)
+    assert np.abs(branch.problem.multipliers(branch.unknowns[event.point])).max() == pytest.approx(abs(found[-1]), rel=1e-9)
+    if event.type == "NS":
+        angle = min(abs(np.angle(value)) for value in found if abs(abs(value) - 1.0) < 1e-12)
+        assert event.angle == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.parametrize("cells", [cells for cells in FAST if int(cells[2])], ids=lambda cells: f"{cells[0]} {cells[3]}")
+def test_events(cells):
+    """Oracle: `require_event`."""
+    require_event(cells)
+
+
+@pytest.mark.parametrize("value", [0.733064346690, 1.363310284830])
+def test_the_response_without_impacts_touches_both_stops(value):
+    """Oracle: the amplitude of the gap, (K - w^2 M + i w C)^-1 F in many digits."""
+    mp.mp.dps = 30
+
+    def gap(w):
+        s, c = mp.mpf("0.1"), mp.mpf("0.005")
+        between = s + 1j * w * c
+        own = [between - w * w * mp.mpf("0.1"), 1 + between - w * w + 1j * w * mp.mpf("0.02")]
+        k = mp.matrix([[own[0], -between], [-between, own[1]]])
+        found = mp.lu_solve(k, mp.matrix([0, mp.mpf("0.3")]))
+        return abs(found[0] - found[1]) - 1
+
+    root = float(mp.findroot(gap, value))
+    assert root == pytest.approx(value, abs=1e-12)
+    grazings = [event.values["w"] for branch in whole().branches for event in branch.events if event.type == "GR" and not branch.sequence]
+    assert min(abs(w - root) for w in grazings) < 1e-13
+
+
+@pytest.mark.parametrize("step", [SETTINGS.maximum_step, 0.005])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_fold_and_a_pitchfork_that_are_1e_6_apart(step, sign):
+    """The symmetric response breaks its symmetry at w = 0.781365496480, and the unsymmetric one that leaves there folds at 0.781366314994.
+
+    Oracles: both values in many digits; the same events in both directions along each family and with normal and with small steps."""
+    settings = replace(SETTINGS, maximum_step=step, initial_step=min(step, 0.1 * SETTINGS.maximum_step), maximum_points=20000)
+    symmetric, pitchfork = of_row(["SB", "yes", "2", "0.781365496480"])
+    unsymmetric, fold = of_row(["SN", "no", "2", "0.781366314994"])
+    exact = [
+        float(ForcedDigits(branch.problem, branch.unknowns[event.point]).event(event.type)[4])
+        for branch, event in ((symmetric, pitchfork), (unsymmetric, fold))
+    ]
+    assert exact[1] - exact[0] == pytest.approx(8.185137e-7, abs=1e-13)
+    window = (0.77, 0.79)
+
+    def followed(branch, event):
+        begun = branch.unknowns[event.point - 2 if event.point > 2 else event.point + 2]
+        return follow_both_ways(ForcedFamily(branch.problem, window), begun, settings, direction=sign).events
+
+    codes = {"SN", "SB", "BP", "PD", "NS"}
+    found = [(event.code, event.point.parameter) for event in followed(symmetric, pitchfork) if event.code in codes]
+    assert [code for code, _ in found] == ["SB"] and found[0][1] == pytest.approx(exact[0], abs=1e-13)
+    found = sorted((event.code, event.point.parameter) for event in followed(unsymmetric, fold) if event.code in codes)
+    near = [(code, value) for code, value in found if abs(value - exact[0]) < 1e-5]
+    assert near[-1] == ("SN", pytest.approx(exact[1], abs=1e-13))
+    # The unsymmetric family goes through the symmetric orbit into its mirror image: a branch point, with a fold on each side.
+    assert {code for code, _ in near} <= {"BP", "SN"}
+    assert [value for code, value in near if code == "BP"] == pytest.approx([exact[0]], abs=1e-10)
