@@ -11,6 +11,7 @@ from branches.figures.atlas import draw_atlas as draw_atlas
 from branches.figures.atlas_data import atlas_of as atlas_of
 from branches.figures.data import read_atlas as read_atlas
 from branches.figures.data import write_atlas as write_atlas
+from branches.forced.branch import ForcedBranch as ForcedBranch
 from branches.grazing.following import Neighbour as Neighbour
 from branches.grazing.following import neighbours as neighbours
 from branches.linear_modes import LinearMode as LinearMode
@@ -48,6 +49,12 @@ from transitions.figure import draw_transition as draw_transition
 from transitions.frequencies import decompose as decompose
 from transitions.record import extents as extents
 from transitions.record import sampled as sampled
+from transitions.response.figure import response_figure as response_figure
+from transitions.response.files import read_responses as read_responses
+from transitions.response.files import response_dataframe as response_dataframe
+from transitions.response.files import save_responses as save_responses
+from transitions.response.tracing import emanating_responses as emanating_responses
+from transitions.response.tracing import trace_response as trace_response
 from transitions.section.section import Section as Section
 from transitions.section.section import section as section
 from transitions.sharing import Sharing as Sharing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -224,57 +223,32 @@ def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
 
 
 def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list[Start]:
-    """The response without impacts at the scene's value and at both ends of the range, where it exists."""
-    from branches.forced.onwards import Start
-    from transitions.response.starting import Unbounded, linear_response
+    """The response without impacts, where it exists."""
+    from transitions.response.tracing import rest_starts
 
-    path, name = request.path, request.path.name
-    starts: list[Start] = []
-    reasons = []
-    for value in (path.values[name], *request.interval):
-        try:
-            at = path.at(value)
-            if at.parametric.violation(at.values) is not None:
-                continue
-            problem, y, why = linear_response(at)
-        except Unbounded as error:
-            why = one_line(error)
-        else:
-            if why is None:
-                starts.append(Start(problem, y, direction))
-                continue
-            why = f"the response without impacts at {name} = {value:.10g} is no orbit: {why}"
-        if why not in reasons:
-            reasons.append(why)
-            report([f"note   {why}"])
-    if not starts:
-        raise RuntimeError(f"there is no response without impacts at {name} = {path.values[name]:g} and at the ends of the range")
+    starts, reasons = rest_starts(request.path, request.interval, direction)
+    report([f"note   {reason}" for reason in reasons])
     return starts
 
 
 def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, direction: str, report: Report) -> Start:
     """The orbit on which a simulation settles."""
     from branches.forced.onwards import Start
-    from transitions.response.free import settle_free
-    from transitions.response.starting import settled_orbit
-    from transitions.sweep.settle import MOST, settle
+    from transitions.response.tracing import simulated_start
+    from transitions.sweep.settle import MOST
 
     path = request.path
-    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
-    n = system.degrees_of_freedom
     u = v = None
     if arguments.begin is not None:
+        system = path.parametric.system(path.values)
         options.require_state("--start", arguments.begin, system.coordinates)
+        n = system.degrees_of_freedom
         u, v = arguments.begin[:n], arguments.begin[n:]
-    if path.parametric.layout.harmonics:
-        path.problem(())  # what cannot be followed is refused before the work
-        settled = settle(system, forces, u, v, phase=(arguments.phase or 0.0) % (2.0 * math.pi), most=arguments.transient or MOST)
-    else:
+    if not path.parametric.layout.harmonics:
         for option in ("phase", "transient"):
             if getattr(arguments, option) is not None:
                 raise BadInput(f"--{option} counts in periodic loads, and the scene has none; expected --start alone")
-        settled = settle_free(system, forces, u, v)
-    found = settled_orbit(path, settled)
+    settled, found = simulated_start(path, u, v, phase=arguments.phase or 0.0, most=arguments.transient or MOST)
     over = "half of the period" if found.problem.half else "the period"
     report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])
     return Start(found.problem, found.y, direction)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.events import Ended
-from branches.files import one_line
+from branches.files import one_line, write_text
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.reading import RecordError, check_pattern, load_json
 from branches.released.branch import ReleasedBranch
-from branches.tables import plain, plain_columns
+from branches.tables import csv_text, plain, plain_columns
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from transitions.response.measures import response_table
 
-__all__ = ["KIND", "SCHEMA", "is_response", "named_events", "read_responses", "to_record"]
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["KIND", "SCHEMA", "is_response", "named_events", "read_responses", "response_dataframe", "save_responses", "to_record"]
 
 SCHEMA = 1
 KIND = "response"
@@ -104,6 +108,49 @@ def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
     }
 
 
+def save_responses(branches: Sequence[ForcedBranch], path: str | os.PathLike[str]) -> None:
+    """Write some branches of one system. An older file is replaced only by a complete one.
+
+    Parameters
+    ----------
+    branches : sequence of ForcedBranch
+    path : path-like
+        A name that ends in .json or .csv.
+
+    Raises
+    ------
+    ValueError
+        For another suffix, and for no branch.
+    """
+    writers: dict[str, Callable[[], str]] = {
+        ".json": lambda: json.dumps(to_record(branches), allow_nan=False), ".csv": lambda: csv_text(response_table(branches)),
+    }  # fmt: skip
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix not in writers or not branches:
+        what = "a name that ends in .json or .csv" if branches else "one branch at least"
+        raise ValueError(f"cannot save {len(branches)} branches as {os.fspath(path)!r}: expected {what}")
+    write_text(path, writers[suffix]())
+
+
+def response_dataframe(branches: ForcedBranch | Sequence[ForcedBranch]) -> pandas.DataFrame:
+    """The points of some branches as a pandas table with the columns of the CSV file.
+
+    Parameters
+    ----------
+    branches : ForcedBranch or sequence of ForcedBranch
+
+    Raises
+    ------
+    ImportError
+        If pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError("response_dataframe needs pandas, which is not installed; expected pip install pandas") from None
+    return pandas.DataFrame(plain_columns(response_table([branches] if isinstance(branches, ForcedBranch) else branches)))
+
+
 def is_response(record: Any) -> bool:
     """Whether the data of a JSON file are forced responses."""
     return isinstance(record, Mapping) and record.get("kind") == KIND
@@ -111,6 +158,11 @@ def is_response(record: Any) -> bool:
 
 def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
     """The branches of a file.
+
+    Parameters
+    ----------
+    path : path-like
+        A JSON file.
 
     Raises
     ------

@@ -1,0 +1,196 @@
+"""Responses of a system to its loads in a parameter: from a simulation, from rest, and behind the events of another one."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from branches.forced.onwards import MOST_BRANCHES, Start, follow_onwards, trace_start
+from branches.forced.tracing import SWITCHES, switch_response
+from transitions.response.free import settle_free
+from transitions.response.path import ParameterPath
+from transitions.response.starting import Periodic, Unbounded, linear_response, settled_orbit
+from transitions.sweep.settle import MOST, Settled, settle
+
+if TYPE_CHECKING:
+    from branches.forced.branch import ForcedBranch, ForcedEvent
+    from bvp.parameters import ParametricSystem
+
+__all__ = ["emanating_responses", "rest_starts", "simulated_start", "trace_response"]
+
+
+def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: str = "both") -> tuple[list[Start], list[str]]:
+    """The response without impacts at the parameter's value and at both ends of the range, and why it is no orbit where it is none.
+
+    Raises
+    ------
+    RuntimeError
+        If it is an orbit at none of them.
+    """
+    starts: list[Start] = []
+    reasons: list[str] = []
+    for value in (path.values[path.name], *interval):
+        try:
+            at = path.at(value)
+            if at.parametric.violation(at.values) is not None:
+                continue
+            problem, y, why = linear_response(at)
+        except Unbounded as error:
+            why = str(error)
+        else:
+            if why is None:
+                starts.append(Start(problem, y, direction))
+                continue
+            why = f"the response without impacts at {path.name} = {value:.10g} is no orbit: {why}"
+        if why not in reasons:
+            reasons.append(why)
+    if not starts:
+        where = f"at {path.name} = {path.values[path.name]:g} and at the ends of the range"
+        raise RuntimeError("; ".join([f"there is no response without impacts {where}", *reasons]))
+    return starts, reasons
+
+
+def simulated_start(path: ParameterPath, u: Any = None, v: Any = None, *, phase: float = 0.0, most: int = MOST) -> tuple[Settled, Periodic]:
+    """What a simulation settles to, and its orbit; the parameters are those of `settle`.
+
+    Raises
+    ------
+    NoOrbit
+        If it is no periodic motion that can be solved.
+    """
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    if path.parametric.layout.harmonics:
+        path.problem(())  # what cannot be followed is refused before the work
+        settled = settle(system, forces, u, v, phase=phase % (2.0 * math.pi), most=most)
+    else:
+        settled = settle_free(system, forces, u, v)
+    return settled, settled_orbit(path, settled)
+
+
+def trace_response(
+    system: ParametricSystem,
+    names: str | Sequence[str],
+    interval: tuple[float, float],
+    *,
+    start: str = "simulate",
+    u: Any = None,
+    v: Any = None,
+    phase: float = 0.0,
+    keep: Sequence[str] = (),
+    values: Mapping[str, float] | None = None,
+    marks: Sequence[float] = (),
+    points: int | None = None,
+    direction: str = "both",
+    through: Collection[str] = ("LB",),
+) -> list[ForcedBranch]:
+    """Follow the response of a system to its loads in a parameter.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        Such as the `parametric` of a scene.
+    names : str or sequence of str
+        The parameter; or several of them, of which the first one is reported.
+    interval : (float, float)
+        Range of the first parameter. It contains its value.
+    start : {"simulate", "rest"}
+        The motion that a simulation settles to, or the response without impacts.
+    u, v : (n,) array_like, optional
+        Where the simulation starts; by default at rest.
+    phase : float
+        Phase w t at which it starts, in radians.
+    keep : sequence of str
+        Equations such as "F = 0.3*w**2", one less than there are parameters.
+    values : mapping, optional
+        Values of parameters that replace the defaults.
+    marks : sequence of float
+        Values of the first parameter at which events UZ are wanted.
+    points : int, optional
+        Largest number of points of a branch.
+    direction : {"both", "up", "down"}
+        How the parameter changes from the start on.
+    through : collection of str
+        Types of the events behind which other families are followed: of GR, SB, PD, BP and LB. By default LB alone, where impacts
+        exchange their order.
+
+    Returns
+    -------
+    list of ForcedBranch
+        In the order in which they were followed. What was not followed is a RuntimeWarning.
+
+    Raises
+    ------
+    ValueError
+        For names, equations and values that cannot be, in one line.
+    NoOrbit
+        If the simulation does not settle on an orbit; the message says what was found.
+    RuntimeError
+        Where the family cannot be followed.
+
+    Examples
+    --------
+    >>> from bvp.parameters import ParametricSystem
+    >>> stop = {"c": [1.0], "upper": 1.0, "restitution": 0.8}
+    >>> oscillator = ParametricSystem.from_description({
+    ...     "parameters": {"F": 0.5, "w": 1.0}, "system": {"mass": [[1.0]], "damping": [[0.1]], "stiffness": [[1.0]], "stops": [stop]},
+    ...     "forces": [{"load": [1.0], "amplitude": "F", "harmonic": 1}]})
+    >>> branch, = trace_response(oscillator, "F", (0.0, 0.5), values={"F": 0.05}, start="rest")
+    >>> [(event.type, round(event.values["F"], 12)) for event in branch.events]
+    [('EP', 0.0), ('GR', 0.1)]
+    """
+    if start not in ("simulate", "rest"):
+        raise ValueError(f"start is 'simulate' or 'rest'; received {start!r}")
+    path = ParameterPath(system, [names] if isinstance(names, str) else names, keep, dict(values or {})).at()
+    low, high = interval
+    if not low <= path.values[path.name] <= high:
+        raise ValueError(f"the range {low:g} to {high:g} has not the value {path.name} = {path.values[path.name]:g}; expected it inside")
+    if start == "rest":
+        starts, _ = rest_starts(path, interval, direction)
+    else:
+        _, found = simulated_start(path, u, v, phase=phase)
+        starts = [Start(found.problem, found.y, direction)]
+    return _traced(starts, interval, through, {"values": tuple(map(float, marks)), "points": points})
+
+
+def _traced(
+    starts: Sequence[Start], interval: tuple[float, float], through: Collection[str], options: dict[str, Any]
+) -> list[ForcedBranch]:
+    unknown = sorted(set(through) - set(SWITCHES))
+    if unknown:
+        raise ValueError(f"families begin at events of type {', '.join(SWITCHES)}; received {', '.join(unknown)}")
+    found = follow_onwards(starts, lambda start: trace_start(start, interval, **options), through=through)
+    if found.left:
+        found.notes.append(f"{found.left} starts were not followed: there are more than {MOST_BRANCHES} families")
+    for note in found.notes:
+        warnings.warn(note, RuntimeWarning, stacklevel=3)
+    return found.branches
+
+
+def emanating_responses(branch: ForcedBranch, event: ForcedEvent | str, *, points: int | None = None) -> list[ForcedBranch]:
+    """Follow the families that begin at an event of a response, in its range: see `saltus.trace_response`.
+
+    Parameters
+    ----------
+    branch : ForcedBranch
+    event : ForcedEvent or str
+        One of its events, or the id of one, such as "PD1".
+    points : int, optional
+        Largest number of points of a branch.
+
+    Raises
+    ------
+    ValueError
+        For an event that the branch has not, or where no family begins.
+    RuntimeError
+        Where none was found.
+    """
+    known = {own.id: own for own in branch.events}
+    name = event if isinstance(event, str) else event.id
+    if name not in known:
+        raise ValueError(f"the branch has no event {name}; known: {', '.join(known) or 'none'}")
+    at = known[name]
+    origin = f"{at.id}, {branch.name} = {at.values[branch.name]:.12g}"
+    starts = [Start(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
+    return _traced(starts, branch.interval, ("LB",), {"points": points})
