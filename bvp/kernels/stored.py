@@ -239,9 +239,6 @@ class _Method(ctypes.Structure):
     _fields_ = (("name", ctypes.c_char_p), ("call", ctypes.c_void_p), ("flags", ctypes.c_int), ("text", ctypes.c_char_p))
 
 
-_methods: list[_Method] = []  # Python keeps their addresses, not them
-
-
 @cache
 def _engine() -> Any:
     """What puts machine code into memory."""
@@ -274,7 +271,9 @@ def entry_of(code: bytes, name: str) -> Any:
     engine = _engine()
     engine.add_object_file(llvm.ObjectFileRef.from_data(machine_code))
     engine.finalize_object()
-    _methods.append(_Method(name.encode(), engine.get_function_address(f"call.{name}"), _FASTCALL, None))
+    method = _Method(name.encode(), engine.get_function_address(f"call.{name}"), _FASTCALL, None)
+    # The function reads its method when it is deleted, at the end of Python after all modules. So the method is never deleted.
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(method))
     make = ctypes.pythonapi.PyCFunction_NewEx
     make.restype, make.argtypes = ctypes.py_object, (ctypes.POINTER(_Method), ctypes.py_object, ctypes.c_void_p)
-    return Entry(make(ctypes.byref(_methods[-1]), np.ndarray, None), engine.get_function_address(f"at.{name}"))
+    return Entry(make(ctypes.byref(method), np.ndarray, None), engine.get_function_address(f"at.{name}"))

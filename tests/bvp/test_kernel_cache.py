@@ -275,3 +275,18 @@ def test_folders_that_were_not_used_are_removed(kept, tmp_path):
     inner.write_text(inner.read_text() + "\n")
     run()
     assert not (root / "old").exists() and (root / "recent").is_dir() and used.is_dir()
+
+
+def test_an_entry_can_be_deleted_after_all_modules():
+    """Python collects the cycle when all modules are gone. Oracle: the process ends well, with freed memory overwritten (by glibc)."""
+    lines = (
+        "import numpy as np",
+        "from bvp.kernels.flight import times_matrix",
+        "arguments = np.eye(2), np.ones(2), np.zeros(2)",
+        "kept = [times_matrix.entry(*arguments).call]",
+        "assert kept[0](*arguments) is None and arguments[2].tolist() == [1.0, 1.0]",
+        "kept.append(kept)",
+    )
+    environment = {**os.environ, "PYTHONMALLOC": "malloc", "MALLOC_PERTURB_": "2"}
+    done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
