@@ -36,9 +36,9 @@ FAILURES = ("MINIMUM_STEP", "NO_START")
 _OTHERS = ("name", "energy", "frequency", "save", "catalogue")
 """Options of families in the energy."""
 _FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
-"""Events at which a family of free orbits in a parameter can be told to end."""
+"""Events at which a family of free orbits in a parameter can end on request."""
 _STOPS = ("SN", "BP", "SB", "PD", "NS", "GR", "LB", "UZ")
-"""Events at which a response can be told to end."""
+"""Events at which a response can end on request."""
 _SWITCHES = ("GR", "SB", "PD", "BP")
 _OWN = ("keep", "range", "begin", "phase", "transient", "uz", "x", "y", "through", "branches")
 """Options of responses."""

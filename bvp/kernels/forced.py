@@ -37,7 +37,7 @@ from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
 from bvp.kernels.multipoint import PERIODIC, UNFOLDED, evaluate, fill, unpack
 from bvp.kernels.newton import scaled_residual, set_scale
 from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
-from bvp.kernels.summed_chatter import strike, strike_blocks
+from bvp.kernels.summed_chatter import take_impact, take_impact_blocks
 
 
 class Released(NamedTuple):
@@ -143,7 +143,7 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
         loaded_flight(flight_of(segment, i), y[at : at + width], y[at + width], before[i], flights[i])
         at += width + 1
         row = i * (width + 1)
-        strike(segment.sticking, segment, i, before[i], residual[row : row + width])
+        take_impact(segment.sticking, segment, i, before[i], residual[row : row + width])
         if i < k:
             # Equation (39): the flight lands on the next node, which lies on its stop, or opens it.
             for r in range(width):
@@ -177,7 +177,7 @@ def loaded_blocks(segment, i, factor, landing, push_rate):
     before = factor.before[i]
     loaded_rate(flight_of(segment, i), before, push_rate)
     if segment.contact[i, 0] >= 0:
-        strike_blocks(segment.sticking, segment, i, before, landing, push_rate)
+        take_impact_blocks(segment.sticking, segment, i, before, landing, push_rate)
 
 
 @fill.of(LoadedSegment)

@@ -204,21 +204,21 @@ def sum_chatter(segment, i, before, after):
 
 
 @chosen
-def strike(sticking, segment, i, before, after):
+def take_impact(sticking, segment, i, before, after):
     """after (N,) = the node after impact i, or at the end of the chatter that it begins. `before` is the node before it."""
 
 
-@strike.of(Unstuck)
+@take_impact.of(Unstuck)
 @inlined
-def strike_once(sticking, segment, i, before, after):
+def take_impact_once(sticking, segment, i, before, after):
     """One impact."""
     apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], before, after)
 
 
-@strike.of(Sticking)
+@take_impact.of(Sticking)
 @inlined
-def strike_or_chatter(sticking, segment, i, before, after):
-    """See `strike`."""
+def take_impact_or_chatter(sticking, segment, i, before, after):
+    """See `take_impact`."""
     if sticking.chatter.summed[i] == 1:
         sum_chatter(segment, i, before, after)
     else:
@@ -226,22 +226,22 @@ def strike_or_chatter(sticking, segment, i, before, after):
 
 
 @chosen
-def strike_blocks(sticking, segment, i, before, landing, rate):
-    """landing (N, N) and rate (N,) before impact i become those after it, after `strike`."""
+def take_impact_blocks(sticking, segment, i, before, landing, rate):
+    """landing (N, N) and rate (N,) before impact i become those after it, after `take_impact`."""
 
 
-@strike_blocks.of(Unstuck)
+@take_impact_blocks.of(Unstuck)
 @inlined
-def strike_blocks_once(sticking, segment, i, before, landing, rate):
+def take_blocks_once(sticking, segment, i, before, landing, rate):
     """One impact."""
     apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], rate, rate)
     impact_blocks(segment, i, before, landing)
 
 
-@strike_blocks.of(Sticking)
+@take_impact_blocks.of(Sticking)
 @inlined
-def strike_blocks_or_chatter(sticking, segment, i, before, landing, rate):
-    """See `strike_blocks`."""
+def take_blocks_or_chatter(sticking, segment, i, before, landing, rate):
+    """See `take_impact_blocks`."""
     if sticking.chatter.summed[i] == 1:
         slope, line = sticking.chatter.slope[i], sticking.chatter.lines[0]
         for c in range(landing.shape[1] + 1):
