@@ -157,12 +157,12 @@ class Family(SolvedFamily):
         result = solution.result.tolist()
         if not is_orbit(result):
             return FAILED
-        tests = self._values_at(self.problem, solution, self._work)
+        tests = self._values_at(self.problem, solution, result, self._work)
         return step_of(solution, result, tests if self._computed == len(self.tests) else tests[: len(self.tests)])
 
-    def _values_at(self, problem: MultipointProblem, solution: Solution, work: Any) -> list[float]:
-        """The values of all test functions at an orbit, from its problem and the scratch for its system."""
-        tests, result = [0.0] * self._computed, solution.result.tolist()
+    def _values_at(self, problem: MultipointProblem, solution: Solution, result: list[float], work: Any) -> list[float]:
+        """The values of all test functions at an orbit, from its problem, the result as a list, and the scratch for its system."""
+        tests = [0.0] * self._computed
         common_tests(result, *self._limits, tests)
         if self._two_dof:
             two_dof_tests(result, problem.quarters, self._targets, tests)

@@ -91,7 +91,7 @@ class ReleasedFamily(AlongParameters, Family):
             tests[5], tests[6] = parameter - low, high - parameter
             return step_of(solution, solution.result.tolist(), tests)
         work = self._work if self._two_dof else make_pairs_work(orbit.problem)
-        tests = self._values_at(orbit.problem, orbit, work)
+        tests = self._values_at(orbit.problem, orbit, orbit.result.tolist(), work)
         # The slope in the energy, nan where it is rounding, and the determinant have the same orientation, which is as it comes.
         tests[7] = tests[0] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
         # Along a family of one value of the parameter the slope is rounding.
