@@ -85,7 +85,7 @@ class Auto:
         self._program = str(_program())
         self._holder = tempfile.TemporaryDirectory(prefix="saltus-auto-")
         self._folder = Path(self._holder.name)
-        for name in (*(f"{equations}.f90" for equations in EQUATIONS.values()), "guess.inc"):
+        for name in (*(f"{equations}.f90" for equations in EQUATIONS.values()), "common.inc"):
             shutil.copy(Path(__file__).with_name(name), self._folder)
 
     def __enter__(self) -> Auto:

@@ -131,20 +131,14 @@
       CALL GUESS(NDIM,U,PAR,T)
       END SUBROUTINE STPNT
 
-      INCLUDE 'guess.inc'
+      INCLUDE 'common.inc'
 
-!     Where PAR(5) is not 0, every point goes to flights.points with all its digits, which AUTO's own files cut to eleven: the energy, the
-!     flight times, and the state at the beginning of each flight.
+!     Where PAR(5) is not 0, every point goes to flights.points.
       SUBROUTINE PVLS(NDIM,U,PAR)
       IMPLICIT NONE
       INTEGER, INTENT(IN) :: NDIM
       DOUBLE PRECISION, INTENT(IN) :: U(NDIM)
       DOUBLE PRECISION, INTENT(INOUT) :: PAR(*)
-      DOUBLE PRECISION, EXTERNAL :: GETP
-      INTEGER I
 
-      IF (PAR(5) < 0.5D0) RETURN
-      OPEN(UNIT=78, FILE='flights.points', POSITION='append', RECL=100000)
-      WRITE(78,'(*(ES25.16E3))') PAR(1), PAR(21:20+NDIM/4), (GETP('BV0',I,U), I=1,NDIM)
-      CLOSE(78)
+      IF (PAR(5) > 0.5D0) CALL APPEND_POINT('flights.points',NDIM,NDIM/4,U,PAR)
       END SUBROUTINE PVLS

@@ -125,20 +125,15 @@
       CALL GUESS(NDIM,U,PAR,T)
       END SUBROUTINE STPNT
 
-      INCLUDE 'guess.inc'
+      INCLUDE 'common.inc'
 
-!     Where KEEP is not 0, every point goes to forced_flights.points with all its digits: w, the flight times, the start of each flight.
+!     Where KEEP is not 0, every point goes to forced_flights.points.
       SUBROUTINE PVLS(NDIM,U,PAR)
       USE FORCED
       IMPLICIT NONE
       INTEGER, INTENT(IN) :: NDIM
       DOUBLE PRECISION, INTENT(IN) :: U(NDIM)
       DOUBLE PRECISION, INTENT(INOUT) :: PAR(*)
-      DOUBLE PRECISION, EXTERNAL :: GETP
-      INTEGER I
 
-      IF (KEEP == 0) RETURN
-      OPEN(UNIT=78, FILE='forced_flights.points', POSITION='append', RECL=100000)
-      WRITE(78,'(*(ES25.16E3))') PAR(1), PAR(21:20+FLIGHTS), (GETP('BV0',I,U), I=1,NDIM)
-      CLOSE(78)
+      IF (KEEP /= 0) CALL APPEND_POINT('forced_flights.points',NDIM,FLIGHTS,U,PAR)
       END SUBROUTINE PVLS
