@@ -25,6 +25,9 @@ __all__ = ["EXACT", "Saltus"]
 POINTS = 32
 """Points of a run."""
 
+SHORT_POINTS = 512
+"""Points of a run with short steps: so many that its start does not count, as in the time of AUTO-07p."""
+
 RUNS = 25
 """Runs for the layers."""
 
@@ -91,7 +94,8 @@ class Saltus(Method):
         """Points of the family from the orbit upward, with the time of one."""
         problem, y = task.problem, task.unknowns()
         family = BareFamily(problem) if self.route == "none" else Family(problem)
-        run, seconds = least_time(family, y, POINTS, self.following, SECONDS)
+        points = POINTS if self.following is SETTINGS else SHORT_POINTS
+        run, seconds = least_time(family, y, points, self.following, SECONDS)
         solutions: list[Solution] = [step.extra for step in run.steps]
         checked = sorted({(len(solutions) * part) // CHECKED - 1 for part in range(1, CHECKED + 1)} - {-1})
         multipliers, extra = timed(self._multipliers, task, solutions)

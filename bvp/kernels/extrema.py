@@ -89,7 +89,12 @@ def look(track, t):
     slope = 0.0
     bend = 0.0
     # Equation (2) for each mode, or the exact flight where modes damp or grow.
-    if track.pure:
+    if track.pure and t == 0.0:  # every search begins here
+        for k in range(delta.shape[0]):
+            f += parts[2 * k]
+            slope += parts[2 * k + 1]
+            bend += delta[k] * parts[2 * k]
+    elif track.pure:
         for k in range(delta.shape[0]):
             c, s = circular(delta[k], t)
             here = parts[2 * k] * c + parts[2 * k + 1] * s

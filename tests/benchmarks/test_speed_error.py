@@ -140,7 +140,7 @@ def test_points_along_a_family_are_all_right(method):
     errors = IN_PHASE.errors(answer)
     assert max(errors.orbit, errors.energy, errors.multipliers) < 1e-12
     if method is EXACT[1]:
-        assert 0.0 < math.log(answer.orbits[-1].energy / answer.orbits[0].energy) < 32 * SHORT_STEP
+        assert 0.0 < math.log(answer.orbits[-1].energy / answer.orbits[0].energy) < answer.points * SHORT_STEP
         return
     assert answer.points > 8 and len(answer.orbits) == 4 and len({orbit.alpha for orbit in answer.orbits}) == 4
     layers = dict(answer.layers)
