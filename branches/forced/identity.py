@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.family import SETTINGS
+from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily, unbounded
 from branches.forced.resonance import resonances_around
 from branches.forced.switching import full_period, half_of
@@ -215,10 +216,11 @@ def _identifying(
 
 
 def _plain_points(branch: ForcedBranch) -> list[int]:
-    """Points at a third and at two thirds of a branch, at no event."""
+    """Points at a third and at two thirds of the arclength of a branch, at no event. Points are close near singular orbits."""
     located = {event.point for event in branch.events}
-    plain = [i for i in range(len(branch)) if i not in located] or [*range(len(branch))]
-    return [plain[len(plain) // 3], plain[2 * len(plain) // 3]]
+    plain = np.array([i for i in range(len(branch)) if i not in located] or [*range(len(branch))])
+    parts = branch.arclength[plain] - branch.arclength[0]
+    return [int(plain[np.argmin(np.abs(parts - part * (branch.arclength[-1] - branch.arclength[0]) / 3.0))]) for part in (1, 2)]
 
 
 def _is_full(branch: ForcedBranch, window: tuple[float, float]) -> bool:
@@ -237,7 +239,7 @@ def _followed(
     at which it is cut."""
     place = 2 * problem.degrees_of_freedom + 1
     family = ForcedFamily(problem, window, (), resonances_around(problem, float(y[place])))
-    run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem))
+    run = with_exact_ends(family, follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem)))
     if not run.points:
         return [], False, np.array([y[place]]), [y]
     last = len(run.points) - 1

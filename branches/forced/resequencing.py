@@ -9,7 +9,7 @@ from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 
-__all__ = ["exchanged", "later", "with_first_bounce", "with_sticking", "with_touch", "without_flight", "without_impact"]
+__all__ = ["exchanged", "later", "resequenced", "with_first_bounce", "with_sticking", "with_touch", "without_flight", "without_impact"]
 
 _INSTANT = 1e-7
 """Part of the period over which an acceleration is a difference of velocities."""
@@ -34,12 +34,12 @@ def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     state[n:] -= row * (row @ state[n:]) / (row @ row)
     letter = modes.contact_letters[contact]
     if not problem.sequence:
-        return _made(problem, [letter], state[None], np.array([fraction % 1.0]), problem.flight_times(y), y)
+        return resequenced(problem, [letter], state[None], np.array([fraction % 1.0]), problem.flight_times(y), y)
     sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
     times = np.insert(problem.flight_times(y), flight, time)
     times[flight + 1] -= time
     states, fractions = np.insert(nodes[:, :size], flight + 1, state, axis=0), np.insert(nodes[:, size], flight + 1, fraction)
-    return _made(problem, sequence, states, fractions, times, y)
+    return resequenced(problem, sequence, states, fractions, times, y)
 
 
 def without_impact(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
@@ -55,9 +55,9 @@ def without_impact(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPr
     if not sequence:
         # Without impacts the orbit begins at the phase 0.
         state, _ = problem.fly(nodes[0], (1.0 - nodes[0, size] % 1.0) * problem.period(y))
-        return _made(problem, sequence, state[None], np.zeros(1), problem.flight_times(y), y)
+        return resequenced(problem, sequence, state[None], np.zeros(1), problem.flight_times(y), y)
     states, fractions = np.delete(nodes[:, :size], gone, axis=0), np.delete(nodes[:, size], gone)
-    return _made(problem, sequence, states, fractions, np.delete(times, gone), y)
+    return resequenced(problem, sequence, states, fractions, np.delete(times, gone), y)
 
 
 def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
@@ -71,7 +71,7 @@ def later(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndar
     nodes[-count:, :size] *= sign
     nodes[-count:, size] += part
     times = np.roll(problem.flight_times(y), -count)
-    return _made(problem, [*problem.sequence[count:], *last], nodes[:, :size], nodes[:, size], times, y)
+    return resequenced(problem, [*problem.sequence[count:], *last], nodes[:, :size], nodes[:, size], times, y)
 
 
 def exchanged(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
@@ -89,7 +89,7 @@ def exchanged(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem
     states[flight] += states[flight + 1] - states[flight] - (states[flight] - _before(problem, y, flight))
     sequence = list(problem.sequence)
     sequence[flight], sequence[flight + 1] = sequence[flight + 1], sequence[flight]
-    return _made(problem, sequence, states, nodes[:, size], problem.flight_times(y), y)
+    return resequenced(problem, sequence, states, nodes[:, size], problem.flight_times(y), y)
 
 
 def _before(problem: ForcedProblem, y: np.ndarray, node: int) -> np.ndarray:
@@ -100,7 +100,7 @@ def _before(problem: ForcedProblem, y: np.ndarray, node: int) -> np.ndarray:
     return state * problem.segment.closing[0] if node == 0 else state[:size]
 
 
-def _made(
+def resequenced(
     problem: ForcedProblem, sequence: list[str], states: np.ndarray, fractions: np.ndarray, times: np.ndarray, y: np.ndarray
 ) -> tuple[ForcedProblem, np.ndarray]:
     """The problem with another sequence, and its unknowns."""
@@ -120,7 +120,7 @@ def with_sticking(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPro
     letter = problem.modes.contact_letters[problem.events[flight].contact]
     sequence = [*problem.sequence[:flight], letter + CLOSES, letter + OPENS, *problem.sequence[flight + 1 :]]
     twice = np.insert(nodes, flight, nodes[flight], axis=0)
-    return _made(problem, sequence, twice[:, :size], twice[:, size], np.insert(problem.flight_times(y), flight, 0.0), y)
+    return resequenced(problem, sequence, twice[:, :size], twice[:, size], np.insert(problem.flight_times(y), flight, 0.0), y)
 
 
 def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
@@ -139,7 +139,7 @@ def with_first_bounce(problem: ForcedProblem, solution: Solution) -> tuple[Force
     letter = problem.sequence[place].removesuffix(CLOSES)
     sequence = [*problem.sequence[:place], letter, *problem.sequence[place:]]
     states, fractions = np.insert(nodes[:, :size], place, sign * node[:size], axis=0), np.insert(nodes[:, size], place, node[size])
-    return _made(problem, sequence, states, fractions, np.insert(times, place, -2.0 * (row @ node[:size]) / press), y)
+    return resequenced(problem, sequence, states, fractions, np.insert(times, place, -2.0 * (row @ node[:size]) / press), y)
 
 
 def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
@@ -171,4 +171,4 @@ def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPr
         times[flight - 1] += times[flight]
         times = np.delete(times, flight)
     sequence = [*problem.sequence[:flight], *together, *problem.sequence[flight + 2 :]]
-    return _made(problem, sequence, nodes[kept, :size], nodes[kept, size], times, y)
+    return resequenced(problem, sequence, nodes[kept, :size], nodes[kept, size], times, y)

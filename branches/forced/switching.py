@@ -14,6 +14,7 @@ import numpy as np
 
 from branches.admissible import force_event
 from branches.first_orbits import across_null_space, first_orbits
+from branches.forced.closing import vanishes, without_moment
 from branches.forced.family import ForcedFamily
 from branches.forced.opening import opening_again
 from branches.forced.resequencing import exchanged, with_first_bounce, with_sticking, with_touch, without_flight, without_impact
@@ -23,7 +24,7 @@ from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
-__all__ = ["GrazingNeighbour", "beside_grazing", "full_period", "half_of", "leaving", "twice"]
+__all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "full_period", "half_of", "leaving", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, that makes one symmetric orbit of half a period."""
@@ -159,17 +160,38 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
         made = make(problem, solution)
         if made is None:
             continue
-        neighbour, start = made
-        family = ForcedFamily(neighbour)
-        begin = family.begin(start)
-        for sign in (1.0, -1.0) if begin.converged else ():
-            turned = family.step(begin.y, sign * begin.tangent, 0.0)
-            step = family.step(turned.y, turned.tangent, _SHORT)
-            if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
-                persists = bool(np.sign(step.y[at] - solution.y[at]) != side)
-                if persists or make is not with_first_bounce:  # whose orbits are the same ones on this side
-                    found.append(GrazingNeighbour(*_halved(neighbour, step), persists))
+        # The orbits of a sequence with the first bounce apart are the same ones on this side.
+        found += [one for one in _both_sides(*made, side) if one.persists or make is not with_first_bounce]
     return found
+
+
+def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[GrazingNeighbour]:
+    """The orbits next to a grazing one in its family, where they are orbits. side: where the other family has its parameter."""
+    family, at, found = ForcedFamily(problem), 2 * problem.degrees_of_freedom + 1, []
+    begin = family.begin(start)
+    for sign in (1.0, -1.0) if begin.converged else ():
+        turned = family.step(begin.y, sign * begin.tangent, 0.0)
+        step = family.step(turned.y, turned.tangent, _SHORT)
+        if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
+            persists = bool(np.sign(step.y[at] - start[at]) != side)
+            found.append(GrazingNeighbour(*_halved(problem, step), persists))
+    return found
+
+
+def beside_moment(problem: ForcedProblem, y: np.ndarray, inwards: np.ndarray) -> list[GrazingNeighbour] | None:
+    """The families that meet another one where a stop opens no more, or bounces no more before it sticks. None for another orbit.
+
+    Parameters
+    ----------
+    problem, y : ForcedProblem, (u,) float
+        The orbit there: see `branches.forced.closing`.
+    inwards : (u,) float
+        A direction along its family, away from the end.
+    """
+    if not vanishes(problem, y):
+        return None
+    made = without_moment(problem, y)
+    return [] if made is None else _both_sides(*made[:2], np.sign(inwards[2 * problem.degrees_of_freedom + 1]))
 
 
 def _halved(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]:

@@ -14,11 +14,12 @@ from branches.admissible import unphysical
 from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
+from branches.forced.closing import with_exact_ends
 from branches.forced.extending import can_go_on, joined, outward
 from branches.forced.family import ForcedFamily, unbounded
 from branches.forced.identity import closure_name, primitive_orbit
 from branches.forced.resonance import resonances_around
-from branches.forced.switching import GrazingNeighbour, beside_grazing, leaving
+from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, leaving
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch
 from branches.released.family import ReleasedFamily
@@ -173,6 +174,7 @@ def _family_of(
 
 
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:
+    run = with_exact_ends(_family_of(problem), run)
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     counts = Counter[str]()
@@ -235,6 +237,9 @@ def _with_neighbours(branch: ForcedBranch, event: ForcedEvent) -> ForcedEvent:
 def _at_grazing(branch: ForcedBranch, event: ForcedEvent) -> list[GrazingNeighbour]:
     problem, k = branch.problem, event.point
     inside = k + 1 if k + 1 < len(branch) else k - 1
+    known = beside_moment(problem, branch.unknowns[k], branch.unknowns[inside] - branch.unknowns[k]) if inside >= 0 else None
+    if known is not None:
+        return known
     solution = problem.step(branch.unknowns[k], _with_curvature(branch.tangents[k]), 0.0)
     if solution is None or inside < 0:
         return []

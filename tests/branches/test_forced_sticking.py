@@ -99,7 +99,7 @@ def test_sticking_vanishes_and_appears():
     assert "sticking at stop + vanishes" in high.note
     # One impact that sticks, up to where the contact force at it is zero: A cos(w t) = s at the impact.
     s = brentq(lambda s: math.cos(0.5 * landing(0.5, s, 0.1)[1]) - s, 0.0, 0.3, xtol=1e-14)
-    assert s == pytest.approx(low.values["s"], abs=1e-8)  # a flight that vanishes with its speed is located to half the digits
+    assert s == pytest.approx(low.values["s"], abs=1e-12)
     made, step = switch_response(branch, low)[0]
     other = follow_response(made, step, (-0.5, 1.0), direction="along")
     assert other.sequence == "+=" and other.parameter[-1] == pytest.approx(-0.5, abs=1e-12)

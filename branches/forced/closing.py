@@ -1,0 +1,373 @@
+"""Ends of families at which a stop opens no more, or bounces no more before it sticks.
+
+Gap, speed and duration of a flight vanish together there. The equations are singular, and rounding ends the steps a little way off. The
+same orbit is a regular one without that flight: there the contact force touches zero. This locates it. If the stop then sticks for the
+whole period, its contact force is a sum of harmonics: the response of the system with a gap that rests.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.admissible import BEYOND, force_event
+from branches.forced.family import ForcedFamily
+from branches.forced.resequencing import later, resequenced
+from branches.released.family import ReleasedFamily
+from bvp.contact_sequence import CLOSES
+from bvp.forced import ForcedProblem
+from bvp.forcing import Constant, Harmonic
+from bvp.multipoint import NotConverged, Solution
+from continuation.problem import End, EndReason, Event, Point, Points, Step
+from continuation.run import Run
+
+__all__ = ["vanishes", "with_exact_ends", "without_moment"]
+
+_BRIEF = 0.02
+"""Longest duration of the flights that vanish, as a part of the period, from which their end is sought."""
+
+_NEAR = 0.1
+"""Largest distance of that end in arclength, and of the moment in parts of the period."""
+
+_GRAZES = 1e-3
+"""Both limits, as parts of themselves, where the run has ended at a grazing: it must be that one."""
+
+_ROUNDS = 30
+_PROBE = 1e-6
+_MERGES = 4
+"""Index of the test function for a flight without duration."""
+
+
+class _Moment(NamedTuple):
+    """Events at one stop that come to one instant at the end of a family.
+
+    begin: node of the first one. length: how many. contact: where. opens: whether the first one is a release."""
+
+    begin: int
+    length: int
+    contact: int
+    opens: bool
+
+
+def _moment(problem: ForcedProblem, y: np.ndarray, limit: float = _BRIEF) -> _Moment | None:
+    """The events that are brief, with a release if there is one; None where there are none. limit: longest duration, in periods."""
+    events, times, limit = problem.events, problem.flight_times(y), limit * problem.period(y)
+    found: list[_Moment] = []
+    for begin, event in enumerate(events):
+        plastic = problem.system.stops[problem.modes.contact_stop[event.contact]].restitution == 0.0
+        if event.sticks or not (event.is_release or plastic):
+            continue
+        before = events[begin - 1]
+        if not event.is_release and before.contact == event.contact and not (before.sticks or before.is_release):
+            continue  # it belongs to the impact before it
+        lasts, count = 0.0, 1
+        while count < len(events):
+            lasts += abs(times[(begin + count - 1) % len(events)])
+            other = events[(begin + count) % len(events)]
+            if problem.half and begin + count >= len(events):
+                break  # the mirror image follows
+            count += 1
+            if other.contact != event.contact or other.is_release or lasts > limit:
+                break
+            if other.sticks:
+                found.append(_Moment(begin, count, event.contact, event.is_release))
+                break
+    return max(found, key=lambda one: one.opens) if found else None
+
+
+def vanishes(problem: ForcedProblem, y: np.ndarray) -> bool:
+    """Whether an orbit is the end at which such a moment has no duration."""
+    return bool(problem.events) and _moment(problem, y, 0.0) is not None
+
+
+def _closed_for_ever(problem: ForcedProblem, moment: _Moment) -> bool:
+    """Whether a stop sticks for the whole period without the events of a moment."""
+    return moment.opens and moment.length == len(problem.events)
+
+
+def without_moment(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray, _Moment] | None:
+    """The problem without the brief opening, or the brief bounces, of an orbit; its unknowns there; and where the moment was, in an orbit
+    begun so that the moment does not contain its first node. None where there is no such moment, and where no event is left."""
+    moment = _moment(problem, y)
+    if moment is None or _closed_for_ever(problem, moment):
+        return None
+    for _ in range(len(problem.impacts)):
+        if moment.begin + moment.length <= len(problem.events):
+            break
+        problem, y = later(problem, y)
+        turned = _moment(problem, y)
+        if turned is None:
+            return None
+        moment = turned
+    nodes, times, size = problem.nodes(y), problem.flight_times(y).copy(), 2 * problem.degrees_of_freedom
+    end = moment.begin + moment.length
+    if end > len(nodes):
+        return None
+    letter = problem.modes.contact_letters[moment.contact]
+    kept = [] if moment.opens else [end - 1]
+    symbols = [] if moment.opens else [letter + CLOSES]
+    sequence = [*problem.sequence[: moment.begin], *symbols, *problem.sequence[end:]]
+    if moment.opens:
+        times[moment.begin - 1] += np.sum(times[moment.begin : end])
+        times = np.delete(times, np.s_[moment.begin : end])
+    else:
+        times[moment.begin] = np.sum(times[moment.begin : end])
+        times = np.delete(times, np.s_[moment.begin + 1 : end])
+    rows = np.r_[0 : moment.begin, kept, end : len(nodes)].astype(int)
+    narrow, start = resequenced(problem, sequence, nodes[rows, :size], nodes[rows, size], times, y)
+    return narrow, start, moment
+
+
+def with_exact_ends(family: ForcedFamily | ReleasedFamily, run: Run) -> Run:
+    """A run whose ends at a moment that vanishes are located exactly.
+
+    Parameters
+    ----------
+    family : ForcedFamily or ReleasedFamily
+    run : Run
+        Of the family.
+
+    Returns
+    -------
+    Run
+        The same one if it has no such end.
+    """
+    if not isinstance(family, ForcedFamily) or not run.points or run.closed or not family.problem.events:
+        return run
+    points, events, ends, start = list(run.points), list(run.events), list(run.ends), run.start
+    for last in (True, False):
+        end = ends[last]
+        known = points[-1 if last else 0].event
+        merging = end.reason is EndReason.EVENT and known is not None and known.code == "GR"
+        if not (merging or end.reason is EndReason.MINIMUM_STEP):
+            continue
+        made = _exact_end(family, points[-1 if last else 0].step, _GRAZES if merging else 1.0)
+        if made is None:
+            continue
+        if merging and len(points) > 1:
+            events = [event for event in events if event is not known]
+            points = points[:-1] if last else points[1:]
+            start = min(start, len(points) - 1) if last else max(start - 1, 0)
+        step, note, letter = made
+        near = points[-1 if last else 0]
+        length = float(np.linalg.norm(np.subtract(step.position, near.step.position)))
+        if merging and length == 0.0:
+            continue
+        at = near.arclength + (length if last else -length)
+        low, high = sorted((near.arclength, at))
+        event = Event("GR", _MERGES, "located", at, (low, high), step.residual, step, 0, True, {"stop": letter, "note": note})
+        place = Point(0, at, step, length, event)
+        points = [*points, place] if last else [place, *points]
+        events = [*events, event] if last else [event, *events]
+        start += not last
+        ends[last] = End(EndReason.EVENT, "", end.tally)
+    if ends == list(run.ends) and len(points) == len(run.points) and events == list(run.events):
+        return run
+    return _placed(points, events, (ends[0], ends[1]), start)
+
+
+def _placed(points: list[Point], events: list[Event], ends: tuple[End, End], start: int) -> Run:
+    """A run with its indices and arclengths counted from its first point."""
+    first, moved = points[0].arclength, dict[int, Event]()
+    for index, point in enumerate(points):
+        for event in events:
+            if event is point.event or event.point is point.step:
+                low, high = event.bracket
+                moved[id(event)] = replace(event, arclength=event.arclength - first, bracket=(low - first, high - first), index=index)
+        marked = None if point.event is None else moved.get(id(point.event))
+        points[index] = replace(point, index=index, arclength=point.arclength - first, event=marked)
+    return Run(Points([points], [0]), tuple(moved.get(id(event), event) for event in events), ends, start)
+
+
+def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, str, str] | None:
+    """The end of a family just beyond a step: the orbit there, what happens, and the letter of the stop. part: of the limits."""
+    problem, moment = family.problem, _moment(family.problem, near.y, part * _BRIEF)
+    if moment is None:
+        return None
+    y = _held_orbit(problem, near.y, moment) if _closed_for_ever(problem, moment) else _touching_orbit(problem, near.y)
+    if y is None:
+        return None
+    position = _position(problem, y)
+    if np.linalg.norm(position - _position(problem, near.y)) > part * _NEAR:
+        return None
+    letter = problem.modes.contact_letters[moment.contact]
+    if _closed_for_ever(problem, moment):
+        note = f"stop {letter} opens no more: it sticks for the whole period"
+    elif moment.opens:
+        note = f"stop {letter} opens no more: the flight until its next impact has no duration"
+    else:
+        note = f"the impacts at stop {letter} before it sticks vanish: their speed reaches zero"
+    residual = float(np.abs(problem.residual(y)).max())
+    value = float(y[2 * problem.degrees_of_freedom + 1])
+    return near._replace(
+        y=y, position=position, parameter=value, residual=residual if math.isfinite(residual) else near.residual,
+        extra=replace(near.extra, y=y),
+    ), note, letter  # fmt: skip
+
+
+def _position(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
+    """The first node in units of arclength."""
+    scale, node = problem.segment.scale, y[: problem.size]
+    units = np.where(scale > 0.0, scale, 1.0)
+    position: np.ndarray = np.where(scale > 0.0, node / units, np.log(np.where(scale > 0.0, 1.0, np.abs(node))))
+    return position
+
+
+def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
+    """The end of the family near y, as an orbit of the problem: that at which the contact force touches zero without its moment."""
+    made = without_moment(problem, y)
+    if made is None:
+        return None
+    narrow, guess, moment = made
+    place, flight = 2 * problem.degrees_of_freedom + 1, moment.begin - moment.opens
+    stop = int(problem.modes.contact_stop[moment.contact])
+    last: list[Solution] = []
+
+    def force(value: float) -> float:
+        begun = (last[-1].y if last else guess).copy()
+        narrow.nodes(begun)[:, place] = value
+        last.append(narrow.solve(begun))
+        found = force_event(narrow, last[-1])
+        wanted = int(last[-1]["clearance_flight"]) == flight and int(last[-1]["clearance_stop"]) == stop
+        if found is None or not wanted or found.kind != ("inside" if moment.opens else "begin"):
+            raise NotConverged("another stop is nearer")
+        return last[-1]["clearance"]
+
+    try:
+        _zero(force, float(y[place]), problem.segment.scale[place])
+    except NotConverged:
+        return None
+    found, at, count = last[-1].y, float(last[-1]["clearance_time"]), moment.length
+    nodes, times, size = narrow.nodes(found), narrow.flight_times(found), 2 * problem.degrees_of_freedom
+    if moment.opens:
+        state, fraction = narrow.fly(nodes[flight], at, flight)
+        state = _at_rest(problem, state, stop)
+        inserted = np.tile([*state, fraction], (count, 1))
+        rows = np.insert(nodes[:, : size + 1], flight + 1, inserted, axis=0)
+        times = np.concatenate([times[:flight], [at], np.zeros(count - 1), [times[flight] - at], times[flight + 1 :]])
+    else:
+        rows = np.insert(nodes[:, : size + 1], flight, np.tile(nodes[flight, : size + 1], (count - 1, 1)), axis=0)
+        times = np.insert(times, flight, np.zeros(count - 1))
+    return _begun_as(problem, y, rows, times, narrow.parameters(found))
+
+
+def _begun_as(
+    problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times: np.ndarray, parameters: dict[str, float]
+) -> np.ndarray:
+    """An orbit, begun at any of its nodes, in the unknowns of a problem whose orbit `near` is its neighbour. rows: states and times."""
+    values, (sign, part) = [parameters[name] for name in problem.released], problem.segment.closing
+    size, count, here = 2 * problem.degrees_of_freedom, len(times), _position(problem, near)
+    found: list[tuple[float, np.ndarray]] = []
+    for turn in range(count * (2 if problem.half else 1)):
+        past, lasting = turn % count, np.roll(times, -turn)
+        begun = np.roll(rows, -past, axis=0)
+        # The nodes that are passed come again, as their images, and of half a period all of them do.
+        for later_ones in (begun[count - past :], begun if turn >= count else begun[:0]):
+            later_ones[:, :size] *= sign
+            later_ones[:, size] += part
+        if problem.has_clock:
+            begun[:, size] += round(near[size] - begun[0, size])
+        y = problem.pack(begun[:, :size], begun[:, size], values, lasting)
+        distance = np.abs(_position(problem, y) - here).max() + np.abs(lasting - problem.flight_times(near)).max()
+        found.append((float(distance), y))
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _held_orbit(problem: ForcedProblem, y: np.ndarray, moment: _Moment) -> np.ndarray | None:
+    """The end of the family near y, as an orbit of the problem: there the stop sticks for the whole period, and its force touches zero."""
+    if len(problem.released) > 1 or not problem.has_clock:
+        return None
+    place, size = 2 * problem.degrees_of_freedom + 1, 2 * problem.degrees_of_freedom
+    stop, side = int(problem.modes.contact_stop[moment.contact]), float(problem.modes.contacts.side[moment.contact])
+    phase = 2.0 * math.pi * problem.load_periods * float(problem.nodes(y)[moment.begin, size])
+    held: list[tuple[np.ndarray, float]] = []
+
+    def force(value: float) -> float:
+        at = problem.values | {problem.released[0]: value}
+        held.append(_held(problem, at, stop, side, phase))
+        return held[-1][1]
+
+    try:
+        value = _zero(force, float(y[place]), problem.segment.scale[place])
+    except (NotConverged, ValueError, np.linalg.LinAlgError):
+        return None
+    *state, angle = held[-1][0].tolist()
+    fractions = np.full(len(problem.events), angle / (2.0 * math.pi * problem.load_periods))
+    fractions[: moment.begin] -= 1.0
+    times = np.zeros(len(fractions))
+    found = problem.pack(np.tile(_at_rest(problem, np.array(state), stop), (len(fractions), 1)), fractions, [value], times)
+    problem.flight_times(found)[(moment.begin + moment.length - 1) % len(fractions)] = problem.period(found)
+    return found
+
+
+def _held(problem: ForcedProblem, at: dict[str, float], stop: int, side: float, phase: float) -> tuple[np.ndarray, float]:
+    """State (2 n,) and phase of the loads at the least contact force of a stop that sticks for ever, near a phase; and that force.
+
+    Each harmonic f exp(i nu t) of the loads gives one of the motion and of the force g,
+
+        (K - nu^2 M + i nu C) u + side c g = f,      c u = d for nu = 0, else 0.
+    """
+    system, n = problem.parametric.system(at), problem.degrees_of_freedom
+    base = float(problem.parametric.entries(at)[problem.parametric.layout.frequency][0])
+    row = side * np.asarray(system.stops[stop].gap)
+    bound = system.stops[stop].upper if side > 0.0 else -system.stops[stop].lower
+    loads: dict[int, np.ndarray] = {0: np.zeros(n, dtype=complex)}
+    for given in problem.parametric.forces(at):
+        if isinstance(given, Harmonic):
+            order = round(given.frequency / base)
+            loads[order] = loads.get(order, 0.0) + given.cosine - 1j * given.sine
+        elif isinstance(given, Constant):
+            loads[0] = loads[0] + given.load
+    orders, parts = np.array(list(loads)), []
+    for order, load in loads.items():
+        rate = order * base
+        dynamic = system.stiffness - rate * rate * system.mass + 1j * rate * system.damping
+        matrix = np.block([[dynamic, row[:, None]], [row[None, :], np.zeros((1, 1))]])
+        parts.append(np.linalg.solve(matrix, np.append(load, bound if order == 0 else 0.0)))
+    shape = np.array(parts)
+
+    def derivative(angle: float, count: int) -> np.ndarray:
+        found: np.ndarray = ((1j * orders[:, None]) ** count * shape * np.exp(1j * orders * angle)[:, None]).sum(axis=0).real
+        return found
+
+    angle = phase
+    for _ in range(_ROUNDS):
+        change = -derivative(angle, 1)[n] / derivative(angle, 2)[n]
+        angle += change
+        if abs(change) < 1e-15 * max(1.0, abs(angle)):
+            break
+    if not abs(angle - phase) < 2.0 * math.pi * _NEAR:
+        raise NotConverged("the contact force has no minimum near the moment")
+    found, rates = derivative(angle, 0), base * derivative(angle, 1)
+    return np.array([*found[:n], *rates[:n], angle]), float(found[n])
+
+
+def _at_rest(problem: ForcedProblem, state: np.ndarray, stop: int) -> np.ndarray:
+    """A state without the speed of a gap, which is rounding."""
+    n, row = problem.degrees_of_freedom, np.asarray(problem.system.stops[stop].gap)
+    rest = state.copy()
+    rest[n:] -= row * (row @ rest[n:]) / (row @ row)
+    return rest
+
+
+def _zero(function: Callable[[float], float], start: float, unit: float) -> float:
+    """Zero of a function near a start, by secants."""
+    unit = unit or abs(start)
+    old, value = start, start + _PROBE * unit
+    before, here = function(old), function(value)
+    for _ in range(_ROUNDS):
+        if here == 0.0 or here == before:
+            break
+        change = -here * (value - old) / (here - before)
+        old, before = value, here
+        value += change
+        here = function(value)
+        if abs(change) <= 4.0 * np.finfo(float).eps * abs(unit):
+            break
+    if not abs(here) < BEYOND:
+        raise NotConverged("the contact force does not vanish")
+    return value
