@@ -41,12 +41,17 @@ EXAMPLES: dict[str, list[str]] = {
     ],
     "impulsive": ["impulsive --energy 0.1:0.3"],
     "response": [
-        "continue --scene absorber --from simulate --in w --range 0.98:1.1 --points 40 --json a.json --plot a.png",
         "continue --scene absorber --from rest --in w --range 0.7:2.2 --json b.json",
-        "continue --from b.json:GR1 --points 20 --csv c.csv --in w --range 0.7:1",
+        "continue --from b.json:GR1 --csv c.csv --plot c.png",
+    ],
+    "simulated response": [
+        "continue --scene absorber --from simulate --in w --range 0.98:1.1 --points 40 --json a.json --plot a.png",
         "continue --scene impact_oscillator --set s=-0.2 --from simulate --start -0.66,0 --in s --range -1:0",
         "continue --scene absorber --from simulate --in mu --range 0.09:0.11 --points 20",
-        "continue --scene impact_oscillator --set r=0 --set s=-0.5 --set w=0.5 --from simulate --start -0.6,0 --in s --range -0.6:-0.4",
+    ],
+    "sticking response": [
+        "continue --scene impact_oscillator --set r=0 --set s=-.5 --set w=.5 --from simulate --start -.6,0 --in s --range -.6:-.4 "
+        "--json d.json",
     ],
     "parameter": [
         "continue S11- --in mu --range 0.09:0.11 --keep energy=0.8 --json a.json --plot a.png",

@@ -149,11 +149,15 @@ def coupled_groups(damping: np.ndarray) -> list[tuple[int, ...]]:
     >>> coupled_groups(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 2e-9], [0.0, 2e-9, 0.0]]))
     [(1, 2), (0,)]
     """
-    from scipy.sparse.csgraph import connected_components
-
-    # scipy would take entries below 1e-8 of a matrix of floats for zeros.
-    count, member = connected_components(damping != 0.0, directed=False)
-    groups = [tuple(np.flatnonzero(member == k).tolist()) for k in range(count)]
+    linked = ((damping != 0.0) | (damping.T != 0.0)).tolist()
+    left, groups = set(range(len(linked))), []
+    while left:
+        group = waiting = {left.pop()}
+        while waiting:
+            waiting = {j for i in waiting for j in left if linked[i][j]}
+            left -= waiting
+            group = group | waiting
+        groups.append(tuple(sorted(group)))
     return sorted(groups, key=lambda group: (len(group) == 1, group))
 
 

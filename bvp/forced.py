@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,12 @@ from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS, Event, parse_sequence
 from bvp.deficient import Passage, deficient_eigenvalues
 from bvp.forced_modes import ModeTable
-from bvp.kernels.forced import LoadedSegment, Released, forced_residual, forced_step, set_parameters
+from bvp.kernels.forced import LoadedSegment, Released, forced_step, set_parameters
 from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import Loads, fly_loaded
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
-from bvp.kernels.newton import set_scale
+from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.step import CompiledProblem, Landing, Request
 from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
@@ -152,7 +153,7 @@ class ForcedProblem:
         self._watched = Watched(
             np.array([stop.gap for stop in system.stops]), stops, bounds, make_extended(*sizes, False), make_extended(*sizes, True)
         )
-        table.write(system, gap, push)
+        table.write(system, table.made, gap, push)
         self._modes_at: tuple[float, ...] = ()
         self._map = make_stroboscopic(self.segment)
         self._factor = make_factor(self.segment)
@@ -206,17 +207,8 @@ class ForcedProblem:
             return
         segment, layout = self.segment, self.parametric.layout
         try:
-            try:
-                system = self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
-            except ValueError:
-                # A step beyond the domain of a parameter locates its end, if its limits are known: matrices can go on there.
-                if self.parametric.leaves_unseen(self.released):
-                    raise
-                mass, damping, stiffness = (
-                    released.entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)
-                )
-                system = ImpactSystem(mass, damping, stiffness, self.system.stops)
-            self._table.write(system, segment.gap, segment.push)
+            system, made = self._table.modes_at(at, self._system_at)
+            self._table.write(system, made, segment.gap, segment.push)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
             segment.flight.free.matrix[:] = math.nan
             self._modes_at = ()
@@ -227,6 +219,20 @@ class ForcedProblem:
         for j, slopes in enumerate(released.slopes):
             parts = [slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)]
             self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
+
+    def _system_at(self, at: tuple[float, ...]) -> ImpactSystem:
+        """The system at values of all parameters, of which the kernels have evaluated the entries."""
+        if self._leaves_unseen:
+            return self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
+        # A step beyond the domain of a parameter locates its end, if its limits are known: matrices can go on there.
+        layout, n = self.parametric.layout, self.degrees_of_freedom
+        entries = self.segment.released.entries
+        mass, damping, stiffness = (entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
+        return ImpactSystem(mass, damping, stiffness, self.system.stops)
+
+    @cached_property
+    def _leaves_unseen(self) -> bool:
+        return self.parametric.leaves_unseen(self.released)
 
     def _refuse_bounces(self, released: np.ndarray) -> None:
         """Refuse stops that stick after impacts without loss, and plastic impacts that do not stay so. released: the entries that vary."""
@@ -378,10 +384,10 @@ class ForcedProblem:
         return np.split(np.arange((self.inner + 1) * (self.size + 1)), self.inner + 1)
 
     def _evaluated(self, y: np.ndarray) -> np.ndarray:
-        residual = np.empty(self.unknowns - 1)
+        # The kernel of steps contains these functions: another one for them alone would take as long to compile.
         self._factor.scale[:] = 1.0
-        forced_residual(self.segment, self._factor, np.array(y, float), residual)
-        return residual
+        self._stepped(y, self._zero, Request(0.0, math.nan, LINEARISED))
+        return self._factor.work[6, : self.unknowns - 1].copy()
 
     # -- solution and step ----------------------------------------------------------------------------------------------------
 
@@ -418,15 +424,19 @@ class ForcedProblem:
         return found
 
     def _take(self, y: np.ndarray, tangent: np.ndarray, request: Any) -> Solution | None:
-        unknowns = self.unknowns
-        landing = Landing(np.empty(unknowns), np.empty(2 * unknowns), np.full(len(RESULT), np.nan))
-        metric = np.empty((4, self.size))
-        forced_step(self.segment, self._factor, np.array(y, float), np.array(tangent, float), request, metric, landing)
+        landing, position = self._stepped(y, tangent, request)
         if landing.result[0] != 1.0:
             return None
         ends = self._factor.before.copy()
         self._observe(landing.y, ends, landing.result)
-        return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
+        return Solution(landing.y, landing.tangent, position, ends, landing.result)
+
+    def _stepped(self, y: np.ndarray, tangent: np.ndarray, request: Request) -> tuple[Landing, np.ndarray]:
+        """What the kernel of steps leaves for a request, and the position of the new point."""
+        landing = Landing(np.empty(self.unknowns), np.empty(2 * self.unknowns), np.full(len(RESULT), np.nan))
+        metric = np.empty((4, self.size))
+        forced_step(self.segment, self._factor, np.array(y, float), np.array(tangent, float), request, metric, landing)
+        return landing, metric[0]
 
     def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
         """Fill the entries of a result that belong to the paths of the flights."""

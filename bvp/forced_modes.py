@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = ["ForcedMode", "ModeSlopes", "ModeTable", "forced_mode", "mode_slopes"]
+
+
+KNOWN = 1000
+"""Values of the parameters at which modes are kept."""
 
 
 class ForcedMode(NamedTuple):
@@ -62,14 +66,14 @@ def forced_mode(system: ImpactSystem, contacts: Sequence[int], unit: float) -> F
     RuntimeError
         Where the gaps of the contacts depend on each other, or no contact mode is left: every coordinate is constant.
     """
-    n, modes = system.degrees_of_freedom, system.modes
+    n, k = system.degrees_of_freedom, len(contacts)
     mass_inverse = np.linalg.inv(system.mass)
-    state = np.hstack([system.stiffness, system.damping])
-    k = len(contacts)
-    rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts], dtype=float).reshape(k, n)
     if not k:
-        free = modes, modes.from_state, modes.to_state, mass_inverse
-        return ForcedMode(*free, rows, rows.T, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 2 * n)), rows)
+        blocks, none = blocks_of(system, *undamped_modes(system.mass, system.stiffness)), np.zeros((0, n))
+        free = blocks, blocks.from_state, blocks.to_state, mass_inverse
+        return ForcedMode(*free, none, none.T, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 2 * n)), none)
+    modes, state = system.modes, np.hstack([system.stiffness, system.damping])
+    rows = np.array([system.stops[modes.contact_stop[c]].gap for c in contacts], dtype=float).reshape(k, n)
     along = mass_inverse @ rows.T
     compliance = rows @ along
     if np.linalg.cond(compliance) > 1e12:
@@ -174,7 +178,9 @@ class ModeTable:
                 summed[i] = system.stops[system.modes.contact_stop[event.contact]].restitution > 0.0
             elif system.stops[system.modes.contact_stop[event.contact]].restitution == 0.0:
                 opens[i] = self._index(event.closed | {event.contact})
-        self.made = [forced_mode(system, contacts, unit) for contacts in self._sets]
+        self._known: dict[tuple[float, ...], tuple[ImpactSystem, list[ForcedMode]]] = {}
+        self._contact_stop = system.modes.contact_stop
+        self.made = self.modes_of(system)
         modes = len(self._sets)
         blocks = 2 * n if varying else max(len(one.blocks.pairs) for one in self.made)
         closed = np.zeros((modes, stops), dtype=np.int64)
@@ -215,11 +221,26 @@ class ModeTable:
             self._sets.append(contacts)
         return self._sets.index(contacts)
 
-    def write(self, system: ImpactSystem, gap: np.ndarray, push: np.ndarray) -> None:
-        """Write all that the masses, dampers and springs of a system determine. gap, push: rows of the nodes."""
+    def modes_of(self, system: ImpactSystem) -> list[ForcedMode]:
+        """The contact modes at the masses, dampers and springs of a system."""
+        return [forced_mode(system, contacts, self.unit) for contacts in self._sets]
+
+    def modes_at(
+        self, at: tuple[float, ...], system_at: Callable[[tuple[float, ...]], ImpactSystem]
+    ) -> tuple[ImpactSystem, list[ForcedMode]]:
+        """The system at values of the parameters, and its modes. They are kept: an orbit is evaluated several times."""
+        if at not in self._known:
+            if len(self._known) >= KNOWN:
+                self._known.clear()
+            system = system_at(at)
+            self._known[at] = system, self.modes_of(system)
+        return self._known[at]
+
+    def write(self, system: ImpactSystem, made: list[ForcedMode], gap: np.ndarray, push: np.ndarray) -> None:
+        """Write all that the masses, dampers and springs of a system determine, with its `modes_of`. gap, push: rows of the nodes."""
         arrays, n = self.arrays, system.degrees_of_freedom
         inverse = np.linalg.inv(system.mass)
-        self.made = [forced_mode(system, contacts, self.unit) for contacts in self._sets]
+        self.made = made
         for f, mode in enumerate(self.made):
             blocks = mode.blocks
             # Where there are fewer blocks than room the last one stands several times: it does the same again.
@@ -227,7 +248,7 @@ class ModeTable:
             arrays.pairs[f], arrays.mean[f], arrays.delta[f] = blocks.pairs[last], blocks.mean[last], blocks.delta[last]
             arrays.matrix[f], arrays.enter[f], arrays.leave[f] = blocks.matrix, mode.enter, mode.leave
             arrays.drive[f] = mode.enter[:, n:] @ inverse
-            stops = system.modes.contact_stop[list(self._sets[f])]
+            stops = self._contact_stop[list(self._sets[f])]
             arrays.pull[f, stops], arrays.reach[f, stops] = mode.pull, mode.reach
         for i, row in enumerate(gap[:, :n]):
             kept = self.made[self._kept[i]]
@@ -243,7 +264,7 @@ class ModeTable:
         found = [mode_slopes(system, mode, *slopes) for mode in self.made]
         for f, slope in enumerate(found):
             arrays.change[f, j], arrays.drive_slope[f, j] = slope.change, slope.drive
-            stops = system.modes.contact_stop[list(self._sets[f])]
+            stops = self._contact_stop[list(self._sets[f])]
             arrays.pull_slope[j, f, stops], arrays.reach_slope[j, f, stops] = slope.pull, slope.reach
         for i, row in enumerate(gap[:, :n]):
             if row.any():

@@ -53,15 +53,20 @@ def prepare(*groups: str) -> None:
     from bvp.kernels.stored import keeps
 
     calls = missing(*groups)
-    _tried.update(tuple(call[1:3]) for call in calls)
+    _tried.update(map(_key, calls))
     if calls:
         announce(calls)
     if calls and keeps():
         compile_kernels(calls)
 
 
-_tried: set[tuple[str, str]] = set()
-"""Modules and names of kernels that this process had compiled, or could not."""
+_tried: set[str] = set()
+"""Kernels that this process had compiled, or could not, with the types of their arguments."""
+
+
+def _key(call: list[Any]) -> str:
+    """What tells a kernel of the list from all others."""
+    return json.dumps(call[1:])
 
 
 def prepare_with(module: str, name: str, types: Any) -> None:
@@ -71,7 +76,8 @@ def prepare_with(module: str, name: str, types: Any) -> None:
     listed = _listed()
     places = [k for k, call in enumerate(listed["kernels"]) if call[1:3] == [module, name] and types_from(call[3]) == types]
     groups = [group for group, members in listed["commands"].items() if set(places) & set(members)]
-    if groups and (module, name) not in _tried and multiprocessing.parent_process() is None:
+    tried = any(_key(listed["kernels"][k]) in _tried for k in places)
+    if groups and not tried and multiprocessing.parent_process() is None:
         prepare(min(groups, key=lambda group: sum(call[0] for call in missing(group))))
 
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import __version__, catalogues, compiling, options, outputs, processes
+from saltus import __version__, catalogues, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.response_starts import add_start_arguments, request_of, starts_of
+from saltus.response_starts import add_start_arguments, prepare_kernels, request_of, starts_of
 from saltus.terminal import ProgressBar, counted, range_text
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def build(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
     place = place_to_save(arguments, request)
-    compiling.prepare("response")
+    prepare_kernels(arguments)
     starts = starts_of(request, arguments, files.report)
 
     from branches.building.responses import ResponsePlan, build_responses, seed_of

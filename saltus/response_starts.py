@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from saltus import options
+from saltus import compiling, options
 from saltus.errors import BadInput, nearest, one_line
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ResponseRequest", "add_start_arguments", "check_names", "check_range", "event_named", "file_and_event", "further",
-    "is_response_file", "request_of", "starts_of",
+    "is_response_file", "prepare_kernels", "request_of", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -152,6 +152,11 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
+
+
+def prepare_kernels(arguments: argparse.Namespace) -> None:
+    """Compile the kernels of responses, and those of a simulation where one is the start."""
+    compiling.prepare("response", *(["simulated response"] if arguments.start == "simulate" else []))
 
 
 def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: Report) -> list[Start]:

@@ -7,14 +7,14 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.response_starts import add_start_arguments, file_and_event, is_response_file, request_of, starts_of
+from saltus.response_starts import add_start_arguments, file_and_event, is_response_file, prepare_kernels, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def follow(arguments: argparse.Namespace) -> int:
         from saltus import response_catalogues
 
         keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, request), request)
-    compiling.prepare("response")
+    prepare_kernels(arguments)
     return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title, keep)
 
 
@@ -308,8 +308,22 @@ def write(
     def table() -> Table:
         return response_table(branches)
 
+    def record() -> dict[str, Any]:
+        done = 0
+        with ProgressBar(None, "points of full families, which give the ids") as bar:
+
+            def count(points: Sequence[Any]) -> None:
+                nonlocal done
+                done += len(points)
+                bar.update(done)
+
+            for branch in branches:
+                if branch.problem.ends is None:  # a family of free orbits in a parameter has no id
+                    branch.identify(count)
+        return to_record(branches)
+
     return files.write(
-        {"json": lambda: outputs.json_text(to_record(branches)), "csv": lambda: csv_text(table())},
+        {"json": lambda: outputs.json_text(record()), "csv": lambda: csv_text(table())},
         table=table,
         about=lambda: outputs.json_text({key: value for key, value in to_record(branches).items() if key != "branches"}),
         figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title, "interval": interval}),

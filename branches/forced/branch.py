@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from branches.forced.identity import FullResponse, full_response
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
+
+if TYPE_CHECKING:
+    from continuation.problem import Point
 
 __all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "sequence_text"]
 
@@ -119,6 +122,12 @@ class ForcedBranch:
     def id(self) -> str:
         """`closure:sequence:hash` of the family, which does not depend on how it was reached or cut: see `branches.forced.identity`."""
         return self.full_family.ids[0]
+
+    def identify(self, on_points: Callable[[Sequence[Point]], object]) -> ForcedBranch:
+        """This branch, with its full family followed where its id is not known; `on_points` is called with the points meanwhile."""
+        if not {"id", "full_family"} & self.__dict__.keys():
+            self.__dict__["full_family"] = full_response(self, on_points)
+        return self
 
     def known_as(self, id: str) -> ForcedBranch:
         """This branch, with the id of its family known. The family is not followed for it."""

@@ -347,13 +347,6 @@ def forced_step(segment, factor, y, tangent, request, metric, landing):
 
 
 @kernel
-def forced_residual(segment, factor, y, residual):
-    """Residual at y into residual (u - 1,), its Jacobian into the factor arrays, for scales of 1."""
-    evaluate_loaded(segment, y, factor.before, factor.flights, factor.work[0], residual)
-    fill_loaded(segment, y, factor)
-
-
-@kernel
 def set_parameters(segment, node):
     """See `refresh`."""
     refresh(segment, node)

@@ -28,6 +28,9 @@ from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import copy_1, inner
 from bvp.kernels.multipoint import Segment, energy_sum, evaluate, fill, start_state
 
+LINEARISED = -1
+"""In place of the most iterations: the residual and its Jacobian alone are computed."""
+
 
 @inlined
 def reflector(column, first, last):
@@ -234,14 +237,13 @@ def set_free_scale(segment, y, factor):
 
 @inlined
 def factorise(segment, y, factor, displacement, velocity):
-    """Factorise the Jacobian at y. displacement, velocity: their scales, from `set_scale`.
+    """Factorise the Jacobian at y, which is in the factor arrays (`fill`). displacement, velocity: their scales, from `set_scale`.
 
     Returns two numbers for the test of branch points: the sign of the determinant (diagonal of R times the parity of the reflections), and
     the smallest diagonal entry of R relative to the length of its column.
 
     The length of a closing column is at least the scale of its end condition. Of a mode that moves alone, the column is only that mode's
     cosine. A pivot relative to the cosine would jump from -1 to 1 where the cosine is zero."""
-    fill(segment, y, factor)
     size = segment.gap.shape[1]
     rows = size + 1
     k = segment.shape[0]
@@ -357,7 +359,8 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         the update no longer shrinks, and it or the residual is at rounding level (the update from a residual that is rounding is rounding,
             however badly the equations are conditioned);
         the residual is at rounding level, and by the last ratio the next update would be far below it;
-        the updates grow, or `maximum` is reached. With maximum = 0, y is only evaluated.
+        the updates grow, or `maximum` is reached. With maximum = 0, y is only evaluated. With LINEARISED nothing is solved: the residual is
+            in `residual`, and the Jacobian in the factor arrays, for the scales that are there.
 
     Returns (converged, iterations, worst ratio of successive updates, scaled residual, sign and smallest pivot of `factorise` at the
     solution). factor.work[4] then contains the `null_vector` there."""
@@ -412,13 +415,16 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 ended = True
             if ended and not good:
                 break
-        if fresh or ended:
+        if maximum != LINEARISED and (fresh or ended):
             displacement, velocity, _ = set_scale(segment, y, factor)
         if maximum == 0:
             worst = scaled_residual(segment, residual, displacement, velocity)
             good = worst < 1e-12
             ended = True
         if fresh or ended:
+            fill(segment, y, factor)
+            if maximum == LINEARISED:
+                break
             sign, smallest = factorise(segment, y, factor, displacement, velocity)
             null_vector(segment, factor, null)
         if ended:

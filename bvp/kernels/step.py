@@ -65,7 +65,7 @@ class Request(NamedTuple):
 
     ds: float  # length; 0: correct the given point itself
     target: float  # nan; a number: hold y on row . y = target in place of the length, the row being in factor.work[5]
-    most: int  # most iterations
+    most: int  # most iterations; `bvp.kernels.newton.LINEARISED`
 
 
 class Landing(NamedTuple):

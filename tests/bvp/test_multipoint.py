@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from benchmarks import backbone
 from bvp.closures import EndsError
-from bvp.kernels.multipoint import evaluate, make_factor
+from bvp.kernels.multipoint import evaluate, fill, make_factor
 from bvp.kernels.newton import factorise, null_vector, set_scale
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, NotConverged
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -165,6 +165,7 @@ def test_null_vector(case):
     residual = np.zeros(problem.unknowns - 1)
     evaluate(problem.segment, y, factor.before, factor.flights, work, residual)
     displacement, velocity, _ = set_scale(problem.segment, y, factor)
+    fill(problem.segment, y, factor)
     factorise(problem.segment, y, factor, displacement, velocity)
     null = np.zeros(problem.unknowns)
     null_vector(problem.segment, factor, null)

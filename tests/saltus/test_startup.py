@@ -30,6 +30,7 @@ def empty(tmp_path, monkeypatch):
     listed = {"kernels": [call, other], "commands": {"continue": [0], "run": [0, 1]}}
     monkeypatch.setattr(compiling, "_listed", lambda: listed)
     monkeypatch.setattr(compiling, "announce", ANNOUNCE)
+    monkeypatch.setattr(compiling, "_tried", set())
     yield listed
     monkeypatch.undo()
     for function in (stored.cache_root, stored.folder_of):
@@ -94,6 +95,21 @@ def test_where_no_process_can_start_the_command_goes_on(empty, monkeypatch):
     assert len(compiling.missing()) == 2
 
 
+def test_a_kernel_for_other_arguments_brings_its_own_group(empty, monkeypatch):
+    """Oracle: the groups by hand. One kernel is compiled for plain numbers first, then met with a vector."""
+    from bvp.kernels.stored import types_from
+
+    other = [0.6, "bvp.kernels.flight", "free_step", ["", "float64 1 C", "float", "float"]]
+    empty["kernels"].append(other)
+    empty["commands"] |= {"vectors": [1, 2], "more": [0, 1, 2]}
+    asked = []
+    monkeypatch.setattr(compiling, "compile_kernels", lambda calls: asked.append(calls))
+    compiling.prepare("continue")
+    compiling.prepare_with(other[1], other[2], types_from(other[3]))
+    compiling.prepare_with(other[1], other[2], types_from(other[3]))  # it was tried
+    assert asked == [empty["kernels"][:1], empty["kernels"][1:]]
+
+
 @pytest.mark.parametrize(
     ("words", "asked"),
     [
@@ -101,6 +117,8 @@ def test_where_no_process_can_start_the_command_goes_on(empty, monkeypatch):
         ("export fep --plot a.png --catalogue {catalogue} --impulsive", "impulsive"),
         ("discover --energy 1", "discover"),
         ("continue S13O00+", "continue"),
+        ("continue --scene absorber --in w --range 0.9:1.1 --from rest", "response"),
+        ("continue --scene absorber --in w --range 0.9:1.1 --from simulate", "response, simulated response"),
         ("run --state 0,0,0,1 --duration 1", "run"),
         ("section --energy 1", "section"),
         ("build --energy 0.06:0.1 --catalogue {new}", "build"),
@@ -118,7 +136,7 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(compiling, "prepare", stop)
     assert main(words.format(catalogue=catalogue, new=tmp_path / "new.sqlite").split()) == 130
-    assert seen == [asked]
+    assert seen == asked.split(", ")
 
 
 def test_a_warm_start_imports_no_compiler():
