@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bvp.contact_sequence import pulled_open
 from continuation.problem import TestFunction
 
 if TYPE_CHECKING:
@@ -40,6 +41,10 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
         flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
         where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
+        events = getattr(problem, "events", ())
+        pulled = pulled_open(problem.system, events[flight].closed, modes.contact_letters.index(letter)) if events else None
+        if pulled is not None:
+            return {"stop": letter, "note": f"{where}: its impact would pull stop {modes.contact_letters[pulled]} open, which sticks"}
         return {"stop": letter, "note": f"{where}: a new impact becomes possible"}
     if verb == "vanishes":
         node = int(solution["speed_node"])

@@ -6,18 +6,23 @@ A symbol is the letter of a contact, `+` or `a+`. With `=` behind it the stop st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from bvp.closures import EndsError, contact_of
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLOSES", "OPENS", "Event", "joined_sequence", "parse_sequence"]
+__all__ = ["CLOSES", "OPENS", "Event", "joined_sequence", "parse_sequence", "pulled_open", "require_pressing"]
 
 CLOSES, OPENS = "=", ":"
 """Ends of the symbols of an impact after which the stop sticks, and of its release."""
+
+_ROUNDING = 1e-13
+"""Impulses, beside that of the impact, in units of their reduced masses, that count as zero."""
 
 
 class Event(NamedTuple):
@@ -96,6 +101,45 @@ def parse_sequence(system: ImpactSystem, sequence: Sequence[str], half: bool = F
     if closed != {image(contact) for contact in first}:
         raise EndsError("a stop sticks at the end of the sequence and not at its beginning")
     return tuple(events)
+
+
+def pulled_open(system: ImpactSystem, closed: Collection[int], contact: int) -> int | None:
+    """The contact that an impact at another one pulls open, of those that stick.
+
+    With the rows c_S of the contacts that stick, times their sides, and c of the impact with the impulse p, they need the impulses
+    -(c_S M^-1 c_S')^-1 c_S M^-1 c' p to stay closed. These cannot be negative. Their signs depend on masses alone.
+
+    Returns
+    -------
+    int or None
+        The one that is pulled most; None where none is.
+    """
+    contacts = [one for one in sorted(closed) if one != contact]
+    if not contacts:
+        return None
+    modes = system.modes
+    side, stop = modes.contacts.side, modes.contact_stop
+    rows = np.array([side[one] * np.asarray(system.stops[stop[one]].gap) for one in [*contacts, contact]])
+    matrix = rows @ np.linalg.solve(system.mass, rows.T)
+    scale = np.sqrt(np.diag(matrix))
+    matrix = matrix / np.outer(scale, scale)
+    pull = np.linalg.solve(matrix[:-1, :-1], matrix[:-1, -1])
+    most = int(np.argmax(pull))
+    return contacts[most] if pull[most] > _ROUNDING else None
+
+
+def require_pressing(system: ImpactSystem, events: Sequence[Event]) -> None:
+    """Refuse impacts that would pull a stop open which sticks on.
+
+    Raises
+    ------
+    EndsError
+    """
+    for event in () if len(system.stops) < 2 else events:
+        pulled = None if event.is_release else pulled_open(system, event.closed, event.contact)
+        if pulled is not None:
+            letter = system.modes.contact_letters[pulled]
+            raise EndsError(f"the impact {event.symbol} pulls stop {letter} open, which sticks; expected {letter}{OPENS} before it")
 
 
 def joined_sequence(symbols: Sequence[str]) -> str:

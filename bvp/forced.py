@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError
-from bvp.contact_sequence import CLOSES, OPENS, Event, parse_sequence
+from bvp.contact_sequence import CLOSES, OPENS, Event, parse_sequence, require_pressing
 from bvp.deficient import Passage, deficient_eigenvalues
 from bvp.forced_modes import ModeTable
 from bvp.kernels.forced import LoadedSegment, Released, forced_step, set_parameters
@@ -176,7 +176,20 @@ class ForcedProblem:
 
     def _events(self) -> tuple[Event, ...]:
         """The events of the sequence; () where no stop can stick."""
-        return parse_sequence(self.system, self.sequence, self.half)
+        events = parse_sequence(self.system, self.sequence, self.half)
+        require_pressing(self.system, events)
+        return events
+
+    def violation(self, y: np.ndarray) -> str | None:
+        """Why the system cannot have the parameters of y, or its orbits not these events; None if it can."""
+        at = self.parameters(y)
+        try:
+            found = self.parametric.violation(at)
+            if found is None:
+                require_pressing(self.parametric.system(at), self.events)
+        except EndsError as error:
+            return str(error).partition(";")[0]
+        return found
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         """The contact at each node after the first one, then that at the first; -1: none."""
@@ -208,6 +221,7 @@ class ForcedProblem:
         segment, layout = self.segment, self.parametric.layout
         try:
             system, made = self._table.modes_at(at, self._system_at)
+            require_pressing(system, self.events)
             self._table.write(system, made, segment.gap, segment.push)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
             segment.flight.free.matrix[:] = math.nan

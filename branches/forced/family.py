@@ -64,8 +64,7 @@ class AlongParameters:
 
     def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:
         """Why the system cannot have the parameters at a distance along the tangent; None if it can."""
-        problem = self.problem
-        found: str | None = problem.parametric.violation(problem.parameters(y + ds * tangent[: y.size]))
+        found: str | None = self.problem.violation(y + ds * tangent[: y.size])
         return found
 
 

@@ -157,7 +157,10 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             if opened is not None:
                 found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
                 continue
-        made = make(problem, solution)
+        try:
+            made = make(problem, solution)
+        except EndsError:
+            continue  # the impact that appears pulls a stop open which sticks
         if made is None:
             continue
         # The orbits of a sequence with the first bounce apart are the same ones on this side.

@@ -9,11 +9,12 @@ import pytest
 from scipy.optimize import fsolve
 
 from branches.forced.tracing import follow_response, switch_response
+from bvp.closures import EndsError
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from tests.branches.test_forced_sticking import turned
 from transitions.response.path import ParameterPath
-from transitions.response.starting import settled_orbit
+from transitions.response.starting import NoOrbit, settled_orbit
 from transitions.sweep.settle import settle
 
 TURN = 2.0 * math.pi
@@ -130,3 +131,54 @@ def test_bounces_before_sticking_vanish_where_the_contact_force_does():
     last = next(one for one in back.events if one.type == "GR")
     assert last.values["B"] == pytest.approx(event.values["B"], abs=1e-12)
     assert last.neighbours == (("+=", True),) and "before it sticks vanish" in last.note
+
+
+def coupled(mass, distance, restitution=0.5):
+    """Two masses that M couples. The first one can stick at its stop when the second one hits its own."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"d": distance, "m": mass, "w": 0.6},
+            "system": {
+                "mass": [[1.0, "m"], ["m", 1.0]], "damping": [[0.3, 0.0], [0.0, 0.1]], "stiffness": [[2.0, -1.0], [-1.0, 2.0]],
+                "stops": [
+                    {"c": [1.0, 0.0], "upper": 0.2, "restitution": 0.0}, {"c": [0.0, 1.0], "upper": "d", "restitution": restitution},
+                ],
+            },
+            "forces": [
+                {"load": [1.0, 0.0], "amplitude": 1.0, "harmonic": 1}, {"load": [0.0, 1.0], "amplitude": 0.6, "harmonic": 3},
+            ],
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("mass", [-0.3, 0.3])
+def test_an_impact_that_would_pull_a_sticking_stop_open_ends_the_family(mass):
+    """Oracle: the impulse at the second stop changes the first speed by m/(1 - m^2) times itself, upwards for m > 0. Then the stop is
+    pressed, and the family with that impact begins. For m < 0 it would be pulled."""
+    branch = response(coupled(mass, 1.5), "d", (0.4, 2.0))
+    event = branch.events[0]
+    assert event.type == "GR" and event.stop == "b+"
+    sticks = next(i for i, one in enumerate(branch.problem.events) if one.sticks)
+    with_impact = [*branch.problem.sequence[: sticks + 1], "b+", "a+:"]
+    if mass > 0.0:
+        assert event.neighbours[0][0].endswith("a+=b+a+:") and "becomes possible" in event.note
+        assert branch.problem.sibling(with_impact).sequence == tuple(with_impact)
+    else:
+        assert event.neighbours == () and "would pull stop a+ open" in event.note
+        with pytest.raises(EndsError, match=r"b\+ pulls stop a\+ open"):
+            branch.problem.sibling(with_impact)
+
+
+def test_a_family_ends_where_its_masses_let_an_impact_pull_a_sticking_stop_open():
+    """Oracle: the impulse at the stop that sticks has the sign of m."""
+    branch = response(coupled(0.02, 0.65), "m", (-0.3, 0.4))
+    value, ended = float(branch.parameter[0]), branch.ended[0]
+    assert value == pytest.approx(0.0, abs=1e-7) and value >= 0.0
+    assert ended.reason == "DOMAIN" and "b+ pulls stop a+ open" in ended.text
+
+
+def test_a_simulated_motion_whose_stop_is_pulled_open_is_refused():
+    """Oracle: the events of the simulation. No contact force reaches zero in it."""
+    parametric = coupled(-0.3, 0.5)
+    with pytest.raises(NoOrbit, match=r"stop a\+ sticks until an impact at another stop pulls it open"):
+        settled_orbit(ParameterPath(parametric, ("d",)), settle(parametric.system(), parametric.forces()))

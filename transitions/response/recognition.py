@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.motion import EventKind, Motion
 from bvp.simulate import simulate
@@ -40,6 +41,11 @@ def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
 
     A motion that sticks is simulated again for two more periods, of which the second one is taken, from an impact that follows a release
     on. An impact after which its stop stays closed gets one symbol.
+
+    Raises
+    ------
+    EndsError
+        Where an impact at another stop pulls a stop open that sticks.
     """
     p, period = settled.period, settled.period_of_loads * settled.period
     if settled.sticking_time == 0.0 or path.problem(()).has_clock is False:
@@ -59,6 +65,10 @@ def _last_period(motion: Motion, period: float, longest: float) -> MotionNodes:
     letters = motion.system.modes.contact_letters
     impact, stick, release = (kind.value for kind in (EventKind.IMPACT, EventKind.STICK, EventKind.RELEASE))
     kept = np.flatnonzero(np.isin(motion.kinds, (impact, stick, release)) & (motion.times >= period)).tolist()
+    sticking, opened = (set(motion.contacts[(motion.kinds == kind) & (motion.times >= period)].tolist()) for kind in (stick, release))
+    if not sticking <= opened:
+        letter = letters[min(sticking - opened)]
+        raise EndsError(f"stop {letter} sticks until an impact at another stop pulls it open; such motions are not followed")
     first = next(j for i, j in zip(kept, kept[1:], strict=False) if motion.kinds[i] == release and motion.kinds[j] == impact)
     end = motion.times[first] + (1.0 - _INSTANT) * period
     found: list[tuple[str, np.ndarray, float, float]] = []

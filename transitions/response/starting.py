@@ -101,7 +101,10 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     if settled.sticking:
         raise NoOrbit(f"{settled.text}; orbits with a sticking contact are not followed")
     p = settled.period
-    nodes = nodes_of(path, settled)
+    try:
+        nodes = nodes_of(path, settled)
+    except EndsError as error:
+        raise NoOrbit(f"{settled.text}; {error}") from error
     problem, guess = None, np.zeros(0)
     if nodes.symbols and len(nodes.symbols) % 2 == 0:
         problem, guess = _half(path, settled, nodes)
