@@ -107,8 +107,7 @@ def parametric_of(scene: Scene) -> ParametricSystem:
 def require_energies(catalogue: Catalogue, what: str) -> None:
     """Refuse a catalogue of forced responses for what only families in the energy have."""
     if catalogue.scene.parameters:
-        name = catalogue.scene.axes.symbols[0]
-        raise BadInput(f"{what} needs families in the energy, and {catalogue.path} holds responses in {name}")
+        raise BadInput(f"{what} needs families in the energy, and {catalogue.path} holds {catalogue.scene.held}")
 
 
 def filters_for(catalogue: Catalogue, arguments: argparse.Namespace) -> dict[str, Any]:
@@ -121,19 +120,19 @@ def filters_for(catalogue: Catalogue, arguments: argparse.Namespace) -> dict[str
 
 
 def in_axes(catalogue: Catalogue, record: Any) -> Any:
-    """Plain data about families with the keys of their axes: of responses ``parameter``, ``period`` and ``closure`` in place of ``h``,
-    ``alpha`` and ``ends``, and without labels."""
+    """Plain data about families with the keys of their axes: of those in a parameter ``parameter`` and ``period`` in place of ``h`` and
+    ``alpha``, and without labels; of responses ``closure`` in place of ``ends``."""
     if not catalogue.scene.parameters:
         return record
     first, second = catalogue.scene.axes.keys
-    keys = {"h": first, "alpha": second, "ends": "closure"}
+    keys = {"h": first, "alpha": second} | ({} if catalogue.scene.is_free else {"ends": "closure"})
     if isinstance(record, dict):
         return {keys.get(key, key): in_axes(catalogue, value) for key, value in record.items() if key not in _OF_ENERGY}
     return [in_axes(catalogue, value) for value in record] if isinstance(record, list) else record
 
 
 _OF_ENERGY = ("label", "labels", "p_q", "breaks")
-"""Keys of data that responses do not have."""
+"""Keys of data that families in a parameter do not have."""
 
 
 def given(arguments: argparse.Namespace, scene: Scene) -> AbstractContextManager[Catalogue | None]:

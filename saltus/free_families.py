@@ -231,7 +231,7 @@ def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tu
         key, at_branch, at = event_named(given, source, event)
         assert isinstance(at_branch, ReleasedBranch)
         found = switch_released(at_branch, at)
-        return [Start(problem, step, direction) for problem, step in found], interval, f"{key} of {source}"
+        return [Start(problem, step, direction, begins=(at_branch, at)) for problem, step in found], interval, f"{key} of {source}"
     if arguments.parameter is None:
         if arguments.keep:
             raise BadInput(f"--keep {arguments.keep[0]!r} needs --in NAME, the parameter that varies")

@@ -1,4 +1,4 @@
-"""Catalogues of forced responses: keeping what `saltus continue --in NAME` has followed, and `saltus build --in NAME`, which fills one."""
+"""Catalogues of families in a parameter: keeping what `saltus continue --in` has followed, and `saltus build --in`, which fills one."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from branches.catalogue.rows import SceneRecord
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.forced.onwards import Onwards, Start
+    from bvp.forced import ForcedProblem
     from saltus.response_starts import ResponseRequest
 
-__all__ = ["add_arguments", "build", "is_wanted", "place_to_save", "record_of", "save"]
+__all__ = ["add_arguments", "build", "is_wanted", "place_to_save", "record_of", "record_of_free", "save"]
 
 SCHEMA = 2
 DEPTH = 3
@@ -65,14 +66,25 @@ def record_of(request: ResponseRequest) -> SceneRecord:
     return SceneRecord(described, title=request.title, parameters={"names": list(path.names), "keep": list(path.keep)})
 
 
-def place_to_save(arguments: argparse.Namespace, request: ResponseRequest) -> Path:
-    """The catalogue to keep a response in. A place where that is not possible is refused before the work starts."""
-    if arguments.catalogue is None and request.source is not None and arguments.scene is None:
-        raise BadInput(f"--catalogue FILE is required: {request.source} does not name its scene; expected it, or --scene")
-    return catalogues.place_to_save(arguments, record_of(request), request.path.names)
+def record_of_free(problem: ForcedProblem) -> SceneRecord:
+    """The scene of a catalogue that keeps a family of free orbits in a parameter."""
+    from branches.catalogue.responses import system_of
+    from branches.catalogue.rows import SceneRecord
+
+    return SceneRecord(system_of(problem), parameters={"names": list(problem.released), "keep": list(problem.keep)})
 
 
-def save(place: Path, request: ResponseRequest, found: Onwards, starts: Sequence[Start]) -> tuple[list[str], int]:
+def place_to_save(arguments: argparse.Namespace, record: SceneRecord, source: str | None = None) -> Path:
+    """The catalogue to keep families in a parameter in. A place where that is not possible is refused before the work starts. source: the
+    file that they go on from."""
+    if arguments.catalogue is None and record.is_free:
+        raise BadInput("--catalogue FILE is required: the scene's own catalogue is that of families in the energy")
+    if arguments.catalogue is None and source is not None and arguments.scene is None:
+        raise BadInput(f"--catalogue FILE is required: {source} does not name its scene; expected it, or --scene")
+    return catalogues.place_to_save(arguments, record, record.parameters["names"])
+
+
+def save(place: Path, record: SceneRecord, found: Onwards, starts: Sequence[Start]) -> tuple[list[str], int]:
     """Keep what was followed from some starts in a catalogue, which is made if there is none, and join it at the events where it begins.
 
     Returns
@@ -88,8 +100,8 @@ def save(place: Path, request: ResponseRequest, found: Onwards, starts: Sequence
 
     lines, code = [], DONE
     words = {Kept.NEW: "saved", Kept.KNOWN: "known", Kept.WIDER: "wider"}
-    name = request.path.name
-    with Catalogue(place, "a", scene=record_of(request), provenance={"saltus": __version__}) as catalogue:
+    name = record.parameters["names"][0]
+    with Catalogue(place, "a", scene=record, provenance={"saltus": __version__}) as catalogue:
         ids: dict[int, str] = {}
         for number, branch in enumerate(found.branches):
             if any(end.reason == "INTERRUPTED" for end in branch.ended):
@@ -115,7 +127,7 @@ def save(place: Path, request: ResponseRequest, found: Onwards, starts: Sequence
                 lines.append(f"note   {place} has no family with {event.id}, where {ids[number]} begins: expected it saved, too")
                 continue
             branch = found.branches[number]
-            link = link_at(where[0], where[1], joined_sequence(branch.problem.sequence))
+            link = link_at(where[0], where[1], joined_sequence(branch.problem.sequence), float(branch.parameter[branch.start]))
             there = orbit_of(branch.problem, branch.unknowns[branch.start])
             catalogue.connect(edge_of(catalogue, replace(link, there=there), ids[number]))
             lines.append(f"edge   {link.source} {link.event}: {link.kind}")
@@ -150,7 +162,7 @@ def build(arguments: argparse.Namespace) -> int:
     """Fill a catalogue with the families that begin at the events of others; return the exit code."""
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
-    place = place_to_save(arguments, request)
+    place = place_to_save(arguments, record_of(request), request.source)
     prepare_kernels(arguments)
     starts = starts_of(request, arguments, files.report)
 

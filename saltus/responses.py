@@ -73,7 +73,7 @@ def is_wanted(arguments: argparse.Namespace) -> bool:
 
         free = free_families.wants_free_family(arguments)
         for name in _OTHERS:
-            if getattr(arguments, name) and not (name == "name" if free else name in ("save", "catalogue")):
+            if getattr(arguments, name) and name not in ("save", "catalogue") and not (free and name == "name"):
                 what = arguments.name if name == "name" else f"--{name.replace('_', '-')}"
                 raise BadInput(f"{what} belongs to families in the energy; expected --in NAME with --from and --range alone")
         stops, what = (_FREE_STOPS, "a family of free orbits in a parameter") if free else (_STOPS, "a response")
@@ -106,8 +106,15 @@ def follow_free(arguments: argparse.Namespace) -> int:
         raise BadInput("--through and --branches are options of a response; expected --from FILE:EVENT, one event after the other")
     files = outputs.outputs_of(arguments)
     lines: list[str] = []
-    starts, interval, title = free_families.free_start(arguments, lines.extend)
-    problem = starts[0].problem
+    # The catalogue is the one to save in: nothing is looked up there.
+    given = argparse.Namespace(**{**vars(arguments), "catalogue": None, "save": False})
+    starts, interval, title = free_families.free_start(given, lines.extend)
+    problem, keep = starts[0].problem, None
+    if arguments.save or arguments.catalogue is not None:
+        from saltus import response_catalogues
+
+        record = response_catalogues.record_of_free(problem)
+        keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, record), record)
     _check_axes(arguments, problem.parametric, len(problem.sequence) + 2, free=True)
     if arguments.model:
         from saltus.scene.model import explain
@@ -116,7 +123,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
         lines += [f"model  {line}" for line in explain(problem.system, problem.ends)]
     files.report(lines)
     compiling.prepare("parameter", *(["modes"] if problem.degrees_of_freedom > 2 else []))
-    return _follow_and_write(starts, interval, arguments, files, title)
+    return _follow_and_write(starts, interval, arguments, files, title, keep)
 
 
 def follow(arguments: argparse.Namespace) -> int:
@@ -133,7 +140,8 @@ def follow(arguments: argparse.Namespace) -> int:
     if arguments.save or arguments.catalogue is not None:
         from saltus import response_catalogues
 
-        keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, request), request)
+        record = response_catalogues.record_of(request)
+        keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, record, request.source), record)
     prepare_kernels(arguments)
     return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title, keep)
 

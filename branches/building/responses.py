@@ -19,7 +19,7 @@ import numpy as np
 from branches.building.frontier import Frontier
 from branches.building.plan import Link
 from branches.catalogue.database import CatalogueError, readable
-from branches.catalogue.responses import kept_as, orbit_of, pack_response, problem_from, problem_record
+from branches.catalogue.responses import kept_as, orbit_of, pack_response, problem_at, problem_from, problem_record
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
@@ -205,11 +205,16 @@ def _beginning(branch: ForcedBranch, event: ForcedEvent, seed: ResponseSeed) -> 
     return seeds, ""
 
 
-def link_at(branch: ForcedBranch, event: ForcedEvent, sequence: str | None = None) -> Link:
-    """The link from an event of a branch; at a grazing to the family with a sequence."""
+def link_at(branch: ForcedBranch, event: ForcedEvent, sequence: str | None = None, beside: float | None = None) -> Link:
+    """The link from an event of a branch; at a grazing to the family with a sequence, of which an orbit has the value `beside` of the
+    parameter."""
     kind = "switch"
     if event.type in ("GR", "LB"):
-        kind = "passage" if event.type == "LB" or dict(event.neighbours).get(sequence or "", True) else "fold"
+        persists = dict(event.neighbours).get(sequence or "")
+        if persists is None and beside is not None:
+            values, k = branch.parameter, event.point
+            persists = (values[k + 1 if k == 0 else k - 1] - values[k]) * (beside - values[k]) <= 0.0
+        kind = "passage" if event.type == "LB" or persists is not False else "fold"
     place = float(branch.parameter[event.point]), float(branch.periods[event.point])
     here, width = orbit_of(branch.problem, branch.unknowns[event.point]), event.bracket[1] - event.bracket[0]
     return Link(branch.id, event.id, event.type, kind, *place, event.stop, None, None, here, None, width)
@@ -391,9 +396,7 @@ def edge_of(catalogue: Catalogue, link: Link, target: str | None) -> Edge:
     if event is not None:
         return replace(edge, target_event=event.id, target_orbit=orbit_of(branch.problem, branch.unknowns[event.point]))
     # Another image of this orbit has other unknowns, so the nearest orbit of the stored family is taken.
-    closure, load_periods = link.there.ends[0].split("-")
-    begun = branch.problem.sibling(link.there.ends[1].split(), half=closure == "half", load_periods=int(load_periods))
-    numbers = invariants(begun, np.array(link.there.start))
+    numbers = invariants(problem_at(branch.problem, link.there), np.array(link.there.start))
     curve = np.array([invariants(branch.problem, y) for y in branch.unknowns])
     size = np.maximum(np.ptp(curve, axis=0), 1e-9)
     nearest = int(np.argmin(np.linalg.norm((curve - numbers) / size, axis=1)))

@@ -191,8 +191,8 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
     passage, switch, dead end, linear mode), ``source_event``, ``target_event``, ``h``, ``alpha``, ``stop``, ``note``. The key of an edge
     is ``source_event>target_event:kind``.
 
-    Of forced responses a family has ``closure`` in place of ``ends``, and no labels; ``parameter`` and ``period`` take the places of ``h``
-    and ``alpha``.
+    A family in a parameter has no labels, and ``parameter`` and ``period`` in place of ``h`` and ``alpha``. A forced response has
+    ``closure`` in place of ``ends``.
     """
     import networkx
 
@@ -201,7 +201,7 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
     for family in sorted(catalogue.all_families(), key=lambda row: row.id):
         names: dict[str, Any] = {"label": family.label, "labels": list(family.label_names), "ends": family.ends}
         if catalogue.scene.parameters:
-            names = {"closure": family.ends}
+            names = {"ends" if catalogue.scene.is_free else "closure": family.ends}
         extents = (first, family.h), (second, family.alpha)
         ranges = {f"{key}_{side}": end for key, ends in extents for side, end in zip(("low", "high"), ends, strict=True)}
         graph.add_node(

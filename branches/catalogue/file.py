@@ -151,9 +151,8 @@ class CatalogueFile:
         if own.parameters and "system" in system:
             system = self._at_own_values(system)
         elif own.parameters or "system" in system:
-            held = f"responses in {', '.join(own.parameters['names'])}" if own.parameters else "families in the energy"
-            other = "families in the energy" if own.parameters else "responses to loads"
-            raise CatalogueError(f"{self.path} holds {held}, and no {other}; expected another catalogue")
+            other = "families in the energy" if own.parameters else "families in a parameter"
+            raise CatalogueError(f"{self.path} holds {own.held}, and no {other}; expected another catalogue")
         differs = difference(own.system, system)
         if differs is not None:
             raise CatalogueError(f"{self.path} belongs to another system: there {differs}")
@@ -161,9 +160,10 @@ class CatalogueFile:
     def require_parameters(self, parameters: Mapping[str, Any]) -> None:
         """Refuse forced families in other parameters, or with other equations, than those of the catalogue: ``names`` and ``keep``."""
         own = self.scene.parameters
-        if any(list(own[key]) != list(parameters[key]) for key in ("names", "keep")):
+        if any([text.replace(" ", "") for text in own[key]] != [text.replace(" ", "") for text in parameters[key]] for key in own):
             held, other = (", ".join([*found["names"], *found["keep"]]) for found in (own, parameters))
-            raise CatalogueError(f"{self.path} holds responses in {held}; received one in {other}, expected another catalogue for it")
+            what = self.scene.held.partition(" in ")[0]
+            raise CatalogueError(f"{self.path} holds {what} in {held}; received one in {other}, expected another catalogue for it")
 
     def _at_own_values(self, system: Mapping[str, Any]) -> dict[str, Any]:
         """A description with this catalogue's values of the parameters that vary."""

@@ -176,7 +176,7 @@ def find(catalogue: CatalogueStore, text: str, reference_points: Mapping[str, Ma
 
 def _response(catalogue: CatalogueStore, text: str, head: str, row: FamilyRow | None) -> NameMatch:
     """The family of forced orbits that has an id, or the beginning of one: it has no label."""
-    held = f"the families of {catalogue.path} are responses in {catalogue.scene.axes.symbols[0]}"
+    held = f"the families of {catalogue.path} are {catalogue.scene.held}"
     if row is None:
         near = ", ".join(most_alike(head, [row.id for row in catalogue.all_families()])) or "none, it holds no family"
         raise NameNotFound(f"no family {shown(text)}: {held}, which have ids and no labels; nearest: {near}")

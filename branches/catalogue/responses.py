@@ -1,4 +1,4 @@
-"""Families of forced orbits in a catalogue: their rows, the branch of a row, whether one contains another, and what must hold of them.
+"""Families of orbits in a parameter in a catalogue: their rows, the branch of a row, whether one contains another, and their checks.
 
 They have the rows of conservative families. The parameter and the period take the places of the energy and the quarter period, and the
 largest modulus of the multipliers that of tau.
@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.admissible import unphysical
-from branches.catalogue.database import CatalogueError
 from branches.catalogue.packing import PackedFamily, encode, label_intervals, queried_rows, stability_intervals, stable_fraction
 from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_values
 from branches.events import BranchEvent, Ended
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.identity import invariants
 from branches.forced.tracing import follow_response, primitive_branch
+from branches.released.branch import branch_in_parameter
+from branches.released.family import PlacedSolution, placed
+from branches.sequences import impacts_per_period, parse_sequence
 from branches.tables import plain
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged, Solution
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "contains", "failures", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
-    "problem_from", "problem_record", "system_of", "unpack_response",
+    "problem_at", "problem_from", "problem_record", "system_of", "unpack_response",
 ]  # fmt: skip
 
 RESIDUAL = 1e-11
@@ -55,8 +57,7 @@ def system_of(problem: ForcedProblem) -> dict[str, Any]:
 
 
 def pack_response(branch: ForcedBranch) -> PackedFamily:
-    """Pack a family of forced orbits into the rows of a catalogue."""
-    require_forced(branch)
+    """Pack a family of orbits in a parameter into the rows of a catalogue."""
     problem = branch.problem
     count = len(branch)
     largest = branch.largest_multiplier
@@ -74,11 +75,18 @@ def pack_response(branch: ForcedBranch) -> PackedFamily:
     ended = [(str(end.reason), end.text) for end in branch.ended]
     details = {"labels": label_intervals(columns, ()), "stability": stability, "ended": ended, "layout": layout, "response": response}
     row = FamilyRow(
-        0, branch.id, "", closure, sequence, len(problem.sequence) * (2.0 if problem.half else 1.0) / problem.load_periods,
+        0, branch.id, "", closure, sequence, _impacts(problem),
         float(branch.parameter.min()), float(branch.parameter.max()), float(branch.periods.min()), float(branch.periods.max()),
         count, len(events), int(branch.start), stable_fraction(stability), "", compact_json(details),
     )  # fmt: skip
     return PackedFamily(system_of(problem), row, queried_rows(columns), arrays, [event_values(event) for event in events])
+
+
+def _impacts(problem: ForcedProblem) -> float:
+    """Impacts in a period of the loads; of free orbits in one of their own."""
+    if isinstance(problem, ReleasedProblem):
+        return float(impacts_per_period(tuple(problem.sequence), problem.ends))
+    return len(problem.sequence) * (2.0 if problem.half else 1.0) / problem.load_periods
 
 
 def plain_events(branch: ForcedBranch) -> tuple[BranchEvent, ...]:
@@ -98,7 +106,8 @@ def plain_events(branch: ForcedBranch) -> tuple[BranchEvent, ...]:
 
 def problem_record(problem: ForcedProblem) -> dict[str, Any]:
     """A problem without its system, as plain data."""
-    return {
+    free = {"ends": list(problem.ends), "energy": problem.energy} if isinstance(problem, ReleasedProblem) else {}
+    return free | {
         "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
         "released": list(problem.released), "keep": list(problem.keep),
     }  # fmt: skip
@@ -106,6 +115,10 @@ def problem_record(problem: ForcedProblem) -> dict[str, Any]:
 
 def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> ForcedProblem:
     """The inverse of `problem_record`."""
+    if "ends" in given:
+        ends = given["ends"][0], given["ends"][1]
+        own = {name: given[name] for name in ("values", "energy")}
+        return ReleasedProblem(parametric, ends, given["solved"], given["released"], given["keep"], **own)
     options = {name: given[name] for name in ("load_periods", "half", "values", "keep")}
     return ForcedProblem(parametric, given["solved"], given["released"], **options)
 
@@ -125,14 +138,15 @@ def unpack_response(
     for event, (note, angle, neighbours) in zip(events, given["events"], strict=True):
         restored.append(
             ForcedEvent(
-                event.id, event.type, event.point, problem.parameters(unknowns[event.point]), event.arclength, event.status, event.bracket,
-                event.residual, event.stop, angle, note, event.multiplier, tuple((sequence, persists) for sequence, persists in neighbours),
+                event.id, event.type, event.point, problem.known_values(unknowns[event.point]), event.arclength, event.status,
+                event.bracket, event.residual, event.stop, angle, note, event.multiplier,
+                tuple((sequence, persists) for sequence, persists in neighbours),
             )
         )  # fmt: skip
     low, high = given["range"]
     first, last = (Ended(*ended) for ended in row.ended)
     interval = -math.inf if low is None else low, math.inf if high is None else high
-    branch = ForcedBranch(
+    branch = branch_in_parameter(
         problem, unknowns, columns["tangents"], columns["arclength"], columns["residual"], tuple(restored), (first, last), row.start,
         interval,
     )  # fmt: skip
@@ -163,8 +177,22 @@ def contains(branch: ForcedBranch, other: ForcedBranch, places: int = 9) -> bool
 
 def orbit_of(problem: ForcedProblem, y: np.ndarray) -> EventOrbit:
     """An orbit as an edge stores it: all unknowns of its problem."""
+    if isinstance(problem, ReleasedProblem):
+        return EventOrbit(problem.ends, "".join(problem.sequence), tuple(map(float, y)), ())
     closure = f"{'half' if problem.half else 'full'}-{problem.load_periods}"
     return EventOrbit((closure, " ".join(problem.sequence)), "".join(problem.sequence), tuple(map(float, y)), ())
+
+
+def problem_at(beside: ForcedProblem, orbit: EventOrbit) -> ForcedProblem:
+    """The problem of an orbit that `orbit_of` gave, in the parameters of another problem."""
+    given = problem_record(beside)
+    if isinstance(beside, ReleasedProblem):
+        # The unknowns of free orbits do not name their impacts one by one.
+        given |= {"ends": orbit.ends, "solved": parse_sequence(orbit.sequence)}
+    else:
+        closure, load_periods = orbit.ends[0].split("-")
+        given |= {"solved": orbit.ends[1].split(), "half": closure == "half", "load_periods": int(load_periods)}
+    return problem_from(beside.parametric, given)
 
 
 def failures(branch: ForcedBranch) -> Iterator[str]:
@@ -186,8 +214,11 @@ def _point(problem: ForcedProblem, y: np.ndarray, grazing: bool) -> Iterator[tup
     if not residual <= RESIDUAL:
         yield "residual", f"its residual is {residual:.1e}, expected below {RESIDUAL:.0e}"
         return
-    solution = _as_it_is(problem, y)
-    beyond = None if solution is None or grazing else unphysical(problem, solution)
+    if grazing:
+        return
+    solution = placed(problem, y) if isinstance(problem, ReleasedProblem) else _as_it_is(problem, y)
+    own = solution.problem if isinstance(solution, PlacedSolution) else problem
+    beyond = None if solution is None else unphysical(own, solution)
     if beyond is not None:
         yield "admissibility", f"it is inadmissible: {beyond}"
 
@@ -214,18 +245,21 @@ def meeting_failures(here: tuple[ForcedProblem, EventOrbit], there: tuple[Forced
         residual = _residual(problem, y)
         if not residual <= RESIDUAL:
             yield f"its orbit does not solve the problem of its {side}: the residual is {residual:.1e}, expected at most {RESIDUAL:.0e}"
-        flux = float(np.sum(problem.impact_speeds(y) ** 2)) * (2.0 if problem.half else 1.0) / problem.period(y)
-        measures.append((flux, float(np.abs(problem.nodes(y)[:, : problem.degrees_of_freedom]).max())))
+        measures.append(_measures(problem, y))
     for one, other in zip(*measures, strict=True):
         if not abs(one - other) <= _MEETS * max(abs(one), abs(other), measures[0][1] * 1e-3):
             yield f"its two orbits are not the same: {one:.6g} and {other:.6g} differ"
             return
 
 
-def require_forced(branch: ForcedBranch) -> None:
-    """Refuse a family of free orbits in a parameter: it has no id yet."""
-    if isinstance(branch.problem, ReleasedProblem):
-        raise CatalogueError(f"families of free orbits in {branch.name} are not kept in catalogues; expected a response, or a JSON file")
+def _measures(problem: ForcedProblem, y: np.ndarray) -> tuple[float, float]:
+    """Numbers that an orbit has in the unknowns of both families: the sum of the squared impact speeds over the period, and the largest
+    displacement at an impact; of free orbits their energy."""
+    if isinstance(problem, ReleasedProblem):
+        _, period, _, energy, speed = invariants(problem, y).tolist()
+        return _impacts(problem) * speed**2 / period, energy
+    flux = float(np.sum(problem.impact_speeds(y) ** 2)) * (2.0 if problem.half else 1.0) / problem.period(y)
+    return flux, float(np.abs(problem.nodes(y)[:, : problem.degrees_of_freedom]).max())
 
 
 def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch:
@@ -236,14 +270,9 @@ def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch
     CatalogueError
         For a branch of another system, or in other parameters.
     """
-    require_forced(branch)
     branch = primitive_branch(branch)
     catalogue.require_system(system_of(branch.problem))
-    old = branch.problem
-    problem = ForcedProblem(
-        catalogue.parametric, old.sequence, old.released, load_periods=old.load_periods, half=old.half, values=old.values, keep=old.keep
-    )
-    branch = replace(branch, problem=problem)
+    branch = replace(branch, problem=problem_from(catalogue.parametric, problem_record(branch.problem)))
     return branch.known_as(next((id for id in branch.full_family.ids if id in catalogue), branch.full_family.ids[0]))
 
 

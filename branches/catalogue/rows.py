@@ -50,7 +50,8 @@ def crosses(h: tuple[float, float], energy: float) -> bool:
 class FamilyRow(NamedTuple):
     """A family without its points. The fields are the columns of the table.
 
-    Of a family of forced orbits h is its parameter, alpha its period, `ends` its closure, and `impacts` those in a period of the loads.
+    Of a family in a parameter h is the parameter, alpha its period, and `impacts` those in a period of the loads, or of a free orbit in its
+    own; `ends` is the closure of forced orbits.
 
     Attributes
     ----------
@@ -126,7 +127,7 @@ class FamilyRow(NamedTuple):
 
     @property
     def response(self) -> Any:
-        """Of a family of forced orbits: its problem, range and what else its events have; None of another one."""
+        """Of a family in a parameter: its problem, range and what else its events have; None of another one."""
         return _parsed(self.details).get("response")
 
     @property
@@ -325,8 +326,8 @@ class SceneRecord:
     title, source, text : str
         The scene's title and source, and its TOML if it was read from a file.
     parameters : dict
-        Of a catalogue of forced responses: ``names`` of the parameters that vary, and the equations that they ``keep``. `system` is then as
-        `bvp.parameters.ParametricSystem.describe` gives it.
+        Of a catalogue of families in a parameter: ``names`` of the parameters that vary, and the equations that they ``keep``. `system` is
+        then as `bvp.parameters.ParametricSystem.describe` gives it.
     """
 
     system: dict[str, Any]
@@ -336,6 +337,18 @@ class SceneRecord:
     source: str = ""
     text: str = ""
     parameters: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether its families are those of free orbits in parameters: they keep as many equations as parameters vary."""
+        return bool(self.parameters) and len(self.parameters["keep"]) == len(self.parameters["names"])
+
+    @property
+    def held(self) -> str:
+        """What families it has, in words."""
+        if not self.parameters:
+            return "families in the energy"
+        return f"{'families of free orbits' if self.is_free else 'responses'} in {', '.join(self.parameters['names'])}"
 
     @property
     def axes(self) -> Axes:

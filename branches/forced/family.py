@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
+from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests
-from branches.forced.resonance import RESONANCE
+from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels import WatchedTests, is_orbit
+from branches.released.family import ReleasedFamily
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
@@ -29,43 +31,10 @@ from continuation.problem import Advance, EventDetails, Point, Step, TestFunctio
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["AlongParameters", "ForcedFamily", "limits_of", "unbounded"]
+__all__ = ["ForcedFamily", "family_of"]
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
-
-_LARGE = 100.0
-"""Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
-
-_UNDAMPED, _NEAR = 1e-10, 0.3
-"""Distance of a multiplier from the unit circle, and from 1, at the resonance of an undamped mode."""
-
-
-def limits_of(problem: ForcedProblem, interval: tuple[float, float]) -> tuple[tuple[float, float], tuple[str, str]]:
-    """The values between which the first released parameter stays, of those asked for and its domain; and what ends a family there."""
-    name = problem.released[0]
-    low, high = problem.parametric.domain(name)
-    texts = [
-        f"{side} value of {name} asked for" if inside else f"{name} leaves its domain here"
-        for side, inside in (("lowest", interval[0] >= low), ("highest", interval[1] <= high))
-    ]
-    return (max(low, interval[0]), min(high, interval[1])), (texts[0], texts[1])
-
-
-class AlongParameters:
-    """What families in released parameters have in common."""
-
-    problem: Any
-
-    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
-        """Where steps fail: the value of the parameter; why the system cannot have the next one."""
-        name, why = self.problem.released[0], self.violation(y, tangent, ds)
-        return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
-
-    def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:
-        """Why the system cannot have the parameters at a distance along the tangent; None if it can."""
-        found: str | None = self.problem.violation(y + ds * tangent[: y.size])
-        return found
 
 
 class ForcedFamily(AlongParameters, SolvedFamily):
@@ -100,7 +69,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         self.problem = problem
         self.values = values
         name = problem.released[0]
-        (low, high), (first, last) = limits_of(problem, interval)
+        (low, high), (first, last) = parameter_bounds(problem, interval)
         first, last = (RESONANCE if resonances[0] > low else first), (RESONANCE if resonances[1] < high else last)
         self.interval = max(low, resonances[0]), min(high, resonances[1])
         turned = ("SB", "the half-period symmetry breaks") if problem.half else ("PD", "period doubling")
@@ -194,24 +163,13 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         return float(np.angle(nearest)) if abs(abs(nearest) - 1.0) < _ON_CIRCLE else None
 
 
-def unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
-    """The condition that the motion grows without bound, in words: without impacts towards the resonance of an undamped mode, and without
-    a clock where the stops lose no more than the motion gains."""
-    place = 2 * problem.degrees_of_freedom
-
-    def gains(point: Point) -> str | bool:
-        return max(map(abs, point.step.position[:place])) > _LARGE and "the motion grows without bound"
-
-    def grows(point: Point) -> str | bool:
-        if max(map(abs, point.step.position[:place])) < _LARGE:
-            return False
-        free = problem.multipliers(point.step.y)
-        near = free[np.argmin(np.abs(free - 1.0))]
-        undamped = abs(abs(near) - 1.0) < _UNDAMPED and abs(near - 1.0) < _NEAR
-        return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
-
+def family_of(
+    problem: ForcedProblem,
+    interval: tuple[float, float] = (-math.inf, math.inf),
+    values: tuple[float, ...] = (),
+    begin: float = math.nan,
+) -> ForcedFamily | ReleasedFamily:
+    """The family of a problem of forced or free orbits; arguments of its kind. begin: the value of its parameter at the start."""
     if isinstance(problem, ReleasedProblem):
-        return None
-    if not problem.has_clock:
-        return gains
-    return None if problem.sequence else grows
+        return ReleasedFamily(problem, interval, values)
+    return ForcedFamily(problem, interval, values, resonances_around(problem, begin))

@@ -1,4 +1,4 @@
-"""The identity of a family of forced orbits: its closure, its impact sequence, and the events at which it ends or folds.
+"""The identity of a family of orbits in a parameter: its closure, its impact sequence, and the events at which it ends or folds.
 
 The id of a family is `closure:sequence:hash`, as that of a conservative family is `ends:sequence:hash`. It depends neither on where a run
 starts, nor on its direction, its steps and its range: a family is identified by what it has in a window of the parameter, whatever was
@@ -21,15 +21,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.family import SETTINGS
+from branches.forced.along_parameters import unbounded
 from branches.forced.closing import with_exact_ends
-from branches.forced.family import ForcedFamily, unbounded
-from branches.forced.resonance import resonances_around
+from branches.forced.family import family_of
 from branches.forced.switching import full_period, half_of
 from branches.full_family import FamilyMark, digests
+from branches.released.presentation import canonical_names, free_invariants, order_of, primitive_free_orbit
 from bvp.closures import EndsError
 from bvp.contact_sequence import OPENS, joined_sequence
 from bvp.description import BASE
 from bvp.forced import ForcedProblem
+from bvp.released import ReleasedProblem
 from continuation.problem import EndReason, Point
 from continuation.run import follow_both_ways
 
@@ -58,7 +60,10 @@ _SLACK = 1e-3
 
 
 def closure_name(problem: ForcedProblem) -> str:
-    """The closure in an id: "period-2", "half-period-1", or "free-period" without harmonic loads."""
+    """The closure in an id: "period-2", "half-period-1", or "free-period" without harmonic loads; of free orbits of conservative systems
+    their ends, "origin-stop+"."""
+    if isinstance(problem, ReleasedProblem):
+        return canonical_names(problem)[0]
     if not problem.has_clock:
         return "free-half-period" if problem.half else "free-period"
     return f"{'half-' if problem.half else ''}period-{problem.load_periods}"
@@ -66,6 +71,8 @@ def closure_name(problem: ForcedProblem) -> str:
 
 def canonical_letters(problem: ForcedProblem) -> str:
     """The impact sequence in an id: of all images of an orbit, the first one in the order of the alphabet."""
+    if isinstance(problem, ReleasedProblem):
+        return canonical_names(problem)[1]
     sequence = list(problem.sequence)
     mirror = [problem.mirrored(symbol) for symbol in sequence] if is_odd(problem) else []
     full = [sequence + (mirror if problem.half else [])]
@@ -87,6 +94,8 @@ def is_odd(problem: ForcedProblem) -> bool:
 
 def primitive_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """The orbit that y repeats, over half its period where it is symmetric, with its problem; the orbit itself where there is none."""
+    if isinstance(problem, ReleasedProblem):
+        return primitive_free_orbit(problem, y)
     if problem.half and problem.load_periods > 1:
         wide, full = full_period(problem, y)
     elif problem.half:
@@ -123,7 +132,9 @@ def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProb
 
 def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     """Numbers of an orbit that no image changes, (5,): the parameter, the period, two sums over the phases of the impacts, and the root
-    mean square of their speeds."""
+    mean square of their speeds. Of a free orbit, which has no phase, the pattern of its impacts and the energy are in place of the sums."""
+    if isinstance(problem, ReleasedProblem):
+        return free_invariants(problem, y)
     value = float(y[2 * problem.degrees_of_freedom + 1])
     nodes = problem.nodes(y)[: len(problem.sequence)]
     # A period of the loads, and half of one, change twice the phase by whole turns.
@@ -187,7 +198,7 @@ def full_response(branch: ForcedBranch, on_points: Callable[[Sequence[Point]], o
     problem, chosen = branch.problem, _plain_points(branch)
     canonical = [primitive_orbit(problem, branch.unknowns[i]) for i in chosen]
     # An orbit at which the symmetry of its family is higher is no orbit of the other family: several are tested.
-    problem, y = max(canonical, key=lambda pair: (pair[0].load_periods, not pair[0].half))
+    problem, y = max(canonical, key=lambda pair: _order(pair[0]))
     window = window_of(problem)
     if problem is branch.problem and _is_full(branch, window):
         found = [(event.type, branch.unknowns[event.point], event.point in (0, len(branch) - 1)) for event in branch.events]
@@ -199,6 +210,11 @@ def full_response(branch: ForcedBranch, on_points: Callable[[Sequence[Point]], o
     marks = _lowest([_mark(problem, kind, y) for y in orbits])
     name = f"{closure_name(problem)}:{canonical_letters(problem)}"
     return FullResponse(tuple(f"{name}:{text}" for text in digests(marks)), marks, closed, parameter)
+
+
+def _order(problem: ForcedProblem) -> tuple[float, ...]:
+    """Orders the problems of primitive orbits: the less symmetry and the more repetitions, the higher."""
+    return order_of(problem) if isinstance(problem, ReleasedProblem) else (problem.load_periods, not problem.half)
 
 
 def _identifying(
@@ -241,7 +257,7 @@ def _followed(
     """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
     at which it is cut."""
     place = 2 * problem.degrees_of_freedom + 1
-    family = ForcedFamily(problem, window, (), resonances_around(problem, float(y[place])))
+    family = family_of(problem, window, begin=float(y[place]))
     run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem), on_points=on_points)
     run = with_exact_ends(family, run)
     if not run.points:
@@ -260,11 +276,13 @@ def _followed(
 
 def _mark(problem: ForcedProblem, kind: str, y: np.ndarray) -> FamilyMark:
     """What identifies an orbit: the values of the parameter, the period and the phases of the impacts."""
-    value, period, cosine, sine, _ = invariants(problem, y).tolist()
+    value, period, first, second, _ = invariants(problem, y).tolist()
     scale = window_of(problem)[1] / WINDOW
     path = ",".join((*problem.released, *problem.keep))
-    # A sum of phases far from zero has six digits.
-    phases = 3.0 + cosine + 0.5 * sine if problem.sequence else 0.0
+    if isinstance(problem, ReleasedProblem):
+        phases, path = first, path.replace(" ", "")
+    else:  # a sum of phases far from zero has six digits
+        phases = 3.0 + first + 0.5 * second if problem.sequence else 0.0
     return FamilyMark(f"{kind} {path}", 0.0 if abs(value) < _ZERO * scale else value, period, phases)
 
 

@@ -13,21 +13,19 @@ import numpy as np
 from branches.admissible import unphysical
 from branches.events import Ended
 from branches.family import SETTINGS
+from branches.forced.along_parameters import unbounded
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.closing import with_exact_ends
 from branches.forced.extending import can_go_on, joined, outward
-from branches.forced.family import ForcedFamily, unbounded
+from branches.forced.family import family_of
 from branches.forced.identity import closure_name, primitive_orbit
-from branches.forced.resonance import resonances_around
 from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, leaving
 from branches.interrupted import with_branch, with_computed
-from branches.released.branch import ReleasedBranch
-from branches.released.family import ReleasedFamily
+from branches.released.branch import branch_in_parameter
 from branches.tracing import event_along
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
-from bvp.released import ReleasedProblem
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
@@ -45,6 +43,8 @@ _BESIDE = 1e-3
 """Largest arclength between a branch point and the fold of a family that turns there. Its cube bounds the difference of the parameter,
 which has a turning point between them."""
 
+_BEYOND = (4.0 * SETTINGS.minimum_step, 1e-6)
+"""Arclengths from an end at which the system is looked at: steps to it fail earlier than the system does."""
 
 
 def follow_response(
@@ -93,7 +93,7 @@ def follow_response(
         With the branch up to there as its attribute `branch`, if it has a point.
     """
     place = 2 * problem.degrees_of_freedom + 1
-    family = _family_of(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
+    family = family_of(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
     if isinstance(start, Step):  # it has the test functions of another family
         begin = family.step(start.y, start.tangent, 0.0)
     else:
@@ -150,7 +150,7 @@ def go_on(
         if direction != "both" and slope * _SIGNS[direction] <= 0.0:
             continue
         place = -1 if last else 0
-        begin = _family_of(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
+        begin = family_of(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
         try:
             further = follow_response(branch.problem, begin, interval, direction="along", **options)
         except KeyboardInterrupt as error:
@@ -161,20 +161,8 @@ def go_on(
     return branch, [len(branch) - 1 if last else 0 for last in moved]
 
 
-def _family_of(
-    problem: ForcedProblem,
-    interval: tuple[float, float] = (-math.inf, math.inf),
-    values: tuple[float, ...] = (),
-    begin: float = math.nan,
-) -> ForcedFamily | ReleasedFamily:
-    """The family of a problem; options of `follow_response`. begin: the value of its parameter at the start."""
-    if isinstance(problem, ReleasedProblem):
-        return ReleasedFamily(problem, interval, values)
-    return ForcedFamily(problem, interval, values, resonances_around(problem, begin))
-
-
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:
-    run = with_exact_ends(_family_of(problem), run)
+    run = with_exact_ends(family_of(problem), run)
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     counts = Counter[str]()
@@ -199,9 +187,9 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
         ended.append(_ended(problem, end, point, sign, origin))
     tangents, residuals = np.array([step.tangent[: problem.unknowns] for step in steps]), np.array([step.residual for step in steps])
     rest = unknowns, tangents, run.points.arclengths(), residuals, tuple(events), (ended[0], ended[1]), run.start, interval
-    if isinstance(problem, ReleasedProblem):
-        return ReleasedBranch(problem, *rest)
-    branch = ForcedBranch(problem, *rest)
+    branch = branch_in_parameter(problem, *rest)
+    if problem.ends is not None:
+        return branch
     return replace(branch, events=tuple(_with_neighbours(branch, event) for event in events))
 
 
@@ -209,9 +197,11 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
     """Why a branch ends at a point, in the terms of the user. sign: 1 at the last point, -1 at the first."""
     name, text = problem.released[0], end.text
     if end.reason is EndReason.MINIMUM_STEP:
-        why = _family_of(problem).violation(point.step.y, point.step.tangent, 4.0 * sign * SETTINGS.minimum_step)
-        if why is not None:
-            return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
+        family = family_of(problem)
+        for distance in _BEYOND:
+            why = family.violation(point.step.y, point.step.tangent, sign * distance)
+            if why is not None:
+                return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
     if end.reason is EndReason.EVENT and point.event is not None:
         text = f"{point.event.code} at {name} = {point.step.parameter:.12g}: {point.event.details.get('note')}"
     elif end.reason is EndReason.NOT_ASKED and origin is not None:

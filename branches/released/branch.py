@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +13,11 @@ from branches.between_events import Barrier, decide_between
 from branches.forced.branch import ForcedBranch
 from branches.orbit import Orbit, orbit_columns
 from branches.released.family import PlacedSolution, placed
+from bvp.forced import ForcedProblem
 from bvp.released import ReleasedProblem
 from bvp.texts import brief
 
-__all__ = ["ReleasedBranch"]
+__all__ = ["ReleasedBranch", "branch_in_parameter"]
 
 _UNDECIDED_AT = ("SN", "BP", "SB", "PD")
 """Events at which a multiplier is at its bound."""
@@ -85,3 +87,8 @@ class ReleasedBranch(ForcedBranch):
     def stable(self) -> np.ndarray:
         """1: stable; 0: unstable; -1: undecided. (N,)"""
         return self.columns["stable"]
+
+
+def branch_in_parameter(problem: ForcedProblem, *rest: Any) -> ForcedBranch:
+    """The branch of a problem of forced or free orbits; the other attributes follow in order."""
+    return ReleasedBranch(problem, *rest) if isinstance(problem, ReleasedProblem) else ForcedBranch(problem, *rest)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from branches.family import Family
-from branches.forced.family import AlongParameters, limits_of
+from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.kernels import TANGENT_NOISE, is_orbit, make_pairs_work
 from branches.solved_family import FAILED, step_of
 from bvp.multipoint import MultipointProblem, Solution
@@ -67,7 +67,7 @@ class ReleasedFamily(AlongParameters, Family):
         self.problem = problem
         self.values = values
         self.advance = None  # each point has a system of its own
-        self.interval, ends = limits_of(problem, interval)
+        self.interval, ends = parameter_bounds(problem, interval)
         # With the energy given at each value of the parameters, the fold in the energy is that in the parameter.
         self._folds_apart = any("quarter_period" in text for text in problem.keep)
         tests = list(self.tests)

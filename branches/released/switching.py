@@ -16,6 +16,7 @@ from branches.forced.branch import ForcedEvent
 from branches.grazing.following import meetings_at
 from branches.released.branch import ReleasedBranch
 from branches.released.family import ReleasedFamily
+from branches.released.presentation import released_orbit
 from branches.switching import TYPES, emanating_families
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem
@@ -53,12 +54,9 @@ def switch_released(branch: ReleasedBranch, event: ForcedEvent) -> list[tuple[Re
         key = problem.ends, problem.sequence
         if key in seen or key == (branch.problem.ends, branch.problem.sequence) and event.type != "BP":
             continue  # its other side
-        old = branch.problem
-        released = ReleasedProblem(
-            old.parametric, problem.ends, problem.sequence, old.released, old.keep,
-            values=old.parameters(branch.unknowns[event.point]), energy=problem.energy(y),
-        )  # fmt: skip
-        begin = ReleasedFamily(released).begin(released.of_orbit(problem, y))
+        values = branch.problem.parameters(branch.unknowns[event.point])
+        released, first = released_orbit(branch.problem, values, problem, y)
+        begin = ReleasedFamily(released).begin(first)
         if begin.converged and unphysical(begin.extra.problem, begin.extra) is None:
             seen.add(key)
             found.append((released, begin))

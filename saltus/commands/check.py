@@ -24,7 +24,8 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
 
     with catalogues.open_catalogue(arguments) as catalogue:
-        compiling.prepare("response" if catalogue.scene.parameters else "continue")
+        scene = catalogue.scene
+        compiling.prepare("parameter" if scene.is_free else "response" if scene.parameters else "continue")
 
         from branches.catalogue.check import check_catalogue
 

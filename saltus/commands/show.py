@@ -97,9 +97,10 @@ def _lines(catalogue: Catalogue, match: NameMatch) -> list[str]:
         model = explain(catalogue.system, row.id)
     else:
         path, model = catalogue.scene.parameters, []
+        what, of = ("ends", "") if catalogue.scene.is_free else ("closure", " of the loads")
         lines = [
             f"family   {row.id}",
-            f"closure  {row.ends}  sequence {row.sequence or '(none)'}  {row.impacts:g} impacts in a period of the loads",
+            f"{what:<7}  {row.ends}  sequence {row.sequence or '(none)'}  {row.impacts:g} impacts in a period{of}",
             f"in       {axes.symbols[0]} = {row.h[0]:.12g} to {row.h[1]:.12g}" + "".join(f", with {text}" for text in path["keep"]),
             f"period   T = {row.alpha[0]:.12g} to {row.alpha[1]:.12g}",
         ]

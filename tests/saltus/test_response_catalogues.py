@@ -200,7 +200,7 @@ def test_other_files_are_refused(folder, capsys, tmp_path, monkeypatch):
     with Catalogue(tmp_path / "energies.sqlite", "a", scene=energies()) as catalogue:
         catalogue.add(real()[0])
     assert "holds families in the energy" in refused(capsys, "export", "response", "--catalogue", "energies.sqlite", "--csv", "-")
-    words = "holds families in the energy, and no responses to loads"
+    words = "holds families in the energy, and no families in a parameter"
     assert words in refused(capsys, "continue", *START, "--catalogue", "energies.sqlite")
     assert "--catalogue FILE is required" in refused(capsys, "continue", "--from", f"{folder / 'first.json'}:GR1", "--save")
     message = refused(capsys, "export", "response", FIRST, "--branches", folder / "first.json", "--csv", "-")

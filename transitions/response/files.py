@@ -13,7 +13,7 @@ from branches.events import Ended
 from branches.files import one_line, write_text
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.reading import RecordError, check_pattern, load_json
-from branches.released.branch import ReleasedBranch
+from branches.released.branch import branch_in_parameter
 from branches.tables import csv_text, plain, plain_columns
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -89,10 +89,10 @@ def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
     for event in branch.events:
         neighbours = [{"sequence": sequence, "persists": persists} for sequence, persists in event.neighbours]
         events.append(plain(event._asdict() | {"values": dict(event.values), "neighbours": neighbours}))
-    # The id of a family of free orbits is that of the family in the energy, which has many families in parameters.
-    closure = {"id": branch.id} if problem.ends is None else {"ends": list(problem.ends)}
+    ends = {} if problem.ends is None else {"ends": list(problem.ends)}
     return {
-        **closure,
+        "id": branch.id,
+        **ends,
         "sequence": branch.sequence,
         "solved": list(problem.sequence),
         "load_periods": problem.load_periods,
@@ -217,9 +217,7 @@ def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) ->
     columns = [np.array([point[key] for point in points]) for key in ("tangent", "arclength", "residual")]
     interval = -np.inf if low is None else low, np.inf if high is None else high
     rest = *columns, tuple(events), (ended[0], ended[1]), item["start"], interval
-    if isinstance(problem, ReleasedProblem):
-        return ReleasedBranch(problem, unknowns, *rest)
-    branch = ForcedBranch(problem, unknowns, *rest)
+    branch = branch_in_parameter(problem, unknowns, *rest)
     return branch.known_as(item["id"]) if "id" in item else branch
 
 

@@ -109,7 +109,7 @@ def test_only_families_of_its_system_and_parameters_are_taken(families, catalogu
 def test_a_catalogue_of_energies_takes_no_response(families, tmp_path):
     """Oracle: a message that says what it holds."""
     with Catalogue(tmp_path / "energies.sqlite", "a", scene=scene()) as catalogue:
-        with pytest.raises(CatalogueError, match="holds families in the energy, and no responses to loads"):
+        with pytest.raises(CatalogueError, match="holds families in the energy, and no families in a parameter"):
             catalogue.add(families[0])
 
 

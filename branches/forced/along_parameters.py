@@ -1,0 +1,80 @@
+"""What families in released parameters have in common: where their parameters end, and where their motion has no bound."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from bvp.forced import ForcedProblem
+from bvp.released import ReleasedProblem
+from continuation.problem import Point
+
+__all__ = ["AlongParameters", "parameter_bounds", "unbounded"]
+
+_LARGE = 100.0
+"""Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
+
+_FAST, _LIGHT = 10.0, 1e-3
+"""Size of a state, in units of the metric, from which on the masses are looked at; and a mass, beside that of the scene, that vanishes."""
+
+_UNDAMPED, _NEAR = 1e-10, 0.3
+"""Distance of a multiplier from the unit circle, and from 1, at the resonance of an undamped mode."""
+
+
+def parameter_bounds(problem: ForcedProblem, interval: tuple[float, float]) -> tuple[tuple[float, float], tuple[str, str]]:
+    """The values between which the first released parameter stays, of those asked for and its domain; and what ends a family there."""
+    name = problem.released[0]
+    low, high = problem.parametric.domain(name)
+    texts = [
+        f"{side} value of {name} asked for" if inside else f"{name} leaves its domain here"
+        for side, inside in (("lowest", interval[0] >= low), ("highest", interval[1] <= high))
+    ]
+    return (max(low, interval[0]), min(high, interval[1])), (texts[0], texts[1])
+
+
+class AlongParameters:
+    """What families in released parameters have in common."""
+
+    problem: Any
+
+    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
+        """Where steps fail: the value of the parameter; why the system cannot have the next one."""
+        name, why = self.problem.released[0], self.violation(y, tangent, ds)
+        return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
+
+    def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:
+        """Why the system cannot have the parameters at a distance along the tangent; None if it can."""
+        found: str | None = self.problem.violation(y + ds * tangent[: y.size])
+        return found
+
+
+def unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
+    """The condition that the motion grows without bound, in words: without impacts towards the resonance of an undamped mode, and without
+    a clock where the stops lose no more than the motion gains; of free orbits where a mass vanishes, and takes its energy."""
+    place = 2 * problem.degrees_of_freedom
+
+    def gains(point: Point) -> str | bool:
+        return max(map(abs, point.step.position[:place])) > _LARGE and "the motion grows without bound"
+
+    def grows(point: Point) -> str | bool:
+        if max(map(abs, point.step.position[:place])) < _LARGE:
+            return False
+        free = problem.multipliers(point.step.y)
+        near = free[np.argmin(np.abs(free - 1.0))]
+        undamped = abs(abs(near) - 1.0) < _UNDAMPED and abs(near - 1.0) < _NEAR
+        return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
+
+    def vanishes(point: Point) -> str | bool:
+        if max(map(abs, point.step.position[:place])) < _FAST:
+            return False
+        mass, first = (problem.parametric.system(values).mass for values in (problem.parameters(point.step.y), None))
+        lightest = float(np.abs(np.linalg.eigvals(np.linalg.solve(first, mass))).min())
+        return lightest < _LIGHT and "a mass goes to 0, and the velocities grow without bound"
+
+    if isinstance(problem, ReleasedProblem):
+        return vanishes
+    if not problem.has_clock:
+        return gains
+    return None if problem.sequence else grows

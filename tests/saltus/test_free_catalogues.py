@@ -1,0 +1,154 @@
+"""Catalogues of families of free orbits in a parameter: `continue NAME --in --keep --catalogue`, and the commands that read them."""
+
+import csv
+import json
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from benchmarks.backbone import Backbone
+from branches.catalogue import Catalogue
+from saltus.__main__ import main
+from tests.saltus.running import refused as check_refused
+from tests.saltus.running import run
+
+START = ("S13+", "--in", "mu", "--keep", "energy=0.6")
+BACKBONE, BROKEN = "origin-stop+::4bfea536", "origin-origin:+:39fc8dab"
+
+
+def refused(capsys, *words):
+    """The one line that refuses a command."""
+    result = run(capsys, *words)
+    check_refused(result)
+    return result[2]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A catalogue of the in-phase backbone and of the family that breaks its symmetry, with the file of the first."""
+    folder = tmp_path_factory.mktemp("free")
+    place = str(folder / "free.sqlite")
+    files = "--json", str(folder / "backbone.json"), "--catalogue", place
+    assert main(["continue", *START, "--range", "0.05:0.3", *files]) == 0
+    assert main(["continue", "--from", f"{folder / 'backbone.json'}:SB1", "--catalogue", place]) == 0
+    return folder
+
+
+@pytest.fixture
+def place(folder):
+    return str(folder / "free.sqlite")
+
+
+def test_the_backbone_is_identified_by_its_grazing(folder):
+    """Oracle: the closed form of the linear mode's grazing, h = w^2/(2 b^2) and T = 2 pi/w."""
+    (branch,) = json.loads((folder / "backbone.json").read_text())["branches"]
+    assert branch["id"] == BACKBONE and branch["ends"] == ["origin", "stop+"]
+    with Catalogue(folder / "free.sqlite") as catalogue:
+        (mark,) = catalogue.branch(BACKBONE).full_family.marks
+
+    def beyond(mu):
+        w, _, b = Backbone(mu, 0.1).modes[0]
+        return w**2 / (2 * b**2) - mp.mpf("0.6")
+
+    with mp.workdps(30):
+        mu = mp.findroot(beyond, mp.mpf("0.054"))
+        period = 2 * mp.pi / Backbone(mu, 0.1).modes[0][0]
+    assert mark.h == pytest.approx(float(mu), rel=1e-9) and mark.alpha == pytest.approx(float(period), rel=1e-8)
+
+
+def test_a_stored_family_is_the_branch_that_was_added(folder, place):
+    """Oracle: the points of the file."""
+    (points,) = [branch["points"] for branch in json.loads((folder / "backbone.json").read_text())["branches"]]
+    with Catalogue(place) as catalogue:
+        branch, row = catalogue.branch(BACKBONE), catalogue.family(BACKBONE)
+    assert np.array_equal(branch.unknowns, [point["unknowns"] for point in points])
+    assert branch.columns["label"].tolist() == [point["label"] for point in points]
+    assert (row.ends, row.impacts, row.points) == ("origin-stop+", 2.0, len(points))
+    assert [event.values["energy"] for event in branch.events] == pytest.approx([0.6] * len(branch.events), rel=1e-12)
+
+
+def test_the_commands_that_read_a_catalogue(place, capsys, tmp_path):
+    """Oracle: the symmetry breaks at mu = 0.0789388653969 (`tests/branches/test_released.py` compares it with the closed form)."""
+    code, out, _ = run(capsys, "list", "--catalogue", place)
+    assert code == 0 and out.splitlines()[0].split() == ["id", "impacts", "mu", "period", "stable", "points", "events"]
+    assert BACKBONE in out and BROKEN in out and out.splitlines()[-1] == "2 of 2 families"
+    code, out, _ = run(capsys, "show", "origin-stop+", "--catalogue", place, "--plot", tmp_path / "a.png", "--json", tmp_path / "a.json")
+    assert code == 0 and (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert "ends     origin-stop+  sequence (none)  2 impacts in a period\n" in out and "with energy=0.6" in out
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert record["family"]["ends"] == "origin-stop+" and record["path"] == {"names": ["mu"], "keep": ["energy=0.6"]}
+    code, out, _ = run(capsys, "tree", BACKBONE, "--catalogue", place)
+    assert code == 0 and f"└─ SB1 switch at mu 0.0789389: {BROKEN}" in out
+    code, out, _ = run(capsys, "path", BACKBONE, BROKEN, "--catalogue", place)
+    assert code == 0 and "SB1 to BP1: switch at mu = 0.0789388654" in out
+    code, out, err = run(capsys, "check", "--catalogue", place)
+    assert code == 0 and "all hold" in out, out
+
+
+def test_export(place, capsys, tmp_path):
+    """Oracle: the numbers of points of the catalogue."""
+    names = {kind: tmp_path / f"a.{kind}" for kind in ("json", "csv", "npz", "mat", "png")}
+    files = [text for kind, name in names.items() for text in ("--plot" if kind == "png" else f"--{kind}", name)]
+    code, _, err = run(capsys, "export", "response", "--catalogue", place, "--y", "alpha", *files)
+    assert code == 0 and not err and names["png"].read_bytes().startswith(b"\x89PNG")
+    with Catalogue(place) as catalogue:
+        count = catalogue.counts()["points"]
+    assert {branch["id"] for branch in json.loads(names["json"].read_text())["branches"]} == {BACKBONE, BROKEN}
+    assert len(np.load(names["npz"])["mu"]) == len(list(csv.DictReader(names["csv"].open()))) == count
+    assert loadmat(names["mat"])["mu"].size == count
+    code, out, _ = run(capsys, "export", "graph", "--catalogue", place, "--json", "-")
+    assert code == 0 and {node.get("ends") for node in json.loads(out)["nodes"]} == {"origin-stop+", "origin-origin"}
+
+
+def test_a_part_of_a_known_family_is_joined(folder, capsys, tmp_path):
+    """Oracle: the ids and ranges; the equation is the same one with other spaces."""
+    place = str(tmp_path / "a.sqlite")
+    words = "continue", *START[:-1], "energy = 0.6", "--catalogue", place, "--range"
+    code, out, _ = run(capsys, *words, "0.09:0.12")
+    assert code == 0 and f"saved  {BACKBONE} in {place}, with mu = 0.09:0.12" in out
+    code, out, _ = run(capsys, *words, "0.08:0.11")
+    assert code == 0 and f"wider  {BACKBONE} in {place}, now with mu = 0.08:0.12; before with 0.09:0.12" in out
+    code, out, _ = run(capsys, *words, "0.09:0.11")
+    assert code == 0 and f"known  {BACKBONE} in {place}" in out
+    code, out, _ = run(capsys, "continue", "--from", f"{folder / 'backbone.json'}:SB1", "--points", "8", "--catalogue", place)
+    assert code == 0 and f"edge   {BACKBONE} SB" not in out and "expected it saved, too" in out, "the stored part has not this event"
+
+
+def test_what_does_not_fit_is_refused(folder, place, capsys, tmp_path, scene=("--range", "0.05:0.3")):
+    """Oracle: one line that names what the catalogue holds."""
+    line = refused(capsys, "continue", *START[:-1], "energy=0.7", *scene, "--catalogue", place)
+    assert "holds families of free orbits in mu, energy=0.6; received one in mu, energy=0.7" in line
+    assert "--catalogue FILE is required" in refused(capsys, "continue", *START, *scene, "--save")
+    assert "holds families of free orbits in mu, and no families in the energy" in refused(
+        capsys, "continue", "S13+", "--save", "--catalogue", place
+    )
+    assert "no family 'S13+': the families of" in refused(capsys, "show", "S13+", "--catalogue", place)
+    assert "--label needs families in the energy" in refused(capsys, "list", "--label", "S13+", "--catalogue", place)
+
+
+LIGHT = """
+[parameters]
+a = 0.15
+
+[system]
+model = "vibro_impact_nes"
+mu = "a - 0.05"
+
+[bounds]
+energy = [0.05, 100]
+quarter_period = 10
+impacts = 4
+"""
+
+
+def test_a_mass_that_vanishes_ends_the_family(capsys, tmp_path):
+    """Oracle: at a fixed energy the speeds grow as one over the root of the mass; that of the last point is a thousandth of the scene's."""
+    (tmp_path / "light.toml").write_text(LIGHT)
+    words = "continue", "S11-", "--scene", tmp_path / "light.toml", "--in", "a", "--range", "-1:0.16", "--keep", "energy=0.8"
+    code, out, err = run(capsys, *words, "--csv", tmp_path / "a.csv")
+    assert code == 0 and "a mass goes to 0, and the velocities grow without bound, at a = 0.0500998915" in out, out + err
+    with (tmp_path / "a.csv").open() as file:
+        first = next(csv.DictReader(file))
+    assert 0.9e-4 < float(first["a"]) - 0.05 < 1e-4
