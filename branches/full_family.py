@@ -38,7 +38,10 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["Course", "FamilyMark", "FullFamily", "Piece", "digests", "energy_scale", "full_family", "longest_course", "solutions_of"]
+__all__ = [
+    "Course", "FamilyMark", "FullFamily", "Piece", "connected_part", "digests", "energy_scale", "full_family", "longest_course",
+    "solutions_of",
+]  # fmt: skip
 
 Result = TypeVar("Result")
 
@@ -118,13 +121,9 @@ class FullFamily:
         """The energies and the longest quarter period within which the family hangs together, where it leaves those given and comes back
         into them; None where it is in one piece."""
         inside = (self.h >= energy[0]) & (self.h <= energy[1]) & (self.alpha <= quarter_period)
-        places = np.flatnonzero(inside)
-        if not places.size or np.all(inside[places[0] : places[-1] + 1]):
+        part = connected_part(inside, self.closed)
+        if part is None:
             return None
-        # A closed family may begin inside: its last piece then continues in the first.
-        if self.closed and np.sum(inside & ~np.roll(inside, 1)) < 2:
-            return None
-        part = slice(places[0], places[-1] + 1)
         h, alpha = self.h[part], self.alpha[part]
         low, high = min(energy[0], float(h.min()) * (1.0 - _SLACK)), max(energy[1], float(h.max()) * (1.0 + _SLACK))
         return (low, high), max(quarter_period, float(alpha.max()) * (1.0 + _SLACK))
@@ -138,6 +137,18 @@ class FullFamily:
             for piece in self.others
         )
         return f"the range of energies cuts {self.ids[0]} into {len(self.others) + 1} pieces; not followed: {places}"
+
+
+def connected_part(inside: np.ndarray, closed: bool) -> slice | None:
+    """The points of a curve from the first one in a range to the last one; None if the range does not cut it between them. inside (m,): of
+    each point, whether it is in the range."""
+    places = np.flatnonzero(inside)
+    if not places.size or np.all(inside[places[0] : places[-1] + 1]):
+        return None
+    # A closed family may begin inside: its last piece then continues in the first.
+    if closed and np.sum(inside & ~np.roll(inside, 1)) < 2:
+        return None
+    return slice(places[0], places[-1] + 1)
 
 
 def energy_scale(system: ImpactSystem) -> float:

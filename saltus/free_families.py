@@ -16,7 +16,7 @@ from saltus.response_starts import check_names, check_range, event_named, file_a
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from branches.naming.labels import Name
     from branches.orbit import Orbit
     from branches.released.branch import ReleasedBranch
@@ -55,7 +55,9 @@ def _is_file_of_free_orbits(path: str) -> bool:
     return os.path.isfile(path) and not is_response_file(path)
 
 
-def free_start(arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]) -> tuple[list[Start], tuple[float, float], str]:
+def free_start(
+    arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]
+) -> tuple[list[ResponseStart], tuple[float, float], str]:
     """The orbit from which the family is followed, the range of the parameter, and a title; `report` gets the lines about it.
 
     Raises
@@ -108,9 +110,9 @@ def _start(
     keep: tuple[str, ...],
     direction: str,
     report: Callable[[Sequence[str]], object],
-) -> Start:
+) -> ResponseStart:
     """The problem in which an orbit is followed, and the orbit in its unknowns."""
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from bvp.multipoint import NotConverged
     from bvp.released import ReleasedProblem
 
@@ -129,7 +131,7 @@ def _start(
         if abs(found[name] - parametric.values[name]) > 1e-12 * abs(parametric.values[name]):
             where = f"{names[0]} = {found[names[0]]:.10g}"
             report([f"keep   {name} = {found[name]:.10g} at {where}, from --keep; the scene has {parametric.values[name]:.10g}"])
-    return Start(problem, y, direction)
+    return ResponseStart(problem, y, direction)
 
 
 def _orbit(
@@ -209,9 +211,9 @@ def _crossings(
     return orbits
 
 
-def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tuple[list[Start], tuple[float, float], str]:
+def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tuple[list[ResponseStart], tuple[float, float], str]:
     """The branch of a file beyond its ends, its first orbit in other parameters, or the families that begin at an event."""
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from branches.released.branch import ReleasedBranch
 
     source, event = file_and_event(arguments.start)
@@ -231,7 +233,7 @@ def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tu
         key, at_branch, at = event_named(given, source, event)
         assert isinstance(at_branch, ReleasedBranch)
         found = switch_released(at_branch, at)
-        return [Start(problem, step, direction, begins=(at_branch, at)) for problem, step in found], interval, f"{key} of {source}"
+        return [ResponseStart(problem, step, direction, begins=(at_branch, at)) for problem, step in found], interval, f"{key} of {source}"
     if arguments.parameter is None:
         if arguments.keep:
             raise BadInput(f"--keep {arguments.keep[0]!r} needs --in NAME, the parameter that varies")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from branches.catalogue import Catalogue, FamilyRow
     from branches.catalogue.rows import SceneRecord
     from branches.forced.branch import ForcedBranch, ForcedEvent
-    from branches.forced.onwards import Onwards, Start
+    from branches.forced.onwards import Onwards, ResponseStart
     from bvp.forced import ForcedProblem
     from saltus.response_starts import ResponseRequest
 
@@ -84,7 +84,7 @@ def place_to_save(arguments: argparse.Namespace, record: SceneRecord, source: st
     return catalogues.place_to_save(arguments, record, record.parameters["names"])
 
 
-def save(place: Path, record: SceneRecord, found: Onwards, starts: Sequence[Start]) -> tuple[list[str], int]:
+def save(place: Path, record: SceneRecord, found: Onwards, starts: Sequence[ResponseStart]) -> tuple[list[str], int]:
     """Keep what was followed from some starts in a catalogue, which is made if there is none, and join it at the events where it begins.
 
     Returns
@@ -134,7 +134,7 @@ def save(place: Path, record: SceneRecord, found: Onwards, starts: Sequence[Star
     return lines, code
 
 
-def _beginnings(found: Onwards, starts: Sequence[Start]) -> Iterator[tuple[ForcedBranch, ForcedEvent, int]]:
+def _beginnings(found: Onwards, starts: Sequence[ResponseStart]) -> Iterator[tuple[ForcedBranch, ForcedEvent, int]]:
     """The branch and the event at which a branch with a number begins, of all branches that begin at events."""
     for number, branch in enumerate(found.branches):
         for start in starts:

@@ -13,7 +13,7 @@ from saltus.errors import BadInput, nearest, one_line
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
     from transitions.response.path import ParameterPath
@@ -159,7 +159,7 @@ def prepare_kernels(arguments: argparse.Namespace) -> None:
     compiling.prepare("response", *(["simulated response"] if arguments.start == "simulate" else []))
 
 
-def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: Report) -> list[Start]:
+def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: Report) -> list[ResponseStart]:
     """The orbits from which the families of a request are followed; `report` gets the lines about them."""
     direction = arguments.direction or "both"
     if request.given:
@@ -227,7 +227,7 @@ def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
 
 
-def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list[Start]:
+def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list[ResponseStart]:
     """The response without impacts, where it exists."""
     from transitions.response.tracing import rest_starts
 
@@ -236,9 +236,9 @@ def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list
     return starts
 
 
-def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, direction: str, report: Report) -> Start:
+def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, direction: str, report: Report) -> ResponseStart:
     """The orbit on which a simulation settles."""
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from transitions.response.tracing import simulated_start
     from transitions.sweep.settle import MOST
 
@@ -256,12 +256,12 @@ def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, di
     settled, found = simulated_start(path, u, v, phase=arguments.phase or 0.0, most=arguments.transient or MOST)
     over = "half of the period" if found.problem.half else "the period"
     report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])
-    return Start(found.problem, found.y, direction)
+    return ResponseStart(found.problem, found.y, direction)
 
 
-def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
+def _from_file(request: ResponseRequest, direction: str) -> list[ResponseStart]:
     """The branches of a file beyond their ends, in another range or parameter; or the families that begin at an event."""
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from branches.forced.tracing import switch_response
 
     branches, path = request.given, request.path
@@ -270,7 +270,7 @@ def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
         if same:
             return [further(branch, request.interval, direction) for branch in branches]
         try:
-            return [Start(*path.through(branch.problem, branch.unknowns[branch.start]), direction) for branch in branches]
+            return [ResponseStart(*path.through(branch.problem, branch.unknowns[branch.start]), direction) for branch in branches]
         except ValueError as error:
             option = "--keep" if path.keep else f"--in {path.name}"
             raise BadInput(f"{option}: {one_line(error)}") from error
@@ -280,19 +280,19 @@ def _from_file(request: ResponseRequest, direction: str) -> list[Start]:
     key, branch, at = event_named(branches, source, event)
     origin = f"{key} of {source}, {name} = {at.values[name]:.12g}"
     begins = branch, at
-    return [Start(problem, step, "along", origin, begins=begins) for problem, step in switch_response(branch, at)]
+    return [ResponseStart(problem, step, "along", origin, begins=begins) for problem, step in switch_response(branch, at)]
 
 
-def further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> Start:
+def further(branch: ForcedBranch, interval: tuple[float, float], direction: str) -> ResponseStart:
     """A branch beyond its ends; if the range has not all of it, from its point in the range."""
-    from branches.forced.onwards import Start
+    from branches.forced.onwards import ResponseStart
     from branches.forced.tracing import point_inside
 
     low, high = interval
     slack = 1e-9 * (branch.parameter.max() - branch.parameter.min())  # an end is located to rounding
     inside = low - slack <= branch.parameter.min() and branch.parameter.max() <= high + slack
     orbit = branch.unknowns[branch.start if inside else point_inside(branch, interval)]
-    return Start(branch.problem, orbit, direction, known=branch if inside else None)
+    return ResponseStart(branch.problem, orbit, direction, known=branch if inside else None)
 
 
 def event_named(branches: Sequence[ForcedBranch], source: str | None, event: str) -> tuple[str, ForcedBranch, ForcedEvent]:

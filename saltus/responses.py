@@ -19,7 +19,7 @@ from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_w
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
-    from branches.forced.onwards import Onwards, Start
+    from branches.forced.onwards import Onwards, ResponseStart
     from branches.tables import Table
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
@@ -146,12 +146,12 @@ def follow(arguments: argparse.Namespace) -> int:
     return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title, keep)
 
 
-Keep = Callable[["Onwards", "Sequence[Start]"], "tuple[list[str], int]"]
+Keep = Callable[["Onwards", "Sequence[ResponseStart]"], "tuple[list[str], int]"]
 """Keeps what was followed from some starts in a catalogue: lines about the result, and an exit code."""
 
 
 def _follow_and_write(
-    starts: Sequence[Start],
+    starts: Sequence[ResponseStart],
     interval: tuple[float, float],
     arguments: argparse.Namespace,
     files: outputs.Outputs,
@@ -186,7 +186,7 @@ def _follow_and_write(
 
 
 def _follow_all(
-    starts: Sequence[Start], interval: tuple[float, float], arguments: argparse.Namespace, files: outputs.Outputs, found: Onwards
+    starts: Sequence[ResponseStart], interval: tuple[float, float], arguments: argparse.Namespace, files: outputs.Outputs, found: Onwards
 ) -> int:
     """Follow the families of some starts, and those behind the events that the command line names, into `found`; return the exit code."""
     from branches.forced.onwards import MOST_BRANCHES, follow_onwards, trace_start
@@ -197,7 +197,7 @@ def _follow_all(
         _check_axes(arguments, first.parametric, len(first.impacts))
     with ProgressBar(arguments.points) as bar:
 
-        def trace(start: Start) -> tuple[ForcedBranch, list[int]]:
+        def trace(start: ResponseStart) -> tuple[ForcedBranch, list[int]]:
             values, columns = _marks(arguments, start)
             given = {"values": values, "points": arguments.points, "stop_at": arguments.stop_at, "on_point": bar.update}
             branch, ends = trace_start(start, interval, **given)
@@ -218,7 +218,7 @@ def _follow_all(
     return FAILED if failed or found.notes else DONE
 
 
-def _marks(arguments: argparse.Namespace, start: Start) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
+def _marks(arguments: argparse.Namespace, start: ResponseStart) -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
     """The values of the parameter, and of each other column, that are marked. A known branch is marked in all its parts."""
     name, impacts, free = start.problem.released[0], len(start.problem.impacts), start.problem.ends is not None
     found: dict[str, tuple[float, ...]] = {}

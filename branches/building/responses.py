@@ -155,7 +155,7 @@ def _system(description: str) -> ParametricSystem:
     return ParametricSystem.from_description(json.loads(description))
 
 
-def work(description: str, points: int | None, seed: ResponseSeed) -> _Answer:
+def follow_seed(description: str, points: int | None, seed: ResponseSeed) -> _Answer:
     """Follow the family of a seed, and find the first orbits of those that begin at its events."""
     given = problem_from(_system(description), seed.problem)
     options: dict[str, Any] = {"points": points or MOST_POINTS}
@@ -241,7 +241,7 @@ class _Build:
         self.count = 0
         description = json.dumps(self.catalogue.scene.system)
         self.frontier: Frontier[_Piece, _Answer] = Frontier(
-            self.executor, partial(work, description, self.plan.points), self._is_known, AHEAD * self.workers,
+            self.executor, partial(follow_seed, description, self.plan.points), self._is_known, AHEAD * self.workers,
             handed=lambda piece: piece.seed,
         )  # fmt: skip
 

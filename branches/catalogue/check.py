@@ -79,7 +79,7 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
             continue
         if isinstance(branch, ForcedBranch):
             intact[id] = _Family((), "", catalogue.events(id), branch.problem)
-            failures += (Failure(id, text) for text in responses.failures(branch))
+            failures += (Failure(id, text) for text in responses.response_failures(branch))
         else:
             intact[id] = _Family(branch.ends, branch.sequence, branch.events)
             failures += (Failure(id, text) for text in _family(branch))

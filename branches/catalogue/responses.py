@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from branches.catalogue.store import CatalogueStore
 
 __all__ = [
-    "contains", "failures", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
-    "problem_at", "problem_from", "problem_record", "system_of", "unpack_response",
+    "contains", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
+    "problem_at", "problem_from", "problem_record", "response_failures", "system_of", "unpack_response",
 ]  # fmt: skip
 
 RESIDUAL = 1e-11
@@ -195,7 +195,7 @@ def problem_at(beside: ForcedProblem, orbit: EventOrbit) -> ForcedProblem:
     return problem_from(beside.parametric, given)
 
 
-def failures(branch: ForcedBranch) -> Iterator[str]:
+def response_failures(branch: ForcedBranch) -> Iterator[str]:
     """What does not hold of a stored family. Of several points with the same failure the first is reported."""
     problem = branch.problem
     grazing = {event.point for event in branch.events if event.type in ("GR", "LB", "EP")}

@@ -31,7 +31,7 @@ from continuation.problem import Advance, EventDetails, Point, Step, TestFunctio
 if TYPE_CHECKING:
     from continuation.location import Location
 
-__all__ = ["ForcedFamily", "family_of"]
+__all__ = ["ForcedFamily", "parameter_family"]
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
@@ -163,7 +163,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         return float(np.angle(nearest)) if abs(abs(nearest) - 1.0) < _ON_CIRCLE else None
 
 
-def family_of(
+def parameter_family(
     problem: ForcedProblem,
     interval: tuple[float, float] = (-math.inf, math.inf),
     values: tuple[float, ...] = (),

@@ -23,9 +23,9 @@ import numpy as np
 from branches.family import SETTINGS
 from branches.forced.along_parameters import unbounded
 from branches.forced.closing import with_exact_ends
-from branches.forced.family import family_of
+from branches.forced.family import parameter_family
 from branches.forced.switching import full_period, half_of
-from branches.full_family import FamilyMark, digests
+from branches.full_family import FamilyMark, connected_part, digests
 from branches.released.presentation import canonical_names, free_invariants, order_of, primitive_free_orbit
 from bvp.closures import EndsError
 from bvp.contact_sequence import OPENS, joined_sequence
@@ -182,13 +182,10 @@ class FullResponse:
     def reach(self, interval: tuple[float, float]) -> tuple[float, float]:
         """The range within which the family hangs together, where it leaves the given one and comes back; else that one."""
         low, high = interval
-        inside = (self.parameter >= low) & (self.parameter <= high)
-        places = np.flatnonzero(inside)
-        if not places.size or inside[places[0] : places[-1] + 1].all():
+        places = connected_part((self.parameter >= low) & (self.parameter <= high), self.closed)
+        if places is None:
             return interval
-        if self.closed and np.sum(inside & ~np.roll(inside, 1)) < 2:
-            return interval
-        part = self.parameter[places[0] : places[-1] + 1]
+        part = self.parameter[places]
         width = _SLACK * float(part.max() - part.min())
         return min(low, float(part.min()) - width), max(high, float(part.max()) + width)
 
@@ -257,7 +254,7 @@ def _followed(
     """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
     at which it is cut."""
     place = 2 * problem.degrees_of_freedom + 1
-    family = family_of(problem, window, begin=float(y[place]))
+    family = parameter_family(problem, window, begin=float(y[place]))
     run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem), on_points=on_points)
     run = with_exact_ends(family, run)
     if not run.points:

@@ -14,7 +14,7 @@ from branches.forced.tracing import SWITCHES, follow_response, go_on, switch_res
 from bvp.forced import ForcedProblem
 from continuation.problem import Step
 
-__all__ = ["MOST_BRANCHES", "Onwards", "Start", "follow_onwards", "trace_start"]
+__all__ = ["MOST_BRANCHES", "Onwards", "ResponseStart", "follow_onwards", "trace_start"]
 
 MOST_BRANCHES = 50
 
@@ -22,7 +22,7 @@ _SAME = 1e-7
 """Largest difference, beside the value, of the parameter at an event that two families share."""
 
 
-class Start(NamedTuple):
+class ResponseStart(NamedTuple):
     """Where a family is followed from.
 
     Attributes
@@ -75,12 +75,12 @@ _Shared = tuple[tuple[Any, ...], float, int]
 
 
 class _Waiting(NamedTuple):
-    start: Start
+    start: ResponseStart
     source: int
     event: ForcedEvent | None
 
 
-def trace_start(start: Start, interval: tuple[float, float], **options: Any) -> tuple[ForcedBranch, list[int]]:
+def trace_start(start: ResponseStart, interval: tuple[float, float], **options: Any) -> tuple[ForcedBranch, list[int]]:
     """The family of a start within an interval of its parameter, and its ends that are new: points. options: of `follow_response`."""
     if start.known is not None:
         return go_on(start.known, interval, direction=start.direction, **options)
@@ -89,8 +89,8 @@ def trace_start(start: Start, interval: tuple[float, float], **options: Any) -> 
 
 
 def follow_onwards(
-    starts: Sequence[Start],
-    trace: Callable[[Start], tuple[ForcedBranch, list[int]]],
+    starts: Sequence[ResponseStart],
+    trace: Callable[[ResponseStart], tuple[ForcedBranch, list[int]]],
     *,
     through: Collection[str] = ("LB",),
     most: int = MOST_BRANCHES,
@@ -103,7 +103,7 @@ def follow_onwards(
 
     Parameters
     ----------
-    starts : sequence of Start
+    starts : sequence of ResponseStart
     trace : callable
         Follows the family of a start: `trace_start` with its options.
     through : collection of str
@@ -153,18 +153,18 @@ def follow_onwards(
     return found
 
 
-def _behind(found: Onwards, number: int, event: ForcedEvent) -> list[Start]:
+def _behind(found: Onwards, number: int, event: ForcedEvent) -> list[ResponseStart]:
     """The starts of the families that begin at an event."""
     branch = found.branches[number]
     origin = f"{event.id} of branch {number + 1}, {branch.name} = {event.values[branch.name]:.12g}"
     try:
-        return [Start(*onward, "along", origin) for onward in switch_response(branch, event)]
+        return [ResponseStart(*onward, "along", origin) for onward in switch_response(branch, event)]
     except RuntimeError as error:
         found.notes.append(f"branch {number + 1}: {error}")
         return []
 
 
-def _followed(branches: Sequence[ForcedBranch], shared: Sequence[_Shared], start: Start, event: ForcedEvent | None) -> int | None:
+def _followed(branches: Sequence[ForcedBranch], shared: Sequence[_Shared], start: ResponseStart, event: ForcedEvent | None) -> int | None:
     """Number of the branch that is the family of a start; None if it was not followed yet."""
     if event is None:
         return next((number for number, branch in enumerate(branches) if start.known is None and _covers(branch, start)), None)
@@ -186,7 +186,7 @@ def _kind(problem: ForcedProblem) -> tuple[Any, ...]:
     return problem.load_periods, problem.half, min(turned)
 
 
-def _covers(branch: ForcedBranch, start: Start) -> bool:
+def _covers(branch: ForcedBranch, start: ResponseStart) -> bool:
     """Whether a branch of the response without impacts has the value of a start: there is one such response at a value."""
     if branch.problem.ends or branch.problem.sequence or start.problem.sequence or not isinstance(start.orbit, np.ndarray):
         return False

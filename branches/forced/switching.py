@@ -24,7 +24,7 @@ from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
-__all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "full_period", "half_of", "leaving", "twice"]
+__all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "emanating_orbits", "full_period", "half_of", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, that makes one symmetric orbit of half a period."""
@@ -73,7 +73,7 @@ def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image:
     return out
 
 
-def leaving(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray, code: str) -> list[tuple[ForcedProblem, Step]]:
+def emanating_orbits(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray, code: str) -> list[tuple[ForcedProblem, Step]]:
     """The first orbits of the family that leaves another one at a bifurcation, with tangents that point away from it.
 
     Parameters

@@ -17,9 +17,9 @@ from branches.forced.along_parameters import unbounded
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.closing import with_exact_ends
 from branches.forced.extending import can_go_on, joined, outward
-from branches.forced.family import family_of
+from branches.forced.family import parameter_family
 from branches.forced.identity import closure_name, primitive_orbit
-from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, leaving
+from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, emanating_orbits
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import branch_in_parameter
 from branches.tracing import event_along
@@ -93,7 +93,7 @@ def follow_response(
         With the branch up to there as its attribute `branch`, if it has a point.
     """
     place = 2 * problem.degrees_of_freedom + 1
-    family = family_of(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
+    family = parameter_family(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
     if isinstance(start, Step):  # it has the test functions of another family
         begin = family.step(start.y, start.tangent, 0.0)
     else:
@@ -150,7 +150,7 @@ def go_on(
         if direction != "both" and slope * _SIGNS[direction] <= 0.0:
             continue
         place = -1 if last else 0
-        begin = family_of(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
+        begin = parameter_family(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
         try:
             further = follow_response(branch.problem, begin, interval, direction="along", **options)
         except KeyboardInterrupt as error:
@@ -162,7 +162,7 @@ def go_on(
 
 
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:
-    run = with_exact_ends(family_of(problem), run)
+    run = with_exact_ends(parameter_family(problem), run)
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     counts = Counter[str]()
@@ -197,7 +197,7 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
     """Why a branch ends at a point, in the terms of the user. sign: 1 at the last point, -1 at the first."""
     name, text = problem.released[0], end.text
     if end.reason is EndReason.MINIMUM_STEP:
-        family = family_of(problem)
+        family = parameter_family(problem)
         for distance in _BEYOND:
             why = family.violation(point.step.y, point.step.tangent, sign * distance)
             if why is not None:
@@ -260,7 +260,7 @@ def switch_response(branch: ForcedBranch, event: ForcedEvent) -> list[tuple[Forc
         found = [(one.problem, one.step) for one in _at_grazing(branch, event)]
     else:
         try:
-            found = leaving(branch.problem, branch.unknowns[event.point], branch.tangents[event.point], event.type)
+            found = emanating_orbits(branch.problem, branch.unknowns[event.point], branch.tangents[event.point], event.type)
         except (NotConverged, np.linalg.LinAlgError) as error:
             raise RuntimeError(f"no family was found at {event.id}: {error}") from error
     if not found:

@@ -16,7 +16,7 @@ import pytest
 import saltus
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
-from branches.forced.onwards import Start, follow_onwards, trace_start
+from branches.forced.onwards import ResponseStart, follow_onwards, trace_start
 from continuation.run import follow_both_ways
 from tests.branches.forced_digits import ForcedDigits
 from tests.docs.pages import page, table
@@ -37,7 +37,7 @@ def whole():
     for w in (0.72, 2.0):
         problem, y, why = linear_response(ParameterPath(ABSORBER, ["w"], [], {"w": w}))
         assert why is None
-        starts.append(Start(problem, y))
+        starts.append(ResponseStart(problem, y))
     found = follow_onwards(starts, lambda start: trace_start(start, RANGE), through=("GR", "SB"))
     assert not found.notes and not found.left
     return found

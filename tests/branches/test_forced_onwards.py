@@ -6,7 +6,7 @@ Oracle: the families that are reached from one end of the graph are those that a
 from __future__ import annotations
 
 import saltus
-from branches.forced.onwards import Start, follow_onwards, trace_start
+from branches.forced.onwards import ResponseStart, follow_onwards, trace_start
 from transitions.response.path import ParameterPath
 from transitions.response.starting import linear_response
 
@@ -18,7 +18,7 @@ def rest(w):
     """The start without impacts at w."""
     problem, y, why = linear_response(ParameterPath(ABSORBER, ["w"], [], {"w": w}))
     assert why is None
-    return Start(problem, y)
+    return ResponseStart(problem, y)
 
 
 def within(low, high):
@@ -40,7 +40,7 @@ def test_the_families_do_not_depend_on_the_end_that_is_followed_first():
     whole = follow_onwards([rest(2.0)], within(0.955, 2.2), through=("GR",))
     assert whole.left == 0 and not whole.notes
     (six,) = (branch for branch in whole.branches if branch.problem.half and len(branch.sequence) == 3)
-    again = follow_onwards([Start(six.problem, six.unknowns[len(six) // 2])], within(0.955, 2.2), through=("GR",))
+    again = follow_onwards([ResponseStart(six.problem, six.unknowns[len(six) // 2])], within(0.955, 2.2), through=("GR",))
     assert summary(again) == summary(whole)
 
 

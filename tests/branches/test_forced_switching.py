@@ -10,7 +10,7 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
-from branches.forced.switching import beside_grazing, full_period, leaving, twice
+from branches.forced.switching import beside_grazing, emanating_orbits, full_period, twice
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
@@ -42,7 +42,7 @@ def test_a_doubled_family_leaves_at_a_period_doubling():
     problem, y = settled(oscillator(), ["s"], values={"s": -0.2}, start=([-1.0], [0.0]))
     run = followed(problem, y, (-0.3, 0.0))
     (doubling,) = events_of(run, "PD")
-    ((wide, step),) = leaving(problem, doubling.point.y, doubling.point.tangent[: problem.unknowns], "PD")
+    ((wide, step),) = emanating_orbits(problem, doubling.point.y, doubling.point.tangent[: problem.unknowns], "PD")
     assert wide.load_periods == 2 and wide.sequence == ("+", "+")
     doubled = follow_both_ways(ForcedFamily(wide, (-0.3, 0.0)), step, FEW, both=False, direction=0)
     for point in doubled.points:
@@ -82,7 +82,7 @@ def test_both_mirror_images_leave_where_the_symmetry_breaks():
     broken = events_of(run, "SB")
     assert broken
     event = broken[0]
-    sides = leaving(problem, event.point.y, event.point.tangent[: problem.unknowns], "SB")
+    sides = emanating_orbits(problem, event.point.y, event.point.tangent[: problem.unknowns], "SB")
     assert len(sides) == 2
     (wide, one), (_, other) = sides
     states = [wide.nodes(step.y)[:, :2] for step in (one, other)]

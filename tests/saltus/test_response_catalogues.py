@@ -67,7 +67,7 @@ def test_an_interrupted_build_goes_on(folder, built, capsys, tmp_path, monkeypat
     """Oracle: the catalogue of a build that was not interrupted."""
     from branches.building import responses
 
-    real_work, calls = responses.work, []
+    real_work, calls = responses.follow_seed, []
 
     def work(*arguments):
         calls.append(arguments)
@@ -77,7 +77,7 @@ def test_an_interrupted_build_goes_on(folder, built, capsys, tmp_path, monkeypat
 
     place = str(tmp_path / "part.sqlite")
     words = "build", *START, "--depth", "2", "--catalogue", place
-    monkeypatch.setattr(responses, "work", work)
+    monkeypatch.setattr(responses, "follow_seed", work)
     code, out, err = run(capsys, *words)
     assert code == 130 and "keeps what was finished" in err
     code, _, err = run(capsys, *words[:-4], "--depth", "1", "--catalogue", place)

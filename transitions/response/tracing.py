@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from branches.forced.onwards import MOST_BRANCHES, Start, follow_onwards, trace_start
+from branches.forced.onwards import MOST_BRANCHES, ResponseStart, follow_onwards, trace_start
 from branches.forced.tracing import SWITCHES, switch_response
 from transitions.response.free import settle_free
 from transitions.response.path import ParameterPath
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["emanating_responses", "rest_starts", "simulated_start", "trace_response"]
 
 
-def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: str = "both") -> tuple[list[Start], list[str]]:
+def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: str = "both") -> tuple[list[ResponseStart], list[str]]:
     """The response without impacts at the parameter's value and at both ends of the range, and why it is no orbit where it is none.
 
     Raises
@@ -29,7 +29,7 @@ def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: s
     RuntimeError
         If it is an orbit at none of them.
     """
-    starts: list[Start] = []
+    starts: list[ResponseStart] = []
     reasons: list[str] = []
     for value in (path.values[path.name], *interval):
         try:
@@ -41,7 +41,7 @@ def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: s
             why = str(error)
         else:
             if why is None:
-                starts.append(Start(problem, y, direction))
+                starts.append(ResponseStart(problem, y, direction))
                 continue
             why = f"the response without impacts at {path.name} = {value:.10g} is no orbit: {why}"
         if why not in reasons:
@@ -150,12 +150,12 @@ def trace_response(
         starts, _ = rest_starts(path, interval, direction)
     else:
         _, found = simulated_start(path, u, v, phase=phase)
-        starts = [Start(found.problem, found.y, direction)]
+        starts = [ResponseStart(found.problem, found.y, direction)]
     return _traced(starts, interval, through, {"values": tuple(map(float, marks)), "points": points})
 
 
 def _traced(
-    starts: Sequence[Start], interval: tuple[float, float], through: Collection[str], options: dict[str, Any]
+    starts: Sequence[ResponseStart], interval: tuple[float, float], through: Collection[str], options: dict[str, Any]
 ) -> list[ForcedBranch]:
     unknown = sorted(set(through) - set(SWITCHES))
     if unknown:
@@ -192,5 +192,5 @@ def emanating_responses(branch: ForcedBranch, event: ForcedEvent | str, *, point
         raise ValueError(f"the branch has no event {name}; known: {', '.join(known) or 'none'}")
     at = known[name]
     origin = f"{at.id}, {branch.name} = {at.values[branch.name]:.12g}"
-    starts = [Start(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
+    starts = [ResponseStart(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
     return _traced(starts, branch.interval, ("LB",), {"points": points})
