@@ -24,7 +24,8 @@ from branches.catalogue.rows import Edge, EventOrbit, FamilyRow
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
-from branches.forced.identity import invariants, primitive_orbit
+from branches.forced.identity import invariants
+from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import SWITCHES, follow_response, primitive_branch, switch_response
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem

@@ -24,9 +24,9 @@ from branches.family import SETTINGS
 from branches.forced.along_parameters import unbounded
 from branches.forced.closing import with_exact_ends
 from branches.forced.family import parameter_family
-from branches.forced.switching import full_period, half_of
+from branches.forced.primitive import primitive_orbit
 from branches.full_family import FamilyMark, connected_part, digests
-from branches.released.presentation import canonical_names, free_invariants, order_of, primitive_free_orbit
+from branches.released.presentation import canonical_names, free_invariants, order_of
 from bvp.closures import EndsError
 from bvp.contact_sequence import OPENS, joined_sequence
 from bvp.description import BASE
@@ -38,13 +38,10 @@ from continuation.run import follow_both_ways
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch
 
-__all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response", "invariants", "primitive_orbit", "window_of"]
+__all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response", "invariants", "window_of"]
 
 WINDOW = 100.0
 """A family is looked for up to this factor above and below the scale of its parameter."""
-
-_SAME = 1e-6
-"""Largest change of a state, beside the largest one, after the period of an orbit that repeats itself."""
 
 _TIE = 1e-8
 """Relative difference below which values of a parameter are equal."""
@@ -90,44 +87,6 @@ def is_odd(problem: ForcedProblem) -> bool:
     except EndsError:
         return False
     return True
-
-
-def primitive_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
-    """The orbit that y repeats, over half its period where it is symmetric, with its problem; the orbit itself where there is none."""
-    if isinstance(problem, ReleasedProblem):
-        return primitive_free_orbit(problem, y)
-    if problem.half and problem.load_periods > 1:
-        wide, full = full_period(problem, y)
-    elif problem.half:
-        return problem, y
-    else:
-        wide, full = problem, y
-    for times in range(wide.load_periods, 1, -1):
-        part = None if wide.load_periods % times else _part(wide, full, times)
-        if part is not None:
-            wide, full = part
-            break
-    symmetric = half_of(wide, full)
-    if symmetric is not None:
-        return symmetric[0], symmetric[1].y
-    return (problem, y) if problem.half else (wide, full)
-
-
-def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProblem, np.ndarray] | None:
-    """The orbit that y repeats so many times, as a solution of its own problem; None where it does not."""
-    count, rest = divmod(len(problem.sequence), times)
-    if rest or problem.sequence != problem.sequence[:count] * times:
-        return None
-    part = problem.sibling(problem.sequence[:count], load_periods=problem.load_periods // times)
-    size, nodes, flights = 2 * problem.degrees_of_freedom, problem.nodes(y), problem.flight_times(y)
-    kept = max(count, 1)
-    begun = part.pack(nodes[:kept, :size], nodes[:kept, size] * times, nodes[0, size + 1 :], flights[:kept] / (1 if count else times))
-    solution = part.step(begun, np.zeros(2 * part.unknowns), 0.0)
-    if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max():
-        return None
-    # Only the first of its repetitions was taken: the others must be the same.
-    repeated = np.abs(nodes[:, :size] - np.tile(nodes[:kept, :size], (max(len(nodes) // kept, 1), 1))).max()
-    return (part, solution.y) if repeated <= _SAME * np.abs(nodes[:, :size]).max() else None
 
 
 def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:

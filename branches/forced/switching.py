@@ -17,6 +17,7 @@ from branches.first_orbits import across_null_space, first_orbits
 from branches.forced.closing import vanishes, without_moment
 from branches.forced.family import ForcedFamily
 from branches.forced.opening import opening_again
+from branches.forced.primitive import full_period, half_of, primitive_orbit, twice
 from branches.forced.resequencing import exchanged, with_first_bounce, with_sticking, with_touch, without_flight, without_impact
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
@@ -24,10 +25,7 @@ from bvp.multipoint import Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
-__all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "emanating_orbits", "full_period", "half_of", "twice"]
-
-_SAME = 1e-6
-"""Largest change, beside the largest unknown, that makes one symmetric orbit of half a period."""
+__all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "emanating_orbits"]
 
 _SHORT = 1e-3
 """Arclength of the first step away from a grazing."""
@@ -40,37 +38,6 @@ _INSTANT = 1e-6
 
 _Change = Callable[[ForcedProblem, Solution], tuple[ForcedProblem, np.ndarray] | None]
 """Makes the problem with another sequence from a grazing orbit, and the orbit in its unknowns; None where there is none."""
-
-
-def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
-    """An orbit, traversed twice, as a solution of the problem with twice the period."""
-    wide = problem.sibling(problem.sequence * 2, load_periods=2 * problem.load_periods)
-    return wide, _repeated(problem, wide, y, np.eye(2 * problem.degrees_of_freedom), 0.5)
-
-
-def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
-    """An orbit whose half period was solved, as a solution of the problem of its full period."""
-    wide = problem.sibling([*problem.sequence, *map(problem.mirrored, problem.sequence)], half=False)
-    return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
-
-
-def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image: np.ndarray, part: float) -> np.ndarray:
-    """The unknowns of the wide problem: those of the narrow one, and their image. part: its period over that of the wide one. Linear in y
-    but for a constant."""
-    size = 2 * problem.degrees_of_freedom
-    if not problem.sequence:
-        out = np.array(y)
-        wide.flight_times(out)[:] *= 2.0
-        return out
-    out = np.zeros(wide.unknowns)
-    count = problem.inner + 1
-    nodes, times = wide.nodes(out), wide.flight_times(out)
-    nodes[:count] = nodes[count:] = problem.nodes(y)
-    nodes[count:, :size] = nodes[:count, :size] @ image.T
-    nodes[:, size] *= part
-    nodes[count:, size] += 0.5 * problem.has_clock
-    times[:count] = times[count:] = problem.flight_times(y)
-    return out
 
 
 def emanating_orbits(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray, code: str) -> list[tuple[ForcedProblem, Step]]:
@@ -96,7 +63,7 @@ def emanating_orbits(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray,
     """
     if code == "BP":
         direction = branch_directions(ForcedFamily(problem), y, tangent)[0]
-        return [_halved(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction)]
+        return [_primitive(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction)]
     wide, repeated = (twice if code == "PD" else full_period)(problem, y)
     embed = twice if code == "PD" else full_period
     known = embed(problem, y + 1e-6 * tangent)[1] - embed(problem, y - 1e-6 * tangent)[1]
@@ -177,7 +144,7 @@ def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[
         step = family.step(turned.y, turned.tangent, _SHORT)
         if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
             persists = bool(np.sign(step.y[at] - start[at]) != side)
-            found.append(GrazingNeighbour(*_halved(problem, step), persists))
+            found.append(GrazingNeighbour(*_primitive(problem, step), persists))
     return found
 
 
@@ -197,19 +164,19 @@ def beside_moment(problem: ForcedProblem, y: np.ndarray, inwards: np.ndarray) ->
     return [] if made is None else _both_sides(*made[:2], np.sign(inwards[2 * problem.degrees_of_freedom + 1]))
 
 
-def _halved(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]:
-    """An orbit with its tangent, over half the period if it is symmetric."""
-    symmetric = None if problem.half else half_of(problem, step.y)
-    if symmetric is None:
+def _primitive(problem: ForcedProblem, step: Step) -> tuple[ForcedProblem, Step]:
+    """An orbit with its tangent; the orbit that it repeats, if it does, and over half the period if it is symmetric."""
+    primitive, y = primitive_orbit(problem, step.y)
+    if primitive is problem:
         return problem, step
-    half, solution = symmetric
-    begin = ForcedFamily(half).begin(solution.y)
+    begin = ForcedFamily(primitive).begin(y)
     if not begin.converged:
         return problem, step
-    along = begin.tangent[: half.unknowns]
-    change = full_period(half, begin.y + 1e-6 * along)[1] - full_period(half, begin.y - 1e-6 * along)[1]
-    sign = np.sign(change @ step.tangent[: problem.unknowns])
-    return half, ForcedFamily(half).step(begin.y, sign * begin.tangent, 0.0)
+    # Both begin with the same state, and have the same parameter.
+    size = 2 * problem.degrees_of_freedom
+    kept = [*range(size), size + 1]
+    sign = np.sign(begin.tangent[kept] @ step.tangent[kept])
+    return primitive, ForcedFamily(primitive).step(begin.y, sign * begin.tangent, 0.0)
 
 
 def _changes(problem: ForcedProblem, solution: Solution) -> list[_Change]:
@@ -245,26 +212,3 @@ def _is_at_slowest_impact(problem: ForcedProblem, solution: Solution) -> bool:
     return bool(before or (flight == (slowest + 1) % len(times) and time < _INSTANT * whole))
 
 
-def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
-    """A symmetric orbit as one of half its period; None where the orbit is not symmetric. Impacts appear and vanish there in pairs."""
-    count, odd = divmod(len(problem.sequence), 2)
-    if odd:
-        return None
-    try:
-        half = ForcedProblem(
-            problem.parametric,
-            problem.sequence[:count],
-            problem.released,
-            load_periods=problem.load_periods,
-            half=True,
-            values=problem.parameters(y),
-            keep=problem.keep,
-        )
-    except EndsError:
-        return None
-    nodes, size = problem.nodes(y)[: max(count, 1)], 2 * problem.degrees_of_freedom
-    begun = half.pack(nodes[:, :size], nodes[:, size], nodes[0, size + 1 :])
-    if count and problem.sequence != full_period(half, begun)[0].sequence:
-        return None
-    solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)
-    return None if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max() else (half, solution)

@@ -18,7 +18,8 @@ from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.closing import with_exact_ends
 from branches.forced.extending import can_go_on, joined, outward
 from branches.forced.family import parameter_family
-from branches.forced.identity import closure_name, primitive_orbit
+from branches.forced.identity import closure_name
+from branches.forced.primitive import primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, emanating_orbits
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import branch_in_parameter

@@ -17,6 +17,7 @@ import saltus
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.onwards import ResponseStart, follow_onwards, trace_start
+from branches.forced.tracing import follow_response, switch_response
 from continuation.run import follow_both_ways
 from tests.branches.forced_digits import ForcedDigits
 from tests.docs.pages import page, table
@@ -142,3 +143,22 @@ def test_a_fold_and_a_pitchfork_that_are_1e_6_apart(step, sign):
     # The unsymmetric family goes through the symmetric orbit into its mirror image: a branch point, with a fold on each side.
     assert {code for code, _ in near} <= {"BP", "SN"}
     assert [value for code, value in near if code == "BP"] == pytest.approx([exact[0]], abs=1e-10)
+
+
+def test_a_doubled_family_ends_at_an_orbit_of_the_single_period():
+    """Oracle: p is minimal. Where an orbit of twice the period grazes that is twice another one, an impact can appear in each of its two
+    parts: this is the family of the single period, which is symmetric here."""
+    branch, event = of_row(["PD", "no", "5", "0.980029900377"])
+    for _ in range(2):
+        ((problem, step),) = switch_response(branch, event)
+        branch = follow_response(problem, step, RANGE, direction="along")
+        assert branch.problem.load_periods == 2
+        (event,) = (one for one in branch.events if one.type == "GR")
+    symmetric, grazing = of_row(["GR", "yes", "4", "0.965116377128"])
+    assert event.values["w"] == pytest.approx(grazing.values["w"], abs=1e-12)
+    ((problem, step),) = switch_response(branch, event)
+    assert (problem.load_periods, problem.half, len(problem.sequence)) == (1, True, 2)
+    ahead = follow_response(problem, step, RANGE, direction="along")
+    bifurcations = [(one.type, one.values["w"]) for one in symmetric.events if one.type in ("SN", "NS", "SB")]
+    found = [(one.type, pytest.approx(one.values["w"], abs=1e-12)) for one in ahead.events if one.type in ("SN", "NS", "SB")]
+    assert bifurcations in (found, found[::-1])

@@ -9,7 +9,8 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
-from branches.forced.switching import beside_grazing, full_period
+from branches.forced.primitive import full_period
+from branches.forced.switching import beside_grazing
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from branches.forced.identity import canonical_letters, closure_name, invariants, primitive_orbit
-from branches.forced.switching import full_period, twice
+from branches.forced.identity import canonical_letters, closure_name, invariants
+from branches.forced.primitive import full_period, primitive_orbit, twice
 from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator, settled

@@ -10,7 +10,8 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
-from branches.forced.switching import beside_grazing, emanating_orbits, full_period, twice
+from branches.forced.primitive import full_period, twice
+from branches.forced.switching import beside_grazing, emanating_orbits
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways

@@ -8,7 +8,7 @@ from branches.catalogue.check import check_catalogue
 from branches.catalogue.responses import contains, orbit_of, system_of
 from branches.catalogue.rows import SceneRecord
 from branches.catalogue.widening import CannotWiden, Kept
-from branches.forced.switching import full_period
+from branches.forced.primitive import full_period
 from branches.forced.tracing import follow_response
 from tests.branches.catalogue.families import real, scene
 from tests.branches.forced_systems import absorber_families, oscillator, settled

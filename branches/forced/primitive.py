@@ -1,0 +1,110 @@
+"""One orbit in several problems: of half its period or the full one, once or repeated; and the primitive orbit that it repeats."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from branches.released.presentation import primitive_free_orbit
+from bvp.closures import EndsError
+from bvp.forced import ForcedProblem
+from bvp.multipoint import Solution
+from bvp.released import ReleasedProblem
+
+__all__ = ["full_period", "half_of", "primitive_orbit", "twice"]
+
+_SAME = 1e-6
+"""Largest change, beside the largest unknown, with which an orbit repeats itself, or has the symmetry of half a period."""
+
+
+def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit, traversed twice, as a solution of the problem with twice the period."""
+    wide = problem.sibling(problem.sequence * 2, load_periods=2 * problem.load_periods)
+    return wide, _repeated(problem, wide, y, np.eye(2 * problem.degrees_of_freedom), 0.5)
+
+
+def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit whose half period was solved, as a solution of the problem of its full period."""
+    wide = problem.sibling([*problem.sequence, *map(problem.mirrored, problem.sequence)], half=False)
+    return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
+
+
+def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image: np.ndarray, part: float) -> np.ndarray:
+    """The unknowns of the wide problem: those of the narrow one, and their image. part: its period over that of the wide one. Linear in y
+    but for a constant."""
+    size = 2 * problem.degrees_of_freedom
+    if not problem.sequence:
+        out = np.array(y)
+        wide.flight_times(out)[:] *= 2.0
+        return out
+    out = np.zeros(wide.unknowns)
+    count = problem.inner + 1
+    nodes, times = wide.nodes(out), wide.flight_times(out)
+    nodes[:count] = nodes[count:] = problem.nodes(y)
+    nodes[count:, :size] = nodes[:count, :size] @ image.T
+    nodes[:, size] *= part
+    nodes[count:, size] += 0.5 * problem.has_clock
+    times[:count] = times[count:] = problem.flight_times(y)
+    return out
+
+
+def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
+    """A symmetric orbit as one of half its period; None where the orbit is not symmetric. Impacts appear and vanish there in pairs."""
+    count, odd = divmod(len(problem.sequence), 2)
+    if odd:
+        return None
+    try:
+        half = ForcedProblem(
+            problem.parametric,
+            problem.sequence[:count],
+            problem.released,
+            load_periods=problem.load_periods,
+            half=True,
+            values=problem.parameters(y),
+            keep=problem.keep,
+        )
+    except EndsError:
+        return None
+    nodes, size = problem.nodes(y)[: max(count, 1)], 2 * problem.degrees_of_freedom
+    begun = half.pack(nodes[:, :size], nodes[:, size], nodes[0, size + 1 :])
+    if count and problem.sequence != full_period(half, begun)[0].sequence:
+        return None
+    solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)
+    return None if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max() else (half, solution)
+
+
+def primitive_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """The orbit that y repeats, over half its period where it is symmetric, with its problem; the orbit itself where there is none."""
+    if isinstance(problem, ReleasedProblem):
+        return primitive_free_orbit(problem, y)
+    if problem.half and problem.load_periods > 1:
+        wide, full = full_period(problem, y)
+    elif problem.half:
+        return problem, y
+    else:
+        wide, full = problem, y
+    for times in range(wide.load_periods, 1, -1):
+        part = None if wide.load_periods % times else _part(wide, full, times)
+        if part is not None:
+            wide, full = part
+            break
+    symmetric = half_of(wide, full)
+    if symmetric is not None:
+        return symmetric[0], symmetric[1].y
+    return (problem, y) if problem.half else (wide, full)
+
+
+def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The orbit that y repeats so many times, as a solution of its own problem; None where it does not."""
+    count, rest = divmod(len(problem.sequence), times)
+    if rest or problem.sequence != problem.sequence[:count] * times:
+        return None
+    part = problem.sibling(problem.sequence[:count], load_periods=problem.load_periods // times)
+    size, nodes, flights = 2 * problem.degrees_of_freedom, problem.nodes(y), problem.flight_times(y)
+    kept = max(count, 1)
+    begun = part.pack(nodes[:kept, :size], nodes[:kept, size] * times, nodes[0, size + 1 :], flights[:kept] / (1 if count else times))
+    solution = part.step(begun, np.zeros(2 * part.unknowns), 0.0)
+    if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max():
+        return None
+    # Only the first of its repetitions was taken: the others must be the same.
+    repeated = np.abs(nodes[:, :size] - np.tile(nodes[:kept, :size], (max(len(nodes) // kept, 1), 1))).max()
+    return (part, solution.y) if repeated <= _SAME * np.abs(nodes[:, :size]).max() else None
