@@ -174,7 +174,7 @@ def atlas_of(
     named = cited_names(branches, reference_points)
     curves = []
     for branch in branches:
-        if branch.system.describe() != system.describe():
+        if branch.system is not system and branch.system.describe() != system.describe():
             raise ValueError(f"the family {branch.label or branch.id} belongs to another system than the figure")
         for piece in _pieces(branch, *(energy or (-math.inf, math.inf))):
             labels = piece["label"]

@@ -10,6 +10,7 @@ import io
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,8 +49,14 @@ def thinned(points: np.ndarray, spacing: float) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     kept = np.ones(len(points), dtype=bool)
-    for i, j in sorted(cKDTree(points).query_pairs(spacing)) if len(points) else ():
-        kept[j] &= not kept[i]
+    if not len(points):
+        return kept
+    pairs = cKDTree(points).query_pairs(spacing, output_type="ndarray")
+    first, last = pairs[np.argsort(pairs[:, 0])].T
+    ends = np.searchsorted(first, np.arange(len(points) + 1))
+    for i, (begin, end) in enumerate(pairwise(ends.tolist())):
+        if kept[i]:
+            kept[last[begin:end]] = False
     return kept
 
 
