@@ -16,7 +16,7 @@ from bvp.closures import EndsError, contact_of
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLOSES", "OPENS", "Event", "joined_sequence", "parse_sequence", "pulled_open", "require_pressing"]
+__all__ = ["CLOSES", "OPENS", "ContactEvent", "joined_sequence", "parse_contact_sequence", "pulled_open", "require_pressing"]
 
 CLOSES, OPENS = "=", ":"
 """Ends of the symbols of an impact after which the stop sticks, and of its release."""
@@ -25,7 +25,7 @@ _ROUNDING = 1e-13
 """Impulses, beside that of the impact, in units of their reduced masses, that count as zero."""
 
 
-class Event(NamedTuple):
+class ContactEvent(NamedTuple):
     """A node of an orbit: an impact at a contact, or its release; and the contacts that stick in the flight after it."""
 
     symbol: str
@@ -43,7 +43,7 @@ def _split(symbol: str) -> tuple[str, str]:
     return (symbol[:-1], symbol[-1]) if symbol.endswith((CLOSES, OPENS)) else (symbol, "")
 
 
-def parse_sequence(system: ImpactSystem, sequence: Sequence[str], half: bool = False) -> tuple[Event, ...]:
+def parse_contact_sequence(system: ImpactSystem, sequence: Sequence[str], half: bool = False) -> tuple[ContactEvent, ...]:
     """The events of a sequence, with the releases that it leaves out.
 
     Parameters
@@ -63,7 +63,7 @@ def parse_sequence(system: ImpactSystem, sequence: Sequence[str], half: bool = F
     --------
     >>> from bvp.system import ImpactSystem, Stop
     >>> one = ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0, 1.0, restitution=0.0)])
-    >>> [event.symbol for event in parse_sequence(one, ["+=", "-"])]
+    >>> [event.symbol for event in parse_contact_sequence(one, ["+=", "-"])]
     ['+=', '+:', '-']
     """
     opposite = system.modes.contact_opposite
@@ -90,14 +90,14 @@ def parse_sequence(system: ImpactSystem, sequence: Sequence[str], half: bool = F
         for k, (_, end, contact) in enumerate(full)
         if end == OPENS and not any(kind == CLOSES and other == contact for _, kind, other in full[:k])
     }
-    closed, events = set(first), list[Event]()
+    closed, events = set(first), list[ContactEvent]()
     for letter, end, contact in full:
         if end == OPENS and contact not in closed:
             raise EndsError(f"{letter}{OPENS} opens a stop that does not stick; expected {letter}{CLOSES} before it")
         if end != OPENS and closed & {contact, int(opposite[contact])}:
             raise EndsError(f"{letter}{end} hits a stop that sticks; expected {letter}{OPENS} before it")
         closed = closed - {contact} if end == OPENS else closed | ({contact} if end == CLOSES else set())
-        events.append(Event(letter + end, contact, end == OPENS, frozenset(closed)))
+        events.append(ContactEvent(letter + end, contact, end == OPENS, frozenset(closed)))
     if closed != {image(contact) for contact in first}:
         raise EndsError("a stop sticks at the end of the sequence and not at its beginning")
     return tuple(events)
@@ -128,7 +128,7 @@ def pulled_open(system: ImpactSystem, closed: Collection[int], contact: int) -> 
     return contacts[most] if pull[most] > _ROUNDING else None
 
 
-def require_pressing(system: ImpactSystem, events: Sequence[Event]) -> None:
+def require_pressing(system: ImpactSystem, events: Sequence[ContactEvent]) -> None:
     """Refuse impacts that would pull a stop open which sticks on.
 
     Raises

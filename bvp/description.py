@@ -16,7 +16,9 @@ from bvp.forcing import Constant, Force, Harmonic, Record, ground_load
 from bvp.system import MODELS, ImpactSystem
 from bvp.texts import shown
 
-__all__ = ["BASE", "FORCE", "RESERVED", "force_from", "in_order", "leaves", "mapped", "names_in", "own_parameters", "require_name"]
+__all__ = [
+    "BASE", "FORCE", "RESERVED", "force_from", "leaves", "mapped", "names_in", "ordered_by_dependence", "own_parameters", "require_name",
+]
 
 BASE = "w"
 """The parameter of which ``harmonic`` gives the multiple. If the loads have one frequency, a number, it is this parameter."""
@@ -112,7 +114,7 @@ def names_in(text: str) -> set[str]:
     return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - {*FUNCTIONS, "pi"}
 
 
-def in_order(derived: Mapping[str, str]) -> list[str]:
+def ordered_by_dependence(derived: Mapping[str, str]) -> list[str]:
     """Derived parameters, each after those that it depends on. Refuses a cycle."""
     found: list[str] = []
 

@@ -13,14 +13,14 @@ from typing import Any
 
 from bvp.checks import EPSILON, InvalidSystem
 
-__all__ = ["LARGEST_HARMONIC", "Layout", "base_frequency", "entries_of", "exact"]
+__all__ = ["LARGEST_HARMONIC", "EntryLayout", "base_frequency", "entries_of", "exact"]
 
 LARGEST_HARMONIC = 1000
 """Largest multiple k of the base frequency that a load can have. Frequencies whose ratio needs larger integers are incommensurate."""
 
 
 @dataclass(frozen=True)
-class Layout:
+class EntryLayout:
     """Where the E entries are, for n coordinates, S stops and H harmonics. Each matrix is stored row by row.
 
     Parameters
@@ -46,7 +46,7 @@ class Layout:
 
     Examples
     --------
-    >>> layout = Layout(2, 1, (1, 3))
+    >>> layout = EntryLayout(2, 1, (1, 3))
     >>> layout.stiffness, layout.restitution, layout.cosine, layout.frequency, layout.size
     (slice(8, 12, None), slice(14, 15, None), slice(17, 21, None), slice(25, 26, None), 26)
     """
@@ -161,7 +161,7 @@ def _ratio(frequency: Any, first: Any) -> Fraction | None:
     return found if abs(found - Fraction(value)) <= 4.0 * EPSILON * value else None
 
 
-def entries_of(parts: Mapping[str, Any], loads: Sequence[Mapping[str, Any]]) -> tuple[Layout, list[Any]]:
+def entries_of(parts: Mapping[str, Any], loads: Sequence[Mapping[str, Any]]) -> tuple[EntryLayout, list[Any]]:
     """The layout and the entries, each a float or a sympy expression.
 
     Parameters
@@ -182,7 +182,7 @@ def entries_of(parts: Mapping[str, Any], loads: Sequence[Mapping[str, Any]]) -> 
     multiples: tuple[int, ...] = ()
     if harmonic:
         base, multiples = base_frequency([load["frequency"] for load in harmonic], [load["text"] for load in harmonic])
-    layout = Layout(n, len(stops), tuple(sorted(set(multiples))))
+    layout = EntryLayout(n, len(stops), tuple(sorted(set(multiples))))
     entries = _symmetric(parts["mass"], "mass") + sum(map(list, parts["damping"]), []) + _symmetric(parts["stiffness"], "stiffness")
     entries += [stop[k] for k in (1, 2, 3) for stop in stops]
     entries += _total([load["constant"] for load in loads if "constant" in load], n)

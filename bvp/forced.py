@@ -16,22 +16,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bvp.closures import EndsError
-from bvp.contact_sequence import CLOSES, OPENS, Event, parse_sequence, require_pressing
-from bvp.deficient import Passage, deficient_eigenvalues
+from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_pressing
 from bvp.forced_modes import ModeTable
-from bvp.kernels.forced import LoadedSegment, Released, forced_step, set_parameters
+from bvp.kernels.forced import LoadedSegment, ReleasedEntries, forced_step, set_parameters
 from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import Loads, fly_loaded
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import LINEARISED, set_scale
-from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.step import CompiledProblem, Landing, Request
-from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
+from bvp.kernels.stroboscopic import make_stroboscopic
 from bvp.multipliers import GRAZING_LIMIT, sort_multipliers
 from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
+from bvp.stroboscopic import stroboscopic_multipliers
 from bvp.system import ImpactSystem
 
 __all__ = ["ForcedProblem"]
@@ -136,7 +135,7 @@ class ForcedProblem:
         self.keep = tuple(keep)
         kept = parametric.equations(self.keep, self.released, self._conserved)
         scratch = np.zeros(max(found.scratch, scratch_size(kept, len(known))))
-        of_parameters = Released(
+        of_parameters = ReleasedEntries(
             found.program, at, found.columns, found.rows, scratch, np.zeros(len(found.program.outputs)),
             parametric.entries(self.values), np.zeros((count, layout.size)), places, layout.frequency.start, int(address or 0),
         )  # fmt: skip
@@ -174,9 +173,9 @@ class ForcedProblem:
         if self.half:
             self._refuse_half(self.load_periods)
 
-    def _events(self) -> tuple[Event, ...]:
+    def _events(self) -> tuple[ContactEvent, ...]:
         """The events of the sequence; () where no stop can stick."""
-        events = parse_sequence(self.system, self.sequence, self.half)
+        events = parse_contact_sequence(self.system, self.sequence, self.half)
         require_pressing(self.system, events)
         return events
 
@@ -484,48 +483,10 @@ class ForcedProblem:
         They are those of the saddle-point matrix, in which each impact keeps the equation of its time. An impact takes the velocities f-
         and the directions along the stop to f+ and their reflections. Nothing is divided by its speed. NaN where an impact grazes."""
         self._evaluated(y)
-        size, nodes = 2 * self.degrees_of_freedom, self.inner + 1
-        factor, segment = self._factor, self.segment
-        scale = np.repeat(set_scale(segment, np.array(y, float), factor)[:2], self.degrees_of_freedom)
-        left, right = np.empty((2, nodes, size, size))
-        flights = factor.flights[:, :size, :size] * scale / scale[:, None]
-        if self.sequence:
-            if np.min(self._approach()[self.impacts - 1]) < GRAZING_LIMIT * np.max(scale[self.degrees_of_freedom :]):
-                return np.full(size, complex(math.nan, math.nan))
-            for i in self.impacts - 1:
-                saltation_frames(segment, i, factor.before[i], scale, left[i], right[i], self._map)
-        else:
-            left[:], right[:] = np.eye(size), np.eye(size)
-        ranks = [self._rank(i + 1) for i in range(nodes)]
-        if min(ranks) < size:
-            jumps = [(left[i], right[i]) if (i + 1) % nodes in self.impacts else (None, None) for i in range(nodes)]
-            held = [self._held(i) * scale[:, None] for i in range(nodes)]
-            passages = [Passage(flights[i], held[i], jumps[i][0], jumps[i][1], ranks[i]) for i in range(nodes)]
-            values = deficient_eigenvalues(passages, float(segment.closing[0]))
-            return np.full(size, complex(math.nan, math.nan)) if values is None else sort_multipliers(values)
-        chain = np.empty((2 * nodes, size, size))
-        chain[::2] = left
-        chain[1::2] = np.roll(flights, -1, axis=0) @ right
-        chain[-1] *= segment.closing[0]
-        inverse, matrix, found = np.tile(np.array([1, 0], np.int64), nodes), np.empty((size, size)), np.empty((2, size))
-        steps = product_eigenvalues(chain, inverse, np.empty((3, 3)), matrix, found)
-        if steps < 1 or not np.all(np.isfinite(found)):
-            return np.full(size, complex(math.nan, math.nan))
-        return sort_multipliers(found[0] + 1j * found[1])
-
-    def _held(self, flight: int) -> np.ndarray:
-        """Gaps, and their rates, of the stops that stick in a flight, (2n, 2k)."""
-        stops = sorted(int(self.modes.contact_stop[contact]) for contact in self.events[flight].closed)
-        rows = np.array([self.system.stops[stop].gap for stop in stops]).reshape(-1, self.degrees_of_freedom)
-        return np.kron(np.eye(2), rows).T
-
-    def _rank(self, node: int) -> int:
-        """Rank of the saltation matrix of a node. A stop that sticks takes two directions, an impact that leaves no speed one."""
         size = 2 * self.degrees_of_freedom
-        if not self.events:
-            return size
-        event = self.events[node % len(self.events)]
-        if event.is_release:
-            return size
-        stops = self.system.stops[self.modes.contact_stop[event.contact]]
-        return size - 2 * len(event.closed) - (not event.sticks and stops.restitution == 0.0)
+        scale = np.repeat(set_scale(self.segment, np.array(y, float), self._factor)[:2], self.degrees_of_freedom)
+        if self.sequence and np.min(self._approach()[self.impacts - 1]) < GRAZING_LIMIT * np.max(scale[self.degrees_of_freedom :]):
+            return np.full(size, complex(math.nan, math.nan))
+        impacts = self.impacts - 1 if self.sequence else self.impacts[:0]
+        found = stroboscopic_multipliers(self.system, self.events, self.segment, impacts, self._factor, scale, self._map)
+        return np.full(size, complex(math.nan, math.nan)) if found is None else sort_multipliers(found)

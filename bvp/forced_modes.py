@@ -16,7 +16,7 @@ from bvp.kernels.summed_chatter import ORDERS, Chatter
 from bvp.modes import undamped_modes
 
 if TYPE_CHECKING:
-    from bvp.contact_sequence import Event
+    from bvp.contact_sequence import ContactEvent
     from bvp.system import ImpactSystem
 
 __all__ = ["ForcedMode", "ModeSlopes", "ModeTable", "forced_mode", "mode_slopes"]
@@ -149,7 +149,7 @@ class ModeTable:
     Parameters
     ----------
     system : ImpactSystem
-    events : sequence of Event
+    events : sequence of ContactEvent
         The nodes of the orbit.
     nodes, width, varying : int
         Rows of nodes, entries of a node; parameters that change masses, dampers or springs.
@@ -160,7 +160,7 @@ class ModeTable:
     """
 
     def __init__(
-        self, system: ImpactSystem, events: Sequence[Event], nodes: int, width: int, varying: int, loads: Loads, unit: float
+        self, system: ImpactSystem, events: Sequence[ContactEvent], nodes: int, width: int, varying: int, loads: Loads, unit: float
     ):
         self.unit = unit
         n, stops = system.degrees_of_freedom, len(system.stops)

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bvp.checks import Frozen, InvalidSystem, is_finite, refuse_unknown
-from bvp.description import BASE, FORCE, force_from, in_order, leaves, mapped, names_in, own_parameters, require_name
-from bvp.entries import Layout, entries_of, exact
+from bvp.description import BASE, FORCE, force_from, leaves, mapped, names_in, ordered_by_dependence, own_parameters, require_name
+from bvp.entries import EntryLayout, entries_of, exact
 from bvp.expressions import parsed
 from bvp.forcing import Constant, Force, Harmonic
 from bvp.system import MODELS, STOP_KEYS, SYSTEM_KEYS, ImpactSystem
@@ -36,7 +36,7 @@ class Released(NamedTuple):
     `ParametricSystem.names`. It writes D entries, then their derivatives by the P parameters, entry by entry: out is (D + D P,)."""
 
     program: Program
-    rows: np.ndarray  # (D,) int64, ascending: the entries, by `Layout`
+    rows: np.ndarray  # (D,) int64, ascending: the entries, by `EntryLayout`
     columns: np.ndarray  # (P,) int64: the released parameters among the names
     scratch: int  # length of the scratch
 
@@ -62,7 +62,7 @@ class ParametricSystem:
         Their default values.
     derived : mapping of str to str
         The other parameters: expressions of these.
-    layout : Layout
+    layout : EntryLayout
         Of the entries. A ValueError if the loads have no common period.
     """
 
@@ -318,14 +318,14 @@ class ParametricSystem:
         return any(entry != symbols[0] and entry.free_symbols & set(symbols) for entry in moved)
 
     @property
-    def layout(self) -> Layout:
+    def layout(self) -> EntryLayout:
         return self._entries[0]
 
     def _run(self, released: Released, values: Mapping[str, float] | None) -> np.ndarray:
-        from bvp.programs import evaluate
+        from bvp.programs import evaluate_program
 
         at = self.at(values)
-        out = evaluate(released.program, [at[name] for name in self.names])
+        out = evaluate_program(released.program, [at[name] for name in self.names])
         if not np.isfinite(out).all():
             raise InvalidSystem(f"an entry of the system or its derivative is not finite{_where(at)}")
         return out
@@ -368,7 +368,7 @@ class ParametricSystem:
         import sympy
 
         known = dict(self._symbols) | {"pi": sympy.pi}
-        for name in in_order(self.derived):
+        for name in ordered_by_dependence(self.derived):
             known[name] = self._read(self.derived[name], f"parameter {name}", known)
         return known | {text: self._read(text, where, known) for text, where in self._texts.items() if text not in known}
 
@@ -395,13 +395,13 @@ class ParametricSystem:
         """The value of each text."""
         if not self.derived and all(text in at for text in self._texts):
             return at
-        from bvp.programs import evaluate, program_of
+        from bvp.programs import evaluate_program, program_of
 
         texts, program = self._numbers_program
-        out = evaluate(program, list(at.values()))
+        out = evaluate_program(program, list(at.values()))
         if not np.isfinite(out).all():
             symbols = list(self._symbols.values())
-            each = [evaluate(program_of([self._expressions[text]], symbols), list(at.values()))[0] for text in texts]
+            each = [evaluate_program(program_of([self._expressions[text]], symbols), list(at.values()))[0] for text in texts]
             k = int(np.argmin(np.isfinite(each)))
             place = self._texts.get(texts[k], f"parameter {texts[k]}")
             raise InvalidSystem(f"{place} is {self.derived.get(texts[k], texts[k])}, which has no finite value")
@@ -423,7 +423,7 @@ class ParametricSystem:
             raise InvalidSystem(f"{error}{_where(given)}") from None
 
     @cached_property
-    def _entries(self) -> tuple[Layout, list[Any]]:
+    def _entries(self) -> tuple[EntryLayout, list[Any]]:
         from sympy import cos, sin
 
         read = self._expressions.__getitem__

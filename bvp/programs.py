@@ -14,7 +14,7 @@ from bvp.expressions import FUNCTIONS, ExpressionError, not_too_deep
 from bvp.kernels import expressions as kernels
 from bvp.kernels.expressions import Program
 
-__all__ = ["derivative", "evaluate", "program_of", "scratch_size"]
+__all__ = ["derivative", "evaluate_program", "program_of", "scratch_size"]
 
 
 @cache
@@ -89,7 +89,7 @@ def scratch_size(program: Program, parameters: int) -> int:
     return parameters + len(program.constants) + len(program.code)
 
 
-def evaluate(program: Program, parameters: Sequence[float]) -> np.ndarray:
+def evaluate_program(program: Program, parameters: Sequence[float]) -> np.ndarray:
     """The values (O,) of the expressions at parameters (N,), by the same operations without compiled code: for a scene, which needs them
     once, nothing is compiled. All are NaN if a function has no value.
 
@@ -97,7 +97,7 @@ def evaluate(program: Program, parameters: Sequence[float]) -> np.ndarray:
     --------
     >>> import sympy
     >>> a = sympy.Symbol("a")
-    >>> evaluate(program_of([a**2, a / 2], [a]), [3.0]), evaluate(program_of([sympy.log(a)], [a]), [-1.0])
+    >>> evaluate_program(program_of([a**2, a / 2], [a]), [3.0]), evaluate_program(program_of([sympy.log(a)], [a]), [-1.0])
     (array([9. , 1.5]), array([nan]))
     """
     out = np.zeros(len(program.outputs))

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from bvp.closures import EndsError, cycle_of, parse_end
-from bvp.contact_sequence import Event
+from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
@@ -93,7 +93,7 @@ class ReleasedProblem(ForcedProblem):
         if self.has_clock or np.any(parametric.entries(self.values)[layout.constant]):
             raise EndsError("a family of free orbits needs a system without loads")
 
-    def _events(self) -> tuple[Event, ...]:
+    def _events(self) -> tuple[ContactEvent, ...]:
         return ()
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:

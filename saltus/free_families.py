@@ -194,7 +194,7 @@ def _crossings(
 ) -> list[Orbit]:
     """The orbits of a family in the energy near which the first equation that names the energy or the quarter period holds."""
     from bvp.description import RESERVED
-    from bvp.programs import evaluate
+    from bvp.programs import evaluate_program
 
     at = next((text for text in keep if any(word in text for word in RESERVED)), None)
     if at is None:
@@ -202,7 +202,7 @@ def _crossings(
     program = parametric.equations([at], names, RESERVED)
     values = [parametric.values[one] for one in parametric.names]
     h, alpha = branch.points["h"], branch.points["alpha"]
-    residual = np.array([evaluate(program, [*values, *place])[0] for place in zip(h, alpha, strict=True)])
+    residual = np.array([evaluate_program(program, [*values, *place])[0] for place in zip(h, alpha, strict=True)])
     found = np.flatnonzero(residual[:-1] * residual[1:] <= 0.0)
     orbits = [branch.orbit(int(k + (abs(residual[k + 1]) < abs(residual[k])))) for k in found]
     for key, value in (("h", name.h), ("alpha", name.alpha)):

@@ -336,7 +336,7 @@ def note_mark(motion, time):
 
 
 @kernel
-def damped(modes, f, z, t, work, out):
+def dissipated_energy(modes, f, z, t, work, out):
     """Energy dissipated by the dampers over a flight of t from z; out (R,): the integrals."""
     integrals(flight_of(modes, f), Products(modes.first[f], modes.second[f], modes.weight), z, t, work, out)
     total = 0.0
@@ -374,7 +374,7 @@ def mark_flight(modes, f, flight, total, motion, work, out):
             at = high - residual_high * (high - low) / (residual_high - residual_low)
             if not low < at < high:
                 at = 0.5 * (low + high)
-            residual = damped(modes, f, z, at, work, out) - wanted
+            residual = dissipated_energy(modes, f, z, at, work, out) - wanted
             if abs(residual) <= MARK_LEVEL * clock[entry.INITIAL]:
                 break
             if residual > 0.0:
@@ -389,7 +389,7 @@ def mark_flight(modes, f, flight, total, motion, work, out):
                 if last == -1:
                     residual_high *= 0.5
                 last = -1
-        damped(modes, f, z, at, work, out)
+        dissipated_energy(modes, f, z, at, work, out)
         row = counts[entry.MARK]
         note_mark(motion, clock[entry.TIME] + at)
         for k in range(modes.part.shape[0]):
@@ -414,10 +414,10 @@ def fly(modes, f, flight, motion, scratch):
         if not abs(work[0, r]) < math.inf:
             return False
     # Equation (29): what the dampers take over the flight.
-    total = damped(modes, f, z, flight, integral_work, out) if modes.part.shape[0] else 0.0
+    total = dissipated_energy(modes, f, z, flight, integral_work, out) if modes.part.shape[0] else 0.0
     if total > 0.0 and counts[entry.MARK] < motion.marks.shape[0] and passes_mark(modes, total, motion):
         mark_flight(modes, f, flight, total, motion, integral_work, out)
-        damped(modes, f, z, flight, integral_work, out)
+        dissipated_energy(modes, f, z, flight, integral_work, out)
     for k in range(modes.part.shape[0]):
         add(motion.sums, modes.part[k], out[k])
     copy_1(work[0], z)
@@ -464,6 +464,6 @@ def log_chatter(modes, f, log, motion, before, scratch):
     flow_state(flight_of(modes, f), z, -span, back)
     log_event(log, entry.CHATTER, counts[entry.CONTACT], motion, before, back)
     log.values[row, 0] = clock[entry.TIME] - span
-    damped(modes, f, back, span, scratch.integral, scratch.out)
+    dissipated_energy(modes, f, back, span, scratch.integral, scratch.out)
     for k in range(modes.part.shape[0]):
         log.sums[row, modes.part[k]] -= scratch.out[k]

@@ -22,7 +22,7 @@ from numpy import int64
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
-from bvp.kernels.forced_sticking import contact_gap, flight_of, load_modes, modal_load
+from bvp.kernels.forced_sticking import contact_gap, load_modes, modal_load, orbit_flight
 from bvp.kernels.free_closure import (
     ends_residuals,
     fill_ends,
@@ -35,12 +35,12 @@ from bvp.kernels.free_closure import (
 )
 from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
 from bvp.kernels.multipoint import PERIODIC, UNFOLDED, evaluate, fill, unpack
-from bvp.kernels.newton import scaled_residual, set_scale
+from bvp.kernels.newton import CONVERGED_RESIDUAL, residual_level, scaled_residual, set_scale
 from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
 from bvp.kernels.summed_chatter import take_impact, take_impact_blocks
 
 
-class Released(NamedTuple):
+class ReleasedEntries(NamedTuple):
     """How entries of the system depend on the m released parameters; `bvp.parameters.Released` gives the program."""
 
     program: Program
@@ -49,7 +49,7 @@ class Released(NamedTuple):
     rows: np.ndarray  # (D,) int64 entries that depend on them
     scratch: np.ndarray  # of the program
     out: np.ndarray  # (D + D m,) what the program writes
-    entries: np.ndarray  # (E,) as `bvp.entries.Layout` places them
+    entries: np.ndarray  # (E,) as `bvp.entries.EntryLayout` places them
     slopes: np.ndarray  # (m, E) their derivatives
     places: np.ndarray  # (4,) int64: where restitutions, the constant load, those with cosines and with sines begin
     frequency: int  # and the base frequency
@@ -75,7 +75,7 @@ class LoadedSegment(NamedTuple):
     contact: np.ndarray  # (k + 2, 2) int64: the entries of bound and restitution (-1: plastic, at an end); -1: no impact
     closing: np.ndarray  # (2,) 1 or -1, what the state is multiplied by over the segment; the part of the period that it lasts, 0: no clock
     scale: np.ndarray  # (N,) what a unit of arclength is for each entry of the first node; 0: a unit of its logarithm
-    released: Released
+    released: ReleasedEntries
     kept: Program  # left less right sides of the user's equations, then their derivatives by all that varies
     kept_values: np.ndarray  # (N,) of all parameters; of free orbits (N + 2,), with the energy and the quarter period behind them
     kept_out: np.ndarray  # what that program writes
@@ -140,7 +140,7 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
     refresh(segment, y[:width])
     at = 0
     for i in range(k + 1):
-        loaded_flight(flight_of(segment, i), y[at : at + width], y[at + width], before[i], flights[i])
+        loaded_flight(orbit_flight(segment, i), y[at : at + width], y[at + width], before[i], flights[i])
         at += width + 1
         row = i * (width + 1)
         take_impact(segment.sticking, segment, i, before[i], residual[row : row + width])
@@ -175,7 +175,7 @@ def loaded_blocks(segment, i, factor, landing, push_rate):
     for r in range(landing.shape[0]):
         copy_1(factor.flights[i, r], landing[r])
     before = factor.before[i]
-    loaded_rate(flight_of(segment, i), before, push_rate)
+    loaded_rate(orbit_flight(segment, i), before, push_rate)
     if segment.contact[i, 0] >= 0:
         take_impact_blocks(segment.sticking, segment, i, before, landing, push_rate)
 
@@ -276,6 +276,13 @@ def set_loaded_scale(segment, y, factor):
     if segment.shape[1] == UNFOLDED:
         scale[at] = 1.0
     return displacement, velocity, longest
+
+
+@residual_level.of(LoadedSegment)
+@inlined
+def loaded_residual_level(segment):
+    """See `residual_level`: each state is a sum over the modes, whose rounding adds up."""
+    return CONVERGED_RESIDUAL * segment.flight.enter.shape[0]
 
 
 @scaled_residual.of(LoadedSegment)

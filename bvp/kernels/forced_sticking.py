@@ -66,21 +66,21 @@ class Sticking(NamedTuple):
 
 
 @chosen
-def mode_of(sticking, i):
+def flight_mode(sticking, i):
     """Contact mode of flight i."""
 
 
-@mode_of.of(Unstuck)
+@flight_mode.of(Unstuck)
 @inlined
 def free_mode(sticking, i):
     """Free flight."""
     return 0
 
 
-@mode_of.of(Sticking)
+@flight_mode.of(Sticking)
 @inlined
 def sticking_mode(sticking, i):
-    """See `mode_of`."""
+    """See `flight_mode`."""
     return sticking.mode[i]
 
 
@@ -128,9 +128,9 @@ def sticking_flight(sticking, free, mode):
 
 
 @inlined
-def flight_of(segment, i):
+def orbit_flight(segment, i):
     """The `LoadedFlight` of flight i of an orbit."""
-    return flight_in(segment.sticking, segment.flight, mode_of(segment.sticking, i))
+    return flight_in(segment.sticking, segment.flight, flight_mode(segment.sticking, i))
 
 
 @inlined
@@ -243,6 +243,25 @@ def is_sticking(sticking, i, stop):
     return sticking.closed[sticking.mode[i], stop] == 1
 
 
+@inlined
+def add_modal(extended, r, factor, row):
+    """Add a multiple of the modal coordinate r, with its steady motion under the loads, to a row of observation."""
+    last = extended.last[0]
+    row[extended.place[r]] += factor * extended.unit[r]
+    for h in range(extended.steady.shape[0]):
+        row[last + 2 * h] += factor * extended.steady[h, 0, r]
+        row[last + 2 * h + 1] += factor * extended.steady[h, 1, r]
+
+
+@inlined
+def set_rates(extended, s):
+    """Write the rows of the derivatives of what is observed in row s."""
+    rows, matrix = extended.observed.rows, extended.flight.matrix
+    for order in range(3):
+        for c in range(matrix.shape[0]):
+            rows[s, order + 1, c] = inner(rows[s, order], matrix[:, c])
+
+
 @chosen
 def watch_forces(sticking, extended, mode):
     """Replace the gaps of the stops that stick by their contact forces, in the states of a flight with its loads."""
@@ -258,27 +277,21 @@ def watch_no_forces(sticking, extended, mode):
 @inlined
 def watch_contact_forces(sticking, extended, mode):
     """See `watch_forces`."""
-    rows, steady, last = extended.observed.rows, extended.steady, extended.last[0]
-    matrix = extended.flight.matrix
+    rows, last = extended.observed.rows, extended.last[0]
     for s in range(sticking.closed.shape[1]):
         if sticking.closed[mode, s] == 0:
             continue
         row = rows[s, 0]
         set_1(row, 0.0)
-        for h in range(steady.shape[0]):
+        for h in range(extended.steady.shape[0]):
             row[last + 2 * h] = sticking.level[mode, s, 0, h, 0]
             row[last + 2 * h + 1] = sticking.level[mode, s, 0, h, 1]
         for r in range(sticking.pull.shape[2]):
             total = 0.0
             for c in range(sticking.pull.shape[2]):
                 total -= sticking.pull[mode, s, c] * sticking.leave[mode, c, r]
-            row[extended.place[r]] += total * extended.unit[r]
-            for h in range(steady.shape[0]):
-                row[last + 2 * h] += total * steady[h, 0, r]
-                row[last + 2 * h + 1] += total * steady[h, 1, r]
-        for order in range(3):
-            for c in range(matrix.shape[0]):
-                rows[s, order + 1, c] = inner(rows[s, order], matrix[:, c])
+            add_modal(extended, r, total, row)
+        set_rates(extended, s)
 
 
 @chosen

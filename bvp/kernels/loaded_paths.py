@@ -18,7 +18,18 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.extrema import Observed, nearest_turn
 from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.forced import refresh
-from bvp.kernels.forced_sticking import flight_in, flight_of, is_closed, least_force, lift_off, mode_count, mode_of, watch_forces
+from bvp.kernels.forced_sticking import (
+    add_modal,
+    flight_in,
+    flight_mode,
+    is_closed,
+    least_force,
+    lift_off,
+    mode_count,
+    orbit_flight,
+    set_rates,
+    watch_forces,
+)
 from bvp.kernels.loads import NEAR_RESONANCE
 from bvp.kernels.summed_chatter import chatter_room, is_summed
 
@@ -91,7 +102,7 @@ def any_resonance(flight):
 
 
 @inlined
-def extend(flight, gaps, extended):
+def extend_flight(flight, gaps, extended):
     """Fill flight, rows and places of `extended` for the loads as they are. gaps (S, n): rows on displacements."""
     free, loads = flight.free, flight.loads
     pairs, mean, delta, matrix = extended.flight
@@ -198,8 +209,7 @@ def extend(flight, gaps, extended):
         delta[count] = 0.0
         count += 1
     n = gaps.shape[1]
-    last = at - 2 * harmonics
-    extended.last[0] = last
+    extended.last[0] = at - 2 * harmonics
     for s in range(gaps.shape[0]):
         row = rows[s, 0]
         set_1(row, 0.0)
@@ -207,13 +217,8 @@ def extend(flight, gaps, extended):
             total = 0.0
             for i in range(n):
                 total += gaps[s, i] * flight.leave[i, r]
-            row[place[r]] = total * extended.unit[r]
-            for h in range(harmonics):
-                row[last + 2 * h] += total * steady[h, 0, r]
-                row[last + 2 * h + 1] += total * steady[h, 1, r]
-        for order in range(3):
-            for c in range(matrix.shape[0]):
-                rows[s, order + 1, c] = inner(rows[s, order], matrix[:, c])
+            add_modal(extended, r, total, row)
+        set_rates(extended, s)
 
 
 @inlined
@@ -355,12 +360,12 @@ def observe_with(segment, watched, extended, y, ends, result):
             if speed < slowest:
                 slowest = speed
                 slowest_node = i
-        mode = mode_of(segment.sticking, i)
+        mode = flight_mode(segment.sticking, i)
         if mode != present:
-            extend(flight_in(segment.sticking, segment.flight, mode), watched.gaps, extended)
+            extend_flight(flight_in(segment.sticking, segment.flight, mode), watched.gaps, extended)
             watch_forces(segment.sticking, extended, mode)
             present = mode
-        extended_state(flight_of(segment, i), node, extended)
+        extended_state(orbit_flight(segment, i), node, extended)
         growth, decay = rates_of(extended.flight)
         touched = watched.stops[i - 1 if i > 0 else segment.shape[0]]
         for stop in range(bounds.shape[1] if duration > 0.0 else 0):

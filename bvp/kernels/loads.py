@@ -140,7 +140,7 @@ def _block_integral(mean, matrix, start, size, nu, t, psi):
 
 
 @inlined
-def response(flight, nu, t, psi):
+def load_response(flight, nu, t, psi):
     """Psi of all blocks for one harmonic into psi (4, 2 n, 2 n): real and imaginary parts, and those of its derivative by nu."""
     pairs, mean, delta, matrix = flight
     for part in range(4):
@@ -236,7 +236,7 @@ def _add_change(flight, z, t):
             times_matrix(enter, z, start)
             flow_state(free, start, s, here)
             for h in range(loads.harmonics.shape[0]):
-                response(free, loads.harmonics[h] * loads.clock[0], s, psi)
+                load_response(free, loads.harmonics[h] * loads.clock[0], s, psi)
                 turn_load(loads, 0, h, z, lines[6], lines[7])
                 _add_response(free.pairs, psi, lines[6], lines[7], 1.0, lines[2:], here)
             for j in range(change.shape[0]):
@@ -296,7 +296,7 @@ def loaded_flight(flight, z, t, out, jacobian):
         set_1(columns[j], 0.0)
     for h in range(loads.harmonics.shape[0]):
         k = loads.harmonics[h]
-        response(free, k * w, t, psi)
+        load_response(free, k * w, t, psi)
         real = lines[6]
         imaginary = lines[7]
         turn_load(loads, 0, h, z, real, imaginary)

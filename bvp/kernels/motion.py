@@ -24,10 +24,19 @@ from bvp.kernels.contact_mode import (
     sums_of,
     write_loads,
 )
-from bvp.kernels.energy_budget import damped, fly, log_chatter, lose, stop_contact
+from bvp.kernels.energy_budget import dissipated_energy, fly, log_chatter, lose, stop_contact
 from bvp.kernels.flight import copy_1, fastest_rate, flight_at, flow_state, row_dot, set_1, times_matrix
 from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact, rounding_level
-from bvp.kernels.sticking import at_their_bounds, chatter, clash, comes_to_rest, impact_while_sticking, settle, sunk, touches_sticking
+from bvp.kernels.sticking import (
+    at_their_bounds,
+    bring_to_rest,
+    chatter,
+    clash,
+    comes_to_rest,
+    impact_while_sticking,
+    sunk,
+    touches_sticking,
+)
 
 REACHED, FULL, NEW_MODE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED, PAUSED = range(10)
 """How `move` returned: at the duration; the log is full (call again); the mode counts[PENDING] is wanted (add it and call again); two
@@ -71,7 +80,7 @@ def resolve_impact(modes, still, moving, c, motion, scratch):
         # Several contacts bounce no higher than the tolerance: they come to rest at once.
         stay, part, span = comes_to_rest(modes, still, moving, c, z, scratch.impulses)
         if stay:
-            decided, loss = settle(modes, stay, part, z, scratch.impulses)
+            decided, loss = bring_to_rest(modes, stay, part, z, scratch.impulses)
             if not decided:
                 return int64(-1), False
             count_impact(modes, c, speed, loss, motion)
@@ -411,7 +420,7 @@ def spent(modes, begins, numbers, states, sums, times, work, integral, out):
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
         f = numbers[k, 2]
-        damped(modes, f, states[k], times[i] - begins[k], work, integral)
+        dissipated_energy(modes, f, states[k], times[i] - begins[k], work, integral)
         copy_1(sums[k], out[i])
         for r in range(modes.part.shape[0]):
             out[i, modes.part[r]] += integral[r]

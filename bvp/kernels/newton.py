@@ -175,6 +175,9 @@ def apply_reflectors(flights, rows, start, window, closing, factor, x):
 RESIDUAL_ROUNDING = 2e-15
 """Scaled residual that is nothing but rounding: 9 eps, for states at the ends of flights of size 1."""
 
+CONVERGED_RESIDUAL = 1e-15
+"""Scaled residual of a converged solution."""
+
 SHORT_UPDATE = 1e-6
 """Newton's update, in units of the unknowns' sizes, below which the next one is beyond double precision: its square."""
 
@@ -320,6 +323,18 @@ def null_vector(segment, factor, out):
 
 
 @chosen
+def residual_level(segment):
+    """Scaled residual at which a solution needs no further update to show that the updates shrink."""
+
+
+@residual_level.of(Segment)
+@inlined
+def free_residual_level(segment):
+    """See `residual_level`."""
+    return CONVERGED_RESIDUAL
+
+
+@chosen
 def scaled_residual(segment, residual, displacement, velocity):
     """Largest residual, displacements and velocities each by their own scale."""
 
@@ -403,7 +418,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                 else:
                     if length > 1e-12 and not noise:
                         contraction = max(contraction, ratio)
-                    if worst <= 1e-15 and ratio <= 0.1 and ratio * length <= 0.1 * rounding:
+                    if worst <= residual_level(segment) and ratio <= 0.1 and ratio * length <= 0.1 * rounding:
                         good = True
                         ended = True
                     elif ratio > 2.0 and length > 1e-3:

@@ -13,8 +13,8 @@ turn it into
 whose cyclic product has the nontrivial Floquet multipliers as eigenvalues. E_i is singular only where an
 impact grazes; no inverse is formed.
 
-`sweep` is periodic QR without shifts (Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001)
-2389): every factor is kept triangular, so that small multipliers survive beside large ones.
+`orthogonal_sweep` is periodic QR without shifts (Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation
+Chaos 11 (2001) 2389): every factor is kept triangular, so that small multipliers survive beside large ones.
 """
 
 import math
@@ -251,7 +251,7 @@ def rotation(a, b):
 
 
 @inlined
-def sweep(factors, repeats, scratch, frame, product, exponent):
+def orthogonal_sweep(factors, repeats, scratch, frame, product, exponent):
     """One orthogonal sweep round the cycle, which runs through the given factors `repeats` times. scratch (4, N, N).
 
     frame (w, w): orthonormal columns at node 0, replaced by those that node P is reached with.

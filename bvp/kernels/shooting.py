@@ -81,7 +81,7 @@ def start_at(flow, theta, z, dz):
 
 
 @kernel
-def advance(squares, t, a, b, out_a, out_b):
+def fly_both(squares, t, a, b, out_a, out_b):
     """Free flight of two states over one time."""
     for k in range(2):
         c, s = circular(-squares[k], t)
@@ -156,7 +156,7 @@ def follow_impacts(flow, theta, longest, latest, most, record, work):
         if turned:
             turn_states(flow.squares, rotations, begin, dz, y, dy)
         else:
-            advance(flow.squares, duration, begin, dz, y, dy)
+            fly_both(flow.squares, duration, begin, dz, y, dy)
         for r in range(2):
             velocity[r] = y[r + 2]
             velocity[r + 2] = -flow.squares[r] * y[r]
@@ -215,7 +215,7 @@ def find_clearance(flow, row, longest, work):
             break
         if sign != 0:
             turn = refine(track, before, f_before, here, f, 1e-10 * duration)
-            advance(flow.squares, turn, z, dz, y, dy)
+            fly_both(flow.squares, turn, z, dz, y, dy)
             w = inner(rows[0, :4], y)
             distance = flow.limits[1] - w if sign > 0 else w - flow.limits[0]
             count += 1
@@ -237,7 +237,7 @@ def find_clearance(flow, row, longest, work):
     row[TURNING_POINTS] = count
     row[THIRD] = best_time
     if count > 0:
-        advance(flow.squares, best_time, z, dz, y, dy)
+        fly_both(flow.squares, best_time, z, dz, y, dy)
         row[CLEARANCE + 1] = -best_side * inner(rows[0, :4], dy)
 
 

@@ -18,7 +18,7 @@ from bvp.kernels.contact_mode import apply_impact, arrive
 from bvp.kernels.flight import block_product, copy_1, flow_matrix, row_dot, set_1, set_2
 from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, energy_sum, start_state, two_dof_segment, unfold_impacts
 from bvp.kernels.newton import reflector
-from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, sweep, trivial_directions
+from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, orthogonal_sweep, pencil, trivial_directions
 
 
 @inlined
@@ -275,7 +275,7 @@ def orbit_stability(packed, y, ends, period, result):
     for _ in range(4):
         for r in range(dimension):
             copy_1(frame[r], older[r])
-        singular = sweep(factors, repeats, scratch.square, frame, product, exponent)
+        singular = orthogonal_sweep(factors, repeats, scratch.square, frame, product, exponent)
         coupling = abs(older[0, 1] * frame[0, 0] + older[1, 1] * frame[1, 0])
         grade = abs(product[0, 1]) + abs(product[0, 0])
         if coupling < 1e-15 or grade < 30.0 * abs(product[1, 1]) * 2.0 ** (exponent[1] - exponent[0]):

@@ -303,7 +303,7 @@ def comes_to_rest(modes, still, moving, c, z, table):
 
 
 @kernel
-def settle(modes, stay, part, z, table):
+def bring_to_rest(modes, stay, part, z, table):
     """Stop contacts, at the state z (N,) of mode 0.
 
     Those of the bits of `stay` lose all speed across the contact, those of `part` only a speed towards the stop. Returns (True, the energy

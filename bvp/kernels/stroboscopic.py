@@ -17,7 +17,7 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.dense import determinant, eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
-from bvp.kernels.forced_sticking import flight_of
+from bvp.kernels.forced_sticking import orbit_flight
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
 from bvp.kernels.summed_chatter import chatter_frame, is_summed, take_impact
@@ -42,10 +42,10 @@ def make_stroboscopic(segment):
 @inlined
 def rates_at(segment, i, before, after, coming, going):
     """after (N,): the node after impact i. coming, going (N,): f- and f+, the rates of the nodes before and after it."""
-    loaded_rate(flight_of(segment, i), before, coming)
+    loaded_rate(orbit_flight(segment, i), before, coming)
     take_impact(segment.sticking, segment, i, before, after)
     # The last impact of half a period is the mirror image of the first one: the same stop is closed.
-    loaded_rate(flight_of(segment, i + 1 if i < segment.shape[0] else 0), after, going)
+    loaded_rate(orbit_flight(segment, i + 1 if i < segment.shape[0] else 0), after, going)
 
 
 @kernel

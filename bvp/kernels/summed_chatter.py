@@ -18,7 +18,7 @@ import numpy as np
 from bvp.kernels.compiled import chosen, inlined, kernel, shared
 from bvp.kernels.contact_mode import apply_impact, impact_columns
 from bvp.kernels.flight import copy_1, fastest_rate, inner, row_dot, set_1
-from bvp.kernels.forced_sticking import Sticking, Unstuck, contact_force, flight_of
+from bvp.kernels.forced_sticking import Sticking, Unstuck, contact_force, orbit_flight
 from bvp.kernels.loads import loaded_flight, loaded_rate
 from bvp.kernels.sticking import stride_of
 
@@ -73,10 +73,10 @@ def impact_blocks(segment, i, before, landing):
 
 
 @kernel
-def bounce(segment, i, z, slope):
+def next_bounce(segment, i, z, slope):
     """Fly from a node z (N,) after impact i to the next impact at the same stop; z and its derivative slope (N, N) become those before it.
     Returns False where there is none."""
-    sticking, flight = segment.sticking, flight_of(segment, i)
+    sticking, flight = segment.sticking, orbit_flight(segment, i)
     chatter = sticking.chatter
     row, rate, place, turn = chatter.lines[0], chatter.lines[1], chatter.lines[2], chatter.lines[3]
     width = z.shape[0]
@@ -194,7 +194,7 @@ def sum_chatter(segment, i, before, after):
             if k > 0:
                 impact_blocks(segment, i, after, slope)
                 apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], after, after)
-            if not bounce(segment, i, after, slope):
+            if not next_bounce(segment, i, after, slope):
                 set_1(after, math.nan)
                 return
     chatter.error[i] = error
@@ -325,7 +325,7 @@ def room_of_chatter(sticking, segment, i, lasted):
     if sticking.chatter.summed[i] == 0:
         return math.inf, math.inf
     loads = segment.flight.loads
-    fastest = fastest_rate(flight_of(segment, i).free)
+    fastest = fastest_rate(orbit_flight(segment, i).free)
     for h in range(loads.harmonics.shape[0]):
         fastest = max(fastest, loads.harmonics[h] * loads.clock[0])
     room = LONGEST - lasted * 2.0 * math.pi * loads.load_periods / loads.clock[0] * fastest

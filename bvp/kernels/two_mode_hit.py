@@ -63,7 +63,7 @@ def turn_mode(square, c, s, k, z, out):
 
 @inlined
 def turn_states(squares, rotations, a, b, out_a, out_b):
-    """`bvp.kernels.shooting.advance` over a time whose (cos, sin) of both modes are given."""
+    """`bvp.kernels.shooting.fly_both` over a time whose (cos, sin) of both modes are given."""
     for k in range(2):
         c = rotations[2 * k]
         s = rotations[2 * k + 1] / math.sqrt(squares[k])

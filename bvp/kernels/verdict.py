@@ -13,7 +13,7 @@ from bvp.kernels import shooting as column
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.impact import CONTACT_TOLERANCE
 from bvp.kernels.multipoint import ORIGIN, REST, STOP
-from bvp.kernels.shooting import Flow, advance, amplitude, find_clearance, follow_impacts
+from bvp.kernels.shooting import Flow, amplitude, find_clearance, fly_both, follow_impacts
 
 MARGIN = 1.2
 """Factor on the bounds that are drawn from samples."""
@@ -133,7 +133,7 @@ def approaches(flow, kind, tube, window, found, work):
     for _ in range(100000):
         if t > window:
             break
-        advance(flow.squares, t, row[:4], along, y, dy)
+        fly_both(flow.squares, t, row[:4], along, y, dy)
         size = math.hypot(y[at], y[at + 1])
         reach = MARGIN * r * (math.hypot(dy[at], dy[at + 1]) + width)
         near = size <= 1.5 * reach
@@ -154,7 +154,7 @@ def approaches(flow, kind, tube, window, found, work):
                 count = gather(flow, kind, tube, Visit(entered, t, best_time), y, dy, found, count)
                 if count < 0:
                     return -1
-                advance(flow.squares, t, row[:4], along, y, dy)
+                fly_both(flow.squares, t, row[:4], along, y, dy)
             t += (size - reach) / lipschitz
     if not t > window:
         return -1
@@ -192,13 +192,13 @@ def crossing(flow, kind, tube, visit, y, dy):
     at = 0 if kind == ORIGIN else 2
     t = nearest
     for _ in range(4):
-        advance(flow.squares, t, row[:4], along, y, dy)
+        fly_both(flow.squares, t, row[:4], along, y, dy)
         v0, v1 = state_rates(flow, kind, y)
         square = v0 * v0 + v1 * v1
         if square == 0.0:
             return -1, t
         t = min(max(t - (y[at] * v0 + y[at + 1] * v1) / square, entered), left)
-    advance(flow.squares, t, row[:4], along, y, dy)
+    fly_both(flow.squares, t, row[:4], along, y, dy)
     v0, v1 = state_rates(flow, kind, y)
     speed = math.hypot(v0, v1)
     a0 = -flow.squares[0] * y[at]
@@ -249,7 +249,7 @@ def refine_zero(search, kind, k, theta, time, bracket, record, pattern, out):
             time = record[k, column.DURATION]
             out[2] = abs(record[k, column.RESIDUAL])
         else:
-            advance(flow.squares, time, record[k, :4], record[k, 4:8], y, dy)
+            fly_both(flow.squares, time, record[k, :4], record[k, 4:8], y, dy)
             v0, v1 = state_rates(flow, kind, y)
             # Newton's method in (theta, time): the two displacements, or velocities, vanish.
             determinant = dy[at] * v1 - dy[at + 1] * v0

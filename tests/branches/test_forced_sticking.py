@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from branches.admissible import unphysical
 from branches.forced.tracing import follow_response, switch_response
 from bvp.closures import EndsError
-from bvp.contact_sequence import joined_sequence, parse_sequence
+from bvp.contact_sequence import joined_sequence, parse_contact_sequence
 from bvp.forced import ForcedProblem
 from bvp.forcing import Harmonic
 from bvp.kernels.forced import set_parameters
@@ -266,18 +266,18 @@ def test_the_bouncing_ball_leaves_its_table():
 def test_symbols():
     """Releases that a sequence leaves out, sequences as text, and what is refused."""
     two = ImpactSystem(np.eye(2), np.eye(2), np.eye(2), [Stop((1.0, 0.0), -1.0, 1.0, restitution=0.0), Stop((0.0, 1.0), upper=1.0)])
-    assert [event.symbol for event in parse_sequence(two, ["a+=", "b+"])] == ["a+=", "a+:", "b+"]
-    held = parse_sequence(two, ["b+", "a+:", "a-=", "b+", "a-:", "a+="])
+    assert [event.symbol for event in parse_contact_sequence(two, ["a+=", "b+"])] == ["a+=", "a+:", "b+"]
+    held = parse_contact_sequence(two, ["b+", "a+:", "a-=", "b+", "a-:", "a+="])
     assert [sorted(event.closed) for event in held] == [[1], [], [0], [0], [], [1]]
     assert joined_sequence(["a+=", "a+:", "b+"]) == "a+=b+"
     one = ImpactSystem([[1.0]], [[0.0]], [[1.0]], [Stop((1.0,), -1.0, 1.0, restitution=0.0)])
-    assert [event.symbol for event in parse_sequence(one, ["+="], half=True)] == ["+=", "+:"]
+    assert [event.symbol for event in parse_contact_sequence(one, ["+="], half=True)] == ["+=", "+:"]
     for sequence, text in (
         (["a+:"], "begins with an impact"), (["b+", "a+:"], "sticks at the end|does not stick"), (["c+="], "no contact"),
         (["a+=", "a-", "a+:"], "hits a stop that sticks"),
     ):  # fmt: skip
         with pytest.raises(EndsError, match=text):
-            parse_sequence(two, sequence)
+            parse_contact_sequence(two, sequence)
 
 
 @pytest.mark.parametrize("restitution", [0.05, 0.4, 0.5, 0.8, 0.93])

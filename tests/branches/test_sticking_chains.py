@@ -30,8 +30,8 @@ def soft_chain(seed):
 
 
 def check_sticking(seed, stride=1, periods=10):
-    """Whether a chain settles on a motion that sticks for a part of its period. Its orbit is then followed 20 points in both directions. The
-    simulation of some periods comes back to each point (one of `stride`), but for what the largest multiplier makes of rounding."""
+    """Whether a chain settles on a motion that sticks for a part of its period. Its orbit is then followed, 20 points in both directions.
+    The simulation of some periods comes back to each point (one of `stride`), but for what the largest multiplier makes of rounding."""
     parametric = soft_chain(seed)
     settled = settle(parametric.system(), parametric.forces(), most=3000)
     if settled.kind is not SettledKind.PERIODIC or settled.sticking or settled.sticking_time == 0.0:

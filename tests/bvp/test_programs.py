@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bvp.expressions import ExpressionError, parsed
 from bvp.kernels.expressions import run
-from bvp.programs import derivative, evaluate, program_of, scratch_size
+from bvp.programs import derivative, evaluate_program, program_of, scratch_size
 
 NAMES = ("a", "b", "c")
 TEXTS = [
@@ -75,7 +75,7 @@ def test_values_and_derivatives_are_those_of_sympy_in_forty_digits(point):
 def test_the_same_without_compiled_code(point):
     """Oracle: the compiled program; the functions of both can differ in their last digit."""
     expressions = [read(text) for text in TEXTS]
-    found = evaluate(program_of(expressions, symbols()), point)
+    found = evaluate_program(program_of(expressions, symbols()), point)
     np.testing.assert_allclose(found, values(expressions, point), rtol=1e-15)
 
 
@@ -114,7 +114,7 @@ def test_a_value_that_is_not_finite_is_reported(text, point):
     out = np.zeros(2)
     assert not run(program, np.array(point, dtype=float), np.zeros(scratch_size(program, 3)), out)
     assert not math.isfinite(out[1])
-    assert not math.isfinite(evaluate(program, point)[1])
+    assert not math.isfinite(evaluate_program(program, point)[1])
 
 
 def test_what_cannot_be_computed_is_refused():

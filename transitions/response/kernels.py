@@ -11,9 +11,9 @@ from bvp.kernels.energy_budget import Products, integral_work, integrals
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
 from bvp.kernels.flight import copy_1, flow_state, set_1, set_2
 from bvp.kernels.forced import refresh
-from bvp.kernels.forced_sticking import flight_in, flight_of, mode_count, mode_of
+from bvp.kernels.forced_sticking import flight_in, flight_mode, mode_count, orbit_flight
 from bvp.kernels.impact import work_array
-from bvp.kernels.loaded_paths import GROWTH, PIECES, Extended, any_resonance, extend, extended_state, make_extended, rates_of
+from bvp.kernels.loaded_paths import GROWTH, PIECES, Extended, any_resonance, extend_flight, extended_state, make_extended, rates_of
 
 __all__ = ["Measuring", "make_measuring", "orbit_measures"]
 
@@ -74,16 +74,16 @@ def measure_flights(segment, measuring, y, peaks, totals):
     for i in range(flights):
         at = i * (width + 1)
         duration = y[at + width]
-        mode = mode_of(segment.sticking, i)
+        mode = flight_mode(segment.sticking, i)
         if mode != present:
             present = mode
-            extend(flight_in(segment.sticking, segment.flight, mode), measuring.coordinates, extended)
+            extend_flight(flight_in(segment.sticking, segment.flight, mode), measuring.coordinates, extended)
             for c in range(n):
                 copy_1(extended.observed.rows[c, 0], rows[c])
                 copy_1(extended.observed.rows[c, 1], rows[n + c])
             fill_products(segment, measuring)
         growth, decay = rates_of(extended.flight)
-        extended_state(flight_of(segment, i), y[at : at + width], extended)
+        extended_state(orbit_flight(segment, i), y[at : at + width], extended)
         integrals(extended.flight, measuring.products, extended.state, duration, measuring.integral, measuring.out)
         for r in range(totals.shape[0]):
             totals[r] += measuring.out[r]

@@ -10,7 +10,7 @@ import numpy as np
 
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
-from bvp.programs import evaluate
+from bvp.programs import evaluate_program
 from bvp.texts import listed
 
 __all__ = ["ParameterPath"]
@@ -82,7 +82,7 @@ class ParameterPath:
         others, count = self.names[1:], len(self.keep)
         program = self.parametric.equations(self.keep, self.names)
         for _ in range(_UPDATES if others else 0):
-            out = evaluate(program, [values[name] for name in self.parametric.names])
+            out = evaluate_program(program, [values[name] for name in self.parametric.names])
             slopes = out[count:].reshape(count, len(self.names))[:, 1:]
             if not np.isfinite(out).all() or np.linalg.matrix_rank(slopes) < count:
                 break
