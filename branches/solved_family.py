@@ -80,6 +80,10 @@ class SolvedFamily:
         """A solution as the engine sees it, with its test functions."""
         raise NotImplementedError
 
+    def _tried(self, solution: Solution, tests: np.ndarray) -> Step:
+        """The step that ends a block. tests: its test functions, where it is an orbit."""
+        return self._step(solution)
+
     def begin(self, y: np.ndarray) -> Step:
         """See `continuation.Problem`."""
         return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0))
@@ -169,9 +173,8 @@ class SolvedFamily:
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None
         if tried:
-            trial = self._step(
-                Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
-            )
+            solution = Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
+            trial = self._tried(solution, block.tests[count])
         taken = Block(*(array[:count] for array in block))
         if self._computed > len(self.tests):
             taken = taken._replace(tests=taken.tests[:, : len(self.tests)])

@@ -116,6 +116,10 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         forced_tests(self.problem.segment, solution.y, solution.ends, self._work, solution.result, self._watched.targets, out)
         return step_of(solution, solution.result.tolist(), out.tolist())
 
+    def _tried(self, solution: Solution, tests: np.ndarray) -> Step:
+        # The flights can be those of a later step: the first ones of a run are judged together.
+        return step_of(solution, solution.result.tolist(), tests.tolist()) if is_orbit(solution.result) else FAILED
+
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""
         test = self.tests[index]

@@ -23,6 +23,7 @@ from tests.branches.forced_digits import ForcedDigits
 from tests.docs.pages import page, table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import linear_response
+from transitions.response.tracing import simulated_start
 
 RANGE = (0.7, 2.2)
 ABSORBER = saltus.load_scene("absorber").parametric
@@ -162,3 +163,21 @@ def test_a_doubled_family_ends_at_an_orbit_of_the_single_period():
     bifurcations = [(one.type, one.values["w"]) for one in symmetric.events if one.type in ("SN", "NS", "SB")]
     found = [(one.type, pytest.approx(one.values["w"], abs=1e-12)) for one in ahead.events if one.type in ("SN", "NS", "SB")]
     assert bifurcations in (found, found[::-1])
+
+
+def test_a_family_that_closes_has_the_same_events_from_any_of_them():
+    """The symmetric response with ten impacts closes on itself. It is begun at the simulated motion, and at each place where it breaks its
+    symmetry. The test functions of the first step are those of its orbit."""
+    path = ParameterPath(ABSORBER, ["w"], [], {"w": 0.9436})
+    found = simulated_start(path, None, None, phase=0.0, most=3000)[1]
+    branch = follow_response(found.problem, found.y)
+    wanted = sorted((event.type, event.values["w"]) for event in branch.events)
+    assert [code for code, _ in wanted] == ["NS", "SB", "SB", "SN", "SN"] and branch.ended[0].reason == "CLOSED"
+    breaking = [branch.unknowns[event.point] for event in branch.events if event.type == "SB"]
+    family = ForcedFamily(found.problem)
+    for y in breaking:
+        events = sorted((event.type, event.values["w"]) for event in follow_response(found.problem, y).events)
+        assert [code for code, _ in events] == [code for code, _ in wanted]
+        assert [value for _, value in events] == pytest.approx([value for _, value in wanted], abs=1e-11)
+        begun = follow_both_ways(family, y, replace(SETTINGS, maximum_points=4), both=False)
+        assert begun.points[1].step.tests[7] == pytest.approx(family.begin(begun.points[1].step.y).tests[7], rel=1e-9)

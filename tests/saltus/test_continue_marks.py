@@ -59,6 +59,20 @@ def test_a_released_parameter_and_a_saved_branch_are_marked(capsys):
     assert [event["values"]["w"] for event in marks(data("b.json"))] == pytest.approx([0.55, math.sqrt(0.5), 0.9], abs=1e-11)
 
 
+@pytest.mark.parametrize("below", [0.0, 1e-8, 1e-6])
+def test_a_measure_that_turns_beside_a_value(capsys, below):
+    """Oracle: the closed form has its largest amplitude 1/sqrt(0.9975) at w^2 = 0.995. A little below it two frequencies have one
+    amplitude, and it touches the largest one."""
+    value = (1.0 - below) / math.sqrt(1.0 - 0.0025)
+    words = "--uz", f"max:x={value!r}", "--uz", f"rms:x={1.001 * value / math.sqrt(2.0)!r}", "--json", "a.json"
+    code, _, err = run(capsys, *LINEAR, *words)
+    assert code == 0, err
+    found = sorted(event["values"]["w"] for event in marks(data("a.json")))
+    root = math.sqrt(max((0.1 / value) ** 2 - 0.01 * 0.9975, 0.0)) if below else 0.0
+    exact = [math.sqrt(0.995 - root), math.sqrt(0.995 + root)] if below else [math.sqrt(0.995)]
+    assert found == pytest.approx(exact, abs=1e-9 if below else 1e-6)
+
+
 @pytest.mark.parametrize(
     ("value", "expected"),
     [

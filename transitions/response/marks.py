@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,8 +22,21 @@ _TOLERANCE = 1e-12
 _SAME = 1e-6
 """Arclength within which two marks of one value are one."""
 
+_WIDTH = 1e-8
+"""Arclength to which an extremum is located: its value is then exact to rounding."""
+
+_TOUCH = 1e-12
+"""Distance of an extremum from a value, beside its size, that counts as none."""
+
+_TRUST = 1.0
+"""Error of a parabola through three points, beside what it goes below the middle one."""
+
 _JUMP = 3.0
 """A phase that changes by more radians between two points has jumped from 2 pi to 0."""
+
+
+_Mark = tuple[int, ForcedEvent, np.ndarray, np.ndarray]
+"""The index behind which a mark comes, its event, its unknowns and its tangent."""
 
 
 def mark_values(branch: ForcedBranch, column: str, values: Sequence[float]) -> ForcedBranch:
@@ -37,17 +51,20 @@ def mark_values(branch: ForcedBranch, column: str, values: Sequence[float]) -> F
 
     Notes
     -----
-    A value is found between two points of the branch on different sides of it. Where a curve touches a value between two points, and
-    turns back, it is not found.
+    A value is found between two points of the branch on different sides of it. Where a curve turns back beside a value, its extremum is
+    computed: it passes the value twice, or touches it, or turns before it.
     """
     table = column_of(branch, column)
-    found: list[tuple[int, ForcedEvent, np.ndarray, np.ndarray]] = []
+    found: list[_Mark] = []
     for value in values:
         for k, curve in enumerate(table.T):
             off = curve - value
             for i in np.flatnonzero(np.isfinite(off[:-1]) & np.isfinite(off[1:]) & (off[:-1] * off[1:] < 0.0)).tolist():
                 if not (column.startswith("phase") and abs(off[i + 1] - off[i]) > _JUMP):
-                    found += _between(branch, column, k, value, i, (float(off[i]), float(off[i + 1])))
+                    length = float(branch.arclength[i + 1] - branch.arclength[i])
+                    found += _between(_Curve(branch, column, k, value, i), (0.0, length), (float(off[i]), float(off[i + 1])))
+            for i in _turns(off, np.asarray(branch.arclength)):
+                found += _beside_turn(_Curve(branch, column, k, value, i), off)
             found += [_at_point(branch, column, value, i) for i in np.flatnonzero(off == 0.0).tolist()]
     return _with(branch, found)
 
@@ -63,41 +80,107 @@ def _event(
     )  # fmt: skip
 
 
-def _at_point(branch: ForcedBranch, column: str, value: float, i: int) -> tuple[int, ForcedEvent, np.ndarray, np.ndarray]:
+def _at_point(branch: ForcedBranch, column: str, value: float, i: int) -> _Mark:
     y, arclength = branch.unknowns[i], float(branch.arclength[i])
     return i, _event(branch, column, value, y, arclength, (arclength, arclength), 0.0), y, branch.tangents[i]
 
 
-def _between(
-    branch: ForcedBranch, column: str, k: int, value: float, i: int, off: tuple[float, float]
-) -> list[tuple[int, ForcedEvent, np.ndarray, np.ndarray]]:
-    """The mark between points i and i + 1: the index behind which it comes, its event, its unknowns and its tangent."""
-    problem, begin = branch.problem, float(branch.arclength[i])
-    tangent = np.concatenate([branch.tangents[i], np.zeros(problem.unknowns)])
-    length = float(branch.arclength[i + 1]) - begin
+@dataclass(frozen=True)
+class _Curve:
+    """A curve of a column near point i of a branch, as a function of the arclength from there."""
 
-    def solved(ds: float) -> Solution:
-        solution = problem.step(branch.unknowns[i], tangent, ds)
+    branch: ForcedBranch
+    column: str
+    k: int
+    value: float
+    i: int
+
+    def solved(self, ds: float) -> Solution:
+        """The orbit at a distance."""
+        problem = self.branch.problem
+        tangent = np.concatenate([self.branch.tangents[self.i], np.zeros(problem.unknowns)])
+        solution = problem.step(self.branch.unknowns[self.i], tangent, ds)
         if solution is None:
             raise StepRefused
         return solution
 
-    def missing(ds: float) -> float:
+    def missing(self, ds: float) -> float:
+        """The column there less the value."""
         # The first row keeps the order of the impacts.
-        pair = replace(branch, unknowns=np.stack([branch.unknowns[branch.start], solved(ds).y]), start=0, events=())
-        return float(column_of(pair, column)[1, k]) - value
+        begin = self.branch.unknowns[self.branch.start]
+        pair = replace(self.branch, unknowns=np.stack([begin, self.solved(ds).y]), start=0, events=())
+        return float(column_of(pair, self.column)[1, self.k]) - self.value
 
+    def mark(self, ds: float, low: float, high: float) -> _Mark:
+        """The mark at a distance that is known between two others."""
+        begin, solution = float(self.branch.arclength[self.i]), self.solved(ds)
+        bracket, residual = (begin + low, begin + high), abs(self.missing(ds))
+        event = _event(self.branch, self.column, self.value, solution.y, begin + ds, bracket, residual)
+        return self.i, event, solution.y, solution.tangent[: self.branch.problem.unknowns]
+
+
+def _between(curve: _Curve, ends: tuple[float, float], off: tuple[float, float]) -> list[_Mark]:
+    """The mark between two distances at which the curve is on different sides of the value."""
     try:
-        root = bracketed_root(missing, 0.0, off[0], length, off[1], _TOLERANCE)
-        solution = solved(root.root)
+        root = bracketed_root(curve.missing, ends[0], off[0], ends[1], off[1], _TOLERANCE)
+        return [curve.mark(root.root, root.low, root.high)]
     except StepRefused:
         return []
-    bracket = (begin + root.low, begin + root.high)
-    event = _event(branch, column, value, solution.y, begin + root.root, bracket, abs(missing(root.root)))
-    return [(i, event, solution.y, solution.tangent[: problem.unknowns])]
 
 
-def _with(branch: ForcedBranch, found: list[tuple[int, ForcedEvent, np.ndarray, np.ndarray]]) -> ForcedBranch:
+def _turns(off: np.ndarray, arclength: np.ndarray) -> list[int]:
+    """Points where a curve, less a value, is nearest to zero among their neighbours, and the parabola through the three comes so near to
+    zero that the curve can reach it."""
+    found = []
+    for i in range(1, len(off) - 1):
+        near, (before, here, after) = np.sign(off[i]) * off[i - 1 : i + 2], arclength[i - 1 : i + 2]
+        if not (0.0 < near[1] <= min(near[0], near[2]) and before < here < after):
+            continue
+        slopes = (near[1] - near[0]) / (here - before), (near[2] - near[1]) / (after - here)
+        bend = (slopes[1] - slopes[0]) / (after - before)
+        slope = slopes[0] + bend * (here - before)
+        least = near[1] - (slope**2 / (4.0 * bend) if bend > 0.0 else 0.0)
+        # The parabola can be wrong by as much as it goes below the point.
+        if least - _TRUST * (near[1] - least) <= _TOUCH * np.abs(near).max():
+            found.append(i)
+    return found
+
+
+def _beside_turn(curve: _Curve, off: np.ndarray) -> list[_Mark]:
+    """The marks around a point where a curve turns back: two, one where it touches the value, none where it turns before it."""
+    i, sign = curve.i, float(np.sign(off[curve.i]))
+    low, high = (float(curve.branch.arclength[place] - curve.branch.arclength[i]) for place in (i - 1, i + 1))
+    try:
+        inner, least = _least(lambda ds: sign * curve.missing(ds), low, high)
+        if abs(least) <= _TOUCH * max(abs(curve.value), abs(off[i])):
+            return [curve.mark(inner, inner - _WIDTH, inner + _WIDTH)]
+        if least > 0.0:
+            return []
+        sides = ((low, inner), (float(off[i - 1]), sign * least)), ((inner, high), (sign * least, float(off[i + 1])))
+        return [mark for ends, values in sides for mark in _between(curve, ends, values)]
+    except StepRefused:
+        return []
+
+
+def _least(function: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
+    """The least value of a function with one minimum in an interval, and its place: golden sections down to `_WIDTH`."""
+    part = 0.5 * (math.sqrt(5.0) - 1.0)
+    inner = [high - part * (high - low), low + part * (high - low)]
+    values = [function(place) for place in inner]
+    while high - low > _WIDTH:
+        if values[0] <= values[1]:
+            high = inner[1]
+            inner = [high - part * (high - low), inner[0]]
+            values = [function(inner[0]), values[0]]
+        else:
+            low = inner[0]
+            inner = [inner[1], low + part * (high - low)]
+            values = [values[1], function(inner[1])]
+    best = int(values[1] < values[0])
+    return inner[best], values[best]
+
+
+def _with(branch: ForcedBranch, found: list[_Mark]) -> ForcedBranch:
     """The branch with more events. One at a point shares it; the others get points of their own."""
     for _, event, y, tangent in sorted(found, key=lambda item: item[1].arclength):
         if any(old.note == event.note and abs(old.arclength - event.arclength) < _SAME for old in branch.events):
