@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -152,14 +152,14 @@ def with_exact_ends(family: ForcedFamily | ReleasedFamily, run: Run) -> Run:
             events = [event for event in events if event is not known]
             points = points[:-1] if last else points[1:]
             start = min(start, len(points) - 1) if last else max(start - 1, 0)
-        step, note, letter = made
+        step, details = made
         near = points[-1 if last else 0]
         length = float(np.linalg.norm(np.subtract(step.position, near.step.position)))
         if merging and length == 0.0:
             continue
         at = near.arclength + (length if last else -length)
         low, high = sorted((near.arclength, at))
-        event = Event("GR", _MERGES, "located", at, (low, high), step.residual, step, 0, True, {"stop": letter, "note": note})
+        event = Event("GR", _MERGES, "located", at, (low, high), step.residual, step, 0, True, details)
         place = Point(0, at, step, length, event)
         points = [*points, place] if last else [place, *points]
         events = [*events, event] if last else [event, *events]
@@ -183,8 +183,8 @@ def _placed(points: list[Point], events: list[Event], ends: tuple[End, End], sta
     return Run(Points([points], [0]), tuple(moved.get(id(event), event) for event in events), ends, start)
 
 
-def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, str, str] | None:
-    """The end of a family just beyond a step: the orbit there, what happens, and the letter of the stop. part: of the limits."""
+def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, dict[str, Any]] | None:
+    """The end of a family just beyond a step: the orbit there, and the details of its event. part: of the limits."""
     problem, moment = family.problem, _moment(family.problem, near.y, part * _BRIEF)
     if moment is None:
         return None
@@ -203,10 +203,14 @@ def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, str
         note = f"the impacts at stop {letter} before it sticks vanish: their speed reaches zero"
     residual = float(np.abs(problem.residual(y)).max())
     value = float(y[2 * problem.degrees_of_freedom + 1])
+    # The flight that vanishes changes nothing to first order: multipliers are those without it, or close to those next to the end.
+    made = without_moment(problem, y)
+    multipliers = problem.multipliers(near.y) if made is None else made[0].multipliers(made[1])
+    details = {"stop": letter, "note": note, "multipliers": multipliers}
     return near._replace(
         y=y, position=position, parameter=value, residual=residual if math.isfinite(residual) else near.residual,
         extra=replace(near.extra, y=y),
-    ), note, letter  # fmt: skip
+    ), details  # fmt: skip
 
 
 def _position(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:

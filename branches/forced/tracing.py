@@ -176,7 +176,8 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
         details, at = event.details, event.point
         if "label" in details:  # its change reads in the order of arclength
             details = details | {"note": event_along(event, event.index < run.start and not (run.closed and event.index == 0))[2]}
-        largest = largest_multiplier(problem, problem.multipliers(at.y))
+        multipliers = details["multipliers"] if "multipliers" in details else problem.multipliers(at.y)
+        largest = largest_multiplier(problem, multipliers)
         found = ForcedEvent(
             f"{event.code}{counts[event.code]}", event.code, event.index, problem.known_values(at.y), event.arclength, event.status,
             (float(event.bracket[0]), float(event.bracket[1])), event.residual, details.get("stop"), details.get("angle"),

@@ -111,7 +111,7 @@ def test_the_bouncing_ball_leaves_its_table_above_gravity(restitution):
     event = branch.events[0]
     assert event.type == "GR" and event.point == 0 and "sticks for the whole period" in event.note
     assert event.values["A"] == pytest.approx(1.0, abs=1e-14)
-    assert branch.ended[0].reason == "EVENT" and event.neighbours == ()
+    assert branch.ended[0].reason == "EVENT" and event.neighbours == () and event.multiplier == 0.0
     assert branch.periods[0] == pytest.approx(TURN) and np.all(np.diff(branch.parameter) > 0.0)
 
 
