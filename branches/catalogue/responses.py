@@ -49,6 +49,9 @@ _FLOOR = 1e-7
 _MEETS = 0.05
 """Largest relative difference of the orbits on both sides of an event: the first orbit of the new family is a step away from it."""
 
+_ROUNDING = 1e-12
+"""Displacement, in units of arclength, that is rounding."""
+
 
 def system_of(problem: ForcedProblem) -> dict[str, Any]:
     """The system of a family as plain data, with its values of all parameters."""
@@ -247,7 +250,8 @@ def meeting_failures(here: tuple[ForcedProblem, EventOrbit], there: tuple[Forced
             yield f"its orbit does not solve the problem of its {side}: the residual is {residual:.1e}, expected at most {RESIDUAL:.0e}"
         measures.append(_measures(problem, y))
     for one, other in zip(*measures, strict=True):
-        if not abs(one - other) <= _MEETS * max(abs(one), abs(other), measures[0][1] * 1e-3):
+        # An orbit can rest at its stop, at zero: then both numbers are rounding.
+        if not abs(one - other) <= _MEETS * max(abs(one), abs(other), measures[0][1] * 1e-3, _ROUNDING * float(here[0].segment.scale[0])):
             yield f"its two orbits are not the same: {one:.6g} and {other:.6g} differ"
             return
 

@@ -216,3 +216,16 @@ def test_export_joins_only_files_of_one_system(folder, capsys, tmp_path, monkeyp
     first = folder / "first.json"
     assert "parameters.F is 0.3, not 0.31" in refused(capsys, "export", "response", "--branches", first, "other.json", "--csv", "-")
     assert "load.json is in F, and" in refused(capsys, "export", "response", "--branches", first, "load.json", "--csv", "-")
+
+
+def test_a_family_that_sticks_is_kept(tmp_path, capsys):
+    """Oracle: a ball without rebound leaves its table at Gamma = 1, where the family begins; there is none behind that."""
+    place = str(tmp_path / "ball.sqlite")
+    options = ("--scene", "bouncing_ball", "--in", "Gamma", "--range", "0.5:3.6", "--set", "Gamma=1.2", "--set", "e=0", "--from", "simulate")
+    code, out, err = run(capsys, "build", *options, "--catalogue", place)
+    assert code == 0, err
+    assert "lost   period-1:-=:3c81aeab: GR1 at 1: no family was found at GR1" in out
+    with Catalogue(place) as catalogue:
+        assert sorted(edge.source_event for edge in catalogue.edges()) == ["GR1", "GR2"]
+    code, out, err = run(capsys, "check", "--catalogue", place)
+    assert code == 0 and "all hold" in out, out
