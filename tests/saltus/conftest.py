@@ -14,6 +14,13 @@ def quiet(monkeypatch):
     monkeypatch.setattr("saltus.terminal.PAUSE", float("inf"))
 
 
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder, in which the commands run."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @pytest.fixture(scope="session")
 def catalogue(tmp_path_factory):
     """Four families, the symmetry breaking, a linear mode with its grazing, and a dead end."""

@@ -1,7 +1,8 @@
-"""Running a command in this process."""
+"""Running a command in this process, and reading its files."""
 
 import contextlib
 import io
+import json
 import shlex
 
 from saltus.__main__ import main
@@ -19,6 +20,18 @@ def reported(words):
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(shlex.split(words))
     return code, out.getvalue(), err.getvalue()
+
+
+def read_json(path):
+    """The content of a JSON file."""
+    with open(path, encoding="utf-8") as file:
+        return json.load(file)
+
+
+def read_branch(path):
+    """The branch of a JSON file of responses that has one."""
+    (branch,) = read_json(path)["branches"]
+    return branch
 
 
 def refused(result, *expected):

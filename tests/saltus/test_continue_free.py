@@ -1,14 +1,15 @@
 """`saltus continue NAME --in PARAMETER --keep EQUATION`: starts, files, figures, messages, exit codes."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
 from benchmarks.backbone import Backbone
-from tests.saltus.running import refused, run
+from tests.saltus.running import read_json, refused, run
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 CHAIN = """
 [parameters]
@@ -32,17 +33,6 @@ impacts = 4
 """
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def data(name):
-    with open(name, encoding="utf-8") as file:
-        return json.load(file)
-
-
 def test_a_backbone_in_mu(capsys):
     """Oracle: the closed form at each point, in each kind of file."""
     words = "S11-", "--in", "mu", "--range", "0.02:1", "--keep", "energy=0.8"
@@ -51,7 +41,7 @@ def test_a_backbone_in_mu(capsys):
     assert code == 0, err
     assert out.splitlines()[0] == "start  S11O00-: from h = 0.8, alpha = 0.2411533495"
     assert "origin-stop-, sequence (none); energy=0.8" in out and "event" in out and "stable after" in out
-    branch = data("a.json")["branches"][0]
+    branch = read_json("a.json")["branches"][0]
     assert branch["ends"] == ["origin", "stop-"] and branch["keep"] == ["energy=0.8"] and branch["released"] == ["mu"]
     points = branch["points"]
     assert min(point["mu"] for point in points) == pytest.approx(0.02) and max(point["mu"] for point in points) == pytest.approx(1.0)
@@ -77,7 +67,7 @@ def test_a_saved_family_is_shown_drawn_and_goes_on(capsys):
     assert run(capsys, "plot", "a.json", "--y", "tau_half", "--plot", "a.pdf")[0] == 0
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--range", "0.05:0.15", "--json", "b.json")
     assert code == 0 and "GR1" in out
-    first, last = (data(name)["branches"][0] for name in ("a.json", "b.json"))
+    first, last = (read_json(name)["branches"][0] for name in ("a.json", "b.json"))
     assert {event["type"] for event in first["events"]} == {"SB", "EP"}
     assert min(point["mu"] for point in last["points"]) == pytest.approx(0.069558656117, rel=1e-9)
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--range", "0.08:0.12", "--keep", "energy = 0.6*sigma/0.1")
@@ -90,7 +80,7 @@ def test_a_family_that_begins_at_an_event(capsys):
     assert code == 0, err
     code, _, err = run(capsys, "continue", "--from", "a.json:SB", "--points", "60", "--json", "b.json")
     assert code == 0, err
-    first, last = (data(name)["branches"][0]["events"] for name in ("a.json", "b.json"))
+    first, last = (read_json(name)["branches"][0]["events"] for name in ("a.json", "b.json"))
     broken = next(event["values"]["mu"] for event in first if event["type"] == "SB")
     assert next(event["values"]["mu"] for event in last if event["type"] == "BP") == pytest.approx(broken, rel=1e-9)
     code, _, err = run(capsys, "continue", "--from", "a.json:GR1")
@@ -103,7 +93,7 @@ def test_two_parameters_and_an_equation_that_names_both(capsys):
     words = "continue", "S13+", "--in", "mu,sigma", "--range", "0.05:0.3", *keep, "--points", "30", "--json", "a.json"
     code, out, err = run(capsys, *words)
     assert code == 0, err
-    for point in data("a.json")["branches"][0]["points"][::5]:
+    for point in read_json("a.json")["branches"][0]["points"][::5]:
         assert point["sigma"] == pytest.approx(point["mu"], rel=1e-14)
         assert float(Backbone(point["mu"], point["mu"]).energy(point["alpha"])) == pytest.approx(point["alpha"] / 3.0, rel=1e-12)
 
@@ -124,11 +114,11 @@ def test_a_chain_of_a_scene_in_a_stiffness_and_a_mass(capsys, folder):
     for name, span in (("k", "0.6:0.8"), ("m", "0.9:1.1")):
         code, out, err = run(capsys, "continue", *scene, "--in", name, "--range", span, "--keep", "energy=4", "--json", "a.json")
         assert code == 0 and "model  " in out, err
-        points = data("a.json")["branches"][0]["points"]
+        points = read_json("a.json")["branches"][0]["points"]
         assert {round(point["h"], 12) for point in points} == {4.0} and len(points[0]["multipliers"]) == 4
     code, _, err = run(capsys, "continue", *scene, "--in", "d", "--range", "1:1.3", "--keep", "energy = 4*(d/1.1)**2", "--json", "a.json")
     assert code == 0, err
-    points = data("a.json")["branches"][0]["points"]
+    points = read_json("a.json")["branches"][0]["points"]
     assert [point["alpha"] for point in points] == pytest.approx([points[0]["alpha"]] * len(points), rel=1e-12)
 
 

@@ -1,27 +1,16 @@
 """`saltus continue --in NAME` beyond the ends of a file, in one direction, up to an event, and until it is interrupted."""
 
-import json
-
 import numpy as np
 import pytest
 
 from saltus.terminal import ProgressBar
-from tests.saltus.running import refused, run
+from tests.saltus.running import read_json, refused, run
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 STARTED = ("continue", "--scene", "impact_oscillator", "--set", "s=-0.2", "--from", "simulate", "--start=-0.66,0", "--in", "s")
 PD, SN = -0.0685756522788391, -1.78023560132159
 """Design section 9: (w, r, n) = (2.8, 0.8, 1)."""
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def data(name):
-    with open(name, encoding="utf-8") as file:
-        return json.load(file)["branches"]
 
 
 def values(branch):
@@ -41,10 +30,10 @@ def require_in_order(branch):
 def test_a_branch_goes_on_beyond_both_ends(capsys):
     """Oracle: the family followed at once, and the closed form: PD above the range of the file, SN below it."""
     assert run(capsys, *STARTED, "--range=-0.3:-0.1", "--json", "a.json")[0] == 0
-    (first,) = data("a.json")
+    (first,) = read_json("a.json")["branches"]
     code, out, err = run(capsys, "continue", "--from", "a.json", "--range=-3:1", "--json", "b.json")
     assert code == 0, err
-    (further,) = data("b.json")
+    (further,) = read_json("b.json")["branches"]
     require_in_order(further)
     assert further["range"] == [-3.0, 1.0] and len(further["points"]) > len(first["points"])
     unknowns = [point["unknowns"] for point in further["points"]]
@@ -52,25 +41,25 @@ def test_a_branch_goes_on_beyond_both_ends(capsys):
     found = values(further)
     assert found["PD1"] == pytest.approx(PD, abs=1e-12) and found["SN1"] == pytest.approx(SN, abs=1e-12)
     assert run(capsys, *STARTED, "--range=-3:1", "--json", "c.json")[0] == 0
-    (whole,) = data("c.json")
+    (whole,) = read_json("c.json")["branches"]
     assert found == pytest.approx(values(whole), abs=1e-9) and further["ended"] == whole["ended"]
     assert "EP" not in {event["type"] for event in further["events"]}
     code, out, _ = run(capsys, "continue", "--from", "b.json", "--range=-3:1", "--json", "d.json")
     assert code == 0 and "nothing is left to follow" in out
-    assert data("d.json") == data("b.json")
+    assert read_json("d.json")["branches"] == read_json("b.json")["branches"]
 
 
 def test_points_are_counted_anew_beyond_an_end(capsys):
     """Oracle: a branch of 10 points and 12 more; its direction."""
     assert run(capsys, *STARTED, "--range=-0.4:0", "--points", "10", "--json", "a.json")[0] == 0
     code, _, err = run(capsys, "continue", "--from", "a.json", "--points", "12", "--direction", "up", "--json", "b.json")
-    (first,), (further,) = data("a.json"), data("b.json")
+    (first,), (further,) = read_json("a.json")["branches"], read_json("b.json")["branches"]
     assert code == 0 and len(further["points"]) == 10 + 12 - 1, err
     require_in_order(further)
     (low, high), (new_low, new_high) = ([min(p["s"] for p in b["points"]), max(p["s"] for p in b["points"])] for b in (first, further))
     assert low == new_low and high < new_high
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--direction", "down", "--stop-at", "SN", "--range=-3:1", "--json", "c.json")
-    (down,) = data("c.json")
+    (down,) = read_json("c.json")["branches"]
     assert code == 0 and values(down)["SN1"] == pytest.approx(SN, abs=1e-12) and "an event of a type to stop at was reached" in out
     assert max(p["s"] for p in down["points"]) == high
 
@@ -80,7 +69,7 @@ def test_a_direction_is_that_of_the_first_step(capsys, way, other):
     """Oracle: the parameter of the start bounds the branch before the first fold."""
     code, out, err = run(capsys, *STARTED, "--range=-0.4:0", "--direction", way, "--json", "a.json")
     assert code == 0 and "this direction was not asked for" in out, err
-    (branch,) = data("a.json")
+    (branch,) = read_json("a.json")["branches"]
     assert {"min": min, "max": max}[other](point["s"] for point in branch["points"]) == pytest.approx(-0.2, abs=1e-12)
 
 
@@ -90,10 +79,10 @@ def test_a_family_begins_at_its_event(capsys):
     code, out, err = run(capsys, "continue", "--from", "a.json:PD", "--points", "10", "--json", "b.json")
     assert code == 0 and "end    the family begins at PD1 of a.json, s = -0.0685756522788" in out, err
     assert "not asked for" not in out
-    (branch,) = data("b.json")
+    (branch,) = read_json("b.json")["branches"]
     assert branch["ended"][0] == {"reason": "EVENT", "text": "the family begins at PD1 of a.json, s = -0.0685756522788"}
     code, _, err = run(capsys, "continue", "--from", "b.json", "--points", "10", "--json", "c.json")
-    assert code == 0 and data("c.json")[0]["points"][0] == branch["points"][0], err
+    assert code == 0 and read_json("c.json")["branches"][0]["points"][0] == branch["points"][0], err
 
 
 def test_an_interrupted_run_writes_what_it_has(capsys, monkeypatch):
@@ -107,12 +96,12 @@ def test_an_interrupted_run_writes_what_it_has(capsys, monkeypatch):
         patched.setattr(ProgressBar, "update", interrupt)
         code, out, err = run(capsys, *STARTED, "--range=-3:1", "--json", "a.json", "--csv", "a.csv")
     assert code == 130 and err == "saltus: interrupted, with the points that were computed so far\n"
-    (branch,) = data("a.json")
+    (branch,) = read_json("a.json")["branches"]
     assert 50 <= len(branch["points"]) < 200 and {end["reason"] for end in branch["ended"]} == {"INTERRUPTED"}
     require_in_order(branch)
     assert "the run was interrupted here" in out and "wrote  a.csv" in out
     code, _, err = run(capsys, "continue", "--from", "a.json", "--json", "b.json")
-    assert code == 0 and values(data("b.json")[0])["PD1"] == pytest.approx(PD, abs=1e-12), err
+    assert code == 0 and values(read_json("b.json")["branches"][0])["PD1"] == pytest.approx(PD, abs=1e-12), err
 
 
 DOMAIN = """
@@ -169,7 +158,7 @@ def test_a_family_ends_where_the_system_ends(capsys, folder, name, texts, bound,
     words_of = "continue", "--scene", "scene.toml", "--from", "simulate", "--start=-0.5,0", "--in", name, "--range", "0.1:1.3"
     code, out, err = run(capsys, *words_of, "--direction", "up", "--json", "a.json")
     assert code == 0 and words in out, (out, err)
-    (branch,) = data("a.json")
+    (branch,) = read_json("a.json")["branches"]
     assert branch["points"][-1][name] == pytest.approx(bound, abs=1e-7)
 
 

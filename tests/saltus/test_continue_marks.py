@@ -1,25 +1,15 @@
 """`saltus continue --in NAME --uz`: values of the parameter, of other parameters and of measures are marked."""
 
-import json
 import math
 
 import numpy as np
 import pytest
 
-from tests.saltus.running import refused, run
+from tests.saltus.running import read_branch, refused, run
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 LINEAR = ("continue", "--scene", "damped_impact_oscillator", "--set", "d=50", "--from", "rest", "--in", "w", "--range", "0.4:2")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def data(name):
-    with open(name, encoding="utf-8") as file:
-        return json.load(file)["branches"][0]
 
 
 def marks(branch):
@@ -30,7 +20,7 @@ def test_values_of_a_measure_are_marked(capsys):
     """Oracle: the amplitude 0.1/sqrt((1 - w^2)^2 + 0.01 w^2) of the closed form is 0.3 at two frequencies, and its rms 0.2 at two."""
     code, out, err = run(capsys, *LINEAR, "--uz", "max:x=0.3", "--uz", "1.2,1.5", "--uz", "rms:x=0.2", "--json", "a.json")
     assert code == 0 and "max:x = 0.3" in out, err
-    branch = data("a.json")
+    branch = read_branch("a.json")
     found = {}
     for event in marks(branch):
         found.setdefault(event["note"].partition(" =")[0], []).append(event["values"]["w"])
@@ -52,11 +42,11 @@ def test_a_released_parameter_and_a_saved_branch_are_marked(capsys):
     shared = "continue", "--scene", "damped_impact_oscillator", "--from", "rest", *words
     code, _, err = run(capsys, *shared, "--uz", "A=0.1", "--json", "a.json")
     assert code == 0, err
-    (event,) = marks(data("a.json"))
+    (event,) = marks(read_branch("a.json"))
     assert event["values"]["w"] == pytest.approx(math.sqrt(0.5), abs=1e-11)
     again = "continue", "--from", "a.json", "--uz", "A=0.1", "--uz", "0.55,0.9", "--range", "0.5:0.95", "--json", "b.json"
     assert run(capsys, *again)[0] == 0
-    assert [event["values"]["w"] for event in marks(data("b.json"))] == pytest.approx([0.55, math.sqrt(0.5), 0.9], abs=1e-11)
+    assert [event["values"]["w"] for event in marks(read_branch("b.json"))] == pytest.approx([0.55, math.sqrt(0.5), 0.9], abs=1e-11)
 
 
 @pytest.mark.parametrize("below", [0.0, 1e-8, 1e-6])

@@ -1,23 +1,18 @@
 """`saltus continue --in NAME`: starts, switches, files, messages, exit codes."""
 
 import csv
-import json
 import math
 
 import numpy as np
 import pytest
 
-from tests.saltus.running import refused, run
+from tests.saltus.running import read_json, refused, run
 from tests.saltus.test_bad_input import BEATING, DAMPED, FORCED, ONE_SIDED, PUSHED
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 ABSORBER = ("continue", "--scene", "absorber", "--in", "w", "--range", "0.7:2.2")
 SMALL = ("--set", "s=-0.2", "--start=-0.66,0", "--in", "s", "--range", "-0.4:0.1")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture
@@ -27,11 +22,6 @@ def scene(folder):
         return "scene.toml"
 
     return write
-
-
-def data(name):
-    with open(name, encoding="utf-8") as file:
-        return json.load(file)
 
 
 def events(record, k=0):
@@ -44,7 +34,7 @@ def test_the_orbit_that_a_simulation_settles_on_is_followed_and_switched(capsys)
     code, out, err = run(capsys, *words, "--json", "a.json", "--csv", "a.csv", "--plot", "a.png")
     assert code == 0, err
     assert out.splitlines()[0].startswith("start  a periodic motion of period 1 with 1 impacts")
-    record = data("a.json")
+    record = read_json("a.json")
     assert record["kind"] == "response" and record["parameter"] == "s"
     found = {event["id"]: event["values"]["s"] for event in record["branches"][0]["events"]}
     assert found["PD1"] == pytest.approx(-0.0685756522788391, abs=1e-13)
@@ -55,9 +45,9 @@ def test_the_orbit_that_a_simulation_settles_on_is_followed_and_switched(capsys)
     assert [float(row["max.x"]) for row in rows] == [point["max.x"] for point in points]
     code, out, err = run(capsys, "continue", "--from", "a.json:PD", "--json", "b.json", "--points", "30")
     assert code == 0 and "period 2 of the loads" in out, err
-    assert data("b.json")["branches"][0]["load_periods"] == 2
+    assert read_json("b.json")["branches"][0]["load_periods"] == 2
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--range=-0.3:-0.1", "--json", "c.json")
-    points = data("c.json")["branches"][0]["points"]
+    points = read_json("c.json")["branches"][0]["points"]
     assert code == 0 and min(point["s"] for point in points) == pytest.approx(-0.3) and max(p["s"] for p in points) == pytest.approx(-0.1)
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0.75:0.85", "--points", "40")
     assert code == 0 and "r = 0.75" in out
@@ -68,22 +58,22 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
     code, out, err = run(capsys, *ABSORBER, "--from", "rest", "--json", "rest.json")
     assert code == 0, err
     assert out.startswith("note   the response without impacts at w = 1 is no orbit: ")
-    rest = data("rest.json")
+    rest = read_json("rest.json")
     assert len(rest["branches"]) == 2 and all(branch["half"] and branch["sequence"] == "" for branch in rest["branches"])
     grazings = [event for branch in rest["branches"] for event in branch["events"] if event["type"] == "GR"]
     assert [event["neighbours"][0]["persists"] for event in grazings] == [True, False]
     code, out, err = run(capsys, *ABSORBER, "--from", "simulate", "--json", "two.json", "--plot", "two.png", "--y", "speed")
     assert code == 0 and "solved over half of the period" in out, err
-    two = data("two.json")
+    two = read_json("two.json")
     ends = [event["values"]["w"] for event in (two["branches"][0]["events"][-1], rest["branches"][1]["events"][0])]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
     assert "the response without impacts begins here (nonsmooth fold" in out
     code, out, err = run(capsys, "continue", "--from", "rest.json:2.GR1", "--uz", "1.5")
     assert code == 0 and "solved over half the period" in out and "w = 0.9873255" in out and "UZ1" in out, err
     code, out, err = run(capsys, "continue", "--from", "two.json:GR1", "--json", "many.json")
-    assert code == 0 and "SB1" in events(data("many.json")), err
+    assert code == 0 and "SB1" in events(read_json("many.json")), err
     code, out, err = run(capsys, "continue", "--from", "many.json:SB", "--json", "broken.json")
-    assert code == 0 and len(data("broken.json")["branches"]) == 2, err
+    assert code == 0 and len(read_json("broken.json")["branches"]) == 2, err
     refused(run(capsys, "continue", "--from", "rest.json:GR"), "rest.json:GR: matches GR1, 2.GR1; expected one of them")
     refused(run(capsys, "continue", "--from", "rest.json:PD1"), "no such event", "known: EP1, GR1, 2.GR1, 2.EP1")
     refused(run(capsys, "continue", "--from", "rest.json:EP1"), "no other family begins at EP1", "PD, SB, BP, GR, LB")
@@ -109,7 +99,7 @@ def test_no_step_leads_over_a_resonance(capsys, stop):
     code, out, err = run(capsys, *words, "--range", "0.5:1.5", "--json", "a.json")
     assert code == 0 and out.startswith("note   the response without impacts is not isolated at w = 0.5"), (out, err)
     below, above = (
-        next(event["values"]["w"] for event in branch["events"] if event["type"] == "GR") for branch in data("a.json")["branches"]
+        next(event["values"]["w"] for event in branch["events"] if event["type"] == "GR") for branch in read_json("a.json")["branches"]
     )
     assert below == pytest.approx(math.sqrt(1.0 - 1.0 / stop), rel=1e-13) and above == pytest.approx(math.sqrt(1.0 + 1.0 / stop), rel=1e-13)
 
@@ -119,7 +109,7 @@ def test_a_response_that_grazes_at_the_start_is_followed_once(capsys):
     words = "continue", "--scene", "damped_impact_oscillator", "--from", "rest", "--in", "A", "--range", "0.05:0.2"
     code, out, err = run(capsys, *words, "--json", "a.json")
     assert code == 0 and "sequence + begins here (nonsmooth fold" in out, err
-    (branch,) = data("a.json")["branches"]
+    (branch,) = read_json("a.json")["branches"]
     assert branch["events"][-1]["type"] == "GR" and branch["events"][-1]["values"]["A"] == pytest.approx(0.1, abs=1e-12)
 
 
@@ -222,7 +212,7 @@ def test_a_family_goes_on_where_impacts_exchange_their_order(capsys):
     words = "continue", "--scene", "forced_chain", "--from", "simulate", "--in", "w", "--range", "0.5:0.7"
     code, _, err = run(capsys, *words, "--uz", "0.68", "--json", "a.json")
     assert code == 0, err
-    first, second = data("a.json")["branches"][:2]
+    first, second = read_json("a.json")["branches"][:2]
     assert first["events"][-1]["type"] == "LB" and (first["sequence"], second["sequence"]) == ("a+b+", "b+a+")
     before, behind = first["points"][-1], second["points"][0]
     assert before["w"] < behind["w"] < before["w"] + 0.01
@@ -232,7 +222,7 @@ def test_a_family_goes_on_where_impacts_exchange_their_order(capsys):
     start = f"--start={','.join(map(repr, state))}", "--phase", 2.0 * math.pi * fraction
     code, _, err = run(capsys, *words, "--set", "w=0.68", *start, "--points", "3", "--json", "b.json")
     assert code == 0, err
-    (branch,) = data("b.json")["branches"]
+    (branch,) = read_json("b.json")["branches"]
     settled, followed = branch["points"][branch["start"]], second["points"][marked]
     assert settled["stable"] and followed["stable"]
     assert settled["max.x1"] == pytest.approx(followed["max.x1"], rel=1e-9)
@@ -247,14 +237,14 @@ def test_two_parameters_move_along_an_equation(capsys):
     code, out, err = run(capsys, *KEPT, "--set", "w=0.5", "--from", "rest", "--range", "0.4:2", "--json", "a.json", "--csv", "a.csv")
     assert code == 0, err
     assert out.startswith("keep   A = 0.05 at w = 0.5, from --keep; the scene has 0.1")
-    first = data("a.json")["branches"][0]
+    first = read_json("a.json")["branches"][0]
     assert (first["released"], first["keep"]) == (["w", "A"], ["A = 0.2*w**2"])
     (grazing,) = [event["values"] for event in first["events"] if event["type"] == "GR"]
     a, b = 1.0 - 0.2**2, 0.1**2 - 2.0  # of a w^4 + b w^2 + 1 = 0
     assert grazing["w"] == pytest.approx(math.sqrt((-b - math.sqrt(b * b - 4.0 * a)) / (2.0 * a)), abs=1e-12)
     assert all(point["A"] == pytest.approx(0.2 * point["w"] ** 2, rel=1e-13) for point in first["points"])
     code, out, err = run(capsys, "continue", "--from", "a.json:GR1", "--points", "20", "--json", "b.json")
-    assert code == 0 and data("b.json")["branches"][0]["keep"] == ["A = 0.2*w**2"], err
+    assert code == 0 and read_json("b.json")["branches"][0]["keep"] == ["A = 0.2*w**2"], err
     code, out, err = run(capsys, "continue", "--from", "b.json", "--in", "A", "--range", "0.01:0.5", "--points", "20")
     assert code == 0 and "A = " in out, err
     words = "--from", "b.json", "--in", "c,A", "--range", "0.05:0.2", "--points", "20"
@@ -294,7 +284,7 @@ def test_a_simulated_motion_that_sticks_is_followed(capsys):
     code, out, err = run(capsys, "continue", *words, *started, "--json", "a.json")
     assert code == 0, err
     assert out.splitlines()[2].startswith("branch 1: sequence +=; period 1 of the loads")
-    event = data("a.json")["branches"][0]["events"][-1]
+    event = read_json("a.json")["branches"][0]["events"][-1]
     assert event["type"] == "GR" and abs(event["values"]["s"]) < 1e-10 and event["neighbours"][0]["sequence"] == "++="
     code, out, err = run(capsys, "continue", "--from", "a.json:GR", "--json", "b.json", "--points", "20")
     assert code == 0, err
@@ -302,7 +292,7 @@ def test_a_simulated_motion_that_sticks_is_followed(capsys):
     assert run(capsys, "show", "b.json")[0] == 0
     code, out, err = run(capsys, "continue", *("r=0.4" if word == "r=0" else word for word in words), *started, "--json", "c.json")
     assert code == 0, err
-    assert data("c.json")["branches"][0]["sequence"].endswith("+=") and "without end" not in err
+    assert read_json("c.json")["branches"][0]["sequence"].endswith("+=") and "without end" not in err
     refused(run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0:0.1"), "the restitution of a plastic impact cannot vary")
 
 
@@ -311,13 +301,13 @@ def test_the_families_behind_events_are_followed(capsys):
     words = "continue", "--scene", "absorber", "--from", "rest", "--in", "w", "--range", "0.98:2.2", "--set", "w=2"
     code, out, err = run(capsys, *words, "--through", "GR", "--json", "a.json")
     assert code == 0, err
-    found = data("a.json")["branches"]
+    found = read_json("a.json")["branches"]
     assert [len(branch["sequence"]) for branch in found if branch["half"]] == [0, 1, 2]
     assert "left " not in out
     code, out, _ = run(capsys, *words, "--json", "b.json")
     code, _, err = run(capsys, "continue", "--from", "b.json:GR1", "--json", "c.json")
     assert code == 0, err
-    second = data("c.json")["branches"][0]
+    second = read_json("c.json")["branches"][0]
     assert [event["values"]["w"] for event in second["events"]] == [event["values"]["w"] for event in found[1]["events"]]
     code, out, _ = run(capsys, *words, "--through", "GR", "--branches", "1")
     assert code == 0 and "left   1 starts were not followed, with 1 families; --branches N allows more" in out

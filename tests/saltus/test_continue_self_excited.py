@@ -1,14 +1,13 @@
 """`saltus continue --in NAME` of systems without periodic loads: the period is free, and the motion feeds itself."""
 
 import csv
-import json
 import math
 
 import numpy as np
 import pytest
 
 from tests.branches.test_forced_closures import closed_form
-from tests.saltus.running import refused, run
+from tests.saltus.running import read_branch, refused, run
 
 SCENE = """
 title = "A self-excited oscillator with a stop"
@@ -47,16 +46,8 @@ DAMPED = ("continue", "--scene", "scene.toml", "--from", "simulate", "--in", "c"
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
-    return tmp_path
-
-
-def points(name):
-    with open(name, encoding="utf-8") as file:
-        (branch,) = json.load(file)["branches"]
-    return branch["points"]
+def scene(folder):
+    (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
 
 
 def test_a_self_excited_motion_is_followed(capsys):
@@ -65,7 +56,7 @@ def test_a_self_excited_motion_is_followed(capsys):
     assert code == 0, err
     assert out.startswith("start  a periodic motion with 1 impacts, T = 4.614437763, after 64 impacts")
     assert "branch 1: sequence +; free period;" in out
-    found = points("a.json")
+    found = read_branch("a.json")["points"]
     assert found[0]["r"] == pytest.approx(0.3, abs=1e-10) and found[-1]["r"] == pytest.approx(0.8, abs=1e-10)
     for point in found[::60]:
         speed, period = closed_form(0.1, point["r"], 0.0, point["speed"][0], point["period"])
@@ -88,7 +79,7 @@ def test_a_motion_grows_without_bound_where_the_stop_loses_too_little(capsys):
     code, out, _ = run(capsys, *grown, "--start", "0.5,0", "--set", "r=0.84", "--json", "b.json")
     assert code == 0 and "the motion grows without bound" in out
     limit = math.exp(-0.05 * math.pi / math.sqrt(1.0 - 0.0025))
-    assert limit - 5e-3 < points("b.json")[-1]["r"] < limit
+    assert limit - 5e-3 < read_branch("b.json")["points"][-1]["r"] < limit
     code, _, err = run(capsys, *grown, "--start", "0.5,0", "--set", "r=0.9")
     growth = float(err.partition("growth ")[2].partition(" ")[0])
     assert code == 1 and "the motion grows without bound" in err
@@ -100,7 +91,7 @@ def test_a_symmetric_motion_is_solved_over_half_its_period(capsys, folder):
     (folder / "scene.toml").write_text(SCENE.replace("upper = 1.0", "upper = 1.0\nlower = -1.0"), encoding="utf-8")
     code, out, err = run(capsys, *SIMULATED, "--start", "0.5,0", "--points", "40", "--json", "a.json")
     assert code == 0 and "solved over half of the period" in out, err
-    for point in points("a.json")[::10]:
+    for point in read_branch("a.json")["points"][::10]:
         c, speed, half = 0.05, point["speed"][0], point["period"] / 2.0
         w = math.sqrt(1.0 - c * c)
         a, b = -1.0, (point["r"] * speed + c) / w
