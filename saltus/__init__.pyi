@@ -54,6 +54,7 @@ from transitions.response.files import read_responses as read_responses
 from transitions.response.files import response_dataframe as response_dataframe
 from transitions.response.files import save_responses as save_responses
 from transitions.response.tracing import emanating_responses as emanating_responses
+from transitions.response.tracing import trace_in_parameter as trace_in_parameter
 from transitions.response.tracing import trace_response as trace_response
 from transitions.section.section import Section as Section
 from transitions.section.section import section as section

@@ -112,26 +112,22 @@ def _start(
     report: Callable[[Sequence[str]], object],
 ) -> ResponseStart:
     """The problem in which an orbit is followed, and the orbit in its unknowns."""
-    from branches.forced.onwards import ResponseStart
     from bvp.multipoint import NotConverged
-    from bvp.released import ReleasedProblem
+    from transitions.response.tracing import orbit_start
 
     try:
-        problem = ReleasedProblem(parametric, orbit.ends, orbit.problem.sequence, names, keep, energy=orbit.h)
+        start = orbit_start(parametric, orbit, names, keep, direction)
+    except NotConverged as error:
+        raise BadInput(f"--keep: {one_line(error)}") from error
     except ValueError as error:
         raise BadInput(one_line(error)) from error
-    y = problem.of_orbit(orbit.problem, orbit.solution.y)
-    try:
-        y = problem.solve(y).y
-    except NotConverged as error:
-        raise BadInput(f"--keep: no orbit near {orbit.label or '-'.join(orbit.ends)} fulfils {' and '.join(keep)}: {error}") from error
-    found = problem.known_values(y)
+    found = start.problem.known_values(np.asarray(start.orbit))
     report([f"start  {orbit.label or '-'.join(orbit.ends)}: from h = {found['energy']:.10g}, alpha = {found['quarter_period']:.10g}"])
     for name in names[1:]:
         if abs(found[name] - parametric.values[name]) > 1e-12 * abs(parametric.values[name]):
             where = f"{names[0]} = {found[names[0]]:.10g}"
             report([f"keep   {name} = {found[name]:.10g} at {where}, from --keep; the scene has {parametric.values[name]:.10g}"])
-    return ResponseStart(problem, y, direction)
+    return start
 
 
 def _orbit(

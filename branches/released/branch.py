@@ -34,6 +34,12 @@ class ReleasedBranch(ForcedBranch):
 
     problem: ReleasedProblem
 
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        low, high = float(self.parameter.min()), float(self.parameter.max())
+        ends, sequence = "-".join(self.problem.ends or ()), self.sequence or "(none)"
+        title = f"ReleasedBranch of {len(self)} points: {ends}, sequence {sequence}, {self.name} = {low:.8g} to {high:.8g}"
+        return title, [("keep", " and ".join(self.problem.keep)), *super()._summary()[1]]
+
     def orbit(self, i: int) -> Orbit:
         """The orbit at point i: one of the system at its parameters, which can be followed in the energy."""
         stable = int(self.stable[i])

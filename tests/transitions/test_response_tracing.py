@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import saltus
+from benchmarks import backbone
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,53 @@ def test_marks_and_a_response_from_rest(absorber):
     expected = np.linalg.solve(stiffness, forces[0].cosine)
     state = branch.problem.nodes(branch.unknowns[event.point])[0]
     np.testing.assert_allclose(state[:4], [*expected.real, *(0.5j * expected).real], atol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def backbone_orbit():
+    return saltus.trace("S11-", energy=(0.5, 1.0)).orbit_at(energy=0.8)
+
+
+def test_a_backbone_in_the_mass_ratio(backbone_orbit, tmp_path):
+    """Oracle: the closed form of one impact in half a period, at each point; the scene's system gives the same; a file has all of it."""
+    branch = saltus.trace_in_parameter(backbone_orbit, "mu", (0.05, 0.3), keep="energy = 0.8", marks=[0.2])
+    assert [event.type for event in branch.events] == ["EP", "UZ", "RT", "EP"] and np.ptp(branch.columns["h"]) < 1e-13
+    for mu, alpha, h in zip(branch.parameter, branch.columns["alpha"], branch.columns["h"], strict=True):
+        assert backbone.energy(saltus.vibro_impact_nes(mu=mu, sigma=0.1), alpha) == pytest.approx(h, rel=1e-11)
+    parametric = saltus.load_scene("lee2009").parametric
+    again = saltus.trace_in_parameter(backbone_orbit, ["mu"], (0.05, 0.3), keep=["energy = 0.8"], marks=[0.2], system=parametric)
+    assert np.array_equal(again.unknowns, branch.unknowns)
+    saltus.save_responses([branch], tmp_path / "a.json")
+    assert np.array_equal(saltus.read_responses(tmp_path / "a.json")[0].unknowns, branch.unknowns)
+
+
+def test_families_that_begin_on_a_backbone_in_the_mass_ratio(backbone_orbit):
+    """Oracle: at the resonance p:q an orbit of q times the period begins, with the same energy."""
+    branch = saltus.trace_in_parameter(backbone_orbit, "mu", (0.1, 0.25), keep="energy = 0.8")
+    (event,) = [event for event in branch.events if event.type == "RT"]
+    tripled = saltus.emanating_responses(branch, event, points=10)
+    for one in tripled:
+        k = int(np.abs(one.parameter - event.values["mu"]).argmin())
+        assert one.periods[k] == pytest.approx(3.0 * branch.periods[event.point], rel=1e-4) and one.columns["h"][k] == pytest.approx(0.8)
+    assert tripled
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"names": "omega"}, "omega"),
+        ({"keep": ()}, "equation"),
+        ({"keep": "energy = 0.8*oops"}, "oops"),
+        ({"interval": (0.2, 0.3)}, "the range 0.2 to 0.3 has not the value mu = 0.1; expected it inside"),
+        ({"system": saltus.ParametricSystem.of(saltus.vibro_impact_nes(mu=0.2, sigma=0.1))}, "another system: its mass differ"),
+    ],
+)
+def test_families_in_a_parameter_that_cannot_be_are_refused(backbone_orbit, change, message):
+    given = {"names": "mu", "interval": (0.05, 0.3), "keep": "energy = 0.8", **change}
+    with pytest.raises(ValueError, match=message):
+        saltus.trace_in_parameter(backbone_orbit, given.pop("names"), given.pop("interval"), **given)
+    with pytest.raises(RuntimeError, match="no orbit near S11O00- fulfils energy = 1e-3"):
+        saltus.trace_in_parameter(backbone_orbit, "mu", (0.05, 0.3), keep="energy = 1e-3")
 
 
 @pytest.mark.parametrize(

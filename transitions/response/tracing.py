@@ -1,4 +1,5 @@
-"""Responses of a system to its loads in a parameter: from a simulation, from rest, and behind the events of another one."""
+"""Responses of a system to its loads in a parameter: from a simulation, from rest, and behind the events of another one. And families of
+free orbits in a parameter."""
 
 from __future__ import annotations
 
@@ -7,8 +8,15 @@ import warnings
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from branches.forced.onwards import MOST_BRANCHES, ResponseStart, follow_onwards, trace_start
 from branches.forced.tracing import SWITCHES, switch_response
+from branches.released.branch import ReleasedBranch
+from branches.released.switching import switch_released
+from bvp.multipoint import NotConverged
+from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
 from transitions.response.free import settle_free
 from transitions.response.path import ParameterPath
 from transitions.response.starting import Periodic, Unbounded, linear_response, settled_orbit
@@ -16,9 +24,10 @@ from transitions.sweep.settle import MOST, Settled, settle
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
-    from bvp.parameters import ParametricSystem
+    from branches.orbit import Orbit
+    from bvp.system import ImpactSystem
 
-__all__ = ["emanating_responses", "rest_starts", "simulated_start", "trace_response"]
+__all__ = ["emanating_responses", "orbit_start", "rest_starts", "simulated_start", "trace_in_parameter", "trace_response"]
 
 
 def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: str = "both") -> tuple[list[ResponseStart], list[str]]:
@@ -143,15 +152,111 @@ def trace_response(
     if start not in ("simulate", "rest"):
         raise ValueError(f"start is 'simulate' or 'rest'; received {start!r}")
     path = ParameterPath(system, [names] if isinstance(names, str) else names, keep, dict(values or {})).at()
-    low, high = interval
-    if not low <= path.values[path.name] <= high:
-        raise ValueError(f"the range {low:g} to {high:g} has not the value {path.name} = {path.values[path.name]:g}; expected it inside")
+    _require_inside(path.name, path.values[path.name], interval)
     if start == "rest":
         starts, _ = rest_starts(path, interval, direction)
     else:
         _, found = simulated_start(path, u, v, phase=phase)
         starts = [ResponseStart(found.problem, found.y, direction)]
     return _traced(starts, interval, through, {"values": tuple(map(float, marks)), "points": points})
+
+
+def _parts(system: ImpactSystem) -> tuple[np.ndarray, ...]:
+    """Masses, dampers, springs and stops of a system."""
+    stops = np.array([(*stop.gap, stop.lower, stop.upper, stop.restitution) for stop in system.stops])
+    return system.mass, system.damping, system.stiffness, stops
+
+
+def _require_inside(name: str, value: float, interval: tuple[float, float]) -> None:
+    low, high = interval
+    if not low <= value <= high:
+        raise ValueError(f"the range {low:g} to {high:g} has not the value {name} = {value:g}; expected it inside")
+
+
+def orbit_start(system: ParametricSystem, orbit: Orbit, names: Sequence[str], keep: Sequence[str], direction: str = "both") -> ResponseStart:
+    """The orbit near a free one that fulfils the equations; of the parameters the first one has its value.
+
+    Raises
+    ------
+    ValueError
+        For names and equations that cannot be.
+    NotConverged
+        If no orbit near it fulfils them.
+    """
+    problem = ReleasedProblem(system, orbit.ends, orbit.problem.sequence, names, keep, energy=orbit.h)
+    try:
+        return ResponseStart(problem, problem.solve(problem.of_orbit(orbit.problem, orbit.solution.y)).y, direction)
+    except NotConverged as error:
+        raise NotConverged(f"no orbit near {orbit.label or '-'.join(orbit.ends)} fulfils {' and '.join(keep)}: {error}") from None
+
+
+def trace_in_parameter(
+    orbit: Orbit,
+    names: str | Sequence[str],
+    interval: tuple[float, float],
+    *,
+    keep: str | Sequence[str],
+    system: ParametricSystem | None = None,
+    marks: Sequence[float] = (),
+    points: int | None = None,
+    direction: str = "both",
+) -> ReleasedBranch:
+    """Follow the family of a free orbit of a conservative system in a parameter.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Such as ``branch.orbit_at(energy=0.8)``.
+    names : str or sequence of str
+        The parameter; or several of them, of which the first one is reported.
+    interval : (float, float)
+        Range of the first parameter. It contains its value.
+    keep : str or sequence of str
+        Equations of parameters, ``energy`` and ``quarter_period`` that hold along the family, such as "energy = 0.8": as many as there are
+        parameters.
+    system : ParametricSystem, optional
+        The orbit's system with its parameters, such as the `parametric` of a scene; by default the parameters are those of its model.
+    marks : sequence of float
+        Values of the first parameter at which events UZ are wanted.
+    points : int, optional
+        Largest number of points.
+    direction : {"both", "up", "down"}
+        How the parameter changes from the start on.
+
+    Returns
+    -------
+    ReleasedBranch
+        Its `columns` are those of a family in the energy. `branch.orbit(i)` is the orbit at point i. `saltus.emanating_responses` follows
+        the families that begin at one of its events.
+
+    Raises
+    ------
+    ValueError
+        For names, equations and systems that cannot be, in one line.
+    RuntimeError
+        Where no orbit fulfils the equations, or the family cannot be followed.
+
+    Examples
+    --------
+    The backbone S11O00- over the mass ratio, at a fixed energy. It ends where its impact vanishes.
+
+    >>> import saltus
+    >>> orbit = saltus.trace("S11-", energy=(0.075, 1.0)).orbit_at(energy=0.1)
+    >>> branch = trace_in_parameter(orbit, "mu", (0.05, 0.2), keep="energy = 0.1", points=30)
+    >>> branch.name, round(float(branch.columns["h"].min()), 12), round(float(branch.columns["h"].max()), 12)
+    ('mu', 0.1, 0.1)
+    """
+    names, keep = ([given] if isinstance(given, str) else [*given] for given in (names, keep))
+    system = ParametricSystem.of(orbit.system) if system is None else system
+    for what, own, at in zip(("mass", "damping", "stiffness", "stops"), _parts(orbit.system), _parts(system.system()), strict=True):
+        if not np.array_equal(own, at):
+            raise ValueError(f"the orbit belongs to another system: its {what} differ from the defaults; expected system.replaced(..)")
+    start = orbit_start(system, orbit, names, keep, direction)
+    assert isinstance(start.problem, ReleasedProblem)
+    _require_inside(names[0], start.problem.values[names[0]], interval)
+    (branch,) = _traced([start], interval, (), {"values": tuple(map(float, marks)), "points": points})
+    assert isinstance(branch, ReleasedBranch)
+    return branch
 
 
 def _traced(
@@ -169,11 +274,13 @@ def _traced(
 
 
 def emanating_responses(branch: ForcedBranch, event: ForcedEvent | str, *, points: int | None = None) -> list[ForcedBranch]:
-    """Follow the families that begin at an event of a response, in its range: see `saltus.trace_response`.
+    """Follow the families that begin at an event of a response, or of a family of free orbits in a parameter, in its range.
+
+    See `saltus.trace_response` and `saltus.trace_in_parameter`.
 
     Parameters
     ----------
-    branch : ForcedBranch
+    branch : ForcedBranch or ReleasedBranch
     event : ForcedEvent or str
         One of its events, or the id of one, such as "PD1".
     points : int, optional
@@ -192,5 +299,8 @@ def emanating_responses(branch: ForcedBranch, event: ForcedEvent | str, *, point
         raise ValueError(f"the branch has no event {name}; known: {', '.join(known) or 'none'}")
     at = known[name]
     origin = f"{at.id}, {branch.name} = {at.values[branch.name]:.12g}"
+    if isinstance(branch, ReleasedBranch):
+        starts = [ResponseStart(problem, step, "both", origin) for problem, step in switch_released(branch, at)]
+        return _traced(starts, branch.interval, (), {"points": points})
     starts = [ResponseStart(problem, step, "along", origin) for problem, step in switch_response(branch, at)]
     return _traced(starts, branch.interval, ("LB",), {"points": points})
