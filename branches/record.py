@@ -19,7 +19,7 @@ import numpy as np
 
 from branches.files import is_special, write_text
 from branches.sequences import impacts_per_period
-from branches.tables import csv_cell, plain, plain_columns
+from branches.tables import csv_cell, dataframe, plain, plain_columns
 
 if TYPE_CHECKING:
     import pandas
@@ -231,11 +231,7 @@ def to_dataframe(branch: Branch) -> pandas.DataFrame:
     ImportError
         If pandas is not installed.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise ImportError("to_dataframe needs pandas, which is not installed; expected pip install pandas") from None
-    return pandas.DataFrame(_rows(branch)).astype({"stable": "boolean"})
+    return dataframe(_rows(branch), "to_dataframe").astype({"stable": "boolean"})
 
 
 def orbit_to_csv(orbit: Orbit) -> str:

@@ -17,18 +17,29 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    import pandas
+
     from branches.catalogue.rows import FamilyRow
     from branches.catalogue.store import CatalogueStore
     from branches.orbit import Orbit
 
 __all__ = [
-    "DEFAULT_COLUMNS", "POINT_NAMES", "Table", "csv_cell", "csv_text", "orbit_rows", "orbit_samples",
+    "DEFAULT_COLUMNS", "POINT_NAMES", "Table", "csv_cell", "csv_text", "dataframe", "orbit_rows", "orbit_samples",
     "plain", "plain_columns", "points_table", "table_text", "write_binary",
 ]  # fmt: skip
 
 _PLAIN = str.maketrans({",": ";", '"': "'", "#": "no. ", "\n": " "})
 
 Table = dict[str, "np.ndarray | list[np.ndarray]"]
+
+
+def dataframe(content: Any, caller: str) -> pandas.DataFrame:
+    """Rows or columns as a pandas table, for a function with a name; an ImportError in one line where pandas is not installed."""
+    try:
+        import pandas
+    except ImportError:
+        raise ImportError(f"{caller} needs pandas, which is not installed; expected pip install pandas") from None
+    return pandas.DataFrame(content)
 
 
 def table_text(table: Table, format: str, name: str) -> str:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from saltus.response_starts import ResponseRequest
 
-__all__ = ["add_arguments", "build", "is_wanted", "place_to_save", "record_of", "record_of_free", "save"]
+__all__ = ["add_arguments", "fill_catalogue", "place_of_responses", "record_of", "record_of_free", "save_followed", "wants_responses"]
 
 SCHEMA = 2
 DEPTH = 3
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(direction="both")
 
 
-def is_wanted(arguments: argparse.Namespace) -> bool:
+def wants_responses(arguments: argparse.Namespace) -> bool:
     """Whether a build of responses is asked for. What then does not fit is refused."""
     wanted = arguments.parameter is not None
     others, name = (_OTHERS, "families in the energy") if wanted else (_OWN, "responses")
@@ -74,7 +74,7 @@ def record_of_free(problem: ForcedProblem) -> SceneRecord:
     return SceneRecord(system_of(problem), parameters={"names": list(problem.released), "keep": list(problem.keep)})
 
 
-def place_to_save(arguments: argparse.Namespace, record: SceneRecord, source: str | None = None) -> Path:
+def place_of_responses(arguments: argparse.Namespace, record: SceneRecord, source: str | None = None) -> Path:
     """The catalogue to keep families in a parameter in. A place where that is not possible is refused before the work starts. source: the
     file that they go on from."""
     if arguments.catalogue is None and record.is_free:
@@ -84,7 +84,7 @@ def place_to_save(arguments: argparse.Namespace, record: SceneRecord, source: st
     return catalogues.place_to_save(arguments, record, record.parameters["names"])
 
 
-def save(place: Path, record: SceneRecord, found: Onwards, starts: Sequence[ResponseStart]) -> tuple[list[str], int]:
+def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequence[ResponseStart]) -> tuple[list[str], int]:
     """Keep what was followed from some starts in a catalogue, which is made if there is none, and join it at the events where it begins.
 
     Returns
@@ -158,11 +158,11 @@ def _event_in(catalogue: Catalogue, source: ForcedBranch, type: str, value: floa
     return (branch, near[0]) if near else None
 
 
-def build(arguments: argparse.Namespace) -> int:
+def fill_catalogue(arguments: argparse.Namespace) -> int:
     """Fill a catalogue with the families that begin at the events of others; return the exit code."""
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
-    place = place_to_save(arguments, record_of(request), request.source)
+    place = place_of_responses(arguments, record_of(request), request.source)
     prepare_kernels(arguments)
     starts = starts_of(request, arguments, files.report)
 

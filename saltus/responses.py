@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from transitions.sweep.runs import AlongParameter
 
 __all__ = [
-    "add_arguments", "check_column", "draw", "follow", "follow_free", "is_response_file", "is_wanted",
-    "over_sweep", "read", "require_no_loads", "show", "write",
+    "add_arguments", "check_column", "draw", "follow_forced", "follow_free", "is_response_file",
+    "over_sweep", "read", "require_no_loads", "show", "wants_parameter", "write",
 ]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...")
 
 
-def is_wanted(arguments: argparse.Namespace) -> bool:
+def wants_parameter(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a response. What then does not fit is refused."""
     start = arguments.start or ""
     wanted = arguments.parameter is not None or start in ("rest", "simulate") or is_response_file(file_and_event(start)[0])
@@ -114,7 +114,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
         from saltus import response_catalogues
 
         record = response_catalogues.record_of_free(problem)
-        keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, record), record)
+        keep = partial(response_catalogues.save_followed, response_catalogues.place_of_responses(arguments, record), record)
     _check_axes(arguments, problem.parametric, len(problem.sequence) + 2, free=True)
     if arguments.model:
         from saltus.scene.model import explain
@@ -126,7 +126,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
     return _follow_and_write(starts, interval, arguments, files, title, keep)
 
 
-def follow(arguments: argparse.Namespace) -> int:
+def follow_forced(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
     _through(arguments)  # what cannot be followed is refused before the work
     files = outputs.outputs_of(arguments)
@@ -141,7 +141,7 @@ def follow(arguments: argparse.Namespace) -> int:
         from saltus import response_catalogues
 
         record = response_catalogues.record_of(request)
-        keep = partial(response_catalogues.save, response_catalogues.place_to_save(arguments, record, request.source), record)
+        keep = partial(response_catalogues.save_followed, response_catalogues.place_of_responses(arguments, record, request.source), record)
     prepare_kernels(arguments)
     return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title, keep)
 
@@ -309,7 +309,7 @@ def write(
 ) -> int:
     """Write the files of some branches; return the exit code. The figure shows the parameter in an interval."""
     from branches.tables import csv_text
-    from transitions.response.files import to_record
+    from transitions.response.files import responses_record
     from transitions.response.measures import response_table
 
     @cache
@@ -328,12 +328,12 @@ def write(
             for branch in branches:
                 if branch.problem.ends is None:  # a family of free orbits in a parameter has no id
                     branch.identify(count)
-        return to_record(branches)
+        return responses_record(branches)
 
     return files.write(
         {"json": lambda: outputs.json_text(record()), "csv": lambda: csv_text(table())},
         table=table,
-        about=lambda: outputs.json_text({key: value for key, value in to_record(branches).items() if key != "branches"}),
+        about=lambda: outputs.json_text({key: value for key, value in responses_record(branches).items() if key != "branches"}),
         figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title, "interval": interval}),
     )
 

@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code, 1 if some of the work failed."""
-    if response_catalogues.is_wanted(arguments):
-        return response_catalogues.build(arguments)
+    if response_catalogues.wants_responses(arguments):
+        return response_catalogues.fill_catalogue(arguments)
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
     place = catalogues.place_to_save(arguments, scene)

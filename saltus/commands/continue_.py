@@ -74,8 +74,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
-    if responses.is_wanted(arguments):
-        return responses.follow_free(arguments) if free_families.wants_free_family(arguments) else responses.follow(arguments)
+    if responses.wants_parameter(arguments):
+        return responses.follow_free(arguments) if free_families.wants_free_family(arguments) else responses.follow_forced(arguments)
     files = outputs.outputs_of(arguments)
     arguments.scene_uses = ("ground", "forces")  # refused below, with what to do
     scene = options.scene_of(arguments)

@@ -18,8 +18,8 @@ from tests.branches.test_forced_parameters import chain
 from tests.branches.test_forced_switching import two_sided
 from transitions.record import extents
 from transitions.response.figure import curves_over, response_figure
-from transitions.response.files import named_events, read_responses, to_record
-from transitions.response.measures import _OrbitMeasures, _state_at, column_names, column_of, measures_of, response_table
+from transitions.response.files import named_events, read_responses, responses_record
+from transitions.response.measures import _OrbitMeasures, _state_at, column_names, column_of, measures_along, response_table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit
 from transitions.sweep.settle import settle
@@ -56,7 +56,7 @@ def test_the_columns_of_one_impact_are_those_of_the_formula(one_impact):
     grazing = [event.point for event in branch.events if event.type == "GR"]
     finite = np.setdiff1d(np.arange(len(branch)), grazing)
     assert np.prod(branch.multipliers[finite], axis=1) == pytest.approx(0.64, abs=1e-9)
-    measures = measures_of(branch)
+    measures = measures_along(branch)
     assert measures.dissipated[:, -1] == pytest.approx(0.18 * branch.speeds[:, 0] ** 2, abs=1e-10)
     assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), abs=1e-10)
 
@@ -79,7 +79,7 @@ def test_a_response_without_impacts_has_the_measures_of_a_harmonic():
     branch = follow_response(problem, y, (1.1, 1.5))
     w = branch.parameter
     amplitude = 1.0 / np.hypot(1.0 - w * w, 0.1 * w)
-    measures = measures_of(branch)
+    measures = measures_along(branch)
     assert measures.peaks[:, 0] == pytest.approx(amplitude, rel=1e-11)
     assert measures.rms[:, 0] == pytest.approx(amplitude / math.sqrt(2.0), rel=1e-11)
     assert measures.dissipated[:, 0] == pytest.approx(0.1 * w * math.pi * amplitude**2, rel=1e-11)
@@ -92,7 +92,7 @@ def test_half_a_period_gives_the_measures_of_the_full_one(symmetric):
     """Oracle: the full period solved; work equals dissipation; the mean square over both halves is one."""
     branch = symmetric
     full = settled(two_sided(A=0.7), "w")
-    measures = measures_of(branch)
+    measures = measures_along(branch)
     assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), rel=1e-9)
     assert measures.peaks.min() >= 1.0 - 1e-12  # it reaches the stops
     at = int(branch.start)
@@ -150,11 +150,11 @@ def test_measures_of_an_orbit_that_sticks(mass):
     )
     found = settled(ball, "G")
     branch = follow_response(found.problem, found.y, (1.1, 1.3))
-    measures = measures_of(branch)
+    measures = measures_along(branch)
     assert measures.dissipated[:, -1] == pytest.approx(0.5 * mass * branch.speeds[:, 0] ** 2, rel=1e-12)
     assert measures.work == pytest.approx(measures.dissipated.sum(axis=1), rel=1e-12)
     before, motion = (simulate(ball.system(), [0.0], [0.0], 2.0 * math.pi * count, forces=ball.forces()) for count in (2, 3))
-    at = measures_of(one_point(found.problem, found.y))
+    at = measures_along(one_point(found.problem, found.y))
     assert at.peaks[0] == pytest.approx(extents(motion).peaks, rel=1e-9)
     assert at.dissipated[0, -1] == pytest.approx(motion.totals[-2] - before.totals[-2], rel=1e-9)
     assert np.all(measures.peaks[:, 0] > 0.0) and np.all(np.diff(measures.peaks[:, 0]) > 0.0)
@@ -214,7 +214,7 @@ def test_what_is_no_orbit_is_reported():
 def test_a_file_holds_all_of_a_branch(one_impact, tmp_path):
     """Oracle: the branch itself, bit for bit."""
     path = tmp_path / "a.json"
-    path.write_text(json_text(to_record([one_impact])), encoding="utf-8")
+    path.write_text(json_text(responses_record([one_impact])), encoding="utf-8")
     (again,) = read_responses(path)
     for name in ("unknowns", "tangents", "arclength", "residual", "phases", "speeds", "stable"):
         assert np.array_equal(getattr(again, name), getattr(one_impact, name)), name
@@ -235,7 +235,7 @@ def test_a_file_holds_all_of_a_branch(one_impact, tmp_path):
 )
 def test_a_damaged_file_is_refused(one_impact, tmp_path, old, new, message):
     path = tmp_path / "a.json"
-    text = json_text(to_record([one_impact]))
+    text = json_text(responses_record([one_impact]))
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(RecordError, match=message):

@@ -14,7 +14,7 @@ from branches.files import one_line, write_text
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.reading import RecordError, check_pattern, load_json
 from branches.released.branch import branch_in_parameter
-from branches.tables import csv_text, plain, plain_columns
+from branches.tables import csv_text, dataframe, plain, plain_columns
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
@@ -23,7 +23,7 @@ from transitions.response.measures import response_table
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["KIND", "SCHEMA", "is_response", "named_events", "read_responses", "response_dataframe", "save_responses", "to_record"]
+__all__ = ["KIND", "SCHEMA", "is_response", "named_events", "read_responses", "response_dataframe", "responses_record", "save_responses"]
 
 SCHEMA = 1
 KIND = "response"
@@ -66,7 +66,7 @@ _BRANCH = {
 _FILE = {"schema": "an integer", "kind": "a string", "parameter": "a string", "system": "an object", "branches": [_BRANCH]}
 
 
-def to_record(branches: Sequence[ForcedBranch]) -> dict[str, Any]:
+def responses_record(branches: Sequence[ForcedBranch]) -> dict[str, Any]:
     """Some branches of one system as plain data, in order; the measures of all points are computed."""
     problem = branches[0].problem
     return {
@@ -123,7 +123,7 @@ def save_responses(branches: Sequence[ForcedBranch], path: str | os.PathLike[str
         For another suffix, and for no branch.
     """
     writers: dict[str, Callable[[], str]] = {
-        ".json": lambda: json.dumps(to_record(branches), allow_nan=False), ".csv": lambda: csv_text(response_table(branches)),
+        ".json": lambda: json.dumps(responses_record(branches), allow_nan=False), ".csv": lambda: csv_text(response_table(branches)),
     }  # fmt: skip
     suffix = os.path.splitext(path)[1].lower()
     if suffix not in writers or not branches:
@@ -144,11 +144,8 @@ def response_dataframe(branches: ForcedBranch | Sequence[ForcedBranch]) -> panda
     ImportError
         If pandas is not installed.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise ImportError("response_dataframe needs pandas, which is not installed; expected pip install pandas") from None
-    return pandas.DataFrame(plain_columns(response_table([branches] if isinstance(branches, ForcedBranch) else branches)))
+    given = [branches] if isinstance(branches, ForcedBranch) else branches
+    return dataframe(plain_columns(response_table(given)), "response_dataframe")
 
 
 def is_response(record: Any) -> bool:

@@ -45,17 +45,14 @@ class FreeSettled(Settled):
     period. The multipliers are not computed.
     """
 
-    @property
-    def text(self) -> str:
-        """What was found, in one line."""
-        after = f"after {self.elapsed} impacts"
+    _counted = "impacts"
+
+    def _found(self, after: str) -> str:
         if self.kind is SettledKind.PERIODIC:
             return f"{self.kind.value} with {len(self.impacts)} impacts, T = {self.period_of_loads:.10g}, {after}"
         if self.kind is SettledKind.AT_REST:
             what = f"it sticks to {' and '.join(self.sticking)} for ever" if self.sticking else "nothing moves or no stop is reached"
             return f"no impacting motion: {what}, {after}; expected another state in --start"
-        if self.kind is SettledKind.FAILED:
-            return f"{self.kind.value}, {after}: {self.status.value}"
         if self.growth > 0.0:
             return f"the motion grows without bound ({after}; growth {self.growth:.4g} from impact to impact)"
         near = f"a return after {len(self.impacts)} impacts is {self.distance:.1e} from closing; growth {self.growth:.4g} in a return"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from bvp.parameters import ParametricSystem
 
-__all__ = ["Measures", "column_names", "column_of", "measures_of", "response_table"]
+__all__ = ["Measures", "column_names", "column_of", "measures_along", "response_table"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Measures:
 
 
 @lru_cache(maxsize=16)
-def measures_of(branch: ForcedBranch) -> Measures:
+def measures_along(branch: ForcedBranch) -> Measures:
     """The measures of all points of a branch, from exact integrals along the flights."""
     measured = _OrbitMeasures(branch.problem)
     rows = [measured(y, period) for y, period in zip(branch.unknowns, branch.periods.tolist(), strict=True)]
@@ -174,7 +174,7 @@ def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
         return branch.largest_multiplier[:, None]
     if kind == "test":
         return tests_of(branch)[:, TESTS.index(part), None]
-    measures = measures_of(branch)
+    measures = measures_along(branch)
     if kind in ("max", "rms"):
         k = system.coordinates.index(part)
         return (measures.peaks if kind == "max" else measures.rms)[:, k : k + 1]
@@ -198,7 +198,7 @@ def response_table(branches: Sequence[ForcedBranch]) -> Table:
         return free_table(free)
     first = branches[0]
     coordinates, parts = first.problem.system.coordinates, parts_of(first.problem.system)
-    measures = [measures_of(branch) for branch in branches]
+    measures = [measures_along(branch) for branch in branches]
     parameters = [[branch.problem.parameters(y) for y in branch.unknowns] for branch in branches]
 
     def joined(columns: list[np.ndarray]) -> np.ndarray:

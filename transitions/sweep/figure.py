@@ -75,7 +75,7 @@ def measure_of(sweep: Sweep, name: str) -> Measure:
     return known[name]
 
 
-def points_of(sweep: Sweep, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
+def sweep_points(sweep: Sweep, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
     """x and y of the points of a measure: each impact, each recorded period, or one for each value."""
     if measure.name in ("speed", "phase"):
         return sweep.at_impacts(sweep.values), sweep.impact_speeds if measure.name == "speed" else sweep.impact_phases
@@ -130,7 +130,7 @@ def sweep_figure(
         for k, run in enumerate(reversed(runs)):
             size = _ABOVE if k else _BELOW if len(runs) > 1 else _ALONE
             look = _DOTS | size | {"color": style.LINES[(len(runs) - 1 - k) % len(style.LINES)]}
-            x, found = points_of(run.sweep, measure)
+            x, found = sweep_points(run.sweep, measure)
             shown.append(found)
             panels[0].plot(x, found, gid=f"{run.direction}-{run.start}", **look)
             if lower:

@@ -271,7 +271,7 @@ class ForcedMotion:
         self._forced = self._forced._replace(motion=self._forced.motion._replace(z=z), begin=begin)
         state, image, velocity = np.zeros((3, size))
         log, scratch = self.simulator.log(kernels.EVENTS_AT_ONCE), self.simulator.scratch(self._before)
-        self._work = kernels.Work(state, image, velocity, np.zeros(2 * n), log, scratch)
+        self._work = kernels.PeriodWork(state, image, velocity, np.zeros(2 * n), log, scratch)
         self._carry = np.array([self._carry_matrix(int(sticking), f) for f, sticking in enumerate(self._modes.sticking)])
 
     def _carry_matrix(self, sticking: int, f: int) -> np.ndarray:

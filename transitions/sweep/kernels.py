@@ -27,7 +27,7 @@ from bvp.kernels.motion import FULL, REACHED, move
 from bvp.kernels.sticking import impulses_of, push_off
 from transitions.kernels import renew_clock
 
-__all__ = ["EVENTS_AT_ONCE", "Forced", "Impacts", "Strobes", "Work", "follow_periods"]
+__all__ = ["EVENTS_AT_ONCE", "Forced", "Impacts", "Strobes", "PeriodWork", "follow_periods"]
 
 EVENTS_AT_ONCE = 256
 """Most events in one call of `move`."""
@@ -69,7 +69,7 @@ class Impacts(NamedTuple):
     states: np.ndarray  # (Q, 4 n) (u, v) before and after
 
 
-class Work(NamedTuple):
+class PeriodWork(NamedTuple):
     """Arrays to write into, which need not be kept."""
 
     state: np.ndarray  # (N,)
@@ -85,7 +85,7 @@ def follow_periods(modes, carry, period, forced, strobes, impacts, work):
     """Follow a forced motion until all rows of `strobes` are filled. Its clock begins anew in each period.
 
     modes: the contact modes. carry (F, N, 2 n): state of a contact mode without loads from (u, v), where what a sticking stop takes away is
-    dropped. forced, strobes, impacts, work: `Forced`, `Strobes`, `Impacts`, `Work`.
+    dropped. forced, strobes, impacts, work: `Forced`, `Strobes`, `Impacts`, `PeriodWork`.
 
     Returns REACHED when all is filled. FULL: give room for EVENTS_AT_ONCE more impacts, set places[FOUND] to 0, and call again. Else the
     reason that `move` returned."""

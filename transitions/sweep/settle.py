@@ -119,7 +119,14 @@ class Settled:
     @property
     def text(self) -> str:
         """What was found, in one line."""
-        after = f"after {self.elapsed} periods of the loads"
+        after = f"after {self.elapsed} {self._counted}"
+        return f"{self.kind.value}, {after}: {self.status.value}" if self.kind is SettledKind.FAILED else self._found(after)
+
+    _counted = "periods of the loads"
+    """What `elapsed` counts."""
+
+    def _found(self, after: str) -> str:
+        """What was found in a simulation that did not fail."""
         rate = f"growth {self.growth:.4g}{self.growth_error and f' +- {self.growth_error:.1g}' or ''} in a period"
         if self.kind is SettledKind.PERIODIC:
             stuck = f", {' and '.join(self.sticking)} sticking all the time" if self.sticking else ""
@@ -127,8 +134,6 @@ class Settled:
         if self.kind is SettledKind.NOT_CONVERGED:
             near = f"; near period {self.period}, {self.distance:.1e} from closing" if self.period else ""
             return f"{self.kind.value} ({after}{near}; {rate})"
-        if self.kind is SettledKind.FAILED:
-            return f"{self.kind.value}, {after}: {self.status.value}"
         return f"{self.kind.value} ({after}; {rate})"
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
