@@ -316,6 +316,7 @@ def write(
     def table() -> Table:
         return response_table(branches)
 
+    @cache
     def record() -> dict[str, Any]:
         done = 0
         with ProgressBar(None, "points of full families, which give the ids") as bar:
@@ -326,14 +327,13 @@ def write(
                 bar.update(done)
 
             for branch in branches:
-                if branch.problem.ends is None:  # a family of free orbits in a parameter has no id
-                    branch.identify(count)
+                branch.identify(count)
         return responses_record(branches)
 
     return files.write(
         {"json": lambda: outputs.json_text(record()), "csv": lambda: csv_text(table())},
         table=table,
-        about=lambda: outputs.json_text({key: value for key, value in responses_record(branches).items() if key != "branches"}),
+        about=lambda: outputs.json_text({key: value for key, value in record().items() if key != "branches"}),
         figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title, "interval": interval}),
     )
 
