@@ -173,7 +173,9 @@ def _require_inside(name: str, value: float, interval: tuple[float, float]) -> N
         raise ValueError(f"the range {low:g} to {high:g} has not the value {name} = {value:g}; expected it inside")
 
 
-def orbit_start(system: ParametricSystem, orbit: Orbit, names: Sequence[str], keep: Sequence[str], direction: str = "both") -> ResponseStart:
+def orbit_start(
+    system: ParametricSystem, orbit: Orbit, names: Sequence[str], keep: Sequence[str], direction: str = "both"
+) -> ResponseStart:
     """The orbit near a free one that fulfils the equations; of the parameters the first one has its value.
 
     Raises
