@@ -57,7 +57,7 @@ def test_a_measure_that_turns_beside_a_value(capsys, below):
     words = "--uz", f"max:x={value!r}", "--uz", f"rms:x={1.001 * value / math.sqrt(2.0)!r}", "--json", "a.json"
     code, _, err = run(capsys, *LINEAR, *words)
     assert code == 0, err
-    found = sorted(event["values"]["w"] for event in marks(data("a.json")))
+    found = sorted(event["values"]["w"] for event in marks(read_branch("a.json")))
     root = math.sqrt(max((0.1 / value) ** 2 - 0.01 * 0.9975, 0.0)) if below else 0.0
     exact = [math.sqrt(0.995 - root), math.sqrt(0.995 + root)] if below else [math.sqrt(0.995)]
     assert found == pytest.approx(exact, abs=1e-9 if below else 1e-6)
