@@ -221,7 +221,8 @@ def test_export_joins_only_files_of_one_system(folder, capsys, tmp_path, monkeyp
 def test_a_family_that_sticks_is_kept(tmp_path, capsys):
     """Oracle: a ball without rebound leaves its table at Gamma = 1, where the family begins; there is none behind that."""
     place = str(tmp_path / "ball.sqlite")
-    options = ("--scene", "bouncing_ball", "--in", "Gamma", "--range", "0.5:3.6", "--set", "Gamma=1.2", "--set", "e=0", "--from", "simulate")
+    start = ("--from", "simulate", "--set", "Gamma=1.2", "--set", "e=0")
+    options = ("--scene", "bouncing_ball", "--in", "Gamma", "--range", "0.5:3.6", *start)
     code, out, err = run(capsys, "build", *options, "--catalogue", place)
     assert code == 0, err
     assert "lost   period-1:-=:3c81aeab: GR1 at 1: no family was found at GR1" in out
