@@ -37,6 +37,12 @@ _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
 
 
+_DOUBLES = "the orbit is one of half the period, traversed twice: its period doubles here"
+
+_SAME = 1e-6
+"""Largest difference of two states, beside the largest one, that are one."""
+
+
 class ForcedFamily(AlongParameters, SolvedFamily):
     """A family of forced orbits in one parameter: a `continuation.Problem`.
 
@@ -139,7 +145,19 @@ class ForcedFamily(AlongParameters, SolvedFamily):
             if angle is None:
                 return None
             data["angle"] = angle
+        elif test.code == "BP" and self._is_twice(at.y) and not self._is_twice(before.step.y):
+            # Behind it each orbit is one of those before it, begun a period of the single one later.
+            return EventDetails("BP", True, data | {"note": _DOUBLES})
         return EventDetails(test.code, test.terminal, data)
+
+    def _is_twice(self, y: np.ndarray) -> bool:
+        """Whether an orbit is another one traversed twice."""
+        problem, size = self.problem, 2 * self.problem.degrees_of_freedom
+        count, odd = divmod(len(problem.sequence), 2)
+        if odd or not count or problem.half or problem.load_periods % 2 or problem.sequence[:count] != problem.sequence[count:]:
+            return False
+        states = problem.nodes(y)[:, :size]
+        return bool(np.abs(states[:count] - states[count:]).max() <= _SAME * np.abs(states).max())
 
     def _merging(self, solution: Solution, data: dict[str, Any]) -> EventDetails:
         """Two impacts at the same instant: at stops that do not interact they exchange their order, else the family ends."""

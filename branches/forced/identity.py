@@ -200,7 +200,7 @@ def _is_full(branch: ForcedBranch, window: tuple[float, float]) -> bool:
     inside = (branch.parameter >= window[0]) & (branch.parameter <= window[1])
     if branch.ended[1].reason == "CLOSED":
         return bool(inside.all())
-    ends = {event.point for event in branch.events if event.type == "GR"}
+    ends = {event.point for event in branch.events if event.type in ("GR", "BP")}
     return bool(inside.all()) and {0, len(branch) - 1} <= ends
 
 

@@ -12,6 +12,7 @@ from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.primitive import full_period, twice
 from branches.forced.switching import beside_grazing, emanating_orbits
+from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
@@ -53,6 +54,24 @@ def test_a_doubled_family_leaves_at_a_period_doubling():
     first = doubled.points[0].step
     assert np.abs(wide.multipliers(first.y)).max() < 1.0
     assert first.parameter > doubling.point.parameter  # where the single orbit is unstable
+
+
+def test_a_doubled_family_ends_where_its_period_doubles():
+    """Oracle: the closed form of the period doubling; the id of the family that is followed away from there. Behind it all orbits are
+    repeated, begun a period later."""
+    problem, y = settled(oscillator(), ["s"], values={"s": -0.2}, start=([-1.0], [0.0]))
+    single = follow_response(problem, y, (-0.3, 0.0))
+    (doubling,) = (event for event in single.events if event.type == "PD")
+    ((wide, step),) = switch_response(single, doubling)
+    away = follow_response(wide, step, (-0.3, 0.0), direction="along")
+    for begun in (away.unknowns[len(away) // 2], step):
+        whole = follow_response(wide, begun, (-0.3, 0.0))
+        first = whole.events[0]
+        assert (first.type, first.point) == ("BP", 0) and first.values["s"] == pytest.approx(-0.0685756522788391, abs=1e-12)
+        assert "its period doubles here" in whole.ended[0].text and whole.ended[1].text.startswith("EP at s")
+        assert [event.type for event in whole.events] == ["BP", "PD", "EP"] and whole.id == away.id
+    repeated = follow_response(*twice(problem, single.unknowns[doubling.point - 3]), (-0.3, 0.0))
+    assert repeated.ended[1].text.startswith("EP at s") and any(event.type == "BP" for event in repeated.events)
 
 
 def test_twice_an_orbit_is_a_solution_of_twice_the_period():
