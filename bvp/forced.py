@@ -26,7 +26,7 @@ from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_fact
 from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
 from bvp.kernels.stroboscopic import make_stroboscopic
-from bvp.multipliers import GRAZING_LIMIT, sort_multipliers
+from bvp.multipliers import sort_multipliers
 from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
@@ -34,6 +34,9 @@ from bvp.stroboscopic import stroboscopic_multipliers
 from bvp.system import ImpactSystem
 
 __all__ = ["ForcedProblem"]
+
+GRAZING = 1e-11
+"""Impact speed, over the largest velocity, below which an impact grazes: a located grazing has one of rounding, about 1e-12."""
 
 _CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 """A function that kernels can call."""
@@ -485,7 +488,7 @@ class ForcedProblem:
         self._evaluated(y)
         size = 2 * self.degrees_of_freedom
         scale = np.repeat(set_scale(self.segment, np.array(y, float), self._factor)[:2], self.degrees_of_freedom)
-        if self.sequence and np.min(self._approach()[self.impacts - 1]) < GRAZING_LIMIT * np.max(scale[self.degrees_of_freedom :]):
+        if self.sequence and np.min(self._approach()[self.impacts - 1]) < GRAZING * np.max(scale[self.degrees_of_freedom :]):
             return np.full(size, complex(math.nan, math.nan))
         impacts = self.impacts - 1 if self.sequence else self.impacts[:0]
         found = stroboscopic_multipliers(self.system, self.events, self.segment, impacts, self._factor, scale, self._map)
