@@ -25,6 +25,7 @@ from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
 from branches.forced.identity import invariants
+from branches.forced.known import KnownEvents, kind_of
 from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import SWITCHES, follow_response, primitive_branch, switch_response
 from bvp.contact_sequence import joined_sequence
@@ -84,7 +85,8 @@ class ResponseSeed(NamedTuple):
     """An orbit whose family is followed.
 
     problem: as `branches.catalogue.responses.problem_record` gives it. y: unknowns. tangent: None, or the tangent at a first orbit.
-    interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached.
+    interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached. kind:
+    `branches.forced.known.kind_of` its orbits.
     """
 
     problem: dict[str, Any]
@@ -93,6 +95,7 @@ class ResponseSeed(NamedTuple):
     interval: tuple[float, float]
     depth: int
     link: Link | None = None
+    kind: str = ""
 
 
 class _Answer(NamedTuple):
@@ -110,7 +113,7 @@ class _Answer(NamedTuple):
 def seed_of(problem: ForcedProblem, start: Any, interval: tuple[float, float], depth: int, link: Link | None = None) -> ResponseSeed:
     """The seed of a start: unknowns (u,), or a `continuation.problem.Step` with its tangent."""
     y, tangent = (start, None) if isinstance(start, np.ndarray) else (start.y, tuple(start.tangent.tolist()))
-    return ResponseSeed(problem_record(problem), tuple(y.tolist()), tangent, interval, depth, link)
+    return ResponseSeed(problem_record(problem), tuple(y.tolist()), tangent, interval, depth, link, kind_of(problem))
 
 
 def build_responses(
@@ -238,7 +241,8 @@ class _Build:
 
     def __post_init__(self) -> None:
         self.met: dict[tuple[str, str], None] = {}
-        self.report: dict[str, Any] = {"failed": [], "lost": [], "images": []}
+        self.known = KnownEvents[str]()
+        self.report: dict[str, Any] = {"failed": [], "lost": [], "images": [], "depths": {}}
         self.count = 0
         description = json.dumps(self.catalogue.scene.system)
         self.frontier: Frontier[_Piece, _Answer] = Frontier(
@@ -257,13 +261,15 @@ class _Build:
             with self.catalogue.transaction():
                 if answer is not None:
                     self._take(piece.seed, answer)
+                elif piece.seed.link is not None:
+                    self._connect(piece.seed.link, self._known_family(piece))
                 self.catalogue.finish(piece.key)
                 self.catalogue.note("report", self.report)
             if self.on_progress is not None:
                 self.on_progress(len(self.catalogue), len(self.frontier))
         counts = self.catalogue.counts()
         report = {name: counts[name] for name in ("families", "points", "events", "edges")} | self.report
-        del report["images"]
+        del report["images"], report["depths"]
         done = {*self.met, *map(tuple, self.report["images"])}
         events = ((row.id, event) for row in self.catalogue.all_families() for event in self.catalogue.events(row.id))
         report["left"] = sum(event.type in SWITCHES and (id, event.id) not in done for id, event in events)
@@ -308,6 +314,8 @@ class _Build:
         for edge in catalogue.edges():
             self._meet(edge.source, edge.source_event)
             self._meet(str(edge.target), edge.target_event)
+        for row in catalogue.all_families():
+            self.known.add_events(catalogue.branch(row.id), row.id)
         self.frontier.extend(_Piece(key, seed) for key, seed in seeds)
         return True
 
@@ -322,9 +330,14 @@ class _Build:
             self.met[id, event] = None
 
     def _is_known(self, piece: _Piece) -> bool:
-        """Whether a family on the other side has met this event already. Where several begin at one, all are followed."""
-        link = piece.seed.link
-        return link is not None and (link.source, link.event) in self.met and link.type not in ("GR", "LB")
+        return self._known_family(piece) is not None
+
+    def _known_family(self, piece: _Piece) -> str | None:
+        """The id of the family of a seed, if it was followed as far as from there; None if it was not."""
+        link, depths = piece.seed.link, self.report["depths"]
+        if link is None:
+            return None
+        return self.known.family_at(piece.seed.kind, link.type, link.h, lambda id: depths[id] >= piece.seed.depth)
 
     def _take(self, seed: ResponseSeed, answer: _Answer) -> None:
         link = seed.link
@@ -336,8 +349,10 @@ class _Build:
             return
         id = next((id for id in answer.ids if id in self.catalogue), answer.ids[0])
         new = id not in self.catalogue
+        self.report["depths"][id] = max(seed.depth, self.report["depths"].get(id, 0))
         if new:
             self.catalogue.add(kept_as(answer.packed, id))
+            self.known.add_events(self.catalogue.branch(id), id)
             if self.on_family is not None:
                 self.on_family(self.catalogue.family(id))
         if link is not None and link.source == id and link.kind == "switch":
@@ -428,5 +443,6 @@ def _read(plain: dict[str, Any]) -> ResponseSeed:
         link = Link(**link)
     tangent = given["tangent"]
     return ResponseSeed(
-        given["problem"], tuple(given["y"]), None if tangent is None else tuple(tangent), tuple(given["interval"]), given["depth"], link
-    )
+        given["problem"], tuple(given["y"]), None if tangent is None else tuple(tangent), tuple(given["interval"]), given["depth"], link,
+        given["kind"],
+    )  # fmt: skip

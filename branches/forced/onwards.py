@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.known import KnownEvents, kind_of
 from branches.forced.tracing import SWITCHES, follow_response, go_on, switch_response
 from bvp.forced import ForcedProblem
 from continuation.problem import Step
@@ -17,9 +18,6 @@ from continuation.problem import Step
 __all__ = ["MOST_BRANCHES", "Onwards", "ResponseStart", "follow_onwards", "trace_start"]
 
 MOST_BRANCHES = 50
-
-_SAME = 1e-7
-"""Largest difference, beside the value, of the parameter at an event that two families share."""
 
 
 class ResponseStart(NamedTuple):
@@ -70,10 +68,6 @@ class Onwards:
     left: int = 0
 
 
-_Shared = tuple[tuple[Any, ...], float, int]
-"""Kind of a family, value of the parameter at one of its events, and its number."""
-
-
 class _Waiting(NamedTuple):
     start: ResponseStart
     source: int
@@ -98,8 +92,7 @@ def follow_onwards(
 ) -> Onwards:
     """Follow families, then those that begin at their events, and so on.
 
-    Two families are the same one if their orbits have the same period, symmetry and impacts, and both have an event at the same value of
-    the parameter. Impacts are the same if they are those of the mirror image, so of two mirror images one is followed.
+    Each is followed once, and one of two mirror images (`branches.forced.known`).
 
     Parameters
     ----------
@@ -121,7 +114,7 @@ def follow_onwards(
     assert set(through) <= set(SWITCHES)
     found = Onwards() if found is None else found
     waiting = deque(_Waiting(start, -1, None) for start in starts)
-    shared: list[_Shared] = []
+    shared = KnownEvents[int]()
     while waiting and len(found.branches) < most:
         start, source, event = waiting.popleft()
         known = _followed(found.branches, shared, start, event)
@@ -140,11 +133,10 @@ def follow_onwards(
         found.branches.append(branch)
         if start.problem.ends is not None:
             continue
-        kind = _kind(start.problem)
         if event is not None:
             found.links.append((source, event.id, number))
-            shared.append((kind, event.values[branch.name], number))
-        shared.extend((kind, at.values[branch.name], number) for at in branch.events if at.type in SWITCHES)
+            shared.add(start.problem, event.values[branch.name], number)
+        shared.add_events(branch, number)
         for at in branch.events:
             # At an exchange of impacts the family goes on, from an end that is new.
             if at.type in through and (at.type != "LB" or at.point in ends):
@@ -164,26 +156,13 @@ def _behind(found: Onwards, number: int, event: ForcedEvent) -> list[ResponseSta
         return []
 
 
-def _followed(branches: Sequence[ForcedBranch], shared: Sequence[_Shared], start: ResponseStart, event: ForcedEvent | None) -> int | None:
+def _followed(
+    branches: Sequence[ForcedBranch], shared: KnownEvents[int], start: ResponseStart, event: ForcedEvent | None
+) -> int | None:
     """Number of the branch that is the family of a start; None if it was not followed yet."""
     if event is None:
         return next((number for number, branch in enumerate(branches) if start.known is None and _covers(branch, start)), None)
-    if event.type == "LB":  # with the other order of its impacts an orbit can have the same sequence, begun at another impact
-        return None
-    value, kind = event.values[start.problem.released[0]], _kind(start.problem)
-    slack = _SAME * max(1.0, abs(value))
-    return next((number for other, at, number in shared if other == kind and abs(at - value) <= slack), None)
-
-
-def _kind(problem: ForcedProblem) -> tuple[Any, ...]:
-    """What the orbits of a family have in common: periods of the loads, symmetry, and the impacts of a full period up to a mirror image."""
-    modes, symbols = problem.modes, list(problem.sequence)
-    odd = bool(np.all(np.asarray(modes.contact_opposite) >= 0))
-    if problem.half:
-        symbols += [problem.mirrored(symbol) for symbol in symbols]
-    images = [symbols, [problem.mirrored(symbol) for symbol in symbols]] if odd else [symbols]
-    turned = (tuple(image[k:] + image[:k]) for image in images for k in range(max(len(image), 1)))
-    return problem.load_periods, problem.half, min(turned)
+    return shared.family_at(kind_of(start.problem), event.type, event.values[start.problem.released[0]])
 
 
 def _covers(branch: ForcedBranch, start: ResponseStart) -> bool:

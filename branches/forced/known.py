@@ -1,0 +1,56 @@
+"""Which families of forced orbits are known already: two are one family if they share an event."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from branches.forced.branch import ForcedBranch
+from branches.forced.tracing import SWITCHES
+from bvp.forced import ForcedProblem
+
+__all__ = ["KnownEvents", "kind_of"]
+
+_SAME = 1e-7
+"""Largest difference, beside the value, of the parameter at an event that two families share."""
+
+Key = TypeVar("Key")
+
+
+@dataclass
+class KnownEvents(Generic[Key]):
+    """The events of families that were followed. A family that begins at one of them is known if its orbits have the same period, symmetry
+    and impacts. Impacts are the same if they are those of the mirror image, so of two mirror images one is known by the other."""
+
+    _rows: dict[str, list[tuple[float, Key]]] = field(default_factory=dict)
+
+    def add(self, problem: ForcedProblem, value: float, key: Key) -> None:
+        """Know a family at a value of its parameter, where it begins."""
+        self._rows.setdefault(kind_of(problem), []).append((value, key))
+
+    def add_events(self, branch: ForcedBranch, key: Key) -> None:
+        """Know a family at all its events at which others begin."""
+        for event in branch.events:
+            if event.type in SWITCHES:
+                self.add(branch.problem, event.values[branch.name], key)
+
+    def family_at(self, kind: str, type: str, value: float, fits: Callable[[Key], bool] = lambda key: True) -> Key | None:
+        """The family of some kind that begins at an event; None if it is not known."""
+        if type == "LB":  # with the other order of its impacts an orbit can have the same sequence, begun at another impact
+            return None
+        slack = _SAME * max(1.0, abs(value))
+        return next((key for at, key in self._rows.get(kind, ()) if abs(at - value) <= slack and fits(key)), None)
+
+
+def kind_of(problem: ForcedProblem) -> str:
+    """What the orbits of a family have in common: periods of the loads, symmetry, and the impacts of a full period up to a mirror image."""
+    modes, symbols = problem.modes, list(problem.sequence)
+    odd = bool(np.all(np.asarray(modes.contact_opposite) >= 0))
+    if problem.half:
+        symbols += [problem.mirrored(symbol) for symbol in symbols]
+    images = [symbols, [problem.mirrored(symbol) for symbol in symbols]] if odd else [symbols]
+    turned = (image[k:] + image[:k] for image in images for k in range(max(len(image), 1)))
+    return " ".join([str(problem.load_periods), "half" if problem.half else "full", *min(turned)])
