@@ -16,6 +16,9 @@ __all__ = ["BEYOND", "GRAZING", "ForceEvent", "describe_grazing", "force_event",
 BEYOND = 1e-8
 """How far a solution of the equations may lie beyond a grazing, relative to gap, speed and period, and still count as the grazing orbit."""
 
+_INSTANT = 1e-6
+"""Part of the period within which a touch is at an impact."""
+
 GRAZING = {
     "touches": TestFunction("GR", "guard", True, "a flight touches a stop"),
     "vanishes": TestFunction("GR", "guard", True, "the speed of an impact reaches zero"),
@@ -87,7 +90,9 @@ def force_event(problem: MultipointProblem | ForcedProblem, solution: Solution) 
         where = f"{time:.6g} after the begin of flight {flight + 1}"
         note = f"the contact force at stop {letter} touches zero {where}: it can open there"
         return ForceEvent(letter, "inside", note, f"stop {letter} sticks though it is pulled, {where}")
-    if time == 0.0 and not event.is_release and modes.contact_stop[event.contact] == stop:
+    plastic = not (event.is_release or event.sticks) and problem.system.stops[stop].restitution == 0.0
+    # Where this force vanishes, the gap turns just behind the impact.
+    if plastic and modes.contact_stop[event.contact] == stop and time <= _INSTANT * problem.duration(solution):
         letter = letters[event.contact]
         note = f"the contact force after the impact at stop {letter} reaches zero: it would stay closed"
         return ForceEvent(letter, "after", note, f"stop {letter} opens after its impact though it is pressed")

@@ -145,18 +145,22 @@ def with_exact_ends(family: ForcedFamily | ReleasedFamily, run: Run) -> Run:
         merging = end.reason is EndReason.EVENT and known is not None and known.code == "GR"
         if not (merging or end.reason is EndReason.MINIMUM_STEP):
             continue
-        made = _exact_end(family, points[-1 if last else 0].step, _GRAZES if merging else 1.0)
+        # Where the moment lasts for no time its equations hold, whatever the force is: the last steps can land there.
+        outwards, gone = points if last else points[::-1], 0
+        while gone < len(points) - 1 and _moment(family.problem, outwards[-1 - gone].step.y, _GRAZES * _BRIEF) is not None:
+            gone += 1
+        if merging and not gone:
+            continue
+        made = _exact_end(family, outwards[-1 - gone].step, 1.0) or _exact_end(family, outwards[-1].step, _GRAZES)
         if made is None:
             continue
-        if merging and len(points) > 1:
-            events = [event for event in events if event is not known]
-            points = points[:-1] if last else points[1:]
-            start = min(start, len(points) - 1) if last else max(start - 1, 0)
+        left = [point.event for point in outwards[len(points) - gone :]]
+        events = [event for event in events if event not in left]
+        points = points[: len(points) - gone] if last else points[gone:]
+        start = min(max(start - (0 if last else gone), 0), len(points) - 1)
         step, details = made
         near = points[-1 if last else 0]
         length = float(np.linalg.norm(np.subtract(step.position, near.step.position)))
-        if merging and length == 0.0:
-            continue
         at = near.arclength + (length if last else -length)
         low, high = sorted((near.arclength, at))
         event = Event("GR", _MERGES, "located", at, (low, high), step.residual, step, 0, True, details)
@@ -165,7 +169,7 @@ def with_exact_ends(family: ForcedFamily | ReleasedFamily, run: Run) -> Run:
         events = [*events, event] if last else [event, *events]
         start += not last
         ends[last] = End(EndReason.EVENT, "", end.tally)
-    if ends == list(run.ends) and len(points) == len(run.points) and events == list(run.events):
+    if ends == list(run.ends):
         return run
     return _placed(points, events, (ends[0], ends[1]), start)
 

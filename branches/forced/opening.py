@@ -113,4 +113,5 @@ def _first(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Step | Non
         return None
     along, curvature = np.split(step.tangent, 2)
     grows = problem.flight_times(along)[flight] > 0.0
-    return step if grows else family.step(step.y, np.concatenate([-along, curvature]), 0.0)
+    turned = step if grows else family.step(step.y, np.concatenate([-along, curvature]), 0.0)
+    return turned if turned.converged else None

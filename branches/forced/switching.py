@@ -27,8 +27,8 @@ from continuation.switching import branch_directions
 
 __all__ = ["GrazingNeighbour", "beside_grazing", "beside_moment", "emanating_orbits"]
 
-_SHORT = 1e-3
-"""Arclength of the first step away from a grazing."""
+_SHORT = (1e-3, 1e-4, 1e-5)
+"""Arclengths of the first step away from a grazing: the first one that leads to an orbit. Another event can be near."""
 
 _GRAZES = 1e-9
 """Clearance, impact speed and flight, in units of arclength and of the period, that are zero at a located grazing."""
@@ -141,11 +141,17 @@ def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[
     begin = family.begin(start)
     for sign in (1.0, -1.0) if begin.converged else ():
         turned = family.step(begin.y, sign * begin.tangent, 0.0)
-        step = family.step(turned.y, turned.tangent, _SHORT)
-        if step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
+        steps = (family.step(turned.y, turned.tangent, length) for length in _SHORT)
+        step = next((step for step in steps if _is_inside(step)), None)
+        if step is not None:
             persists = bool(np.sign(step.y[at] - start[at]) != side)
             found.append(GrazingNeighbour(*_primitive(problem, step), persists))
     return found
+
+
+def _is_inside(step: Step) -> bool:
+    """Whether a step leads to an orbit, at no grazing."""
+    return step.converged and all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight"))
 
 
 def beside_moment(problem: ForcedProblem, y: np.ndarray, inwards: np.ndarray) -> list[GrazingNeighbour] | None:

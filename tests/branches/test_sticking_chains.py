@@ -11,6 +11,7 @@ import pytest
 from branches.family import SETTINGS
 from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily
+from branches.forced.tracing import follow_response, switch_response
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from continuation.run import follow_both_ways
@@ -64,3 +65,43 @@ def check_sticking(seed, stride=1, periods=10):
 def test_settled_motions_that_stick_are_orbits(seed):
     """Oracle: the simulation, and the number of multipliers that are zero."""
     assert check_sticking(seed, stride=5, periods=3)
+
+
+def followed(seed, low, high):
+    """The response of a chain in a range of w, in parts of its own."""
+    parametric = soft_chain(seed)
+    found = settled_orbit(ParameterPath(parametric, ("w",)), settle(parametric.system(), parametric.forces(), most=3000))
+    w = parametric.values["w"]
+    return follow_response(found.problem, found.y, (low * w, high * w), points=300)
+
+
+def test_steps_that_land_where_a_flight_has_no_time_are_left_out():
+    """Oracle: the family without the first of two plastic impacts, whose contact force is zero at the same frequency. The equations of both
+    impacts hold beyond it, too, with a branch point where they do."""
+    branch = followed(386, 0.9, 1.5)
+    event = branch.events[-1]
+    assert event.point == len(branch) - 1 and event.neighbours == (("+=-", True),) or event.neighbours == (("-+=", True),)
+    assert not any(event.type in ("BP", "PD") for event in branch.events)
+    ((problem, step),) = switch_response(branch, event)
+    other = follow_response(problem, step, (0.9 * event.values["w"], 1.1 * event.values["w"]))
+    assert min(abs(one.values["w"] - event.values["w"]) for one in other.events if one.type == "GR") < 1e-10
+
+
+@pytest.mark.parametrize("seed", [205, 274, 397])
+def test_each_grazing_of_a_chain_that_sticks_has_a_neighbour(seed):
+    """Oracle: the other family ends at the same frequency."""
+    branch = followed(seed, 0.5, 2.0)
+    for event in branch.events:
+        if event.type != "GR":
+            continue
+        assert event.neighbours, event
+        problem, step = switch_response(branch, event)[0]
+        w = event.values["w"]
+        other = follow_response(problem, step, (0.5 * w, 2.0 * w), points=30)
+        assert min(abs(value - w) for value in other.parameter) < 1e-5 * w
+
+
+def test_no_family_with_an_opening_is_made_up():
+    """A stop would open for a moment at an end of this family; no orbit is found there, and the family is kept."""
+    branch = followed(402, 0.5, 2.0)
+    assert len(branch) > 10 and {event.type for event in branch.events} == {"GR"}
