@@ -22,7 +22,7 @@ from branches.forced.identity import closure_name
 from branches.forced.primitive import primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, emanating_orbits
 from branches.interrupted import with_branch, with_computed
-from branches.released.branch import branch_in_parameter
+from branches.released.branch import ReleasedBranch, branch_in_parameter
 from branches.tracing import event_along
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
@@ -190,8 +190,8 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     tangents, residuals = np.array([step.tangent[: problem.unknowns] for step in steps]), np.array([step.residual for step in steps])
     rest = unknowns, tangents, run.points.arclengths(), residuals, tuple(events), (ended[0], ended[1]), run.start, interval
     branch = branch_in_parameter(problem, *rest)
-    if problem.ends is not None:
-        return branch
+    if isinstance(branch, ReleasedBranch):
+        return branch.with_orbits([step.extra for step in steps])
     return replace(branch, events=tuple(_with_neighbours(branch, event) for event in events))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -49,6 +49,13 @@ class ReleasedBranch(ForcedBranch):
     def _placed(self) -> list[PlacedSolution]:
         found = [placed(self.problem, y) for y in self.unknowns]
         return [one for one in found if one is not None]
+
+    def with_orbits(self, found: Sequence[object]) -> ReleasedBranch:
+        """This branch, with the orbit of each point known: found by `branches.released.family.placed`."""
+        orbits = [one for one in found if isinstance(one, PlacedSolution)]
+        if len(orbits) == len(self):
+            self.__dict__["_placed"] = orbits
+        return self
 
     @cached_property
     def columns(self) -> Mapping[str, np.ndarray]:
