@@ -25,6 +25,7 @@ from bvp.kernels.multipoint import RESULT
 from bvp.kernels.stroboscopic import make_stroboscopic
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
+from bvp.system import ImpactSystem
 from continuation.control import kinds_of
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
     from continuation.location import Location
 
 __all__ = ["ForcedFamily", "parameter_family"]
+
+_ROUNDING = 1e-12
+"""Sum of two rates of free motion, beside the fastest of all, that is zero."""
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
@@ -95,8 +99,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
     @cached_property
     def _work(self) -> ForcedWork:
         problem = self.problem
-        # Without losses the multipliers are reciprocal pairs, and without impacts the orbit does not change them: signs are rounding.
-        neutral = not problem.sequence or problem.system.is_conservative
+        # Without losses the multipliers are reciprocal pairs, and without impacts those of an undamped mode stay so: signs are rounding.
+        neutral = problem.system.is_conservative or (not problem.sequence and _has_neutral_mode(problem.system))
         return ForcedWork(problem._factor.flights, make_stroboscopic(problem.segment), np.array(self.interval), int(neutral))
 
     @cached_property
@@ -195,3 +199,12 @@ def parameter_family(
     if isinstance(problem, ReleasedProblem):
         return ReleasedFamily(problem, interval, values)
     return ForcedFamily(problem, interval, values, resonances_around(problem, begin))
+
+
+def _has_neutral_mode(system: ImpactSystem) -> bool:
+    """Whether two rates of free motion have the sum 0, to rounding: an undamped mode, or a translation."""
+    n = system.degrees_of_freedom
+    below = -np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
+    rates = np.linalg.eigvals(np.vstack([np.eye(n, 2 * n, n), below]))
+    sums = np.abs(rates[:, None] + rates)[np.triu_indices(2 * n, 1)]
+    return bool(sums.min() <= _ROUNDING * np.abs(rates).max())

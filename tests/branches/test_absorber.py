@@ -181,3 +181,26 @@ def test_a_family_that_closes_has_the_same_events_from_any_of_them():
         assert [value for _, value in events] == pytest.approx([value for _, value in wanted], abs=1e-11)
         begun = follow_both_ways(family, y, replace(SETTINGS, maximum_points=4), both=False)
         assert begun.points[1].step.tests[7] == pytest.approx(family.begin(begun.points[1].step.y).tests[7], rel=1e-9)
+
+
+def test_the_response_without_impacts_loses_its_stability_where_a_damper_feeds_it():
+    """Oracle: the value of lam at which two rates of free motion are imaginary, in many digits; the angle of half a period."""
+    problem, y, why = linear_response(ParameterPath(ABSORBER, ["lam"], [], {"w": 2.0}))
+    assert why is None
+    branch = follow_response(problem, y, (-0.1, 0.03))
+    found = [event for event in branch.events if event.type == "NS"]
+    mp.mp.dps = 30
+
+    def imaginary(lam, rate):
+        s, c, at = mp.mpf("0.1"), mp.mpf("0.005"), 1j * rate
+        determinant = (mp.mpf("0.1") * at**2 + c * at + s) * (at**2 + (lam + c) * at + 1 + s) - (s + c * at) ** 2
+        return [determinant.real, determinant.imag]
+
+    exact = [mp.findroot(imaginary, (event.values["lam"], rate)) for event, rate in zip(found, (1.2, 0.85), strict=True)]
+    for event, (lam, rate) in zip(found, exact, strict=True):
+        assert event.values["lam"] == pytest.approx(float(lam), abs=1e-13)
+        turned = float(rate) * np.pi / 2.0 + np.pi  # the map over half a period changes the sign
+        assert event.angle == pytest.approx(abs(np.angle(np.exp(1j * turned))), abs=1e-9)
+    border = found[-1].values["lam"]
+    assert set(branch.stable[branch.parameter > border + 1e-3]) == {1}
+    assert 1 not in branch.stable[branch.parameter < border - 1e-3]

@@ -11,6 +11,7 @@ from bvp.contact_sequence import CLOSES, OPENS
 from bvp.motion import EventKind, Motion
 from bvp.simulate import simulate
 from transitions.response.path import ParameterPath
+from transitions.sweep.forced import Carried, carried_into
 from transitions.sweep.settle import Settled
 
 __all__ = ["MotionNodes", "nodes_of"]
@@ -54,7 +55,8 @@ def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
         return MotionNodes(settled.stops, settled.impacts.after, fractions, times)
     system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
     n = system.degrees_of_freedom
-    state = settled.states[0]
+    # Rounding can leave a sticking stop a little beyond its bound.
+    state = carried_into(system, Carried(settled.states[0]))[0].state
     motion = simulate(system, state[:n], state[n:], 3.0 * period, forces=forces)
     fastest = max([float(np.sqrt(np.abs(system.modes.squares).max())), *(getattr(force, "frequency", 0.0) for force in forces)])
     return _last_period(motion, period, _SUMMED / fastest)
