@@ -14,7 +14,7 @@ import numpy as np
 from bvp.closures import EndsError, cycle_of, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
-from bvp.forced import ForcedProblem
+from bvp.forced import GRAZING, ForcedProblem
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
 from bvp.multipliers import floquet_multipliers, sort_multipliers
 from bvp.multipoint import MultipointProblem
@@ -132,9 +132,12 @@ class ReleasedProblem(ForcedProblem):
         return self.parameters(y) | {"energy": problem.energy(at), "quarter_period": problem.quarter_period(at)}
 
     def multipliers(self, y: np.ndarray) -> np.ndarray:
-        """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1."""
+        """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1. NaN where an impact grazes."""
         problem, at = self.orbit_problem(y)
-        found = floquet_multipliers(cycle_of(problem, at)).values
+        cycle = cycle_of(problem, at)
+        if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * math.sqrt(2.0 * problem.energy(at)):
+            return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
+        found = floquet_multipliers(cycle).values
         return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
 
     def period(self, y: np.ndarray) -> float:
