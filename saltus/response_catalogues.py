@@ -127,7 +127,7 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
                 lines.append(f"note   {place} has no family with {event.id}, where {ids[number]} begins: expected it saved, too")
                 continue
             branch = found.branches[number]
-            link = link_at(where[0], where[1], joined_sequence(branch.problem.sequence), float(branch.parameter[branch.start]))
+            link = link_at(where[0], where[1], joined_sequence(branch.problem.sequence), branch)
             there = orbit_of(branch.problem, branch.unknowns[branch.start])
             catalogue.connect(edge_of(catalogue, replace(link, there=there), ids[number]))
             lines.append(f"edge   {link.source} {link.event}: {link.kind}")

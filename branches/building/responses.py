@@ -44,6 +44,9 @@ AHEAD = 6
 _SAME = 1e-7
 """Largest relative difference of the numbers of one event on two families, or of two images of one event."""
 
+_SLIGHT = 1e-9
+"""Change of a parameter, beside its value, that is no rounding."""
+
 MOST_POINTS = 3000
 """Points of a family, unless another number is asked for. A typical one has some hundreds."""
 
@@ -209,19 +212,26 @@ def _beginning(branch: ForcedBranch, event: ForcedEvent, seed: ResponseSeed) -> 
     return seeds, ""
 
 
-def link_at(branch: ForcedBranch, event: ForcedEvent, sequence: str | None = None, beside: float | None = None) -> Link:
-    """The link from an event of a branch; at a grazing to the family with a sequence, of which an orbit has the value `beside` of the
-    parameter."""
+def link_at(branch: ForcedBranch, event: ForcedEvent, sequence: str | None = None, onward: ForcedBranch | None = None) -> Link:
+    """The link from an event of a branch; at a grazing to the family with a sequence. onward: a branch of it, where the event does not know
+    on which side of the parameter it is."""
     kind = "switch"
     if event.type in ("GR", "LB"):
         persists = dict(event.neighbours).get(sequence or "")
-        if persists is None and beside is not None:
-            values, k = branch.parameter, event.point
-            persists = (values[k + 1 if k == 0 else k - 1] - values[k]) * (beside - values[k]) <= 0.0
+        if persists is None and onward is not None:
+            persists = _side(branch, event) != _side(onward, event)
         kind = "passage" if event.type == "LB" or persists is not False else "fold"
     place = float(branch.parameter[event.point]), float(branch.periods[event.point])
     here, width = orbit_of(branch.problem, branch.unknowns[event.point]), event.bracket[1] - event.bracket[0]
     return Link(branch.id, event.id, event.type, kind, *place, event.stop, None, None, here, None, width)
+
+
+def _side(branch: ForcedBranch, event: ForcedEvent) -> float:
+    """The sign of the change of the parameter along a branch away from an event at which it ends."""
+    value = event.values[branch.name]
+    off = branch.parameter - value
+    ahead = off if abs(off[0]) <= abs(off[-1]) else off[::-1]
+    return float(next((np.sign(one) for one in ahead if abs(one) > _SLIGHT * max(1.0, abs(value))), 0.0))
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from branches.building.responses import link_at
 from branches.forced.tracing import follow_response
 from branches.released.switching import switch_released
 from tests.branches.test_released import in_phase
@@ -77,3 +78,18 @@ def test_events_where_nothing_begins(at_energy):
         switch_released(at_energy, end)
     with pytest.raises(RuntimeError, match=r"all impacts vanish at GR1: the linear mode L11\+ remains"):
         switch_released(at_energy, events_of(at_energy, "GR")[0])
+
+
+def test_an_edge_at_a_grazing_is_a_fold_on_one_side():
+    """Oracle: the ranges of the families. Those below the grazing in mu, as the backbone is, meet it in a nonsmooth fold."""
+    problem, y, _ = in_phase(("mu",), ["quarter_period = {alpha!r}"])
+    branch = follow_response(problem, y, (0.09, 0.5)).known_as("origin-stop+::00000000")
+    (event,) = events_of(branch, "GR")
+    kinds = set()
+    for onward in followed(branch, event, points=12):
+        middle = 0.5 * (onward.parameter.min() + onward.parameter.max()) - event.values["mu"]
+        if abs(middle) > 1e-6:  # along others mu does not change
+            link = link_at(branch, event, onward.sequence, onward)
+            assert link.kind == ("fold" if middle < 0.0 else "passage")
+            kinds.add(link.kind)
+    assert kinds == {"fold", "passage"}
