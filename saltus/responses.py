@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -65,6 +66,9 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
     wanted = arguments.parameter is not None or start in ("rest", "simulate") or is_response_file(file_and_event(start)[0])
     given = [f"--{name.replace('_', '-').replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
     if not wanted and given:
+        source = file_and_event(start)[0]
+        if source.endswith(".json") and not os.path.exists(source):
+            raise BadInput(f"no file {source}; expected a JSON file of saltus continue --in NAME, FILE[:EVENT]")
         raise BadInput(f"{given[0]} is an option of a response; expected --in NAME, the parameter in which it is followed")
     if not wanted and arguments.stop_at == "UZ":
         raise BadInput("--stop-at UZ: values are marked along a response; expected --in NAME, or another event")

@@ -183,6 +183,7 @@ def test_starts_that_a_response_has_not_are_refused(capsys, folder):
     refused(run(capsys, "continue", "--scene", "absorber", "--from", "mode:1", "--in", "w", "--range", "0.7:2"), "mode:1", "--from rest")
     assert run(capsys, *STARTED, "--range=-0.4:0", "--json", "a.json")[0] == 0
     refused(run(capsys, "continue", "--from", "a.json:PD", "--direction", "up"), "--direction up: families lead away from the event PD")
+    refused(run(capsys, "continue", "--from", "none.json:GR1", "--uz", "0.3"), "no file none.json; expected a JSON file")
     refused(run(capsys, "continue", "S13O00+", "--stop-at", "UZ"), "--stop-at UZ: values are marked along a response")
 
 
