@@ -72,6 +72,36 @@ def test_slow_convergence_is_reported_with_its_rate():
     assert "allow more periods" in found.text
 
 
+def test_a_decay_that_is_slow_is_no_torus():
+    """Oracle: the closed form. A transient of x'' + c x' + x = A cos(w t) decays by exp(-c/2 2 pi/w) in each period, and its returns with
+    it: more periods than are said suffice, and fewer do not."""
+    w, damping = 0.9999, 1e-5
+    found = settle(oscillator(50.0, damping=damping), [Harmonic(w, [1e-4])], most=2048)
+    exact = -0.5 * damping * 2.0 * math.pi / w
+    assert found.kind is SettledKind.NOT_CONVERGED, found.text
+    assert found.growth < -5.0 * found.growth_error and found.growth == pytest.approx(exact, rel=2e-3)
+    # The transient has nearly the size of the response. After a period it has turned by 2 pi (1/w - 1).
+    expected = math.log(2.0 * math.pi * (1.0 / w - 1.0) / 1e-9) / -exact - 2048
+    assert abs(found.remaining / expected - 1.0) < 0.05, (found.remaining, expected)
+    assert "about 420000 more are expected" in found.text and "torus" not in found.text
+
+
+@pytest.mark.parametrize(("part", "kind"), [(0.95, SettledKind.NOT_CONVERGED), (1.05, SettledKind.PERIODIC)])
+def test_the_periods_that_are_expected_suffice(part, kind):
+    system, forces = oscillator(50.0, damping=1e-3), [Harmonic(1.5, [1.0])]
+    first = settle(system, forces, [0.3], most=1100)
+    assert first.kind is SettledKind.NOT_CONVERGED and first.remaining > 1000.0
+    assert settle(system, forces, [0.3], most=1100 + int(part * first.remaining)).kind is kind
+
+
+def test_no_periods_are_expected_of_a_motion_that_has_not_come_closer():
+    """Oracle: at the rate of its tangent vector, -0.006, the absorber at w = 1.33 would have returned after 3000 periods."""
+    scene = load_scene("absorber", w=1.33)
+    found = settle(scene.system, scene.forces)
+    assert found.kind is SettledKind.NOT_CONVERGED and found.growth < -1e-3, found.text
+    assert math.isnan(found.remaining) and "expected" not in found.text
+
+
 def test_a_linear_oscillator_without_damping_is_quasiperiodic():
     found = settle(oscillator(50.0), [Harmonic(math.sqrt(2.0), [1.0])], [0.3], most=4096)
     assert found.kind is SettledKind.TORUS and abs(found.growth) < 1e-6 and found.period == 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from transitions.averages import weighted_mean
 
-__all__ = ["LOOSEST", "RETURN", "distance_scale", "find_period", "largest_exponent", "mean_growth"]
+__all__ = ["LOOSEST", "RETURN", "SLACK", "distance_scale", "find_period", "largest_exponent", "mean_growth"]
 
 RETURN = 1e-9
 """Distance of two states, relative to the largest state of the motion, that counts as a return in any case."""

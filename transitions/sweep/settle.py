@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ from bvp.checks import is_finite
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
-from transitions.sweep.returns import RETURN, distance_scale, find_period, largest_exponent, mean_growth
+from transitions.sweep.returns import RETURN, SLACK, distance_scale, find_period, largest_exponent, mean_growth
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -39,6 +39,9 @@ SIGMAS = 5.0
 
 NEUTRAL = 1e-3
 """Growth in a period below which a motion that does not return is called quasiperiodic."""
+
+DECAY = 1e-12
+"""Decay in a period that rounding can leave to a motion which neither grows nor decays."""
 
 PARTS = 16
 """Parts of a block whose means give the standard error of its growth."""
@@ -89,6 +92,8 @@ class Settled:
         Periods that were simulated.
     status : MotionStatus
         How the simulation ended, for FAILED.
+    remaining : float
+        For NOT_CONVERGED the periods after which the motion is expected to return, from its rate; NaN if it does not certainly decay.
     """
 
     kind: SettledKind
@@ -105,6 +110,7 @@ class Settled:
     distance: float
     elapsed: int
     status: MotionStatus
+    remaining: float = math.nan
 
     @property
     def exponent(self) -> float:
@@ -133,7 +139,8 @@ class Settled:
             return f"{self.kind.value} of period {self.period} with {len(self.impacts)} impacts{stuck}, {after}; {rate}"
         if self.kind is SettledKind.NOT_CONVERGED:
             near = f"; near period {self.period}, {self.distance:.1e} from closing" if self.period else ""
-            return f"{self.kind.value} ({after}{near}; {rate})"
+            more = f"; about {float(f'{self.remaining:.2g}'):.7g} more are expected" if self.remaining > 0.0 else ""
+            return f"{self.kind.value} ({after}{near}; {rate}{more})"
         return f"{self.kind.value} ({after}; {rate})"
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
@@ -230,8 +237,21 @@ def settle(
     if p and _return(states, p, frequency, size) <= RETURN:
         return _settled(SettledKind.PERIODIC, p, motion, record, elapsed)
     halves = [abs(mean_growth(part)) for part in np.array_split(record.growths, 2)]
-    torus = not p and elapsed >= CERTAIN and max(halves) <= NEUTRAL
-    return _settled(SettledKind.TORUS if torus else SettledKind.NOT_CONVERGED, p, motion, record, elapsed)
+    # Weighted means leave out what only turns, whose size hides a slow decay. On a torus a tangent vector keeps its size.
+    error = min(error, _growth(record.growths, mean_growth)[1])
+    decays = math.isfinite(growth) and growth < -max(SIGMAS * error, DECAY)
+    torus = not p and elapsed >= CERTAIN and max(halves) <= NEUTRAL and not decays
+    found = _settled(SettledKind.TORUS if torus else SettledKind.NOT_CONVERGED, p, motion, record, elapsed)
+    return replace(found, growth_error=error, remaining=_remaining(record, frequency, size, growth, longest) if decays else math.nan)
+
+
+def _remaining(record: PeriodRecord, frequency: float, size: float, growth: float, longest: int) -> float:
+    """Periods after which the closest return is as close as one that counts, if its distance decays by exp(growth) in each. NaN if it has
+    not decayed so in the periods whose growths count."""
+    count = min(longest, len(record.states) // 2)
+    nearest = min((_return(record.states, p, frequency, size) for p in range(1, count + 1)), default=0.0)
+    decayed = RETURN < nearest <= SLACK * math.exp(growth * len(record.growths))
+    return math.log(nearest / RETURN) / -growth if decayed else math.nan
 
 
 def _size(record: PeriodRecord, frequency: float) -> float:
@@ -246,12 +266,12 @@ def _return(states: np.ndarray, p: int, frequency: float, size: float) -> float:
     return float(np.linalg.norm(points[-p:] - points[-2 * p : -p], axis=1).max()) / size if size > 0.0 else 0.0
 
 
-def _growth(growths: np.ndarray) -> tuple[float, float]:
+def _growth(growths: np.ndarray, mean_of: Callable[[np.ndarray], float] = np.mean) -> tuple[float, float]:
     """The mean growth in a period, and its standard error by the means of parts."""
     mean = mean_growth(growths)
     if not math.isfinite(mean):
         return mean, 0.0
-    parts = np.array([part.mean() for part in np.array_split(growths, min(PARTS, len(growths)))])
+    parts = np.array([mean_of(part) for part in np.array_split(growths, min(PARTS, len(growths)))])
     return mean, float(parts.std(ddof=1) / math.sqrt(len(parts))) if len(parts) > 1 else math.inf
 
 
