@@ -34,7 +34,8 @@ class ForcedEvent(NamedTuple):
     id: type and count along the branch, "PD1". point: index of its point. values: of all parameters. bracket: arclengths between which it
     certainly is. residual: of its test function. stop: contact touched or left (GR). angle: of the pair of multipliers in (0, pi) (NS).
     multiplier: modulus of the largest nontrivial one. neighbours: at GR the sequences of the families that begin there, each with whether
-    the motion persists; else both are on one side of the parameter, a nonsmooth fold.
+    the motion persists; else both are on one side of the parameter, a nonsmooth fold. symmetric: whether each of these has symmetric
+    orbits, solved over half the period; empty if it is not known.
     """
 
     id: str
@@ -50,6 +51,7 @@ class ForcedEvent(NamedTuple):
     note: str | None
     multiplier: float | None
     neighbours: tuple[tuple[str, bool], ...] = ()
+    symmetric: tuple[bool, ...] = ()
 
     @property
     def remark(self) -> str:
@@ -57,10 +59,13 @@ class ForcedEvent(NamedTuple):
         parts = [self.note or ""]
         if self.angle is not None:
             parts.append(f"angle {self.angle:.8g}")
-        for sequence, persists in self.neighbours:
+        for k, (sequence, persists) in enumerate(self.neighbours):
+            symmetric = any(self.symmetric[k : k + 1])
             side = "the motion persists" if persists else "nonsmooth fold, on this side too"
-            parts.append(f"{sequence_text(sequence)} begins here ({side})")
-        return "; ".join(part for part in parts if part)
+            # The response without impacts is one. A sequence can have symmetric orbits and others.
+            family = f"symmetric orbits with sequence {sequence} begin" if symmetric and sequence else f"{sequence_text(sequence)} begins"
+            parts.append(f"{family} here ({side})")
+        return "; ".join(dict.fromkeys(part for part in parts if part))
 
 
 def sequence_text(sequence: str) -> str:

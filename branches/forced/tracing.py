@@ -223,7 +223,8 @@ def _with_neighbours(branch: ForcedBranch, event: ForcedEvent) -> ForcedEvent:
     if event.type != "GR":
         return event
     found = _at_grazing(branch, event)
-    return event._replace(neighbours=tuple((joined_sequence(one.problem.sequence), one.persists) for one in found))
+    sequences = tuple((joined_sequence(one.problem.sequence), one.persists) for one in found)
+    return event._replace(neighbours=sequences, symmetric=tuple(one.problem.half for one in found))
 
 
 def _at_grazing(branch: ForcedBranch, event: ForcedEvent) -> list[GrazingNeighbour]:

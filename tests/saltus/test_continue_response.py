@@ -62,6 +62,10 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
     assert len(rest["branches"]) == 2 and all(branch["half"] and branch["sequence"] == "" for branch in rest["branches"])
     grazings = [event for branch in rest["branches"] for event in branch["events"] if event["type"] == "GR"]
     assert [event["neighbours"][0]["persists"] for event in grazings] == [True, False]
+    # Symmetric orbits and those with one impact in the whole period have the same symbols.
+    assert grazings[0]["neighbours"] == 2 * [{"sequence": "+", "persists": True}] and grazings[0]["symmetric"] == [True, False]
+    both = "symmetric orbits with sequence + begin here (the motion persists); sequence + begins here (the motion persists)"
+    assert both in out and both in run(capsys, "show", "rest.json")[1]
     code, out, err = run(capsys, *ABSORBER, "--from", "simulate", "--json", "two.json", "--plot", "two.png", "--y", "speed")
     assert code == 0 and "solved over half of the period" in out, err
     two = read_json("two.json")

@@ -45,6 +45,7 @@ _EVENT = {
     "note": "a string or null",
     "multiplier": "a number or null",
     "neighbours": [{"sequence": "a string", "persists": "a boolean"}],
+    "symmetric?": ["a boolean"],
 }
 _POINT = {"arclength": "a number", "residual": "a number", "unknowns": ["a number"], "tangent": ["a number"]}
 _BRANCH = {
@@ -205,6 +206,7 @@ def _branch(parametric: ParametricSystem, name: str, item: Mapping[str, Any]) ->
                 **event,
                 "bracket": tuple(event["bracket"]),
                 "neighbours": tuple((one["sequence"], one["persists"]) for one in event["neighbours"]),
+                "symmetric": tuple(event.get("symmetric", ())),
             }
         )
         for event in item["events"]
