@@ -217,7 +217,7 @@ def _follow_all(
         follow_onwards(starts, trace, through=_through(arguments), most=arguments.branches or MOST_BRANCHES, found=found)
     if found.left:
         files.report([f"left   {found.left} starts were not followed, with {len(found.branches)} families; --branches N allows more"])
-    files.report([f"note   {note}" for note in found.notes])
+    files.report([f"note   {note}" for note in [*found.notes, *_missed(arguments, found.branches)]])
     failed = any(end.reason in FAILURES for branch in found.branches for end in branch.ended)
     return FAILED if failed or found.notes else DONE
 
@@ -232,6 +232,15 @@ def _marks(arguments: argparse.Namespace, start: ResponseStart) -> tuple[tuple[f
         check_column("--uz", column, start.problem.parametric, impacts + 2 * free, free)
     own = found.get(name, ())
     return own, {column: values for column, values in found.items() if column != name or start.known is not None}
+
+
+def _missed(arguments: argparse.Namespace, branches: Sequence[ForcedBranch]) -> list[str]:
+    """What is said of values of --uz that no family has."""
+    if not (arguments.uz and branches):
+        return []
+    from transitions.response.marks import missed_values
+
+    return missed_values(branches, [(column or branches[0].name, value) for column, values in arguments.uz for value in values])
 
 
 def show(arguments: argparse.Namespace) -> int:

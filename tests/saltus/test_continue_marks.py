@@ -74,3 +74,37 @@ def test_a_measure_that_turns_beside_a_value(capsys, below):
 )
 def test_bad_input(capsys, value, expected):
     refused(run(capsys, *LINEAR, "--uz", value), *expected)
+
+
+def notes(out):
+    return [line for line in out.splitlines() if " of --uz " in line]
+
+
+def test_values_that_no_family_has_are_told(capsys):
+    """Oracle: the closed form of the amplitude, 0.1/sqrt((1 - w^2)^2 + 0.01 w^2), at both ends of the range and at its largest."""
+    code, out, err = run(capsys, *LINEAR, "--uz", "5,1.2,0.4", "--uz", "max:x=7,0.3", "--csv", "a.csv")
+    assert code == 0, err
+    least = 0.1 / math.hypot(1.0 - 4.0, 0.2)
+    first, second = notes(out)
+    assert first == "note   w = 5 of --uz is not on the families followed: w = 0.4 to 2"
+    head, _, span = second.partition(": max:x = ")
+    assert head == "note   max:x = 7 of --uz is not on the families followed"
+    low, high = map(float, span.split(" to "))
+    assert low == pytest.approx(least, rel=1e-7) and high == pytest.approx(1.0 / math.sqrt(0.9975), rel=1e-2)
+
+
+def test_values_between_two_families_and_behind_an_event_are_told(capsys):
+    """Oracle: the response without impacts of the absorber ends at two grazings. Between them there is none of it."""
+    words = "continue", "--scene", "absorber", "--from", "rest", "--in", "w", "--range", "0.7:2.2"
+    code, out, err = run(capsys, *words, "--uz", "1,0.71", "--uz", "2.2", "--stop-at", "GR")
+    assert code == 0, err
+    assert notes(out) == ["note   w = 1 of --uz is not on the families followed: w = 0.7 to 0.73306435, 1.3633103 to 2.2"]
+
+
+def test_values_that_a_conservative_family_does_not_reach_are_told(capsys):
+    words = "continue", "S11-", "--in", "mu", "--range", "0.08:0.12", "--keep", "energy=0.8"
+    code, out, err = run(capsys, *words, "--uz", "3", "--uz", "alpha=50")
+    assert code == 0, err
+    first, second = notes(out)
+    assert first == "note   mu = 3 of --uz is not on the families followed: mu = 0.08 to 0.12"
+    assert second.startswith("note   alpha = 50 of --uz is not on the families followed: alpha = ")

@@ -14,7 +14,7 @@ from bvp.multipoint import Solution
 from continuation.bracketing import StepRefused, bracketed_root
 from transitions.response.measures import column_of
 
-__all__ = ["mark_values"]
+__all__ = ["mark_values", "missed_values"]
 
 _TOLERANCE = 1e-12
 """Width of the bracket of a mark, in arclength."""
@@ -26,7 +26,7 @@ _WIDTH = 1e-8
 """Arclength to which an extremum is located: its value is then exact to rounding."""
 
 _TOUCH = 1e-12
-"""Distance of an extremum from a value, beside its size, that counts as none."""
+"""Distance of an extremum or a point from a value, beside its size, that counts as none."""
 
 _TRUST = 1.0
 """Error of a parabola through three points, beside what it goes below the middle one."""
@@ -67,6 +67,34 @@ def mark_values(branch: ForcedBranch, column: str, values: Sequence[float]) -> F
                 found += _beside_turn(_Curve(branch, column, k, value, i), off)
             found += [_at_point(branch, column, value, i) for i in np.flatnonzero(off == 0.0).tolist()]
     return _with(branch, found)
+
+
+def missed_values(branches: Sequence[ForcedBranch], wanted: Sequence[tuple[str, float]]) -> list[str]:
+    """The values of columns that no event UZ of some branches marks, each in a line with what the column has there."""
+    notes = {event.note for branch in branches for event in branch.events if event.type == "UZ"}
+    lines = []
+    for column, value in dict.fromkeys(wanted):
+        if f"{column} = {value:g}" in notes:
+            continue
+        curves = [curve for branch in branches for curve in _finite(branch, column)]
+        if any(np.abs(curve - value).min() <= _TOUCH * np.abs(curve).max() for curve in curves):
+            continue  # an end of the range has an event of its own
+        spans: list[tuple[float, float]] = []
+        for low, high in sorted((float(curve.min()), float(curve.max())) for curve in curves):
+            if spans and low <= spans[-1][1]:
+                low, high = spans[-1][0], max(high, spans.pop()[1])
+            spans.append((low, high))
+        inside = any(low <= value <= high for low, high in spans)
+        missed = "was not found" if inside else "is not"
+        texts = [f"{low:.8g} to {high:.8g}" for low, high in spans] or ["no value"]
+        lines.append(f"{column} = {value:g} of --uz {missed} on the families followed: {column} = {', '.join(texts)}")
+    return lines
+
+
+def _finite(branch: ForcedBranch, column: str) -> list[np.ndarray]:
+    """The curves of a column, each without the points that have no value."""
+    finite = [curve[np.isfinite(curve)] for curve in column_of(branch, column).T]
+    return [curve for curve in finite if len(curve)]
 
 
 def _event(
