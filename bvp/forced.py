@@ -238,8 +238,10 @@ class ForcedProblem:
 
     def _system_at(self, at: tuple[float, ...]) -> ImpactSystem:
         """The system at values of all parameters, of which the kernels have evaluated the entries."""
-        if self._leaves_unseen:
-            return self.parametric.system(dict(zip(self.parametric.names, at, strict=True)))
+        values = dict(zip(self.parametric.names, at, strict=True))
+        low, high = self.parametric.domain(self.released[0])
+        if self._leaves_unseen and low <= values[self.released[0]] <= high:
+            return self.parametric.system(values)
         # A step beyond the domain of a parameter locates its end, if its limits are known: matrices can go on there.
         layout, n = self.parametric.layout, self.degrees_of_freedom
         entries = self.segment.released.entries

@@ -83,6 +83,9 @@ class Stop:
             raise InvalidSystem(f"lower must be below upper; {label} has lower {self.lower:g}, upper {self.upper:g}")
         if math.isinf(self.lower) and math.isinf(self.upper):
             raise InvalidSystem(f"{label} has no finite bound; give lower, upper or both")
+        bound = min(max(self.restitution, 0.0), 1.0)
+        if abs(self.restitution - bound) <= 4.0 * EPSILON:  # an expression is rounded at its bound
+            object.__setattr__(self, "restitution", bound)
         if not 0.0 <= self.restitution <= 1.0:
             raise InvalidSystem(f"restitution lies in [0, 1]; {label} has {self.restitution:g}")
 

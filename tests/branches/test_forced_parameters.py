@@ -11,8 +11,10 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
+from branches.forced.tracing import follow_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
+from bvp.system import Stop
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import settled
 from tests.branches.test_forced_chains import expected_product, require_motion
@@ -164,3 +166,23 @@ def test_a_user_equation_is_kept():
         ForcedProblem(oscillator(), [], ["w", "A"], keep=["A + w"])
     with pytest.raises(ValueError, match="nearest: A|no parameter"):
         ForcedProblem(oscillator(), [], ["w", "A"], keep=["AA = w"])
+
+
+def test_a_restitution_and_its_square_end_at_their_bounds():
+    """Oracle: r and r^2 are restitutions for 0 <= r <= 1, bounds included; the family without the square ends at EP there, too."""
+    stops = [{"c": [1.0], "upper": 0.05, "restitution": "r"}, {"c": [1.0], "lower": -0.06, "restitution": "r**2"}]
+    system = {"mass": [[1.0]], "damping": [[0.1]], "stiffness": [[1.0]], "stops": stops}
+    forces = [{"load": [1.0], "amplitude": 0.3, "harmonic": 1}]
+    description = {"parameters": {"r": 0.5, "w": 1.6}, "system": system, "forces": forces}
+    problem, start = settled(ParametricSystem.from_description(description), ["r"])
+    for highest, text in ((1.0, "asked for"), (2.0, "leaves its domain")):
+        branch = follow_response(problem, start, (0.0, highest), direction="up")
+        assert branch.events[-1].type == "EP" and branch.ended[1].reason == "EVENT" and text in branch.ended[1].text
+        assert branch.parameter[-1] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_an_expression_that_is_rounded_at_its_bound_is_a_restitution():
+    assert Stop((1.0,), upper=1.0, restitution=math.nextafter(1.0, 2.0)).restitution == 1.0
+    assert Stop((1.0,), upper=1.0, restitution=-1e-16).restitution == 0.0
+    with pytest.raises(ValueError, match="restitution lies in"):
+        Stop((1.0,), upper=1.0, restitution=1.0 + 1e-12)
