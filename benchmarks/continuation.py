@@ -119,7 +119,7 @@ def families(scope: Scope) -> Table:
 
 
 def _follow(problem: MultipointProblem, start: np.ndarray) -> Branch:
-    return follow_family(problem, start, energy=saltus.load_scene().energy)
+    return follow_family(problem, start, energy=saltus.load_scene().bounds["energy"])
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     if energy is None and alpha is None:
         raise BadInput(f"an orbit of {name} needs --energy H or --alpha A")
     scene = saltus.load_scene(arguments.scene)
-    low, high = scene.energy
+    low, high = scene.bounds["energy"]
     if energy is not None:
         low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)
     orbit = select(saltus.trace(arguments.name, scene=scene, energy=(low, high)), name, energy, alpha)

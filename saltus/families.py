@@ -114,7 +114,7 @@ def trace(
         "points": points, "direction": direction, "stop_at": stop_at, "stop_when": stop_when, "on_event": on_event, "on_end": on_end,
         "on_point": on_point, **({} if settings is None else {"settings": settings}),
     }  # fmt: skip
-    energy = scene.energy if energy is None else energy
+    energy = scene.bounds["energy"] if energy is None else energy
     if isinstance(name, Orbit):
         from branches.tracing import follow_family
 
@@ -244,7 +244,7 @@ def family_named(name: str, scene: Scene, energy: float | None, arguments: argpa
             return _branch_of(opened.find(name), name, opened)
 
     compiling.prepare("continue")
-    low, high = scene.energy
+    low, high = scene.bounds["energy"]
     if energy is not None:
         low, high = min(low, 0.9 * energy), max(high, 1.1 * energy)
     with ProgressBar() as bar:

@@ -159,7 +159,7 @@ def _orbit(
         begin = given
         name = Name(family=arguments.start)
         low, high = (f(begin.h, begin.h if energy is None else energy) for f in (min, max))
-        branch = trace(begin, scene=scene, energy=(min(scene.energy[0], 0.9 * low), max(scene.energy[1], 1.1 * high)))
+        branch = trace(begin, scene=scene, energy=(min(scene.bounds["energy"][0], 0.9 * low), max(scene.bounds["energy"][1], 1.1 * high)))
     if begin is None and (energy is not None or alpha is not None):
         return select(branch, name, energy, alpha if energy is None else name.alpha)
     if energy is None and alpha is None:

@@ -36,7 +36,7 @@ def name_or_orbit(arguments: argparse.Namespace, scene: Scene) -> str | Orbit:
         return catalogues.named(arguments.name, arguments, scene)
     if arguments.catalogue is not None and not arguments.save:
         raise BadInput("--from looks nothing up in a catalogue; expected --save with --catalogue")
-    energy = scene.energy if arguments.energy is None else arguments.energy
+    energy = scene.bounds["energy"] if arguments.energy is None else arguments.energy
     if start.startswith(_MODE):
         from branches.naming.at_modes import orbit_at_mode
 

@@ -43,14 +43,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.building.plan import Bounds, BuildPlan
 
-    complete = scene.complete
+    limits, complete = scene.bounds, scene.complete
     bounds = Bounds(
         arguments.energy or complete["energy"],
         arguments.max_quarter_period or complete["quarter_period"],
         arguments.max_impacts or complete["impacts"],
     )
     if arguments.energy is None and arguments.max_quarter_period is None and arguments.max_impacts is None:
-        plan = BuildPlan(bounds, Bounds(bounds.energy, scene.quarter_period, scene.impacts), scene.names, scene.reference_points)
+        plan = BuildPlan(bounds, Bounds(bounds.energy, limits["quarter_period"], limits["impacts"]), scene.names, scene.reference_points)
     else:
         plan = BuildPlan.within(bounds)
     _check(scene, plan)
@@ -159,8 +159,8 @@ def _nearest_outside(scene: Scene, bounds: Bounds) -> str:
     least = least_energy(system)
     if bounds.energy[1] <= least:
         return f"no motion reaches a stop below h = {least:.6g}"
-    while quarter_period < scene.quarter_period:
-        quarter_period = min(2.0 * quarter_period, scene.quarter_period)
+    while quarter_period < scene.bounds["quarter_period"]:
+        quarter_period = min(2.0 * quarter_period, scene.bounds["quarter_period"])
         found = [
             (orbit.alpha, energy, orbit.label or "-".join(orbit.ends))
             for energy in bounds.energy

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.search.discovery import check
 
-    longest = scene.quarter_period if arguments.max_quarter_period is None else arguments.max_quarter_period
+    longest = scene.bounds["quarter_period"] if arguments.max_quarter_period is None else arguments.max_quarter_period
     ends = None if arguments.ends is None else tuple(arguments.ends.split(","))
     within: dict[str, Any] = {"quarter_period": longest, "impacts": arguments.max_impacts, "ends": ends}
     check(scene.system, arguments.energy, **within)

@@ -305,7 +305,7 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         if energy is None:
             energy = min(float(b.points["h"].min()) for b in branches), max(float(b.points["h"].max()) for b in branches)
         with ProgressBar():
-            periodic = impulsive_orbits(system, energy, quarter_period=arguments.max_quarter_period or scene.quarter_period)
+            periodic = impulsive_orbits(system, energy, quarter_period=arguments.max_quarter_period or scene.bounds["quarter_period"])
             curve = impulsive_manifold(system, energy)
     bounds: tuple[Bound, ...] = ()
     if arguments.regimes:

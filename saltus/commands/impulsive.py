@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.search.impulsive_motions import impulsive_manifold
     from branches.search.impulsive_orbits import impulsive_orbits
 
-    longest = arguments.max_quarter_period or scene.quarter_period
+    longest = arguments.max_quarter_period or scene.bounds["quarter_period"]
     with catalogues.given(arguments, scene) as catalogue:
         compiling.prepare("impulsive")
         with ProgressBar():

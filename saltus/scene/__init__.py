@@ -7,7 +7,7 @@ A scene is a TOML file. Unknown keys are refused.
 - ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
 - ``[parameters]``: names with a number or an expression of others. Numbers of the tables above and of the loads can then be expressions.
 - ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.reading`).
-- ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched.
+- ``[bounds]``: ``energy``, ``quarter_period`` and ``impacts``, where names are searched; not needed for motion under loads.
 - ``[complete]``: the same three, up to which a build finds every family.
 - ``[sections]``: ``energies`` of panels of Poincare sections; ``cited``, those that the source gives.
 - ``[names]``: the reference point of each name, ``{}`` where a name needs none.
@@ -81,7 +81,7 @@ class Scene:
     ----------
     system : bvp.system.ImpactSystem
     energy : tuple of float
-        Lowest and highest energy h that a family is followed to.
+        Lowest and highest energy h that a family is followed to. It and the next two are None for a scene without bounds.
     quarter_period : float
         Longest quarter period alpha that is searched.
     impacts : int
@@ -110,9 +110,9 @@ class Scene:
     """
 
     system: ImpactSystem
-    energy: tuple[float, float]
-    quarter_period: float
-    impacts: int
+    energy: tuple[float, float] | None
+    quarter_period: float | None
+    impacts: int | None
     reference_points: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     complete: Mapping[str, Any] = field(default_factory=dict)
@@ -169,7 +169,9 @@ class Scene:
 
     @property
     def bounds(self) -> dict[str, Any]:
-        """The bounds of a search for names: ``energy``, ``quarter_period``, ``impacts``."""
+        """The bounds of a search for names: ``energy``, ``quarter_period``, ``impacts``. A scene without them is refused."""
+        if self.energy is None:
+            raise BadInput("the scene has no table [bounds]; expected one with energy, quarter_period and impacts: they bound this search")
         return {"energy": self.energy, "quarter_period": self.quarter_period, "impacts": self.impacts}
 
     def reference_points_for(self, system: ImpactSystem) -> dict[str, dict[str, float]]:
@@ -229,7 +231,7 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
     scene.only(*_KEYS)
     own, parametric, nes, lo = _system(scene, overrides, folder)
     system = parametric.system()
-    bounds = scene.table("bounds").fields(_BOUNDS)
+    bounds = scene.table("bounds").fields(_BOUNDS) if "bounds" in scene.content else dict.fromkeys(_BOUNDS)
     sections = scene.table("sections", {})
     energies = sections.fields(_SECTIONS)
     if not set(energies["cited"]) <= set(energies["energies"]):
