@@ -21,6 +21,15 @@ PLAIN = 9
 _CLEAR = 1e3
 """Larger clearances and speeds are replaced by this value."""
 
+_ROUNDED = 0.01
+"""Error of 1 - mu_i mu_j from which on its sign counts as rounding."""
+
+_SLOW = 0.1
+"""Speed of an impact below which it counts for large multipliers: beside a grazing they grow with its inverse."""
+
+_UNIT = 4.0 * 2.220446049250313e-16
+"""Rounding of the map, beside its largest entry."""
+
 
 class ForcedWork(NamedTuple):
     """What the test functions need besides the orbit."""
@@ -29,6 +38,19 @@ class ForcedWork(NamedTuple):
     map: Stroboscopic
     limits: np.ndarray  # (2,) lowest and highest value of the parameter
     neutral: int  # 1: pairs of multipliers have the product 1 all along the family, or one that no orbit changes
+
+
+@inlined
+def _is_rounding(found, slow):
+    """Whether rounding decides the sign of the product of 1 - mu_i mu_j, though no impact is slow. A small multiplier has an error of the
+    size of rounding of M, and a factor multiplies it by the largest one."""
+    size = found.matrix.shape[0]
+    largest, norm = 0.0, 0.0
+    for r in range(size):
+        largest = max(largest, math.hypot(found.values[0, r], found.values[1, r]))
+        for c in range(size):
+            norm = max(norm, abs(found.matrix[r, c]))
+    return _UNIT * norm * largest * slow * slow > _ROUNDED
 
 
 @kernel
@@ -44,7 +66,7 @@ def forced_tests(segment, y, ends, work, result, targets, out):
     out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
     out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
     stroboscopic_tests(segment, work.flights, ends, result[entry.SPEEDS], work.map, out[7:PLAIN])
-    if work.neutral == 1:
+    if work.neutral == 1 or _is_rounding(work.map, min(1.0, result[entry.SPEED] / _SLOW)):
         out[8] = math.nan
     for i in range(targets.shape[0]):
         out[PLAIN + i] = value - targets[i]
