@@ -384,6 +384,7 @@ def _through(arguments: argparse.Namespace) -> tuple[str, ...]:
 def report_lines(branch: ForcedBranch, number: int, width: int | None = None) -> list[str]:
     """What is printed of a branch: its sequence and stability, its events, and its ends."""
     from branches.forced.branch import sequence_text
+    from branches.forced.family import hidden_bifurcations
 
     name, problem = branch.name, branch.problem
     span = f"{name} = {branch.parameter.min():.10g} to {branch.parameter.max():.10g}"
@@ -399,6 +400,10 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     if rows:
         head = ("event", name, *more, "|multiplier|", "stable after", "remark")
         lines += table_lines(head, rows, width=width, columns="l" + "r" * (len(head) - 3) + "lt")
+    hidden = hidden_bifurcations(branch)
+    if hidden is not None:
+        place = f"from {name} = {hidden[0]:.8g} to {hidden[1]:.8g}"
+        lines.append(f"note   {place} rounding of large multipliers hides Neimark-Sacker bifurcations: they are not looked for there")
     ends = [f"end    {end.text}" for end in branch.ended]
     return lines + list(dict.fromkeys(ends))
 

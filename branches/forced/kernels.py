@@ -24,8 +24,8 @@ _CLEAR = 1e3
 _ROUNDED = 0.01
 """Error of 1 - mu_i mu_j from which on its sign counts as rounding."""
 
-_SLOW = 0.1
-"""Speed of an impact below which it counts for large multipliers: beside a grazing they grow with its inverse."""
+_SLOW = 0.02
+"""Speed of an impact, beside the largest velocity, below which large multipliers are its own: they grow with its inverse."""
 
 _UNIT = 4.0 * 2.220446049250313e-16
 """Rounding of the map, beside its largest entry."""
@@ -41,11 +41,15 @@ class ForcedWork(NamedTuple):
 
 
 @inlined
-def _is_rounding(found, slow):
+def _is_rounding(found, ends, speed):
     """Whether rounding decides the sign of the product of 1 - mu_i mu_j, though no impact is slow. A small multiplier has an error of the
-    size of rounding of M, and a factor multiplies it by the largest one."""
+    size of rounding of M, and a factor multiplies it by the largest one. speed: of the slowest impact."""
     size = found.matrix.shape[0]
-    largest, norm = 0.0, 0.0
+    largest, norm, fastest = 0.0, 0.0, 0.0
+    for i in range(ends.shape[0]):
+        for r in range(size // 2, size):
+            fastest = max(fastest, abs(ends[i, r]))
+    slow = min(1.0, speed / (_SLOW * fastest)) if fastest > 0.0 else 1.0
     for r in range(size):
         largest = max(largest, math.hypot(found.values[0, r], found.values[1, r]))
         for c in range(size):
@@ -66,7 +70,7 @@ def forced_tests(segment, y, ends, work, result, targets, out):
     out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
     out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
     stroboscopic_tests(segment, work.flights, ends, result[entry.SPEEDS], work.map, out[7:PLAIN])
-    if work.neutral == 1 or _is_rounding(work.map, min(1.0, result[entry.SPEED] / _SLOW)):
+    if work.neutral == 1 or _is_rounding(work.map, ends, result[entry.SPEED]):
         out[8] = math.nan
     for i in range(targets.shape[0]):
         out[PLAIN + i] = value - targets[i]
