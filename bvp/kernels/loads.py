@@ -41,6 +41,9 @@ SHORT = 0.5
 PANEL = 8.0
 """Largest angle in a panel: sixteen points integrate exp(8 i s) over 0 <= s <= 1 to 1e-25."""
 
+MOST_PANELS = 1e5
+"""A flight that needs more is that of a correction which diverges."""
+
 _nodes, _weights = np.polynomial.legendre.leggauss(16)
 GAUSS_NODES = tuple(0.5 * (1.0 + _nodes))
 GAUSS_WEIGHTS = tuple(0.5 * _weights)
@@ -88,12 +91,20 @@ def _closed_form(mean, delta, determinant, nu, t):
     )
 
 
+@inlined
+def _panels(rate, t):
+    """Number of panels of a flight of duration t whose fastest part turns at a rate, and the duration of each; nan if they are too many."""
+    count = rate * abs(t) / PANEL
+    if not count <= MOST_PANELS:
+        return 1, math.nan
+    panels = max(1, math.ceil(count))
+    return panels, t / panels
+
+
 @kernel
 def _integral(mean, delta, determinant, nu, t):
     """The same by Gauss's rule."""
-    panels = math.ceil((abs(mean) + math.sqrt(abs(delta)) + nu) * abs(t) / PANEL)
-    panels = max(panels, 1)
-    width = t / panels
+    panels, width = _panels(abs(mean) + math.sqrt(abs(delta)) + nu, t)
     a = complex(0.0, 0.0)
     c = complex(0.0, 0.0)
     a_nu = complex(0.0, 0.0)
@@ -122,8 +133,7 @@ def _block_integral(mean, matrix, start, size, nu, t, psi):
             for part in range(4):
                 psi[part, r, c] = 0.0
         norm = max(norm, row)
-    panels = max(1, math.ceil((norm + nu) * abs(t) / PANEL))
-    width = t / panels
+    panels, width = _panels(norm + nu, t)
     for panel in range(panels):
         for g in range(16):
             s = (panel + GAUSS_NODES[g]) * width
@@ -225,8 +235,7 @@ def _add_change(flight, z, t):
     highest = rate
     for h in range(loads.harmonics.shape[0]):
         highest = max(highest, loads.harmonics[h] * loads.clock[0])
-    panels = max(1, math.ceil((rate + highest) * abs(t) / PANEL))
-    width = t / panels
+    panels, width = _panels(rate + highest, t)
     start = lines[0]
     for panel in range(panels):
         for g in range(16):

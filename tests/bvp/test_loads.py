@@ -142,3 +142,11 @@ def test_larger_blocks_take_part():
     flight = flight_of(system, [0, 1], np.ones((2, 3)), np.ones((2, 3)), [1.3, 1.0], 1)
     z = [*np.linspace(-1.0, 1.0, 6), 0.2, 1.3]
     assert judged(system, flight._replace(free=joined), z, 2.0) < 2e-13
+
+
+def test_a_flight_of_a_correction_that_diverges_ends_at_once():
+    """At resonance the work grows with the duration: of 1e300 time units no end is computed, and none is made up."""
+    flight = flight_of(oscillator(), [1], np.ones((1, 1)), np.ones((1, 1)), [1.0, 1.0], 1)
+    out, jacobian, rate = np.empty(4), np.empty((4, 4)), np.empty(4)
+    fly_loaded(flight, np.array([0.1, 0.2, 0.3, 1.0]), 1e300, out, jacobian, rate)
+    assert np.isnan(out[:2]).all()
