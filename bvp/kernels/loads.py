@@ -41,7 +41,7 @@ SHORT = 0.5
 PANEL = 8.0
 """Largest angle in a panel: sixteen points integrate exp(8 i s) over 0 <= s <= 1 to 1e-25."""
 
-MOST_PANELS = 1e5
+MOST_PANELS = 1e7
 """A flight that needs more is that of a correction which diverges."""
 
 _nodes, _weights = np.polynomial.legendre.leggauss(16)
