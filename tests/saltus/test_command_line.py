@@ -229,16 +229,19 @@ def test_a_reader_that_leaves_does_not_keep_the_files_from_being_written(tmp_pat
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
 def test_the_interrupt_key_ends_the_process_with_130():
-    """Oracle: the exit code, and one line."""
+    """Oracle: the exit code, and one line. The signal comes while points are computed: the first report of progress sends it."""
     # Of processes in the background the key is ignored.
-    code = "import signal, saltus.__main__ as m; signal.signal(signal.SIGINT, signal.default_int_handler); m.program()"
+    code = """
+import os, signal, saltus.__main__ as m
+from saltus.terminal import ProgressBar
+signal.signal(signal.SIGINT, signal.default_int_handler)
+ProgressBar.update = lambda self, count: os.kill(os.getpid(), signal.SIGINT)
+m.program()
+"""
     command = [sys.executable, "-c", code, "continue", "S11O00-"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    line = process.stdout.readline()
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=120)
-    assert line.startswith("start") and err.startswith("saltus: interrupted") and err.count("\n") == 1
-    assert process.returncode == 130
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.stdout.startswith("start") and done.stderr.startswith("saltus: interrupted") and done.stderr.count("\n") == 1
+    assert done.returncode == 130
 
 
 class Terminal(io.StringIO):
