@@ -1,0 +1,114 @@
+"""Flights with smooth forces. Oracles: elliptic functions, constants of motion, and many digits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+from bvp.kernels.jets import MULTIPLY, SCALE, SQUARE, JetProgram
+from bvp.kernels.smooth import fly_smooth, make_smooth_flight
+
+
+def power_program(exponent: int) -> JetProgram:
+    """w^p and its derivative, by squarings."""
+    code: list[tuple[int, int, int, int]] = []
+    known = {1: 0}
+
+    def write(operation: int, first: int, second: int) -> int:
+        code.append((operation, len(code) + 1, first, second))
+        return len(code)
+
+    def power(p: int) -> int:
+        if p not in known:
+            known[p] = write(SQUARE, power(p // 2), 0) if p % 2 == 0 else write(MULTIPLY, power(p - 1), 0)
+        return known[p]
+
+    low = power(exponent - 1)
+    force, slope = write(MULTIPLY, low, 0), write(SCALE, low, 0)
+    return JetProgram(
+        np.array(code, np.int64), np.array([float(exponent)]), np.array([force]), np.array([[0, 0, slope]]),
+        np.zeros((0, 3), np.int64), len(code) + 1,
+    )  # fmt: skip
+
+
+def duffing():
+    """x'' = -x - x^3."""
+    return make_smooth_flight(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.array([[1.0, 0.0]]), np.array([[-1.0]]), power_program(3), 2)
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 1.0, 10.0, 1000.0])
+@pytest.mark.parametrize("part", [0.3, 1.0, 4.0])
+def test_duffing_is_elliptic(amplitude, part):
+    """Oracle: x = A cn(W t | m), W^2 = 1 + A^2, m = A^2/(2 W^2). The error allowed is a rounding of each step and of the oracle's phase."""
+    squared = 1.0 + amplitude**2
+    m = amplitude**2 / (2.0 * squared)
+    frequency, time = math.sqrt(squared), part * ellipk(m) / math.sqrt(squared)
+    flight = duffing()
+    assert fly_smooth(flight, 0, np.array([amplitude, 0.0]), time, True)
+    sn, cn, dn, _ = ellipj(frequency * time, m)
+    exact = np.array([amplitude * cn, -amplitude * frequency * sn * dn])
+    assert np.abs((flight.paths.ends[0] - exact) / [amplitude, amplitude * frequency]).max() < 2e-14
+    assert abs(np.linalg.det(flight.paths.maps[0]) - 1.0) < 1e-13
+
+
+def _sink(exponent: int, coupling: float = 0.1):
+    """The reference system with the force w^p between its masses in place of stops."""
+    linear = np.zeros((4, 4))
+    linear[0, 2] = linear[1, 3] = 1.0
+    linear[2, :2], linear[3, :2] = [-10.0 * coupling, 10.0 * coupling], [coupling, -1.0 - coupling]
+    return make_smooth_flight(linear, np.array([[1.0, -1.0, 0.0, 0.0]]), np.array([[-10.0], [1.0]]), power_program(exponent), 2)
+
+
+def _energy(z: np.ndarray, exponent: int, coupling: float = 0.1) -> float:
+    w = z[0] - z[1]
+    return 0.5 * (0.1 * z[2] ** 2 + z[3] ** 2 + z[1] ** 2 + coupling * w * w) + abs(w) ** (exponent + 1) / (exponent + 1)
+
+
+@pytest.mark.parametrize("exponent", [3, 7, 21, 41, 201])
+@pytest.mark.parametrize("energy", [0.02, 1.0, 30.0])
+def test_energy_and_volume_are_kept_and_time_can_be_reversed(exponent, energy):
+    """Oracle: constants of motion, 1e-13 of the energy; the determinant 1 and the way back, as far as the growth of the flight allows."""
+    flight = _sink(exponent)
+    start = np.array([0.0, 0.0, 0.5, 1.0])
+    start *= math.sqrt(energy / _energy(start, exponent))
+    assert fly_smooth(flight, 0, start, 1.5, True)
+    end, growth = flight.paths.ends[0].copy(), np.linalg.norm(flight.paths.maps[0])
+    assert abs(_energy(end, exponent) / energy - 1.0) < 1e-13
+    assert abs(np.linalg.det(flight.paths.maps[0]) - 1.0) < 1e-14 * growth
+    assert fly_smooth(flight, 1, end, -1.5, False)
+    assert np.abs(flight.paths.ends[1] - start).max() < 1e-14 * growth * math.sqrt(energy)
+
+
+def test_a_force_that_begins_with_a_high_power_is_not_missed():
+    """Oracle: the same flight begun a little earlier. From w = 0 no coefficient up to the order of the series shows w^41."""
+    flight = _sink(41, 0.0)
+    start = np.array([0.0, 0.0, 8.0, 0.2])
+    assert fly_smooth(flight, 0, start, 0.05, False)
+    middle = flight.paths.ends[0].copy()
+    assert fly_smooth(flight, 0, middle, 0.25, False)
+    assert fly_smooth(flight, 1, start, 0.3, False)
+    assert np.abs(flight.paths.ends[0] - flight.paths.ends[1]).max() < 1e-12
+    assert flight.paths.ends[1, 2] < 0.0
+
+
+def test_the_derivative_is_that_of_the_flight():
+    """Oracle: central differences of two lengths, extrapolated."""
+    flight = _sink(7)
+    start = np.array([0.1, -0.2, 1.5, 0.7])
+
+    def end(z):
+        assert fly_smooth(flight, 0, z, 1.2, False)
+        return flight.paths.ends[0].copy()
+
+    assert fly_smooth(flight, 1, start, 1.2, True)
+    for c in range(4):
+        slopes = [(end(start + h * np.eye(4)[c]) - end(start - h * np.eye(4)[c])) / (2.0 * h) for h in (1e-3, 5e-4)]
+        assert np.abs((4.0 * slopes[1] - slopes[0]) / 3.0 - flight.paths.maps[1][:, c]).max() < 1e-8
+
+
+def test_a_flight_with_too_many_steps_is_given_up():
+    """Oracle: the answer False."""
+    assert not fly_smooth(duffing(), 0, np.array([1.0, 0.0]), 1e4, False)
