@@ -44,8 +44,8 @@ RESONANCES = ((1, 3), (1, 4), (2, 5), (1, 5))
 SETTINGS = Settings(initial_step=0.01, maximum_step=0.025, minimum_step=1e-9, target_turn=0.05, maximum_points=20000)
 """How families are followed: a step is at most a fortieth of the metric's unit, so that curves drawn through the points are smooth."""
 
-_GENERAL: dict[bool, tuple[Any, int]] = {}
-"""`general_tests` (False) and `periodic_tests` (True) once they are wanted, each with its address in memory."""
+_GENERAL: dict[tuple[bool, type], tuple[Any, int]] = {}
+"""`general_tests` (False) and `periodic_tests` (True) for a type of segments once they are wanted, each with its address in memory."""
 
 ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
@@ -58,12 +58,13 @@ def multiplication(p: int, q: int) -> float:
 
 def _general_tests(problem: MultipointProblem, work: Any) -> tuple[Any, int]:
     """The test functions for any number of degrees of freedom, with their address."""
-    if problem.periodic not in _GENERAL:
+    kind = problem.periodic, type(problem._packed)
+    if kind not in _GENERAL:
         one, two = np.empty(1), np.empty((1, 1))
         function = periodic_tests if problem.periodic else general_tests
         entry = function.entry(problem._packed, one, two, work, one, one, one)
-        _GENERAL[problem.periodic] = function, entry.address
-    return _GENERAL[problem.periodic]
+        _GENERAL[kind] = function, entry.address
+    return _GENERAL[kind]
 
 
 class Family(SolvedFamily):

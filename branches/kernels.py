@@ -28,7 +28,7 @@ from bvp.kernels.monodromy import (
     make_linearised_orbit,
     make_reduction,
 )  # fmt: skip
-from bvp.kernels.multipoint import ImpactList, PackedSegment, unfold_impacts, unpack
+from bvp.kernels.multipoint import ImpactList, PackedSegment, Segment, unfold_impacts, unpack
 from bvp.kernels.pencil import ContactRows
 from bvp.kernels.stability import HalfMap, half_map, make_half_map, make_impacts
 from bvp.kernels.step import Landing, Request
@@ -200,7 +200,7 @@ class PairsWork(NamedTuple):
 def make_pairs_work(problem):
     """Scratch for the orbits of a `MultipointProblem`."""
     nodes = problem.inner + 1 if problem.periodic else 0
-    impacts, linearised = make_impacts(nodes, problem.size), make_linearised_orbit(nodes, problem.size, len(problem.segment.flight.pairs))
+    impacts, linearised = make_impacts(nodes, problem.size), make_linearised_orbit(nodes, problem.size, len(problem.modes.flight.pairs))
     reduction = make_reduction(problem.free, problem.segment.weights, True)
     return PairsWork(make_half_map(problem.held), impacts, reduction, linearised, make_eigenvalue_work(2 * problem.pairs))
 
@@ -368,6 +368,7 @@ def first_tests(packed, result, limits, out):
     """The test functions that are computed before the `general` ones of `WatchedTests`."""
 
 
+@first_tests.of(Segment)
 @first_tests.of(PackedSegment)
 @inlined
 def first_conservative_tests(packed, result, limits, out):

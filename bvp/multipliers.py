@@ -206,7 +206,8 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)))
     landings(modes.flight, contacts, scaled, linear)
-    pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2 + 2 * len(free)))
+    scratch = np.empty((5, size, size)), np.empty(2 + 2 * len(free))
+    pencil(modes.flight, contacts, scaled, conservative, free, linear, factors, *scratch)
     flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
     # In the order in which they are applied, from the coordinates before the last inverse on.

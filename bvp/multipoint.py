@@ -31,6 +31,7 @@ from bvp.kernels.step import (
     two_dof_orbit_observe,
     two_dof_orbit_step,
 )
+from bvp.smooth_flights import smooth_flight
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 
@@ -45,7 +46,7 @@ _NOTHING = np.full(_ENTRIES, np.nan)
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
 """The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
 
-_COMPILED: dict[tuple[bool, int], tuple[Any, int]] = {}
+_COMPILED: dict[tuple[bool, bool, int], tuple[Any, int]] = {}
 """Each kernel with its address in memory."""
 
 
@@ -155,14 +156,16 @@ class MultipointProblem:
             np.concatenate([modes.squares, np.ones(self.half)]),
         )
         shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
-        self.segment = Segment._make([modes.flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
+        self._is_smooth = system.smooth_forces is not None
+        flight = smooth_flight(system, self.inner + 3) if self._is_smooth else modes.flight
+        self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
         self._factor = make_factor(self.segment)
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
         self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
-        self._packed = pack(self.segment)
+        self._packed = self.segment if self._is_smooth else pack(self.segment)
         self.coordinates = size + 2
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
@@ -219,6 +222,9 @@ class MultipointProblem:
     def energy(self, y: np.ndarray) -> float:
         """h at the start."""
         z = self.start(y)
+        if self._is_smooth:
+            displacements, velocities = np.split(self.modes.to_state @ z, 2)
+            return float(self.system.energy(displacements, velocities))
         return float(0.5 * np.sum(self.segment.weights * z * z))
 
     def quarter_period(self, y: np.ndarray) -> float:
@@ -350,7 +356,7 @@ class MultipointProblem:
 
     def _kernel(self, k: int) -> tuple[Any, int]:
         """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - and its address."""
-        key = self._two_dof, k
+        key = self._two_dof, self._is_smooth, k
         if key not in _COMPILED:
             y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
             metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)

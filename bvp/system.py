@@ -254,6 +254,8 @@ class ImpactSystem(Matrices):
         parameters = self.parameters and {**self.parameters, "lam": 0.0, "rho": 1.0}
         return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters)
 
+    smooth_forces = None
+
     modes = cached_property(system_modes)
     """The blocks of free flight, as arrays for the kernels (computed once)."""
 

@@ -8,7 +8,8 @@ import math
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, kernel
 from bvp.kernels.flight import inner, set_1
-from bvp.kernels.multipoint import energy_sum, start_state, total_time, unpack
+from bvp.kernels.flights import energy_slope, slope_times, twice_energy
+from bvp.kernels.multipoint import start_state, total_time, unpack
 from bvp.kernels.step import Request, locate, metric_direction
 
 SOLVED, DIVERGED, GROWN, UNSETTLED, FAILED = range(5)
@@ -49,11 +50,12 @@ def solve_orbit(compiled, wanted, y, still, metric, landing, ends):
             row[j] = 0.0
         if at_energy:
             start_state(segment.start_map, segment.start_offset, y, z)
-            residual = 0.5 * energy_sum(segment.weights, z) / energy - 1.0
+            residual = 0.5 * twice_energy(segment.flight, segment.weights, z) / energy - 1.0
+            slope = energy_slope(segment.flight, segment.weights, z, 1.0)
             for j in range(parameters):
                 total = 0.0
                 for r in range(size):
-                    total += segment.start_map[r, j] * (segment.weights[r] * z[r])
+                    total += segment.start_map[r, j] * slope_times(slope, r, 1.0)
                 row[j] = total / energy
         else:
             length = segment.shape[2] * quarter_period

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel, shared
+from bvp.kernels.compiled import chosen, inlined, kernel, shared
 from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, inner, row_dot
+from bvp.kernels.flights import path_state
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
 
 STEP_LIMIT = 100000
@@ -45,9 +46,15 @@ class Track(NamedTuple):
     duration: float  # of the flight
 
 
-@inlined
+@chosen
 def track_of(flight, value, rate, second, z, duration, parts):
-    """The `Track` of value . z(t) for 0 <= t <= duration."""
+    """The track of value . z(t) for 0 <= t <= duration, on the flight from z: `look` and `bounds_at` describe it."""
+
+
+@track_of.of(Flight)
+@inlined
+def linear_track(flight, value, rate, second, z, duration, parts):
+    """See `track_of`: a `Track`."""
     pure, level, curvature, jerk = separate(flight, value, z, duration, parts)
     return Track(flight, value, rate, second, z, parts, pure, level, curvature, jerk, duration)
 
@@ -80,9 +87,27 @@ def separate(flight, value, z, horizon, parts):
     return True, level, curvature * (1.0 + 1e-12), jerk * (1.0 + 1e-12)
 
 
-@inlined
+@chosen
 def look(track, t):
     """f, f' and f'' at time t."""
+
+
+@chosen
+def bounds_at(track, t):
+    """Bounds of |f''| and |f'''| from time t on (0: none known), and the time up to which they hold."""
+
+
+@bounds_at.of(Track)
+@inlined
+def linear_bounds(track, t):
+    """See `bounds_at`."""
+    return track.curvature, track.jerk, math.inf
+
+
+@look.of(Track)
+@inlined
+def look_linear(track, t):
+    """See `look`."""
     delta = track.flight.delta
     parts = track.parts
     f = 0.0
@@ -138,7 +163,8 @@ def next_sign_change(track, floor, inside, edge, sign, before, f_before, t, step
         f, slope, bend = look(track, here)
         steps += 1
         found = abs(f) > (edge if here == 0.0 or here >= track.duration else inside) and (sign == 0 or (f > 0.0) != (sign > 0))
-        step = max(safe_step(f, slope, bend, track.curvature, track.jerk), floor)
+        curvature, jerk, until = bounds_at(track, here)
+        step = max(min(safe_step(f, slope, bend, curvature, jerk), until - here), floor)
         t = math.inf if here >= track.duration else min(track.duration, here + step)
     return found, before, f_before, here, f, t, steps
 
@@ -237,7 +263,7 @@ def nearest_turn(flight, observed, stop, z, duration, sign, steps, work):
             return best if t == math.inf else math.nan, best_side, best_time, sign, steps
         if sign != 0:
             turn = refine(track, before, f_before, here, f, 1e-9 * duration)
-            flow_state(flight, z, turn, state)
+            path_state(flight, z, turn, state)
             w = inner(gap[0], state)
             distance = observed.bounds[1, stop] - w if sign > 0 else w - observed.bounds[0, stop]
             if distance < best:

@@ -17,7 +17,9 @@ from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, land
-from bvp.kernels.flight import Flight, block_product, copy_1, flow_matrix, flow_state, inner, row_dot, set_2
+from bvp.kernels.flight import Flight, copy_1, inner, row_dot, set_2
+from bvp.kernels.flights import add_bend, energy_slope, fly, path_state, slope_times
+from bvp.kernels.smooth import SmoothFlight
 
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
 """Kinds of an end."""
@@ -30,7 +32,7 @@ class Segment(NamedTuple):
     """What the kernels know of a problem. N = 2 n entries a state, k inner impacts. Row k of the node arrays is the
     impact at the far end or, for a periodic orbit, the closing one; row k + 1 is the impact at the start (zero where there is none)."""
 
-    flight: Flight
+    flight: Flight | SmoothFlight
     gap: np.ndarray  # (k + 2, N) rows g of the contacts hit
     gap_rate: np.ndarray  # (k + 2, N) rows g B
     push: np.ndarray  # (k + 2, N) directions of the impulses
@@ -53,15 +55,6 @@ def start_state(start_map, start_offset, y, out):
         for j in range(start_map.shape[1]):
             total += start_map[r, j] * y[j]
         out[r] = total
-
-
-@inlined
-def energy_sum(weights, z):
-    """2 H = sum(weights z^2)."""
-    total = 0.0
-    for r in range(z.shape[0]):
-        total += weights[r] * z[r] * z[r]
-    return total
 
 
 @inlined
@@ -88,6 +81,13 @@ class PackedSegment(NamedTuple):
 @chosen
 def unpack(packed):
     """The segment of a problem as kernels use it, from the form in which Python gives it to them."""
+
+
+@unpack.of(Segment)
+@inlined
+def unpacked(segment):
+    """A segment that is given to kernels as it is."""
+    return segment
 
 
 @unpack.of(PackedSegment)
@@ -118,9 +118,22 @@ def unpack_segment(packed):
     )
 
 
-@inlined
+@chosen
 def two_dof_segment(packed):
-    """The `Segment` that `pack` packed, known to be of states of four entries."""
+    """The segment of a problem, known to be of states of four entries."""
+
+
+@two_dof_segment.of(Segment)
+@inlined
+def unpacked_two_dof(segment):
+    """See `two_dof_segment`: a segment that is given as it is."""
+    return segment
+
+
+@two_dof_segment.of(PackedSegment)
+@inlined
+def unpack_two_dof(packed):
+    """See `two_dof_segment`."""
     return unpack_segment(PackedSegment(sized(packed.pairs, 2), sized(packed.rows, 4), packed.scalars, packed.start_map, packed.shape))
 
 
@@ -301,7 +314,7 @@ def evaluate(segment, y, before, flights, z, residual):
 @evaluate.of(Segment)
 @inlined
 def evaluate_free(segment, y, before, flights, z, residual):
-    """See `evaluate`: flights are exp(B t)."""
+    """See `evaluate`."""
     size = segment.flight.matrix.shape[1]
     k = segment.shape[0]
     s = segment.start_map.shape[1]
@@ -311,8 +324,7 @@ def evaluate_free(segment, y, before, flights, z, residual):
         if i > 0:
             z = y[at : at + size]
             at += size
-        flow_matrix(segment.flight, y[at], flights[i])
-        block_product(segment.flight.pairs, flights[i], z, before[i])
+        fly(segment.flight, z, y[at], before[i], flights[i])
         at += 1
         row = i * (size + 1)
         if i < k or segment.shape[1] == 1:
@@ -327,8 +339,9 @@ def evaluate_free(segment, y, before, flights, z, residual):
                 residual[row + r] -= target
                 gap += segment.gap[i, r] * target
             if i == k:
+                slope = energy_slope(segment.flight, segment.weights, y[:size], 1.0)
                 for r in range(size):
-                    residual[row + r] += y[at] * segment.weights[r] * y[r]
+                    residual[row + r] += slope_times(slope, r, y[at])
             residual[row + size] = gap
         else:
             # Equation (30): the end condition.
@@ -411,7 +424,9 @@ def fill_free(segment, y, factor):
                 if periodic:
                     column[at + states] += along[e] * scale[at + states]
                     column[e] += (y[after] * segment.weights[e] - 1.0) * scale[e]
-                    column[after] += segment.weights[e] * y[e] * scale[after]
+                    add_bend(segment.flight, y[:size], y[after], e, scale, column)
+                    slope = energy_slope(segment.flight, segment.weights, y[:size], 1.0)
+                    column[after] += slope_times(slope, e, 1.0) * scale[after]
                 else:
                     column[at + states] += row_dot(segment.end_map, e, along[:size]) * scale[at + states]
         at = after
@@ -423,5 +438,5 @@ def nodes_by_flight(segment, start, times, before, nodes):
     (N,) is scratch."""
     copy_1(start, before)
     for i in range(nodes.shape[0]):
-        flow_state(segment.flight, before if i == 0 else nodes[i - 1], times[i], nodes[i])
+        path_state(segment.flight, before if i == 0 else nodes[i - 1], times[i], nodes[i])
         apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], nodes[i], nodes[i])

@@ -26,7 +26,8 @@ from numpy import int64, uint64
 
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import copy_1, inner
-from bvp.kernels.multipoint import Segment, energy_sum, evaluate, fill, start_state
+from bvp.kernels.flights import twice_energy
+from bvp.kernels.multipoint import Segment, evaluate, fill, start_state
 
 LINEARISED = -1
 """In place of the most iterations: the residual and its Jacobian alone are computed."""
@@ -200,7 +201,7 @@ def set_free_scale(segment, y, factor):
     displacement = 0.0
     longest = 0.0
     # 2h: near the grazing of a mode the velocities at all nodes are small.
-    velocity = math.sqrt(energy_sum(segment.weights, z[:size]))
+    velocity = math.sqrt(twice_energy(segment.flight, segment.weights, z[:size]))
     at = s
     for i in range(k + 1):
         if i > 0:

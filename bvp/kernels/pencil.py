@@ -25,7 +25,8 @@ from numpy import int64
 
 from bvp.kernels.compiled import inlined
 from bvp.kernels.contact_mode import land
-from bvp.kernels.flight import block_product, copy_1, flow_matrix, inner, set_1, set_2, times_matrix
+from bvp.kernels.flight import copy_1, inner, set_1, set_2, times_matrix
+from bvp.kernels.flights import energy_slope, flight_map, rate, slope_times
 from bvp.kernels.newton import reflect, reflector
 
 
@@ -50,15 +51,16 @@ def complement(vectors, count, out, factor):
 
 
 @inlined
-def _constraints(gap, weights, after, scale, conservative, vectors):
+def _constraints(flight, gap, weights, after, scale, conservative, vectors):
     """Rows that a perturbation of a node is orthogonal to; returns how many."""
     size = after.shape[0]
     for r in range(size):
         vectors[0, r] = gap[r] * scale[r]
     count = 1
     if conservative:
+        slope = energy_slope(flight, weights, after, 1.0)
         for r in range(size):
-            vectors[count, r] = weights[r] * after[r] * scale[r]
+            vectors[count, r] = slope_times(slope, r, 1.0) * scale[r]
         count += 1
     return count
 
@@ -119,7 +121,7 @@ def landings(flight, contacts, cycle, linear):
     # Equation (27): J_i and F_i, in scaled states.
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
-        flow_matrix(flight, duration[i], maps[i])
+        flight_map(flight, cycle.after[i], duration[i], maps[i])
         land(flight, contacts.rate, contacts.push, row[j], contacts.jump[row[j]], before[j], maps[i], along[i])
         for r in range(size):
             along[i, r] /= scale[r]
@@ -128,7 +130,7 @@ def landings(flight, contacts, cycle, linear):
 
 
 @inlined
-def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor):
+def pencil(flight, contacts, cycle, conservative, free, linear, factors, scratch, factor):
     """Fill the left and right `factors` of the product pencil, without the f motions `free` (f, n) that no spring and no stop resists;
     None: there are none.
 
@@ -144,14 +146,14 @@ def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor
     rows = scratch[2]
     vectors = scratch[3]
     image = scratch[4, 0]
-    count = _constraints(gap[row[0]], weights, after[0], scale, conservative, vectors)
+    count = _constraints(flight, gap[row[0]], weights, after[0], scale, conservative, vectors)
     if free is not None:
         count = _leave_out(free, count, vectors)
     complement(vectors, count, basis, factor)
     dimension = size - count
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
-        count = _constraints(gap[row[j]], weights, after[j], scale, conservative, vectors)
+        count = _constraints(flight, gap[row[j]], weights, after[j], scale, conservative, vectors)
         if free is not None:
             count = _leave_out(free, count, vectors)
         complement(vectors, count, following, factor)
@@ -159,8 +161,9 @@ def pencil(contacts, cycle, conservative, free, linear, factors, scratch, factor
         copy_1(along[i], vectors[0])
         count = 1
         if conservative:
+            slope = energy_slope(flight, weights, after[j], 1.0)
             for r in range(size):
-                vectors[count, r] = weights[r] * after[j, r] * scale[r]
+                vectors[count, r] = slope_times(slope, r, 1.0) * scale[r]
             count += 1
         if free is not None:
             count = _leave_out(free, count, vectors)
@@ -199,7 +202,7 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
     flow = scratch[1]
     work = scratch[2]
     field = scratch[3]
-    block_product(flight.pairs, flight.matrix, after[0], first)
+    rate(flight, after[0], first)
     for r in range(size):
         first[r] /= scale[r]
         flow[r] = first[r]
@@ -209,7 +212,7 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
         j = i + 1 if i + 1 < nodes else 0
         contact = row[j]
         times_matrix(maps[i], flow, work)
-        block_product(flight.pairs, flight.matrix, after[j], field)
+        rate(flight, after[j], field)
         hit = 0.0
         speed = 0.0
         for r in range(size):
@@ -219,15 +222,16 @@ def trivial_directions(flight, contacts, cycle, repeats, linear, scratch):
             work[r] += (field[r] / scale[r] - along[i, r]) * hit / speed
         copy_1(work, flow)
     kept_flow = departure(first, flow)
+    slope = energy_slope(flight, weights, after[0], 1.0)
     for r in range(size):
-        first[r] = weights[r] * after[0, r] * scale[r]
+        first[r] = slope_times(slope, r, 1.0) * scale[r]
         flow[r] = first[r]
     # The energy's gradient, backwards.
     for count in range(repeats * nodes - 1, -1, -1):
         i = count % nodes
         j = i + 1 if i + 1 < nodes else 0
         contact = row[j]
-        block_product(flight.pairs, flight.matrix, after[j], field)
+        rate(flight, after[j], field)
         along_flow = 0.0
         speed = 0.0
         for r in range(size):

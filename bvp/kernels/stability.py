@@ -13,12 +13,14 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel, sized
+from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, arrive
-from bvp.kernels.flight import block_product, copy_1, flow_matrix, row_dot, set_1, set_2
-from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, energy_sum, start_state, two_dof_segment, unfold_impacts
+from bvp.kernels.flight import Flight, copy_1, row_dot, set_1, set_2, times_matrix
+from bvp.kernels.flights import energy_slope, flight_map, flow_product, rate, slope_times, twice_energy
+from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, start_state, two_dof_segment, unfold_impacts
 from bvp.kernels.newton import reflector
-from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, orthogonal_sweep, pencil, trivial_directions
+from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, departure, landings, orthogonal_sweep, pencil, trivial_directions
+from bvp.kernels.smooth import SmoothFlight
 
 
 @inlined
@@ -27,11 +29,12 @@ def section_basis(segment, node, kind, z, held, vectors, out):
     and for n > 2 within the rows of `held` (m + 1, n). They are oriented with that vector, so that determinants taken with them change sign
     only through zero. vectors (>= 2, n): scratch."""
     half = z.shape[0] // 2
+    slope = energy_slope(segment.flight, segment.weights, z, 1.0)
     for r in range(half):
         if kind == ORIGIN:
             vectors[0, r] = z[half + r]
         elif kind == REST:
-            vectors[0, r] = segment.weights[r] * z[r]
+            vectors[0, r] = slope_times(slope, r, 1.0)
         else:
             vectors[0, r] = segment.gap[node, r]
     if half == 2:
@@ -114,7 +117,7 @@ def half_map(segment, y, ends, held, work, square, small, phi):
     final_kind = segment.shape[4]
     section_basis(segment, k, final_kind, ends[k], held, vectors, last)
     magnified = 1.0
-    reach = math.sqrt(energy_sum(segment.weights, z))
+    reach = math.sqrt(twice_energy(segment.flight, segment.weights, z))
     if kind == STOP:
         magnified = max(magnified, magnification(segment, k + 1, z, reach))
     if final_kind == STOP:
@@ -130,26 +133,27 @@ def half_map(segment, y, ends, held, work, square, small, phi):
         if kind == STOP and kept:
             normal = 0.0
             work_done = 0.0
+            slope = energy_slope(segment.flight, segment.weights, z, 1.0)
             for r in range(half):
                 normal += segment.gap[k + 1, r] * z[half + r]
-                work_done += segment.weights[r] * z[r] * v[r]
+                work_done += slope_times(slope, r, 1.0) * v[r]
             for r in range(half):
                 v[half + r] = -work_done / normal * segment.gap[k + 1, r]
     at = s
     for i in range(k + 1):
         # Equation (27): each perturbation over the flight and the impact.
-        flow_matrix(segment.flight, y[at], flow)
+        flight_map(segment.flight, z if i == 0 else y[at - size : at], y[at], flow)
         at += size + 1
         hit = i < k or final_kind == STOP
         jump = segment.jump[i] if i < k else 0.0  # at the far end the orbit is cut, not reflected
         if hit:
-            block_product(segment.flight.pairs, segment.flight.matrix, ends[i], field)
+            rate(segment.flight, ends[i], field)
             apply_impact(segment.gap_rate, segment.push, i, jump, field, field)
         if i < k:
             magnified = max(magnified, magnification(segment, i, ends[i], reach))
         for column in range(columns):
             v = work[5 + column]
-            block_product(segment.flight.pairs, flow, v, x)
+            flow_product(segment.flight, flow, v, x)
             if hit:
                 apply_impact(segment.gap_rate, segment.push, i, jump, x, x)
                 arrive(segment.gap, i, field, x)
@@ -172,6 +176,50 @@ def half_map(segment, y, ends, held, work, square, small, phi):
 def make_impacts(count, size):
     """Space for the given number of impacts with states of `size` entries."""
     return ImpactList(np.zeros((count, size)), np.zeros((count, size)), np.zeros(count), np.zeros(count, np.int64))
+
+
+@chosen
+def without_impacts(flight, segment, y, ends, result, rows):
+    """The entries of RESULT from `trace` on, for an orbit without impacts, n = 2; those of the half map are known. rows (>= 3, N):
+    scratch."""
+
+
+@without_impacts.of(Flight)
+@inlined
+def linear_without_impacts(flight, segment, y, ends, result, rows):
+    """See `without_impacts`: each mode moves alone, and its family is no family of impacting orbits."""
+    set_1(result[entry.TRACE : entry.SINGULAR + 1], math.nan)
+
+
+@without_impacts.of(SmoothFlight)
+@inlined
+def smooth_without_impacts(flight, segment, y, ends, result, rows):
+    """See `without_impacts`: from the half map, equation (13)."""
+    below = result[entry.HALF_B] * result[entry.HALF_C]
+    above = result[entry.HALF_A] * result[entry.HALF_D]
+    # trace / 2, and (trace / 2)^2 - 1 as a product of small numbers
+    half, square, power = 1.0 + 2.0 * below, 4.0 * below * above, 2
+    if segment.shape[2] == 1:
+        square *= 4.0 * half * half
+        half, power = 2.0 * half * half - 1.0, 4
+    determinant = (above - below) ** power
+    result[entry.TRACE] = 2.0 * half
+    result[entry.DETERMINANT] = determinant
+    larger = half + math.copysign(math.sqrt(square), half) if square >= 0.0 else half
+    imaginary = math.sqrt(-square) if square < 0.0 else 0.0
+    result[entry.LARGER_REAL] = larger
+    result[entry.LARGER_IMAGINARY] = -imaginary
+    result[entry.SMALLER_REAL] = determinant / larger if square >= 0.0 else larger
+    result[entry.SMALLER_IMAGINARY] = imaginary
+    start, first, last = rows[0], rows[1], rows[2]
+    flow = rows[3 : 3 + start.shape[0]]
+    start_state(segment.start_map, segment.start_offset, y, start)
+    rate(flight, start, first)
+    flight_map(flight, start, y[segment.start_map.shape[1]], flow)
+    times_matrix(flow, first, last)
+    rate(flight, ends[0], first)
+    result[entry.TRIVIAL] = departure(first, last)
+    result[entry.SINGULAR] = 0.0
 
 
 class Period(NamedTuple):
@@ -234,7 +282,7 @@ def orbit_stability(packed, y, ends, period, result):
         result[entry.MAGNIFIED] = 1.0
     unfold_impacts(segment, y, ends, scratch.impacts, scratch.rows)
     if nodes == 0:
-        set_1(result[entry.TRACE : entry.SINGULAR + 1], math.nan)
+        without_impacts(segment.flight, segment, y, ends, result, scratch.rows)
         return
     cycle_before = scratch.impacts.before[:nodes]
     cycle_after = scratch.impacts.after[:nodes]
@@ -261,7 +309,7 @@ def orbit_stability(packed, y, ends, period, result):
     linear = Linearised(maps, along)
     factors = Factors(left, right)
     landings(segment.flight, contacts, cycle, linear)
-    pencil(contacts, cycle, True, None, linear, factors, scratch.square, scratch.plane[0, 0])
+    pencil(segment.flight, contacts, cycle, True, None, linear, factors, scratch.square, scratch.plane[0, 0])
     dimension = 2
     frame = scratch.plane[0]
     older = scratch.plane[1]

@@ -12,7 +12,8 @@ from numpy import int64
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.extrema import Observed, clearance, sign_changes
-from bvp.kernels.flight import flow_state, inner, row_dot, set_1
+from bvp.kernels.flight import inner, row_dot, set_1
+from bvp.kernels.flights import energy_slope, path_state, slope_times, twice_energy
 from bvp.kernels.multipoint import (
     ORIGIN,
     PERIODIC,
@@ -20,7 +21,6 @@ from bvp.kernels.multipoint import (
     STOP,
     Factor,
     Segment,
-    energy_sum,
     sized_factor,
     start_state,
     total_time,
@@ -142,7 +142,7 @@ def end_states(segment, y, work, out):
     for i in range(segment.shape[0] + 1):
         if i > 0:
             z = y[at - size : at]
-        flow_state(segment.flight, z, y[at], out[i])
+        path_state(segment.flight, z, y[at], out[i])
         at += size + 1
 
 
@@ -164,7 +164,7 @@ def locate_free(segment, y, out):
     """See `locate`."""
     size = segment.flight.matrix.shape[1]
     start_state(segment.start_map, segment.start_offset, y, out[:size])
-    energy = 0.5 * energy_sum(segment.weights, out[:size])
+    energy = 0.5 * twice_energy(segment.flight, segment.weights, out[:size])
     alpha = total_time(segment.flight.matrix, segment.start_map, segment.shape, y) / segment.shape[2]
     speed = math.sqrt(2.0 * energy)
     for r in range(size):
@@ -188,10 +188,11 @@ def metric_direction_free(segment, y, position, energy, alpha, tangent, out):
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
     change = 0.0
+    slope = energy_slope(segment.flight, segment.weights, position[:size], speed)
     for r in range(size):
         total = row_dot(segment.start_map, r, tangent[:s])
         out[r] = total / speed
-        change += segment.weights[r] * position[r] * speed * total
+        change += slope_times(slope, r, 1.0) * total
     for r in range(size):
         out[r] -= position[r] * change / (2.0 * energy)
     out[size] = change / energy
@@ -215,10 +216,11 @@ def constraint_row_free(segment, y, energy, alpha, position, direction, row):
     along = inner(direction[:size], position[:size])
     set_1(row, 0.0)
     radial = direction[size] / energy - along / (2.0 * energy)
+    slope = energy_slope(segment.flight, segment.weights, position[:size], speed)
     for j in range(s):
         total = 0.0
         for r in range(size):
-            total += segment.start_map[r, j] * (direction[r] / speed + radial * segment.weights[r] * position[r] * speed)
+            total += segment.start_map[r, j] * (direction[r] / speed + slope_times(slope, r, radial))
         row[j] = total
     at = s
     for _ in range(segment.shape[0] + 1):
@@ -288,7 +290,7 @@ def observe(segment, observed, y, ends, work, result):
     elapsed = 0.0
     early = 0
     at = segment.start_map.shape[1]
-    reach = math.sqrt(energy_sum(segment.weights, start))
+    reach = math.sqrt(twice_energy(segment.flight, segment.weights, start))
     speeds = 1.0
     if segment.shape[3] == STOP:
         slowest = -segment.side[k + 1] * row_dot(segment.gap_rate, k + 1, start)
