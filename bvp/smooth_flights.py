@@ -17,11 +17,11 @@ __all__ = ["smooth_flight"]
 def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
     """The flights of a conservative system with smooth forces, with room for the paths of so many.
 
-    The state is that of the modes of its linear part: u = Phi q, so the forces f on the inputs w = c . u accelerate q by -(c Phi)^T f.
+    The state is that of the modes of its linear part, u = Phi q: forces f along the rows d of the coordinates accelerate q by -(d Phi)^T f.
     """
     forces, modes = system.smooth_forces, system.modes
     assert forces is not None
     n = system.degrees_of_freedom
-    along = forces.rows @ modes.shapes
-    rows = np.hstack([along, np.zeros((len(along), n))])
-    return make_smooth_flight(modes.matrix, rows, np.ascontiguousarray(-along.T), forces.program, forces.potential, flights)
+    inputs = np.hstack([forces.inputs[:, :n] @ modes.shapes, forces.inputs[:, n:] @ modes.shapes])
+    push = np.ascontiguousarray(-(forces.directions @ modes.shapes).T)
+    return make_smooth_flight(modes.matrix, inputs, push, forces.program()[0], forces.energy_program(), flights)

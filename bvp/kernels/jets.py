@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, SQUARE = range(5)
 """Operations on registers: a + b, a - b, a b, a/b, a^2."""
@@ -67,7 +67,7 @@ def _power(a, c, k, s):
     return total / (k * a[0])
 
 
-@kernel
+@inlined
 def extend_jets(program, jets, k, least):
     """Add the coefficients of order k to `jets` (registers, > k); those of the inputs are there.
 

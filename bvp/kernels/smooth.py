@@ -10,12 +10,12 @@ The steps of a flight are kept: they are its path, which searches for extrema an
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, sized
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
@@ -63,6 +63,7 @@ class SmoothFlight(NamedTuple):
     states: np.ndarray  # (ORDER + 1, N) scratch
     columns: np.ndarray  # (ORDER + 1, N, N) scratch
     inputs: np.ndarray  # (ORDER + 1, I, N) scratch
+    sums: np.ndarray  # (1, N) scratch
     scratch: np.ndarray  # of the potential's program
     parts: np.ndarray  # (I,) its arguments
     value: np.ndarray  # (1,) what it writes
@@ -85,7 +86,7 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights):
     size, inputs = len(matrix), len(rows)
     return SmoothFlight(
         matrix, rows, push, program, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
-        np.zeros((ORDER + 1, size)), np.zeros((ORDER + 1, size, size)), np.zeros((ORDER + 1, inputs, size)),
+        np.zeros((ORDER + 1, size)), np.zeros((ORDER + 1, size, size)), np.zeros((ORDER + 1, inputs, size)), np.zeros((1, size)),
         np.zeros(inputs + len(potential.constants) + len(potential.code)), np.zeros(inputs), np.zeros(1), np.zeros(size),
         np.zeros((STEPS, ORDER + 1)), np.zeros((STEPS, 2)), make_paths(flights, size),
     )  # fmt: skip
@@ -113,15 +114,15 @@ def smooth_rate(flight, z, least, out):
 
 
 @kernel
-def expand(flight, with_columns, least):
-    """The Taylor coefficients of state and columns about states[0] and columns[0]."""
-    matrix, rows, push, program, jets = flight.matrix, flight.rows, flight.push, flight.program, flight.jets
-    states, columns, inputs = flight.states, flight.columns, flight.inputs
+def expand(flight, least):
+    """The Taylor coefficients of the state about states[0], and the jets of the forces."""
+    matrix, rows, push, program, jets, states = flight.matrix, flight.rows, flight.push, flight.program, flight.jets, flight.states
     size = matrix.shape[0]
     n = size // 2
     for k in range(ORDER):
         z = states[k]
         after = states[k + 1]
+        part = 1.0 / (k + 1)
         for i in range(rows.shape[0]):
             total = 0.0
             for r in range(size):
@@ -129,52 +130,90 @@ def expand(flight, with_columns, least):
             jets[i, k] = total
         extend_jets(program, jets, k, least)
         for r in range(n):
-            after[r] = z[n + r] / (k + 1)
+            after[r] = part * z[n + r]
             total = 0.0
             for c in range(size):
                 total += matrix[n + r, c] * z[c]
             for f in range(push.shape[1]):
                 total += push[r, f] * jets[program.forces[f], k]
-            after[n + r] = total / (k + 1)
-        if not with_columns:
-            continue
-        x = columns[k]
-        later = columns[k + 1]
+            after[n + r] = part * total
+
+
+@inlined
+def _expand_columns(flight, columns, inputs, sums):
+    """The Taylor coefficients of `columns`, about columns[0], from the jets of the derivatives of the forces. sums (1, N): scratch."""
+    matrix, rows, push, slopes, jets = flight.matrix, flight.rows, flight.push, flight.program.slopes, flight.jets
+    size = columns.shape[2]
+    n = size // 2
+    for k in range(ORDER):
         for i in range(rows.shape[0]):
             for c in range(size):
-                total = 0.0
-                for r in range(size):
-                    total += rows[i, r] * x[r, c]
-                inputs[k, i, c] = total
+                inputs[k, i, c] = 0.0
+            for r in range(size):
+                factor = rows[i, r]
+                for c in range(size):
+                    inputs[k, i, c] += factor * columns[k, r, c]
+        part = 1.0 / (k + 1)
         for r in range(n):
             for c in range(size):
-                later[r, c] = x[n + r, c] / (k + 1)
-                later[n + r, c] = 0.0
+                columns[k + 1, r, c] = part * columns[k, n + r, c]
+                columns[k + 1, n + r, c] = 0.0
             for s in range(size):
-                factor = matrix[n + r, s]
+                factor = part * matrix[n + r, s]
                 if factor != 0.0:
                     for c in range(size):
-                        later[n + r, c] += factor * x[s, c]
-        for d in range(program.slopes.shape[0]):
-            slope = jets[program.slopes[d, 2]]
-            i = program.slopes[d, 1]
-            # The product's coefficient is summed in the row that the last coefficient has room for.
-            total_row = columns[ORDER, 0]
+                        columns[k + 1, n + r, c] += factor * columns[k, s, c]
+        for d in range(slopes.shape[0]):
+            i = slopes[d, 1]
+            slope = jets[slopes[d, 2]]
             for c in range(size):
-                total_row[c] = 0.0
+                sums[0, c] = 0.0
             for j in range(k + 1):
                 factor = slope[j]
-                line = inputs[k - j, i]
                 for c in range(size):
-                    total_row[c] += factor * line[c]
+                    sums[0, c] += factor * inputs[k - j, i, c]
             for r in range(n):
-                factor = push[r, program.slopes[d, 0]]
+                factor = part * push[r, slopes[d, 0]]
                 if factor != 0.0:
                     for c in range(size):
-                        later[n + r, c] += factor * total_row[c]
-        for r in range(n):
-            for c in range(size):
-                later[n + r, c] /= k + 1
+                        columns[k + 1, n + r, c] += factor * sums[0, c]
+
+
+@inlined
+def _advance_columns(columns, h, out):
+    """columns[0] = the polynomials at h. out (N, N): scratch."""
+    size = columns.shape[2]
+    for r in range(size):
+        for c in range(0, size, 2):
+            first = columns[ORDER, r, c]
+            second = columns[ORDER, r, c + 1]
+            for k in range(ORDER - 1, -1, -1):
+                first = first * h + columns[k, r, c]
+                second = second * h + columns[k, r, c + 1]
+            out[r, c] = first
+            out[r, c + 1] = second
+    for r in range(size):
+        for c in range(size):
+            columns[0, r, c] = out[r, c]
+
+
+@kernel
+def expand_columns(flight):
+    """The Taylor coefficients of the columns about columns[0]; those of the state are known."""
+    if flight.matrix.shape[0] == 4:
+        # The compiler unrolls loops along four entries.
+        _expand_columns(flight, sized(flight.columns, 4), sized(flight.inputs, 4), sized(flight.sums, 4))
+    else:
+        _expand_columns(flight, flight.columns, flight.inputs, flight.sums)
+
+
+@kernel
+def advance_columns(columns, h, out):
+    """See `_advance_columns`."""
+    if out.shape[0] == 4:
+        _advance_columns(sized(columns, 4), h, sized(out, 4))
+    else:
+        _advance_columns(columns, h, out)
 
 
 @inlined
@@ -236,14 +275,16 @@ def _step_length(states, columns, with_columns, left):
             if last > 0.0:
                 length = min(length, (TRUNCATION * reached / last) ** (1.0 / k))
     if with_columns:
+        power = length ** (ORDER - 1)
         for c in range(size):
             first = 0.0
             last = 0.0
             for r in range(n, size):
                 first = max(first, abs(columns[0, r, c]), abs(columns[1, r, c]) * length)
                 last = max(last, abs(columns[ORDER - 1, r, c]))
-            if last * length ** (ORDER - 1) > TRUNCATION * first and first > 0.0:
+            if last * power > TRUNCATION * first and first > 0.0:
                 length = min(length, (TRUNCATION * first / last) ** (1.0 / (ORDER - 1)))
+                power = length ** (ORDER - 1)
     return length, reached
 
 
@@ -277,7 +318,9 @@ def fly_smooth(flight, slot, z, t, with_columns):
         for r in range(n, size):
             largest = max(largest, abs(change[r]))
         least = NONE_LEFT * largest
-        expand(flight, with_columns, least)
+        expand(flight, least)
+        if with_columns:
+            expand_columns(flight)
         length, speed = _step_length(states, columns, with_columns, abs(t) - at)
         if not length > 0.0:
             paths.steps[slot, 0] = -1
@@ -304,12 +347,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
         horner(states, h, state)
         copy_1(state, states[0])
         if with_columns:
-            for r in range(size):
-                for c in range(size):
-                    total = columns[ORDER, r, c]
-                    for k in range(ORDER - 1, -1, -1):
-                        total = total * h + columns[k, r, c]
-                    columns[0, r, c] = total
+            advance_columns(columns, h, paths.maps[slot])
     copy_1(states[0], state)
     for r in range(size):
         copy_1(columns[0, r], paths.maps[slot, r])
@@ -464,7 +502,7 @@ class SmoothTrack(NamedTuple):
     projected: np.ndarray  # (STEPS, ORDER + 1) its coefficients
     bounds: np.ndarray  # (STEPS, 2) bounds of |f''| and |f'''| in each step
     times: np.ndarray  # (STEPS + 1,) at which the steps begin
-    steps: int
+    steps: Any
     level: float  # bound of |f|
     duration: float  # of the flight
 
