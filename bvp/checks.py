@@ -215,7 +215,7 @@ def refuse_unknown(given: Mapping[str, Any], known: Sequence[str], where: str) -
             raise InvalidSystem(f"unknown key {shown(key)} in {where}; nearest known: {near[0] if near else ', '.join(known)}")
 
 
-def require_system(system: Any, *, conservative: str = "", two_dof: str = "", advice: str = "") -> None:
+def require_system(system: Any, *, conservative: str = "", two_dof: str = "", advice: str = "", smooth: bool = False) -> None:
     """Refuse what is no `bvp.system.ImpactSystem`, for which a scene or a name is easily taken, and systems that a method does not cover.
 
     Parameters
@@ -224,6 +224,8 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
         Beginning of the message if the method needs a conservative system, or two degrees of freedom and one stop. Empty: it does not.
     advice : str
         End of the message on degrees of freedom and stops.
+    smooth : bool
+        Whether the method uses springs and dampers that are not linear. Else a system with one is refused.
 
     Raises
     ------
@@ -237,6 +239,9 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
     reason = system.why_not_conservative() if conservative else None
     if reason is not None:
         raise ValueError(f"{conservative} need a conservative system: {reason}; its motion is for saltus run")
+    reason = None if smooth else system.why_not_linear()
+    if reason is not None:
+        raise ValueError(f"{reason}, and this computation has linear flights only; expected linear springs and dampers between stops")
     if two_dof and system.degrees_of_freedom != 2:
         raise ValueError(f"{two_dof} two degrees of freedom; this system has {system.degrees_of_freedom}{advice and ': ' + advice}")
     if two_dof and len(system.stops) != 1:

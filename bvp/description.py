@@ -11,14 +11,17 @@ from typing import Any
 import numpy as np
 
 from bvp.checks import InvalidSystem
+from bvp.entries import exact
 from bvp.expressions import FUNCTIONS, is_plain
 from bvp.forcing import Constant, Force, Harmonic, Record, ground_load
+from bvp.springs import Damper, Spring, element_from
 from bvp.system import MODELS, ImpactSystem
 from bvp.texts import shown
 
 __all__ = [
-    "BASE", "FORCE", "RESERVED", "force_from", "leaves", "mapped", "names_in", "ordered_by_dependence", "own_parameters", "require_name",
-]
+    "BASE", "FORCE", "RESERVED", "elements_from", "force_from", "leaves", "mapped", "names_in", "ordered_by_dependence",
+    "own_parameters", "parts_from", "require_name",
+]  # fmt: skip
 
 BASE = "w"
 """The parameter of which ``harmonic`` gives the multiple. If the loads have one frequency, a number, it is this parameter."""
@@ -29,13 +32,21 @@ RESERVED = ("energy", "quarter_period")
 FORCE = ("load", "ground", "amplitude", "phase", "frequency", "harmonic", "constant", "cosine", "sine", "times", "values", "scale")
 """Keys of a load."""
 
-_PLAIN = ("model", "names", "name", "c", "coordinates", "times", "values", "harmonic")
+_TEXTS = ("potential", "force")
+"""Keys of springs and dampers whose text is an expression of coordinates too. Its parameters are given beside it."""
+
+_PLAIN = ("model", "names", "name", "c", "coordinates", "times", "values", "harmonic", "between", "on", "nonlinear_only", *_TEXTS)
 """Keys of a description whose content has no expressions."""
 
 
 def own_parameters(system: dict[str, Any], forces: list[dict[str, Any]], table: Mapping[str, Any]) -> dict[str, float]:
-    """The values of parameters of themselves: those of the model, and the one frequency of the loads. Their names replace their numbers."""
+    """The values of parameters of themselves: those of the model, and the one frequency of the loads. Their names replace their numbers.
+
+    Springs and dampers with expressions of coordinates gain a table of the parameters in these."""
     found: dict[str, float] = {}
+    for key in {"springs", "dampers"} & system.keys():
+        named = dict(system.get("coordinates", {})).get("names") or [f"u{k}" for k, _ in enumerate(system.get("mass", ()), 1)]
+        system[key] = _with_text_parameters(system[key], [*table], named)
     if system.get("model") in MODELS:
         defaults = MODELS[system["model"]].make().parameters or {}
         for name in MODELS[system["model"]].domains:
@@ -52,6 +63,48 @@ def own_parameters(system: dict[str, Any], forces: list[dict[str, Any]], table: 
             if "frequency" in force:
                 force["frequency"] = BASE
     return found
+
+
+def _with_text_parameters(elements: Sequence[Mapping[str, Any]], known: Sequence[str], coordinates: Sequence[str]) -> list[dict[str, Any]]:
+    """Springs or dampers with tables of the parameters that are in their expressions.
+    Of {"on": "u1", "potential": "k*w**4"} it is {"k": "k"}: w is no parameter there."""
+    found = []
+    for element in elements:
+        own = {"w", "w_dot", *coordinates, *(f"{name}_dot" for name in coordinates)}
+        texts = [element[key] for key in _TEXTS if isinstance(element.get(key), str)]
+        names = sorted({name for text in texts for name in names_in(text)} & set(known) - own)
+        given = {name: name for name in names} | dict(element.get("parameters", {}))
+        found.append({**element, "parameters": given} if given else dict(element))
+    return found
+
+
+def elements_from(system: Mapping[str, Any], coordinates: Sequence[str]) -> dict[str, list[Any]]:
+    """The springs and dampers of a description, whose numbers can be expressions."""
+    kinds = {"springs": Spring, "dampers": Damper}
+    return {key: [element_from(kind, entry, coordinates) for entry in system.get(key, ())] for key, kind in kinds.items()}
+
+
+def parts_from(system: Mapping[str, Any], coordinates: Sequence[str]) -> dict[str, Any]:
+    """The matrices and stops of a description with matrices, of numbers and expressions; the linear parts of springs and dampers added."""
+    stops = [(s["c"], s.get("lower", -math.inf), s.get("upper", math.inf), s.get("restitution", 1.0)) for s in system.get("stops", ())]
+    zero = [[0.0] * len(system["mass"]) for _ in system["mass"]]
+    parts = {"mass": system["mass"], "damping": system.get("damping", zero), "stiffness": system["stiffness"], "stops": stops}
+    elements = elements_from(system, coordinates)
+    for key, name in (("springs", "stiffness"), ("dampers", "damping")):
+        if elements[key]:
+            from bvp.smooth_forces import linear_part
+
+            parts[name] = _added(parts[name], linear_part(elements[key], coordinates).tolist())
+    return parts
+
+
+def _added(matrix: Sequence[Sequence[Any]], part: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """The sum of two matrices of numbers and expressions. Numbers are added as those of a system are."""
+
+    def plus(a: Any, b: Any) -> Any:
+        return a + b if isinstance(a, int | float) and isinstance(b, int | float) else exact(a) + exact(b)
+
+    return [[plus(a, b) for a, b in zip(*rows, strict=True)] for rows in zip(matrix, part, strict=True)]
 
 
 def force_from(load: Mapping[str, Any], system: ImpactSystem) -> Force:
@@ -74,7 +127,10 @@ def leaves(node: Any, where: str) -> Iterator[tuple[str, str]]:
         yield node, where
     elif isinstance(node, Mapping):
         for key, inner in node.items():
-            if key not in _PLAIN:
+            if key == "parameters":
+                for name, value in inner.items():
+                    yield from leaves(value, f"parameter {name} of {where}")
+            elif key not in _PLAIN:
                 yield from leaves(inner, key if where == "the system" else f"{key} of {where}")
     elif isinstance(node, Sequence):
         for k, inner in enumerate(node, 1):
@@ -89,7 +145,9 @@ def mapped(node: Any, function: Callable[[str], Any]) -> Any:
     if isinstance(node, str):
         return function(node)
     if isinstance(node, Mapping):
-        return {key: inner if key in _PLAIN else mapped(inner, function) for key, inner in node.items()}
+        own = {name: mapped(value, function) for name, value in node.get("parameters", {}).items()}
+        found = {key: inner if key in _PLAIN else mapped(inner, function) for key, inner in node.items() if key != "parameters"}
+        return found | ({"parameters": own} if own else {})
     if isinstance(node, Sequence):
         return [mapped(inner, function) for inner in node]
     return node

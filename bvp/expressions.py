@@ -50,7 +50,9 @@ def is_plain(name: str) -> bool:
     return name.isidentifier() and "__" not in name
 
 
-def parsed(text: str, what: str, values: Mapping[Any, Any] | None = None, *, exact: bool = False) -> Any:
+def parsed(
+    text: str, what: str, values: Mapping[Any, Any] | None = None, *, exact: bool = False, largest_power: int = LARGEST_POWER
+) -> Any:
     """Text as a sympy expression.
 
     Parameters
@@ -62,6 +64,8 @@ def parsed(text: str, what: str, values: Mapping[Any, Any] | None = None, *, exa
         Values of symbols. The size of a power depends on them.
     exact : bool
         A decimal number is the rational number that it spells, not the nearest float.
+    largest_power : int
+        Largest number in an exponent.
 
     Raises
     ------
@@ -79,12 +83,12 @@ def parsed(text: str, what: str, values: Mapping[Any, Any] | None = None, *, exa
     import sympy
 
     with sympy.evaluate(False):
-        unevaluated = _parsed(text, what, exact)
+        unevaluated = _parsed(text, what, exact, largest_power)
     require_small(unevaluated, what, values or {})
-    return _parsed(text, what, exact)
+    return _parsed(text, what, exact, largest_power)
 
 
-def _parsed(text: str, what: str, exact: bool) -> Any:
+def _parsed(text: str, what: str, exact: bool, largest_power: int) -> Any:
     import sympy
     from sympy.parsing.sympy_parser import auto_number, parse_expr
 
@@ -97,7 +101,7 @@ def _parsed(text: str, what: str, exact: bool) -> Any:
     except (ValueError, RecursionError, MemoryError):
         raise ExpressionError(f"{unread}: too long, or no text") from None
     for node in parts:
-        refused = _refused(node)
+        refused = _refused(node, largest_power)
         if refused:
             raise ExpressionError(f"{unread}: {refused}")
     names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
@@ -110,7 +114,7 @@ def _parsed(text: str, what: str, exact: bool) -> Any:
         raise ExpressionError(f"{unread}: {error}") from None
 
 
-def _refused(node: ast.AST) -> str | None:
+def _refused(node: ast.AST, largest_power: int) -> str | None:
     """Why a part of a text's syntax tree is not plain arithmetic, None where it is."""
     if isinstance(node, ast.Name):
         return None if is_plain(node.id) else f"the name {node.id} is not allowed"
@@ -128,8 +132,8 @@ def _refused(node: ast.AST) -> str | None:
         parts = list(ast.walk(node.right))
         numbers = [abs(part.value) for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, (int, float))]
         plain = len(numbers) <= 2 and not any(isinstance(part, ast.Pow) for part in parts)
-        good = plain and max(numbers, default=0) <= LARGEST_POWER
-        return None if good else f"a power is at most {LARGEST_POWER}, without powers in it"
+        good = plain and max(numbers, default=0) <= largest_power
+        return None if good else f"a power is at most {largest_power}, without powers in it"
     return None if isinstance(node, ARITHMETIC) else "only + - * / **, numbers, names and functions are allowed"
 
 

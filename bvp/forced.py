@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bvp.checks import require_system
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_pressing
 from bvp.forced_modes import ModeTable
@@ -88,6 +89,7 @@ class ForcedProblem:
         self.parametric = parametric
         self.values = parametric.at(values)
         self.system = system = parametric.system(self.values)
+        require_system(system)
         self.sequence = tuple(sequence)
         self.released = tuple(released)
         self.load_periods, self.half = load_periods, half

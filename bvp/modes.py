@@ -85,7 +85,10 @@ def system_modes(system: Any) -> Modes:
         for side, sign, bound in ((-1.0, "-", stop.lower), (1.0, "+", stop.upper)):
             if np.isfinite(bound):
                 contacts.append((gap, rate, acceleration, side, bound, push, stop.restitution, k, letter + sign))
-    *arrays, stops, letters = zip(*contacts, strict=True)
+    # Without stops: the same arrays, of no contacts.
+    rows, numbers = np.zeros((0, 2 * n)), np.zeros(0)
+    none: tuple[Any, ...] = (rows, rows, rows, numbers, numbers, rows, numbers, (), ())
+    *arrays, stops, letters = zip(*contacts, strict=True) if contacts else none
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
     # Contiguous copies without negative zeros.
     own = {name: np.array(values, order="C") + 0 for name, values in vars(blocks).items() if name != "layout"}
@@ -95,7 +98,7 @@ def system_modes(system: Any) -> Modes:
         frequencies=np.sqrt(np.where(squares < 0.0, np.nan, squares)),
         squares=squares,
         flight=Flight(own["pairs"], own["mean"], own["delta"], own["matrix"]),
-        contacts=Contacts(*(np.array(values, order="C") + 0 for values in arrays)),
+        contacts=Contacts(*(np.array(values, dtype=float, order="C") + 0 for values in arrays)),
         contact_stop=np.array(stops, dtype=np.int64),
         contact_opposite=np.array(opposite, dtype=np.int64),
         contact_letters=letters,

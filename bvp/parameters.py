@@ -25,6 +25,7 @@ from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
     from bvp.kernels.expressions import Program
+    from bvp.smooth_forces import SmoothForces
 
 __all__ = ["ParametricSystem", "Released"]
 
@@ -234,6 +235,21 @@ class ParametricSystem:
         """The loads at values of the parameters; errors as for `system`."""
         return self._defaults[1] if not values else self._made(values)[1]
 
+    def smooth_forces(
+        self, values: Mapping[str, float] | None = None, released: Sequence[str] = ()
+    ) -> tuple[SmoothForces | None, list[Any]]:
+        """The forces of springs and dampers that are not linear, in which released parameters are symbols, and these symbols."""
+        from bvp.description import elements_from
+        from bvp.smooth_forces import smooth_forces
+
+        at = self.at(values)
+        for name in released:
+            self._require_known(name)
+        fixed = {self._symbols[name]: exact(value) for name, value in at.items() if name not in released}
+        description = mapped(self._system, lambda text: self._expressions[text].xreplace(fixed))
+        coordinates = self.system().coordinates
+        return smooth_forces(**elements_from(description, coordinates), coordinates=coordinates), [self._symbols[name] for name in released]
+
     def violation(self, values: Mapping[str, float] | None = None) -> str | None:
         """Why the parameters cannot have these values, None if they can."""
         try:
@@ -426,6 +442,8 @@ class ParametricSystem:
     def _entries(self) -> tuple[EntryLayout, list[Any]]:
         from sympy import cos, sin
 
+        from bvp.description import parts_from
+
         read = self._expressions.__getitem__
         content = mapped(self._system, read)
         if "model" in content:
@@ -433,9 +451,7 @@ class ParametricSystem:
             default = model.make().parameters or {}
             parts = model.parts(**{name: exact(content.get(name, default[name])) for name in model.domains})
         else:
-            stops = [(s["c"], s.get("lower", -math.inf), s.get("upper", math.inf), s.get("restitution", 1.0)) for s in content["stops"]]
-            zero = [[0.0] * len(content["mass"]) for _ in content["mass"]]
-            parts = {"mass": content["mass"], "damping": content.get("damping", zero), "stiffness": content["stiffness"], "stops": stops}
+            parts = parts_from(content, self.system().coordinates)
         loads = []
         for force, given in zip(self._forces, (mapped(force, read) for force in self._forces), strict=True):
             if "times" in force:

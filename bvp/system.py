@@ -1,7 +1,7 @@
-"""Impacting systems: linear dynamics M u'' + C u' + K u = 0 between rigid stops. The input is checked on construction.
+"""Impacting systems: dynamics M u'' + C u' + K u = 0 between rigid stops, linear but for springs and dampers that are not.
 
-A `Stop` bounds one gap coordinate w = c . u on one or both sides; at a bound the velocity jumps along M^-1 c with Newton's
-restitution. An `ImpactSystem` carries the three matrices, the stops and the names of the coordinates.
+The input is checked on construction. A `Stop` bounds one gap coordinate w = c . u on one or both sides; at a bound the velocity jumps along
+M^-1 c with Newton's restitution. An `ImpactSystem` carries the three matrices, the stops, springs and dampers, and the coordinates' names.
 """
 
 from __future__ import annotations
@@ -12,18 +12,22 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bvp.blocks import Matrices
 from bvp.checks import EPSILON, SMALLEST, InvalidSystem, checked_number, read_only, reals, refuse_unknown, square
 from bvp.modes import repeated_contacts, system_modes
+from bvp.springs import Damper, Spring, element_from, is_nonlinear
 from bvp.texts import brief, listed, shown
+
+if TYPE_CHECKING:
+    from bvp.smooth_forces import SmoothForces
 
 __all__ = ["ImpactSystem", "InvalidSystem", "Stop", "vibro_impact_nes"]
 
-SYSTEM_KEYS = ("mass", "damping", "stiffness", "stops", "coordinates")
+SYSTEM_KEYS = ("mass", "damping", "stiffness", "stops", "coordinates", "springs", "dampers")
 STOP_KEYS = ("c", "lower", "upper", "restitution", "name")
 """Keys of the description of a system without a model, and of a stop."""
 
@@ -104,22 +108,24 @@ class ImpactSystem(Matrices):
     stiffness : (n, n) array_like
         K, symmetric; it may be semidefinite (rigid-body modes) or indefinite.
     stops : sequence of Stop
-        At least one.
+        At least one if there are no springs.
     coordinates : sequence of n str
         Names of the displacements; default u1, u2, ...
     absorber, primary : int, str or None
         The coordinate of the nonlinear energy sink and that of the linear oscillator, where the system has them: an index or a name.
     model, parameters : str, mapping or None
         The named model that made the system and its parameters, for `describe`.
+    springs, dampers : sequence of bvp.springs.Spring, of bvp.springs.Damper
+        Their linear parts are added to K and C, and those kept here have it no more (`nonlinear_only`).
 
     Attributes
     ----------
     degrees_of_freedom : int
         n, the number of displacements.
     is_conservative : bool
-        True where nothing loses or gains energy: no damping, restitution 1 at every stop.
+        True where nothing loses or gains energy: no damping, restitution 1 at every stop, springs with a potential.
     has_odd_symmetry : bool
-        True where u -> -u is a symmetry: every stop has lower == -upper.
+        True where u -> -u is a symmetry: every stop has lower == -upper, and the forces of springs and dampers are odd.
 
     Raises
     ------
@@ -142,6 +148,8 @@ class ImpactSystem(Matrices):
     primary: int | None = None
     model: str | None = None
     parameters: Mapping[str, float] | None = field(default=None, repr=False)
+    springs: tuple[Spring, ...] = ()
+    dampers: tuple[Damper, ...] = ()
     degrees_of_freedom: int = field(init=False, repr=False)
     is_conservative: bool = field(init=False, repr=False)
     has_odd_symmetry: bool = field(init=False, repr=False)
@@ -166,8 +174,8 @@ class ImpactSystem(Matrices):
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
         stops = (self.stops,) if isinstance(self.stops, Stop) else self.stops
-        if not isinstance(stops, Sequence) or not stops or not all(isinstance(stop, Stop) for stop in stops):
-            raise InvalidSystem("stops is a list of at least one Stop")
+        if not isinstance(stops, Sequence) or not all(isinstance(stop, Stop) for stop in stops) or not (stops or self.springs):
+            raise InvalidSystem("stops is a list of at least one Stop, or springs one of at least one Spring")
         if len(stops) > 26:
             raise InvalidSystem(f"at most 26 stops can be named a to z; received {len(stops)}")
         taken = [stop.name for stop in stops if stop.name]
@@ -203,18 +211,54 @@ class ImpactSystem(Matrices):
         if self.absorber is not None and self.absorber == self.primary:
             raise InvalidSystem(f"absorber and primary are two coordinates; both are {names[self.absorber]}")
         object.__setattr__(self, "degrees_of_freedom", n)
+        if self.springs or self.dampers:
+            self._take_linear_parts()
         object.__setattr__(self, "is_conservative", self.why_not_conservative() is None)
-        object.__setattr__(self, "has_odd_symmetry", all(stop.lower == -stop.upper for stop in self.stops))
+        odd = all(stop.lower == -stop.upper for stop in self.stops) and (self.smooth is None or self.smooth.is_odd)
+        object.__setattr__(self, "has_odd_symmetry", odd)
+
+    def _take_linear_parts(self) -> None:
+        """Add the linear parts of springs and dampers to K and C, once."""
+        from bvp.smooth_forces import linear_part
+
+        n = self.degrees_of_freedom
+        for key, cls, name in (("springs", Spring, "stiffness"), ("dampers", Damper, "damping")):
+            elements = getattr(self, key)
+            if not isinstance(elements, Sequence) or not all(isinstance(element, cls) for element in elements):
+                raise InvalidSystem(f"{key} is a list of {cls.__name__}; received {shown(elements)}")
+            for element in elements:
+                if element.row and len(element.row) != n:
+                    raise InvalidSystem(f"the row of {element.place()} has {len(element.row)} entries; the system has {n} coordinates")
+            if not all(element.nonlinear_only for element in elements):
+                total = getattr(self, name) + linear_part(elements, self.coordinates)
+                object.__setattr__(self, name, read_only(square(total, name, n, symmetric=name == "stiffness")))
+            object.__setattr__(self, key, tuple(replace(element, nonlinear_only=True) for element in elements))
+
+    @cached_property
+    def smooth(self) -> SmoothForces | None:
+        """The forces of springs and dampers that are not linear; None if all are, and nothing is loaded for them."""
+        if self.why_not_linear() is None:
+            return None
+        from bvp.smooth_forces import smooth_forces
+
+        return smooth_forces(self.springs, self.dampers, self.coordinates)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in vars(self).items() if key != "smooth"}  # compiled expressions have no copy
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         stops = [f"{stop.name}: {stop.lower:g} to {stop.upper:g}, restitution {stop.restitution:g}" for stop in self.stops]
         parameters = ", ".join(f"{key} = {value:g}" for key, value in (self.parameters or {}).items())
         model = [("model", f"{self.model}: {parameters}")] if "model" in self.describe() else []
         title = f"ImpactSystem with {self.degrees_of_freedom} degrees of freedom"
-        return title, [*model, ("coordinates", listed(self.coordinates)), ("stops", listed(stops, 3))]
+        elements = [element.place(self.coordinates) for element in (*self.springs, *self.dampers)]
+        rows = [*model, ("coordinates", listed(self.coordinates)), ("stops", listed(stops, 3))]
+        return title, [*rows, ("springs", listed(elements, 3))] if elements else rows
 
     def energy(self, u: Any, v: Any) -> Any:
-        """Kinetic and elastic energy (v M v + u K u)/2 of displacements and velocities (..., n).
+        """Kinetic and elastic energy (v M v + u K u)/2 of displacements and velocities (..., n), and the potential of nonlinear springs.
+
+        A spring that has no potential adds nothing.
 
         Examples
         --------
@@ -223,6 +267,8 @@ class ImpactSystem(Matrices):
         """
         u, v = reals(u), reals(v)
         total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
+        if self.smooth is not None and self.smooth.potential is not None:
+            total = total + self.smooth.energy(u)
         return float(total) if np.ndim(total) == 0 else total
 
     def why_not_conservative(self) -> str | None:
@@ -237,6 +283,15 @@ class ImpactSystem(Matrices):
                 + ("" if i == j else f" through {self.coordinates[j]}")
                 + f" (coefficient {self.damping[i, j]:g})"
             )
+        if self.smooth is not None:
+            return self.smooth.why_dissipative or self.smooth.why_no_potential
+        return None
+
+    def why_not_linear(self) -> str | None:
+        """Which spring or damper is not linear, or None."""
+        for element in (*self.springs, *self.dampers):
+            if element.text or is_nonlinear(element):
+                return f"{element.place(self.coordinates)} is not linear"
         return None
 
     @property
@@ -252,7 +307,7 @@ class ImpactSystem(Matrices):
             return self
         stops = tuple(replace(stop, restitution=1.0) for stop in self.stops)
         parameters = self.parameters and {**self.parameters, "lam": 0.0, "rho": 1.0}
-        return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters)
+        return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters, dampers=())
 
     smooth_forces = None
 
@@ -265,7 +320,8 @@ class ImpactSystem(Matrices):
             # `dataclasses.replace` may have changed the system, and then it is no longer that of its model.
             other = MODELS[self.model].make(**self.parameters)
             same = all(np.array_equal(getattr(self, key), getattr(other, key)) for key in ("mass", "damping", "stiffness"))
-            if same and all(getattr(self, key) == getattr(other, key) for key in ("stops", "coordinates", "absorber", "primary")):
+            others = ("stops", "coordinates", "absorber", "primary", "springs", "dampers")
+            if same and all(getattr(self, key) == getattr(other, key) for key in others):
                 return {"model": self.model, **{key: float(value) for key, value in self.parameters.items()}}
         stops = []
         for stop in self.stops:
@@ -283,6 +339,7 @@ class ImpactSystem(Matrices):
             "stiffness": self.stiffness.tolist(),
             "stops": stops,
             "coordinates": names,
+            **{key: [element.describe() for element in getattr(self, key)] for key in ("springs", "dampers") if getattr(self, key)},
         }
 
     @classmethod
@@ -292,7 +349,8 @@ class ImpactSystem(Matrices):
         Parameters
         ----------
         description : mapping
-            Either `model` and its parameters, or `mass`, `stiffness`, `stops` and optionally `damping` and `coordinates`.
+            Either `model` and its parameters, or `mass`, `stiffness`, `stops` and optionally `damping` and `coordinates`. With `springs`
+            there can be no `stops`.
 
         Raises
         ------
@@ -314,6 +372,8 @@ class ImpactSystem(Matrices):
             refuse_unknown(given, tuple(MODELS[name].domains), f"model {name}")
             return MODELS[name].make(**given)
         refuse_unknown(given, SYSTEM_KEYS, "the system")
+        if "springs" in given:
+            given.setdefault("stops", ())
         for key in ("mass", "stiffness", "stops"):
             if key not in given:
                 raise InvalidSystem(f"the system lacks {key!r}; give mass, stiffness and stops, or a model")
@@ -331,12 +391,19 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem("a stop lacks its gap row 'c'")
             stops.append(Stop(entry["c"], **{key: value for key, value in entry.items() if key != "c"}))
         damping = given.get("damping", np.zeros(np.shape(given["stiffness"])))
-        places = {key: names.get(key) for key in ("absorber", "primary")}
-        return cls(given["mass"], damping, given["stiffness"], tuple(stops), names.get("names", ()), **places)
+        places: dict[str, Any] = {key: names.get(key) for key in ("absorber", "primary")}
+        elements: dict[str, Any] = {}
+        for key, kind in (("springs", Spring), ("dampers", Damper)):
+            entries = given.get(key, ())
+            if isinstance(entries, (str, Mapping)) or not isinstance(entries, Sequence):
+                raise InvalidSystem(f"{key} is a list of tables; received {shown(entries)}")
+            known = names.get("names", ()) or [f"u{k}" for k, _ in enumerate(given["mass"], 1)] if entries else ()
+            elements[key] = tuple(element_from(kind, entry, known) for entry in entries)
+        return cls(given["mass"], damping, given["stiffness"], tuple(stops), names.get("names", ()), **places, **elements)
 
     @classmethod
     def from_lagrangian(cls, *arguments: Any, **options: Any) -> ImpactSystem:
-        """The linear system of kinetic and potential energy given as sympy expressions: see `bvp.lagrangian.parts_from_lagrangian`."""
+        """The system of kinetic and potential energy given as sympy expressions: see `bvp.lagrangian.parts_from_lagrangian`."""
         from bvp.lagrangian import parts_from_lagrangian
 
         parts = parts_from_lagrangian(*arguments, **options)

@@ -4,6 +4,7 @@ A scene is a TOML file. Unknown keys are refused.
 
 - ``[system]``: ``model = "vibro_impact_nes"`` with ``mu``, ``sigma``, ``lam``, ``rho``; or matrices ``mass``, ``damping``, ``stiffness``.
 - ``[[stops]]``, with matrices: ``c``, ``lower``, ``upper``, ``restitution``, ``name``.
+- ``[[springs]]`` and ``[[dampers]]``, with matrices: ``between``, ``on`` or ``c``, and a law (`bvp.springs`).
 - ``[coordinates]``, with matrices: ``names``, ``LO``, ``NES``; each of the last two is a name or a list of names.
 - ``[parameters]``: names with a number or an expression of others. Numbers of the tables above and of the loads can then be expressions.
 - ``[ground]`` and ``[[forces]]``: loads (`saltus.scene.reading`).
@@ -69,7 +70,10 @@ _MARK = Kind(
     default=(),
 )
 _COORDINATES = {"names": TEXTS._replace(default=()), "NES": _MARK, "LO": _MARK}
-_KEYS = ("parameters", "system", "stops", "coordinates", "ground", "forces", "bounds", "complete", "sections", "names", "title", "source")
+_KEYS = (
+    "parameters", "system", "stops", "springs", "dampers", "coordinates", "ground", "forces", "bounds", "complete", "sections", "names",
+    "title", "source",
+)  # fmt: skip
 
 
 @brief
@@ -159,13 +163,16 @@ class Scene:
         return {} if self.parametric is None else self.parametric.all_values()
 
     def require_used(self, what: str, uses: tuple[str, ...] = ()) -> None:
-        """Refuse a scene with loads that a computation does not use. Its result would belong to another system. `what` names the command or
-        function; `uses` are those of `LOADS` that it uses."""
+        """Refuse a scene with loads, or springs that are not linear, that a computation does not use. Its result would belong to another
+        system. `what` names the command or function; `uses` are those of `LOADS` that it uses, and ``springs``."""
         for name in self.loads:
             if name not in uses:
                 raise BadInput(
                     f"{what} computes motion without loads, and the scene has {LOADS[name]}; expected a scene without it, or saltus run"
                 )
+        reason = None if "springs" in uses else self.system.why_not_linear()
+        if reason is not None:
+            raise BadInput(f"{what} computes linear flights, and {reason}; expected a scene with linear [[springs]] and [[dampers]]")
 
     @property
     def bounds(self) -> dict[str, Any]:
@@ -268,8 +275,8 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
 def _system(
     scene: TomlTable, overrides: Mapping[str, float], folder: Path
 ) -> tuple[ImpactSystem, ParametricSystem, tuple[int, ...], tuple[int, ...]]:
-    """The system of ``[system]``, ``[[stops]]`` and ``[coordinates]``; the system with its loads and the overriding parameters; and the
-    indices of the coordinates of the NES and of the LO."""
+    """The system of ``[system]``, its stops, springs, dampers and ``[coordinates]``; the system with its loads and the overriding
+    parameters; and the indices of the coordinates of the NES and of the LO."""
     from bvp.parameters import ParametricSystem
     from bvp.system import MODELS, ImpactSystem
     from saltus.scene.reading import read_loads
@@ -279,8 +286,9 @@ def _system(
     model = description.get("model")
     if model is None:
         description |= {"stops": [stop.content for stop in scene.tables("stops")], "coordinates": {"names": marks["names"]}}
+        description |= {key: [table.content for table in scene.tables(key)] for key in ("springs", "dampers") if key in scene.content}
     else:
-        for other in ("stops", "coordinates"):
+        for other in ("stops", "springs", "dampers", "coordinates"):
             if other in scene.content:
                 raise BadInput(f"{scene.where}: [{other}] goes with matrices; model {model} brings its own")
     whole: dict[str, Any] = {"system": description}

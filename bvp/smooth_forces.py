@@ -1,0 +1,430 @@
+"""The smooth forces of a system: what is left of its springs and dampers without their linear parts, as expressions.
+
+Each input w_i is a row on the states (u, v), each force f_j acts along a row on the coordinates, and the left-hand side of
+M u'' + C u' + K u = 0 gains the sum of d_j f_j(w). The forces of springs are the gradient of a potential where they have one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from bvp.checks import InvalidSystem
+from bvp.entries import exact
+from bvp.expressions import ExpressionError, not_too_deep, parsed
+from bvp.jet_programs import even_power, jet_program, plain_powers, signed_power
+from bvp.kernels.expressions import Program
+from bvp.kernels.jets import JetProgram
+from bvp.programs import program_of
+from bvp.springs import Damper, Element, Spring, is_nonlinear, is_symbolic
+
+__all__ = ["SmoothForces", "linear_part", "smooth_forces", "why_not_smooth"]
+
+LARGEST_TEXT_POWER = 1000
+"""Largest number in an exponent of a potential or force given as text."""
+
+_NOT_SMOOTH = ("abs", "Abs", "sign", "sgn", "max", "Max", "min", "Min", "Heaviside", "Piecewise", "floor", "ceil", "ceiling")
+_CALLED = re.compile(rf"\b({'|'.join(_NOT_SMOOTH)})\s*\(")
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothForces:
+    """Forces f_j(w) of inputs w_i, for n coordinates.
+
+    Parameters
+    ----------
+    symbols : tuple of I sympy symbols
+        The inputs.
+    inputs : (I, 2 n) ndarray
+        Their rows on the states (u, v).
+    forces : tuple of F sympy expressions
+        Of the inputs, and of parameters if the springs have any.
+    directions : (F, n) ndarray
+        The rows along which they act: M u'' + C u' + K u + directions^T f = 0.
+    potential : sympy expression or None
+        Of the inputs; None if the springs have none, or none that can be found.
+    why_no_potential : str or None
+        Which springs have none.
+    why_dissipative : str or None
+        Which dampers lose or gain energy beside C.
+    """
+
+    symbols: tuple[Any, ...]
+    inputs: np.ndarray
+    forces: tuple[Any, ...]
+    directions: np.ndarray
+    potential: Any
+    why_no_potential: str | None
+    why_dissipative: str | None
+
+    @cached_property
+    def is_odd(self) -> bool:
+        """Whether the forces change their sign with the state."""
+        mirrored = {symbol: -symbol for symbol in self.symbols}
+        return all(_vanishes(force + force.xreplace(mirrored)) for force in self.forces)
+
+    def push(self, mass: np.ndarray) -> np.ndarray:
+        """The accelerations (n, F) of unit forces."""
+        return -np.linalg.solve(mass, self.directions.T)
+
+    def program(self, parameters: Sequence[Any] = (), values: Sequence[float] = ()) -> tuple[JetProgram, Program]:
+        """The program of the forces' jets (`bvp.jet_programs.jet_program`). `parameters` are the sympy symbols in the forces."""
+        return jet_program(self.forces, self.symbols, parameters, values)
+
+    def energy_program(self, parameters: Sequence[Any] = ()) -> Program:
+        """The program (`bvp.kernels.expressions`) of the potential, of the inputs and then the parameters."""
+        return program_of([plain_powers(self._potential)], [*self.symbols, *parameters])
+
+    def energy(self, u: np.ndarray) -> Any:
+        """The potential at displacements (..., n), without the linear springs. A ValueError if there is none."""
+        rows = self.inputs[:, : u.shape[-1]]
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self._energy(*np.moveaxis(u @ rows.T, -1, 0)) + np.zeros(u.shape[:-1])
+
+    def acting(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The forces (..., n) on the coordinates at displacements and velocities (..., n), on the left-hand side."""
+        inputs = np.moveaxis(np.concatenate([u, v], axis=-1) @ self.inputs.T, -1, 0)
+        values = [force(*inputs) + np.zeros(u.shape[:-1]) for force in self._functions]
+        return np.stack(values, axis=-1) @ self.directions
+
+    @property
+    def _potential(self) -> Any:
+        if self.potential is None:
+            raise InvalidSystem(str(self.why_no_potential))
+        return self.potential
+
+    @cached_property
+    def _energy(self) -> Callable[..., Any]:
+        return _function(self.symbols, self._potential)
+
+    @cached_property
+    def _functions(self) -> list[Callable[..., Any]]:
+        return [_function(self.symbols, force) for force in self.forces]
+
+
+def smooth_forces(springs: Sequence[Spring], dampers: Sequence[Damper], coordinates: Sequence[str]) -> SmoothForces | None:
+    """The forces of springs and dampers without their linear parts; None if nothing is left.
+
+    Raises
+    ------
+    InvalidSystem
+        For an expression that cannot be read, is not smooth, or has a force at rest.
+
+    Examples
+    --------
+    >>> forces = smooth_forces([Spring((1.0, -1.0), polynomial=(1.0, 0.0, 4.0))], [], ["u1", "u2"])
+    >>> forces.forces, forces.potential, forces.directions.tolist(), forces.is_odd
+    ((4*@1**3,), @1**4, [[1.0, -1.0]], True)
+    >>> float(forces.energy(np.array([2.0, 1.0])))
+    1.0
+    """
+    collected = _Collected(coordinates)
+    with not_too_deep("a force"):
+        for element in (*springs, *dampers):
+            if element.text:
+                collected.add_text(element)
+            elif is_nonlinear(element):
+                collected.add_law(element)
+    return collected.result()
+
+
+def linear_part(elements: Sequence[Element], coordinates: Sequence[str]) -> Any:
+    """The stiffness of the linear parts of springs, or the damping of those of dampers, without those that leave it out.
+
+    Returns
+    -------
+    (n, n) ndarray
+        Floats; numbers and expressions of parameters if an element has any.
+
+    Examples
+    --------
+    >>> linear_part([Spring((1.0, -1.0), polynomial=(2.0, 0.0, 1.0)), Spring((1.0, 0.0), stiffness=1.0, power=3)], ["x", "y"])
+    array([[ 2., -2.],
+           [-2.,  2.]])
+    """
+    total = np.zeros((len(coordinates), len(coordinates)), dtype=object)
+    for element in elements:
+        if element.nonlinear_only:
+            continue
+        if element.text:
+            with not_too_deep("a force"):
+                total += _Collected(coordinates).add_text(element)
+        else:
+            row = np.array(element.row, dtype=object)
+            total += element.coefficients().get(1, 0.0) * np.outer(row, row)
+    symbolic = any(is_symbolic(entry) for entry in total.ravel())
+    return total if symbolic else np.array(total, dtype=float)
+
+
+def why_not_smooth(expression: Any) -> str | None:
+    """The first part of an expression that is not smooth at all real values, and at rest; None if all are.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> w = sympy.Symbol("w", real=True)
+    >>> why_not_smooth(w**4 + sympy.Abs(w)), why_not_smooth(w**sympy.Rational(5, 2)), why_not_smooth(sympy.sqrt(1 + w**2))
+    ('Abs(w)', 'w**(5/2)', None)
+    """
+    import sympy
+
+    corners = (sympy.Abs, sympy.sign, sympy.Max, sympy.Min, sympy.Heaviside, sympy.Piecewise, sympy.floor, sympy.ceiling, sympy.DiracDelta)
+    for part in sympy.preorder_traversal(expression):
+        if isinstance(part, corners):
+            return str(part)
+        if part.is_Pow and part.base.free_symbols and not (part.exp.is_Integer and part.exp >= 0):
+            rest = part.base.xreplace({symbol: sympy.Integer(0) for symbol in part.base.free_symbols})
+            if rest == 0:
+                return str(part)
+    return None
+
+
+class _Collected:
+    """Collects the forces, by the row along which they act."""
+
+    def __init__(self, coordinates: Sequence[str]):
+        self.coordinates = tuple(coordinates)
+        self.symbols: dict[tuple[float, ...], Any] = {}
+        self.forces: dict[tuple[float, ...], Any] = {}
+        self.potential: Any = 0
+        self.unknown: str | None = None
+        self.dissipative: str | None = None
+        self.coupled: list[Any] = [0] * len(coordinates)
+        """Forces of the coordinates whose potential is not known."""
+
+    def input(self, row: Sequence[float], order: int = 0) -> Any:
+        """The symbol of an input: a row on displacements, or on velocities (order 1)."""
+        import sympy
+
+        zeros = (0.0,) * len(self.coordinates)
+        key = (*zeros, *row) if order else (*row, *zeros)
+        # No name in an expression can be this one.
+        return self.symbols.setdefault(key, sympy.Symbol(f"@{len(self.symbols) + 1}", real=True))
+
+    def unit(self, k: int) -> tuple[float, ...]:
+        return tuple(float(i == k) for i in range(len(self.coordinates)))
+
+    def add(self, direction: tuple[float, ...], force: Any) -> None:
+        if force != 0:
+            self.forces[direction] = self.forces.get(direction, 0) + force
+
+    def add_law(self, element: Element) -> None:
+        """A power or a polynomial."""
+        w = self.input(element.row, int(isinstance(element, Damper)))
+        terms = {k: exact(value) for k, value in element.coefficients().items() if k != 1}
+        if terms:
+            force = sum(value * w**k for k, value in terms.items())
+            potential = sum(value * w ** (k + 1) / (k + 1) for k, value in terms.items())
+        else:
+            value, power = exact(getattr(element, element.factor)), exact(element.power)
+            force, potential = value * signed_power(w, power), value * even_power(w, power + 1) / (power + 1)
+        self.add(element.row, force)
+        if isinstance(element, Spring):
+            self.potential += potential
+        else:
+            self.dissipative = self.dissipative or element.place(self.coordinates)
+
+    def add_text(self, element: Element) -> np.ndarray:
+        """An expression. Returns the stiffness or damping (n, n) of its linear part, which is left out."""
+        import sympy
+
+        n = len(self.coordinates)
+        expression, local = self._read(element)
+        place = element.place(self.coordinates)
+        order = int(isinstance(element, Damper))
+        if local:  # a function of w and its rate
+            directions, inputs = [element.row], [element.row]
+        else:
+            seen = expression.free_symbols
+            used = [k for k in range(n) if any(element.row[k : k + 1]) or {self.input(self.unit(k)), self.input(self.unit(k), 1)} & seen]
+            directions = inputs = [self.unit(k) for k in used]
+        symbols = [self.input(row, order) for row in inputs]
+        if isinstance(element, Spring) and element.potential:
+            forces = [expression.diff(symbol) for symbol in symbols]
+        elif local:
+            forces = [expression]
+        else:
+            forces = [exact(element.row[k]) * expression for k in used]
+        _require_at_rest(forces, symbols if order else [], place)
+        slopes = sympy.Matrix([[_at_rest(force.diff(symbol), place) for symbol in symbols] for force in forces])
+        linear = slopes if order else (slopes + slopes.T) / 2
+        rests = [_without(force, symbols, list(linear.row(k)), place) for k, force in enumerate(forces)]
+        for direction, rest in zip(directions, rests, strict=True):
+            self.add(direction, rest)
+        if isinstance(element, Damper):
+            if any(rest != 0 for rest in rests):
+                self.dissipative = self.dissipative or place
+        elif isinstance(element, Spring) and element.potential:
+            quadratic = sum(linear[i, j] * a * b for i, a in enumerate(symbols) for j, b in enumerate(symbols)) / 2
+            self.potential += expression - _at_rest(expression, place) - quadratic
+        elif local:
+            self._integrate(rests[0], symbols[0], place)
+        else:
+            for k, rest in zip(used, rests, strict=True):
+                self.coupled[k] += rest
+        rows = np.array(inputs, dtype=object)
+        return np.asarray(rows.T @ np.array(linear.tolist(), dtype=object).reshape(len(directions), len(inputs)) @ rows)
+
+    def _read(self, element: Element) -> tuple[Any, bool]:
+        """The expression of a text, and whether it is a function of w and its rate only."""
+        import sympy
+
+        place = element.place(self.coordinates)
+        law = "potential" if isinstance(element, Spring) and element.potential else "force"
+        what = f"the {law} of {place}"
+        found = _CALLED.search(element.text)
+        if found:
+            raise _not_smooth(what, f"{found[1]}(..)")
+        values = {sympy.Symbol(name): exact(value) for name, value in element.parameters.items()}
+        try:
+            expression = parsed(element.text, what, values, exact=True, largest_power=LARGEST_TEXT_POWER)
+        except ExpressionError as error:
+            raise InvalidSystem(str(error)) from None
+        names: dict[str, Any] = {"pi": sympy.pi}
+        own = ["w", "w_dot"] if isinstance(element, Damper) else ["w"]
+        everywhere = not element.row or law == "force"
+        rows = [(name, self.unit(k)) for k, name in enumerate(self.coordinates)] if everywhere else []
+        rates = [(f"{name}_dot", row) for name, row in rows] if isinstance(element, Damper) else []
+        known = [*(own if element.row else []), *(name for name, _ in (*rows, *rates)), *element.parameters]
+        used = {symbol.name for symbol in expression.free_symbols}
+        for name in sorted(used):
+            if name not in known and name != "pi":
+                near = get_close_matches(name, known, 1, 0.0)
+                expected = "neither a coordinate nor a parameter" if everywhere else "neither w nor a parameter"
+                raise InvalidSystem(f"{what} has the symbol {name}, which is {expected}; nearest: {near[0]}")
+        names |= {name: self.input(row) for name, row in rows if name in used}
+        names |= {name: self.input(row, 1) for name, row in rates if name in used}
+        local = not any(name in used for name, _ in (*rows, *rates) if name not in own or not element.row)
+        if element.row:
+            names |= {name: self.input(element.row, k) for k, name in enumerate(own) if name in used}
+        names |= {name: exact(value) for name, value in element.parameters.items() if name not in names}
+        expression = expression.xreplace({symbol: names[symbol.name] for symbol in expression.free_symbols})
+        part = why_not_smooth(expression)
+        if part is not None:
+            back = {symbol: sympy.Symbol(name) for name, symbol in names.items() if symbol in expression.free_symbols}
+            raise _not_smooth(what, str(expression.xreplace(back)) if part.count("@") else part)
+        return expression, local
+
+    def _integrate(self, force: Any, symbol: Any, place: str) -> None:
+        """Add the potential of a force along its input."""
+        import sympy
+
+        if not force.is_polynomial(symbol):
+            self.unknown = self.unknown or f"the potential of {place} is not known; expected potential = .. in place of force = .."
+        else:
+            self.potential += sympy.integrate(sympy.expand(force), symbol)
+
+    def _integrate_coupled(self) -> str | None:
+        """Add the potential of the coordinates' forces, the integral of u . G(s u) over s from 0 to 1. Returns why there is none."""
+        import sympy
+
+        moved = [k for k, force in enumerate(self.coupled) if force != 0 or self.unit(k) + (0.0,) * len(self.coordinates) in self.symbols]
+        symbols = [self.input(self.unit(k)) for k in moved]
+        for i, a in enumerate(moved):
+            for j, b in enumerate(moved[:i]):
+                if not _vanishes(sympy.diff(self.coupled[a], symbols[j]) - sympy.diff(self.coupled[b], symbols[i])):
+                    one, other = self.coordinates[b], self.coordinates[a]
+                    return f"the springs have no potential: the force on {one} changes with {other} unlike that on {other} with {one}"
+        work = sympy.expand(sum((x * self.coupled[k] for k, x in zip(moved, symbols, strict=True)), sympy.Integer(0)))
+        if work == 0:
+            return None
+        if not work.is_polynomial(*symbols):
+            names = ", ".join(self.coordinates[k] for k in moved)
+            return f"the potential of the springs on {names} is not known; expected potential = .. in place of force = .."
+        for powers, coefficient in sympy.Poly(work, *symbols).terms():
+            self.potential += coefficient * sympy.Mul(*(x**p for x, p in zip(symbols, powers, strict=True))) / sum(powers)
+        return None
+
+    def result(self) -> SmoothForces | None:
+        forces = {direction: force for direction, force in self.forces.items() if force != 0}
+        if not forces:
+            return None
+        why = self._integrate_coupled() or self.unknown
+        seen = set().union(*(force.free_symbols for force in forces.values()))
+        inputs = {row: symbol for row, symbol in self.symbols.items() if symbol in seen}
+        return SmoothForces(
+            tuple(inputs.values()),
+            np.array(list(inputs), dtype=float),
+            tuple(forces.values()),
+            np.array(list(forces), dtype=float),
+            None if why else self.potential,
+            why,
+            self.dissipative and f"{self.dissipative} loses energy",
+        )
+
+
+def _not_smooth(what: str, part: str) -> InvalidSystem:
+    expected = "expected smooth functions: a contact is a table [[stops]], k |w|^p sign w has power = p"
+    return InvalidSystem(f"{what} is not smooth, in {part}; {expected}")
+
+
+def _is_input(symbol: Any) -> bool:
+    return symbol.name.startswith("@")
+
+
+def _at_rest(expression: Any, place: str) -> Any:
+    """An expression where all inputs are 0."""
+    import sympy
+
+    value = expression.xreplace({symbol: sympy.Integer(0) for symbol in expression.free_symbols if _is_input(symbol)})
+    if value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I):
+        raise InvalidSystem(f"the force of {place} or its derivative is not finite at rest, where all coordinates are 0")
+    return value
+
+
+def _require_at_rest(forces: Sequence[Any], rates: Sequence[Any], place: str) -> None:
+    """Refuse forces at rest, and those of dampers that do not move."""
+    import sympy
+
+    for force in forces:
+        value = _at_rest(force, place)
+        if not _vanishes(value):
+            raise InvalidSystem(f"the force of {place} is {value} at rest, expected 0: a constant load is a table [[forces]]")
+        if rates and not _vanishes(force.xreplace({rate: sympy.Integer(0) for rate in rates})):
+            raise InvalidSystem(f"the force of {place} is not 0 without speed, expected a force that a table [[springs]] adds")
+
+
+def _without(force: Any, symbols: Sequence[Any], slopes: Sequence[Any], place: str) -> Any:
+    """A force without its linear part. A term without one is left as it is written."""
+    import sympy
+
+    rest: Any = 0
+    for term in sympy.Add.make_args(force):
+        own = [_at_rest(term.diff(symbol), place) for symbol in symbols]
+        line = sum((slope * symbol for slope, symbol in zip(own, symbols, strict=True)), sympy.Integer(0))
+        slopes = [slope - taken for slope, taken in zip(slopes, own, strict=True)]
+        if line != 0:
+            term = sympy.expand(term - line) if term.is_polynomial(*symbols) else term - line
+        rest += term
+    # What the symmetric part of the stiffness has and the force has not, or the other way.
+    return rest - sum((sympy.expand(slope) * symbol for slope, symbol in zip(slopes, symbols, strict=True)), sympy.Integer(0))
+
+
+def _vanishes(expression: Any) -> bool:
+    """Whether an expression is zero at all values of its symbols: after it is multiplied out, or at three points in thirty digits."""
+    import sympy
+
+    expanded = sympy.expand(expression)
+    if expanded == 0:
+        return True
+    symbols = sorted(expanded.free_symbols, key=str)
+    for point in range(1, 4):
+        at = {symbol: sympy.Rational(point * (2 * k + 7), 13 + 3 * k) * (-1) ** (k + point) for k, symbol in enumerate(symbols)}
+        parts = [plain_powers(part).xreplace(at).evalf(30) for part in sympy.Add.make_args(expanded)]
+        if not abs(sum(parts)) <= 1e-20 * sum(map(abs, parts)):
+            return False
+    return True
+
+
+def _function(symbols: Sequence[Any], expression: Any) -> Callable[..., Any]:
+    import sympy
+
+    # With names of its own, numbered by the process, sympy would sort the terms of a sum differently each time.
+    named = {symbol: sympy.Symbol(f"input_{k:03}", real=True) for k, symbol in enumerate(symbols)}
+    return sympy.lambdify(list(named.values()), plain_powers(sympy.sympify(expression)).xreplace(named), "numpy", cse=True)
