@@ -6,7 +6,7 @@ Their linear parts belong to the matrices K and C of the system. What is left ar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import InitVar, dataclass, field, fields
 from difflib import get_close_matches
 from typing import Any, ClassVar
 
@@ -34,45 +34,47 @@ class Element:
     force: str = ""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     nonlinear_only: bool = False
+    coordinates: InitVar[Sequence[str]] = ()
 
     kind: ClassVar[str]
     factor: ClassVar[str]
     """The attribute that is multiplied with the power."""
     laws: ClassVar[tuple[str, ...]]
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, coordinates: Sequence[str]) -> None:
         row = _numbers(self.row, f"the row of a {self.kind}")
         if row and not any(row):
             raise InvalidSystem(f"the row of a {self.kind} is zero: no coordinate moves along it")
         object.__setattr__(self, "row", row)
+        place = self.place(coordinates)
         given = [law for law in self.laws if getattr(self, law) not in (None, (), [], "")]
         if len(given) != 1:
-            raise InvalidSystem(f"{self.place()} has one of {', '.join(self.laws)}; received {' and '.join(given) or 'none'}")
+            raise InvalidSystem(f"{place} has one of {', '.join(self.laws)}; received {' and '.join(given) or 'none'}")
         for law in ("potential", "force"):
             text = getattr(self, law, "")
             if not isinstance(text, str):
-                raise InvalidSystem(f"the {law} of {self.place()} is a text; received {shown(text)}")
+                raise InvalidSystem(f"the {law} of {place} is a text; received {shown(text)}")
         if not row and given != ["potential"]:
             raise InvalidSystem(f"a {self.kind} with {given[0]} acts between two coordinates or on one; received neither")
         if not isinstance(self.parameters, Mapping):
-            raise InvalidSystem(f"the parameters of {self.place()} are numbers by name; received {shown(self.parameters)}")
+            raise InvalidSystem(f"the parameters of {place} are numbers by name; received {shown(self.parameters)}")
         if not isinstance(self.nonlinear_only, bool):
-            raise InvalidSystem(f"nonlinear_only of {self.place()} is true or false; received {shown(self.nonlinear_only)}")
-        power = _number(self.power, f"the power of {self.place()}")
+            raise InvalidSystem(f"nonlinear_only of {place} is true or false; received {shown(self.nonlinear_only)}")
+        power = _number(self.power, f"the power of {place}")
         if not is_symbolic(power) and not 1.0 <= power <= LARGEST_POWER:
-            raise InvalidSystem(f"the power of {self.place()} is from 1 to {LARGEST_POWER:g}; received {power:g}")
+            raise InvalidSystem(f"the power of {place} is from 1 to {LARGEST_POWER:g}; received {power:g}")
         if given != [self.factor] and (is_symbolic(power) or power != 1.0):
-            raise InvalidSystem(f"the power of {self.place()} goes with {self.factor}; received {given[0]}")
-        polynomial = _numbers(self.polynomial, f"the polynomial of {self.place()}")
+            raise InvalidSystem(f"the power of {place} goes with {self.factor}; received {given[0]}")
+        polynomial = _numbers(self.polynomial, f"the polynomial of {place}")
         if len(polynomial) > MOST_COEFFICIENTS:
             raise InvalidSystem(
-                f"the polynomial of {self.place()} has at most {MOST_COEFFICIENTS} coefficients, of w, w^2, ..; received {len(polynomial)}"
+                f"the polynomial of {place} has at most {MOST_COEFFICIENTS} coefficients, of w, w^2, ..; received {len(polynomial)}"
             )
-        numbers = {name: _number(value, f"parameter {name} of {self.place()}") for name, value in self.parameters.items()}
+        numbers = {name: _number(value, f"parameter {name} of {place}") for name, value in self.parameters.items()}
         for name, value in (("power", power), ("polynomial", polynomial), ("parameters", Frozen(numbers))):
             object.__setattr__(self, name, value)
         if given == [self.factor]:
-            value = _number(getattr(self, self.factor), f"{self.factor} of {self.place()}")
+            value = _number(getattr(self, self.factor), f"{self.factor} of {place}")
             object.__setattr__(self, self.factor, value)
 
     @property
@@ -92,7 +94,7 @@ class Element:
     def place(self, coordinates: Sequence[str] = ()) -> str:
         """The element in words: which coordinates it is on."""
         moved = [k for k, entry in enumerate(self.row) if entry]
-        names = [coordinates[k] if coordinates else f"u{k + 1}" for k in moved]
+        names = [coordinates[k] if k < len(coordinates) else f"u{k + 1}" for k in moved]
         if len(moved) == 1:
             return f"the {self.kind} on {names[0]}"
         if len(moved) == 2:
@@ -135,6 +137,8 @@ class Spring(Element):
         Values of the other names in an expression.
     nonlinear_only : bool
         Whether the linear part of the force is left out, as it is part of K already.
+    coordinates : sequence of n str
+        Names for messages.
 
     Raises
     ------
@@ -184,6 +188,8 @@ class Damper(Element):
         Values of the other names in the expression.
     nonlinear_only : bool
         Whether the linear part of the force is left out, as it is part of C already.
+    coordinates : sequence of n str
+        Names for messages.
 
     Raises
     ------
@@ -243,7 +249,7 @@ def element_from(cls: type[Element], entry: Any, coordinates: Sequence[str]) -> 
                 near = get_close_matches(str(name), coordinates, 1, 0.0)
                 raise InvalidSystem(f"a {cls.kind} acts on {shown(name)}, which is no coordinate; nearest: {near[0] if near else 'none'}")
             row[coordinates.index(name)] += sign
-    return cls(row, **{key: value for key, value in entry.items() if key in own})
+    return cls(row, coordinates=coordinates, **{key: value for key, value in entry.items() if key in own})
 
 
 def is_symbolic(value: Any) -> bool:

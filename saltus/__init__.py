@@ -29,7 +29,7 @@ def _compile_together(module: str, name: str, types: Any) -> None:
 
 hook.before_compiling = _compile_together
 
-_WITHOUT_METHODS = ("bvp.system", "bvp.forcing", "saltus.scene", "saltus.__main__")
+_WITHOUT_METHODS = ("bvp.system", "bvp.springs", "bvp.forcing", "saltus.scene", "saltus.__main__")
 """Modules whose names lead to no object of `_add_methods`."""
 
 _STUB = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")

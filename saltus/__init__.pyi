@@ -36,6 +36,8 @@ from bvp.motion import Motion as Motion
 from bvp.parameters import ParametricSystem as ParametricSystem
 from bvp.simulate import Simulator as Simulator
 from bvp.simulate import simulate as simulate
+from bvp.springs import Damper as Damper
+from bvp.springs import Spring as Spring
 from bvp.system import ImpactSystem as ImpactSystem
 from bvp.system import Stop as Stop
 from bvp.system import vibro_impact_nes as vibro_impact_nes

@@ -77,7 +77,7 @@ class StudyFile:
 def read_study_file(path: str | os.PathLike[str], parameters: Mapping[str, float] | None = None) -> StudyFile:
     """Read a study's file. Unknown and missing keys and values out of range are refused in one line. `parameters` replace those of the
     scene."""
-    from saltus.scene import load_scene
+    from saltus.scene import LOADS, load_scene
     from transitions.study.plan import FAMILY, StudyPlan
 
     file, folder = read_toml(Path(path), f"study {path}"), Path(path).parent
@@ -100,6 +100,7 @@ def read_study_file(path: str | os.PathLike[str], parameters: Mapping[str, float
         if name in (*varied, *replaced):
             raise BadInput(f"{file.where}: {name} is {'varied' if name in varied else 'fixed'} in the file; expected --set for another one")
     scene = load_scene(place, **replaced, **(parameters or {}))
+    scene.require_used("saltus study", tuple(LOADS))
     of_model = [name for name in varied if name in _OF_MODEL]
     if of_model and "model" not in scene.system.describe():
         raise BadInput(f"{file.where}: {of_model[0]} is a parameter of a model, and the scene gives matrices instead of a model")

@@ -281,7 +281,12 @@ def _system(
     from bvp.system import MODELS, ImpactSystem
     from saltus.scene.reading import read_loads
 
-    description = dict(scene.table("system").content)
+    table = scene.table("system")
+    description = dict(table.content)
+    if any(isinstance(description.get(key), str) for key in ("mass", "damping", "stiffness")):
+        from saltus.scene.matrices import with_matrices
+
+        description = with_matrices(description, folder, table.where)
     marks = scene.table("coordinates", {}).fields(_COORDINATES)
     model = description.get("model")
     if model is None:

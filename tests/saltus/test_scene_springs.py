@@ -1,0 +1,233 @@
+"""Springs, dampers and matrix files of scenes. Oracles: formulas of the forces, frequencies of a beam, what was written to the files."""
+
+from __future__ import annotations
+
+import runpy
+
+import numpy as np
+import pytest
+from scipy import io, sparse
+
+from saltus import load_scene
+from saltus.scene import SHIPPED
+from tests.saltus.running import refused, run
+
+SCENE = """
+[parameters]
+k = 2.0
+n = 3
+[system]
+mass = [[1.0, 0.0], [0.0, 0.5]]
+stiffness = [[1.0, 0.0], [0.0, 0.0]]
+[[springs]]
+between = ["x", "y"]
+polynomial = [0.5, 0.0, "k"]
+[[springs]]
+on = "y"
+potential = "k*(cosh(w) - 1)"
+[[springs]]
+on = "x"
+stiffness = 3.0
+power = "n/2"
+[[dampers]]
+on = "x"
+damping = 0.1
+[coordinates]
+names = ["x", "y"]
+"""
+SCENES = ("cubic_nes", "smooth_wall", "cubic_and_stops", "duffing_pair", "beam_on_cubic_spring")
+
+
+def scene_of(tmp_path, text=SCENE, **parameters):
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    return load_scene(path, **parameters)
+
+
+@pytest.mark.parametrize("k", [2.0, 0.3])
+def test_springs_of_a_scene(tmp_path, k):
+    """Oracle: the formulas; cosh(w) - 1 has the slope 1 at rest."""
+    system = scene_of(tmp_path, k=k).system
+    assert system.stiffness.tolist() == [[1.5, -0.5], [-0.5, 0.5 + k]] and system.damping.tolist() == [[0.1, 0.0], [0.0, 0.0]]
+    x, y = u = np.array([0.7, -0.4])
+    between = k * (x - y) ** 3
+    exact = [between + 3.0 * x**1.5, -between + k * (np.sinh(y) - y)]
+    np.testing.assert_allclose(system.smooth.acting(u, 0 * u), exact, rtol=1e-13)
+    assert system.why_not_conservative() == "damping acts on x (coefficient 0.1)"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_shipped_scenes_are_conservative_odd_and_cited(name):
+    scene = load_scene(name)
+    assert scene.system.is_conservative and scene.system.has_odd_symmetry and scene.system.smooth is not None
+    assert scene.title and scene.source and scene.energy[0] > 0.0
+    assert len(scene.system.stops) == (name == "cubic_and_stops")
+
+
+def test_the_cubic_sink():
+    """Oracle: the equations: 0.05 u1'' + (u1 - u2)^3 = 0, u2'' + u2 - (u1 - u2)^3 = 0."""
+    system = load_scene("cubic_nes").system
+    u = np.array([0.8, -0.3])
+    assert system.mass.tolist() == [[0.05, 0.0], [0.0, 1.0]] and system.stiffness.tolist() == [[0.0, 0.0], [0.0, 1.0]]
+    np.testing.assert_allclose(system.smooth.acting(u, 0 * u), [1.1**3, -(1.1**3)], rtol=1e-15)
+
+
+@pytest.mark.parametrize("n", [0, 1, 10, 100])
+def test_the_smooth_wall_is_one_at_the_wall(n):
+    """Oracle: Eq. (9): f_n(1) = 1, its potential 1/(2 n + 2); for n = 0 the system is linear, with the coupling sigma + 1."""
+    system = load_scene("smooth_wall", n=n).system
+    if n == 0:
+        assert system.smooth is None and system.stiffness.tolist() == [[1.1, -1.1], [-1.1, 2.1]]
+        return
+    u = np.array([1.5, 0.5])
+    assert system.smooth.acting(u, 0 * u).tolist() == [1.0, -1.0] and system.smooth.energy(u) == 1.0 / (2 * n + 2)
+    assert np.array_equal(system.stiffness, load_scene().system.stiffness)
+
+
+def test_the_beam():
+    """Oracles: the script gives the files to the last digit; frequencies of a cantilever, b^2 with 1 + cos b cosh b = 0. Five elements
+    have relative errors of 1e-5 to 2e-3 in the first three, and of their fourth power with the length of an element."""
+    scene = load_scene("beam_on_cubic_spring")
+    matrices = runpy.run_path(str(SHIPPED / "beam_on_cubic_spring.py"))["beam_matrices"]
+    for found, made in zip((scene.system.mass, scene.system.stiffness), matrices(), strict=True):
+        assert np.array_equal(found, made)
+    exact = np.array([1.87510406871196, 4.69409113297417, 7.85475743823761]) ** 2
+    errors = []
+    for elements in (5, 10):
+        mass, stiffness = matrices(elements)
+        squares = np.sort(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real)[:3]
+        errors.append(np.sqrt(squares) / exact - 1.0)
+    assert (errors[0] < [2e-5, 1e-3, 4e-3]).all() and (errors[0] > 0.0).all()
+    assert (abs(np.log2(errors[0][1:] / errors[1][1:]) - 4.0) < 0.3).all()
+    np.testing.assert_allclose(scene.system.modes.frequencies[:3], exact, rtol=4e-3)
+    assert scene.system.smooth.inputs.tolist() == [[float(k == 8) for k in range(20)]]
+
+
+MASS, STIFFNESS = np.array([[1.0, 0.1], [0.1, 0.5]]), np.array([[2.0, -1.0], [-1.0, 1.0]])
+FILES = """
+[system]
+mass = "MASS"
+stiffness = "STIFFNESS"
+[[stops]]
+c = [1.0, -1.0]
+upper = 1.0
+"""
+
+
+def write_matrices(folder):
+    """The matrices in three formats, dense and sparse."""
+    np.savez(folder / "both.npz", M=MASS, K=STIFFNESS)
+    io.savemat(folder / "both.mat", {"mass": MASS, "stiffness": sparse.csc_matrix(STIFFNESS)})
+    io.mmwrite(folder / "mass.mtx", MASS, precision=17)
+    io.mmwrite(folder / "stiffness.mtx", sparse.coo_matrix(STIFFNESS), precision=17)
+    np.savez(folder / "other.npz", A=MASS)
+    np.savez(folder / "list.npz", M=MASS[0], K=STIFFNESS)
+    (folder / "text.npz").write_text("no archive")
+    (folder / "text.mtx").write_text("no matrix")
+
+
+@pytest.mark.parametrize(("mass", "stiffness"), [("both.npz", "both.mat"), ("both.mat", "both.npz"), ("mass.mtx", "stiffness.mtx")])
+def test_matrices_from_files(tmp_path, mass, stiffness):
+    """Oracle: the matrices that were written; names are relative to the scene."""
+    write_matrices(tmp_path)
+    system = scene_of(tmp_path, FILES.replace("MASS", mass).replace("STIFFNESS", stiffness)).system
+    assert np.array_equal(system.mass, MASS) and np.array_equal(system.stiffness, STIFFNESS)
+
+
+@pytest.mark.parametrize(
+    ("mass", "words"),
+    [
+        ("both.np", "[system]: mass = 'both.np', expected rows of numbers, or a file .mtx (Matrix Market), .npz or .mat"),
+        ("boht.npz", "mass = 'boht.npz' does not exist; nearest: both.npz"),
+        ("text.npz", "cannot read"),
+        ("text.mtx", "cannot read"),
+        ("other.npz", "mass = 'other.npz' has no matrix mass or M; it has A"),
+        ("list.npz", "mass = 'list.npz' is no matrix of real numbers; received shape (2,)"),
+    ],
+)
+def test_a_file_without_a_matrix_is_refused(tmp_path, mass, words):
+    write_matrices(tmp_path)
+    with pytest.raises(ValueError) as error:
+        scene_of(tmp_path, FILES.replace("MASS", mass).replace("STIFFNESS", "both.npz"))
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+WRONG = [
+    ("power = 3", "power = 0.5", "the power of the spring on x is from 1 to 10000; received 0.5"),
+    ("potential = 'w**4'", "potential = 'abs(w)**3'", "not smooth, in abs(..); expected smooth functions: a contact is a table [[stops]]"),
+    ("potential = 'w**4'", "potential = 'w**4 + sign(w)'", "is not smooth, in sign(..)"),
+    ("potential = 'w**4'", "potential = 'x**4 + z'", "has the symbol x, which is neither w nor a parameter"),
+    ("potential = 'w**4'", "potential = 'k4*w**4'", "the spring on y has the symbol k4, which is neither w nor a parameter; nearest: "),
+    ('on = "x"', 'on = "z"', "a spring acts on 'z', which is no coordinate; nearest: "),
+    ('on = "x"', 'at = "x"', "unknown key 'at' in a spring"),
+    ("stiffness = 1.0", "", "the spring on x has one of stiffness, polynomial, potential, force; received none"),
+]
+TWO = """
+[system]
+mass = [[1.0, 0.0], [0.0, 0.5]]
+stiffness = [[1.0, 0.0], [0.0, 0.0]]
+[[springs]]
+on = "x"
+stiffness = 1.0
+power = 3
+[[springs]]
+on = "y"
+potential = 'w**4'
+[coordinates]
+names = ["x", "y"]
+[bounds]
+energy = [0.1, 10]
+quarter_period = 8
+impacts = 6
+"""
+
+
+@pytest.mark.parametrize(("right", "wrong", "words"), WRONG)
+def test_a_wrong_spring_is_one_line(tmp_path, capsys, right, wrong, words):
+    assert right in TWO
+    (tmp_path / "scene.toml").write_text(TWO.replace(right, wrong))
+    refused(run(capsys, "continue", "S11-", "--scene", tmp_path / "scene.toml"), "scene.toml", words)
+
+
+def test_springs_go_with_matrices(tmp_path, capsys):
+    (tmp_path / "scene.toml").write_text('[system]\nmodel = "vibro_impact_nes"\n[[springs]]\non = "u1"\nstiffness = 1.0\n')
+    words = "[springs] goes with matrices; model vibro_impact_nes brings its own"
+    refused(run(capsys, "run", "--scene", tmp_path / "scene.toml", "--duration", 1), words)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "--duration", 10),
+        ("section", "--energy", 1),
+        ("sweep", "--in", "n", "--range", "1:2"),
+        ("discover", "--energy", 1),
+        ("build",),
+        ("impulsive", "--energy", "1:2"),
+        ("orbit", "S11-", "--energy", 1),
+    ],
+)
+def test_commands_with_linear_flights_refuse_springs_that_are_not(capsys, words):
+    """They never leave the springs out."""
+    command, *others = words
+    expected = f"saltus {command} computes linear flights, and the spring between u1 and u2 is not linear; expected a scene with linear"
+    refused(run(capsys, command, *others, "--scene", "smooth_wall"), expected)
+
+
+def test_linear_springs_are_no_reason_to_refuse(tmp_path, capsys):
+    """Oracle: the same stiffness as a matrix."""
+    linear = '[system]\nmass = [[1.0]]\nstiffness = [[{}]]\n[[stops]]\nc = [1.0]\nupper = 0.5\n'
+    spring = '[[springs]]\non = "u1"\nstiffness = 3.0\n'
+    found = []
+    for text in (linear.format("1.0") + spring, linear.format("4.0")):
+        (tmp_path / "scene.toml").write_text(text)
+        code, out, _ = run(capsys, "run", "--scene", tmp_path / "scene.toml", "--duration", 3, "--state", "0,2")
+        assert code == 0
+        found.append(out)
+    assert found[0] == found[1]
+
+
+def test_a_study_refuses_springs_that_are_not_linear(tmp_path, capsys):
+    (tmp_path / "study.toml").write_text('scene = "cubic_nes"\ndesign = "grid"\n[vary.energy]\nfrom = 0.1\nto = 1.0\npoints = 2\n')
+    words = "saltus study computes linear flights, and the spring between u1 and u2 is not linear"
+    refused(run(capsys, "study", tmp_path / "study.toml"), words)
