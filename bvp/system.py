@@ -214,7 +214,7 @@ class ImpactSystem(Matrices):
         if self.springs or self.dampers:
             self._take_linear_parts()
         object.__setattr__(self, "is_conservative", self.why_not_conservative() is None)
-        odd = all(stop.lower == -stop.upper for stop in self.stops) and (self.smooth is None or self.smooth.is_odd)
+        odd = all(stop.lower == -stop.upper for stop in self.stops) and (self.smooth_forces is None or self.smooth_forces.is_odd)
         object.__setattr__(self, "has_odd_symmetry", odd)
 
     def _take_linear_parts(self) -> None:
@@ -235,16 +235,16 @@ class ImpactSystem(Matrices):
             object.__setattr__(self, key, tuple(replace(element, nonlinear_only=True) for element in elements))
 
     @cached_property
-    def smooth(self) -> SmoothForces | None:
+    def smooth_forces(self) -> SmoothForces | None:
         """The forces of springs and dampers that are not linear; None if all are, and nothing is loaded for them."""
-        if self.why_not_linear() is None:
+        if not any(element.text or is_nonlinear(element) for element in (*self.springs, *self.dampers)):
             return None
         from bvp.smooth_forces import smooth_forces
 
         return smooth_forces(self.springs, self.dampers, self.coordinates)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {key: value for key, value in vars(self).items() if key != "smooth"}  # compiled expressions have no copy
+        return {key: value for key, value in vars(self).items() if key != "smooth_forces"}  # compiled expressions have no copy
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         stops = [f"{stop.name}: {stop.lower:g} to {stop.upper:g}, restitution {stop.restitution:g}" for stop in self.stops]
@@ -267,8 +267,8 @@ class ImpactSystem(Matrices):
         """
         u, v = reals(u), reals(v)
         total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
-        if self.smooth is not None and self.smooth.potential is not None:
-            total = total + self.smooth.energy(u)
+        if self.smooth_forces is not None and self.smooth_forces.potential is not None:
+            total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total
 
     def why_not_conservative(self) -> str | None:
@@ -283,14 +283,14 @@ class ImpactSystem(Matrices):
                 + ("" if i == j else f" through {self.coordinates[j]}")
                 + f" (coefficient {self.damping[i, j]:g})"
             )
-        if self.smooth is not None:
-            return self.smooth.why_dissipative or self.smooth.why_no_potential
+        if self.smooth_forces is not None:
+            return self.smooth_forces.why_dissipative or self.smooth_forces.why_no_potential
         return None
 
     def why_not_linear(self) -> str | None:
         """Which spring or damper is not linear, or None."""
         for element in (*self.springs, *self.dampers):
-            if element.text or is_nonlinear(element):
+            if self.smooth_forces is not None if element.text else is_nonlinear(element):
                 return f"{element.place(self.coordinates)} is not linear"
         return None
 
@@ -308,8 +308,6 @@ class ImpactSystem(Matrices):
         stops = tuple(replace(stop, restitution=1.0) for stop in self.stops)
         parameters = self.parameters and {**self.parameters, "lam": 0.0, "rho": 1.0}
         return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters, dampers=())
-
-    smooth_forces = None
 
     modes = cached_property(system_modes)
     """The blocks of free flight, as arrays for the kernels (computed once)."""

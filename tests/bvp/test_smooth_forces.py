@@ -33,7 +33,7 @@ def system(springs=(), dampers=(), stops=()):
 def total(found, u, v):
     """The forces on the coordinates, without inertia."""
     linear = u @ found.stiffness + v @ found.damping.T
-    return linear if found.smooth is None else linear + found.smooth.acting(u, v)
+    return linear if found.smooth_forces is None else linear + found.smooth_forces.acting(u, v)
 
 
 SPRINGS = [
@@ -73,11 +73,11 @@ def test_the_energy_is_that_of_the_spring(spring, law, slope, odd):
         work = 0.5 * w * float(weights @ law(0.5 * w * (nodes + 1.0)))
         exact = 0.5 * (v @ MASS @ v + u @ STIFFNESS @ u) + work
         assert abs(found.energy(u, v) - exact) <= 1e-6 * abs(work) if spring.power in (2, 3.6) else 1e-13 * exact
-        if found.smooth is not None:
-            program, out = found.smooth.energy_program(), np.zeros(1)
-            inputs = found.smooth.inputs[:, :2] @ u
+        if found.smooth_forces is not None:
+            program, out = found.smooth_forces.energy_program(), np.zeros(1)
+            inputs = found.smooth_forces.inputs[:, :2] @ u
             assert run(program, inputs, np.zeros(scratch_size(program, len(inputs))), out)
-            assert out[0] == pytest.approx(found.smooth.energy(u), rel=1e-14, abs=1e-16)
+            assert out[0] == pytest.approx(found.smooth_forces.energy(u), rel=1e-14, abs=1e-16)
 
 
 def test_energies_of_many_states_are_those_of_each():
@@ -102,7 +102,7 @@ def test_a_damper_adds_its_force(damper, law, slope, odd):
     exact = U @ STIFFNESS + V @ DAMPING.T + law(U @ row, V @ row)[:, None] * row
     np.testing.assert_allclose(total(found, U, V), exact, rtol=1e-14, atol=1e-15)
     np.testing.assert_allclose(found.damping, DAMPING + slope * np.outer(row, row), rtol=1e-15)
-    assert found.has_odd_symmetry is odd and found.underlying.is_conservative and found.underlying.smooth is None
+    assert found.has_odd_symmetry is odd and found.underlying.is_conservative and found.underlying.smooth_forces is None
 
 
 def test_a_nonlinear_damper_is_named():
@@ -124,7 +124,7 @@ def test_a_potential_of_several_coordinates():
         assert abs(found.energy(u, 0 * u) - energy) < 1e-13 * abs(energy)
     assert found.stiffness.tolist() == (STIFFNESS + [[1.0, 0.0], [0.0, 1.0]]).tolist()
     # A term without a linear part stays a power of the difference.
-    assert any(power.base.is_Add for power in found.smooth.potential.atoms(sympy.Pow))
+    assert any(power.base.is_Add for power in found.smooth_forces.potential.atoms(sympy.Pow))
 
 
 def test_forces_on_coordinates_that_have_a_potential_together():
@@ -147,7 +147,7 @@ def test_forces_without_a_potential_name_the_coordinates():
     # K is symmetric; what is left acts on both coordinates.
     assert np.array_equal(found.stiffness, found.stiffness.T)
     with pytest.raises(InvalidSystem, match="unlike that on y"):
-        found.smooth.energy(U)
+        found.smooth_forces.energy(U)
 
 
 def test_a_force_whose_potential_is_not_known_says_so():
@@ -166,19 +166,19 @@ def test_a_description_survives_json_and_gives_the_same_system(elements):
     other = ImpactSystem.from_description(described)
     for again in (other, replace(found, absorber=0), pickle.loads(pickle.dumps(found))):
         assert np.array_equal(again.stiffness, found.stiffness) and np.array_equal(again.damping, found.damping)
-        np.testing.assert_array_equal(again.smooth.acting(U, V), found.smooth.acting(U, V))
+        np.testing.assert_array_equal(again.smooth_forces.acting(U, V), found.smooth_forces.acting(U, V))
     assert other.describe() == found.describe() == described
 
 
 def test_a_system_without_springs_is_described_as_before():
     assert set(system(stops=(Stop((1.0, 0.0), -1.0, 1.0),)).describe()) == {"mass", "damping", "stiffness", "stops", "coordinates"}
-    assert system(stops=(Stop((1.0, 0.0), -1.0, 1.0),)).smooth is None
+    assert system(stops=(Stop((1.0, 0.0), -1.0, 1.0),)).smooth_forces is None
 
 
 def test_push_and_program_are_those_of_the_forces():
     """Oracle: M^-1 applied to the forces; their values in the first coefficients of the jets."""
     found = system([SPRINGS[0][0], SPRINGS[2][0], Spring(ON, stiffness=1.5, power=5)], [DAMPERS[3][0]])
-    smooth = found.smooth
+    smooth = found.smooth_forces
     program, _ = smooth.program()
     for u, v in zip(U, V, strict=True):
         jets = np.zeros((program.registers, 1))
@@ -279,7 +279,7 @@ def test_springs_with_parameters():
     w, y, r = U[0] @ [1.0, -1.0], U[0][1], V[0][1]
     for n in (10.0, 2.0, 1.75):
         exact = np.sign(w) * abs(w) ** (2.0 * n + 1.0) * np.array([1.0, -1.0]) + [0.0, 1.2 * y**3 + 0.15 * r**3]
-        np.testing.assert_allclose(parametric.system({"n": n}).smooth.acting(U[0], V[0]), exact, rtol=1e-14)
+        np.testing.assert_allclose(parametric.system({"n": n}).smooth_forces.acting(U[0], V[0]), exact, rtol=1e-14)
     assert parametric.replaced({"n": 2.0}).system().describe() == parametric.system({"n": 2.0}).describe()
     assert "power of the spring between u1 and u2 is from 1 to 10000; received 0.2 (at n = -0.4)" in str(parametric.violation({"n": -0.4}))
 
@@ -296,7 +296,7 @@ def test_released_parameters_of_a_description():
         slope = np.zeros(len(program.forces))
         for row, other, register in program.changes:
             slope[row] += jets[register, 0] if other == column else 0.0
-        near = [parametric.system({"n": 1.6, name: value + h}).smooth.acting(U[0], V[0]) for h in (1e-5, -1e-5)]
+        near = [parametric.system({"n": 1.6, name: value + h}).smooth_forces.acting(U[0], V[0]) for h in (1e-5, -1e-5)]
         np.testing.assert_allclose(slope @ smooth.directions, (near[0] - near[1]) / 2e-5, rtol=1e-8, atol=1e-11)
 
 
@@ -304,6 +304,14 @@ def test_a_parameter_that_no_spring_has_is_refused():
     other = DESCRIPTION | {"parameters": DESCRIPTION["parameters"] | {"q": 1.0}}
     with pytest.raises(InvalidSystem, match="parameter q is used nowhere"):
         ParametricSystem.from_description(other)
+
+
+def test_an_expression_that_is_linear_is_no_smooth_force():
+    """Oracle: its second derivative."""
+    found = system([Spring(BETWEEN, potential="k*w**2/2", parameters={"k": 0.5})])
+    assert found.smooth_forces is None and found.why_not_linear() is None
+    assert found.stiffness.tolist() == (STIFFNESS + 0.5 * np.outer(BETWEEN, BETWEEN)).tolist()
+    assert system([SPRINGS[6][0]]).why_not_linear() == "the spring between x and y is not linear"
 
 
 def test_computations_with_linear_flights_refuse_springs_that_are_not_linear():

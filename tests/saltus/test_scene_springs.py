@@ -52,14 +52,14 @@ def test_springs_of_a_scene(tmp_path, k):
     x, y = u = np.array([0.7, -0.4])
     between = k * (x - y) ** 3
     exact = [between + 3.0 * x**1.5, -between + k * (np.sinh(y) - y)]
-    np.testing.assert_allclose(system.smooth.acting(u, 0 * u), exact, rtol=1e-13)
+    np.testing.assert_allclose(system.smooth_forces.acting(u, 0 * u), exact, rtol=1e-13)
     assert system.why_not_conservative() == "damping acts on x (coefficient 0.1)"
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_shipped_scenes_are_conservative_odd_and_cited(name):
     scene = load_scene(name)
-    assert scene.system.is_conservative and scene.system.has_odd_symmetry and scene.system.smooth is not None
+    assert scene.system.is_conservative and scene.system.has_odd_symmetry and scene.system.smooth_forces is not None
     assert scene.title and scene.source and scene.energy[0] > 0.0
     assert len(scene.system.stops) == (name == "cubic_and_stops")
 
@@ -69,7 +69,7 @@ def test_the_cubic_sink():
     system = load_scene("cubic_nes").system
     u = np.array([0.8, -0.3])
     assert system.mass.tolist() == [[0.05, 0.0], [0.0, 1.0]] and system.stiffness.tolist() == [[0.0, 0.0], [0.0, 1.0]]
-    np.testing.assert_allclose(system.smooth.acting(u, 0 * u), [1.1**3, -(1.1**3)], rtol=1e-15)
+    np.testing.assert_allclose(system.smooth_forces.acting(u, 0 * u), [1.1**3, -(1.1**3)], rtol=1e-15)
 
 
 @pytest.mark.parametrize("n", [0, 1, 10, 100])
@@ -77,10 +77,10 @@ def test_the_smooth_wall_is_one_at_the_wall(n):
     """Oracle: Eq. (9): f_n(1) = 1, its potential 1/(2 n + 2); for n = 0 the system is linear, with the coupling sigma + 1."""
     system = load_scene("smooth_wall", n=n).system
     if n == 0:
-        assert system.smooth is None and system.stiffness.tolist() == [[1.1, -1.1], [-1.1, 2.1]]
+        assert system.smooth_forces is None and system.stiffness.tolist() == [[1.1, -1.1], [-1.1, 2.1]]
         return
     u = np.array([1.5, 0.5])
-    assert system.smooth.acting(u, 0 * u).tolist() == [1.0, -1.0] and system.smooth.energy(u) == 1.0 / (2 * n + 2)
+    assert system.smooth_forces.acting(u, 0 * u).tolist() == [1.0, -1.0] and system.smooth_forces.energy(u) == 1.0 / (2 * n + 2)
     assert np.array_equal(system.stiffness, load_scene().system.stiffness)
 
 
@@ -100,7 +100,7 @@ def test_the_beam():
     assert (errors[0] < [2e-5, 1e-3, 4e-3]).all() and (errors[0] > 0.0).all()
     assert (abs(np.log2(errors[0][1:] / errors[1][1:]) - 4.0) < 0.3).all()
     np.testing.assert_allclose(scene.system.modes.frequencies[:3], exact, rtol=4e-3)
-    assert scene.system.smooth.inputs.tolist() == [[float(k == 8) for k in range(20)]]
+    assert scene.system.smooth_forces.inputs.tolist() == [[float(k == 8) for k in range(20)]]
 
 
 MASS, STIFFNESS = np.array([[1.0, 0.1], [0.1, 0.5]]), np.array([[2.0, -1.0], [-1.0, 1.0]])
