@@ -17,6 +17,7 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.kernels import (
     COMMON,
+    TestedPoint,
     WatchedTests,
     advance_block,
     common_tests,
@@ -24,11 +25,13 @@ from branches.kernels import (
     is_orbit,
     make_pairs_work,
     periodic_tests,
+    tested_step,
     two_dof_tests,
 )
 from branches.orbit import label_at
-from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
-from bvp.multipoint import MultipointProblem, Solution
+from branches.solved_family import FAILED, MOST_ITERATIONS, SINGULAR, SolvedFamily, step_of
+from bvp.kernels.step import CompiledProblem
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import stability
 from continuation.control import Settings, kinds_of
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
@@ -140,6 +143,7 @@ class Family(SolvedFamily):
         self._limits = low, high, longest
         self._targets = [level for _, _, level in self._resonant]
         self._work = make_pairs_work(problem)
+        self._metric = np.empty((4, problem.coordinates))
 
     @cached_property
     def _watched(self) -> WatchedTests:
@@ -151,6 +155,22 @@ class Family(SolvedFamily):
     def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
         found: tuple[int, int, float] = advance_block(*arguments)
         return found
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        """See `continuation.Problem`. One compiled call takes the step and computes the test functions."""
+        problem, unknowns = self.problem, self.problem.unknowns
+        point = TestedPoint(
+            np.empty(unknowns), np.empty(2 * unknowns), np.empty(problem.coordinates), np.empty((problem.inner + 1, problem.size)),
+            np.empty(len(RESULT_INDEX)), np.empty(self._computed),
+        )  # fmt: skip
+        at, along = np.array(y, dtype=float), np.array(tangent, dtype=float)
+        if not tested_step(self._compiled, MOST_ITERATIONS, self._watched, at, along, float(ds), self._metric, point):
+            return FAILED
+        return step_of(Solution(*point[:5]), point.result.tolist(), point.tests[: len(self.tests)].tolist())
+
+    @cached_property
+    def _compiled(self) -> CompiledProblem:
+        return self.problem.compiled()
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:

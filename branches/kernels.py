@@ -35,8 +35,8 @@ from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = [
-    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "WatchedTests", "advance", "advance_block", "common_tests",
-    "first_tests", "general_tests", "is_orbit", "make_pairs_work", "periodic_tests", "two_dof_tests",
+    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "TestedPoint", "WatchedTests", "advance", "advance_block",
+    "common_tests", "first_tests", "general_tests", "is_orbit", "make_pairs_work", "periodic_tests", "tested_step", "two_dof_tests",
 ]  # fmt: skip
 
 COMMON = 11
@@ -335,6 +335,17 @@ class WatchedTests(NamedTuple):
     work: Any  # what it needs
 
 
+class TestedPoint(NamedTuple):
+    """Where a step leads: a row of a `Block`."""
+
+    y: np.ndarray  # (u,)
+    tangent: np.ndarray  # (2 u,)
+    position: np.ndarray  # (N + 2,)
+    ends: np.ndarray  # (k + 1, N)
+    result: np.ndarray  # (len(RESULT),)
+    tests: np.ndarray  # (tests,)
+
+
 class Beginning(NamedTuple):
     """The orbit that a block of steps begins at, and the steps that led there."""
 
@@ -377,6 +388,47 @@ def first_conservative_tests(packed, result, limits, out):
 
 
 @kernel
+def tested_step(compiled, most, watched, y, tangent, ds, metric, point):
+    """See `land_tested`; metric (4, N + 2): scratch."""
+    return land_tested(compiled, most, watched, y, tangent, ds, metric, point)
+
+
+@inlined
+def land_tested(compiled, most, watched, y, tangent, ds, metric, point):
+    """Fill the `TestedPoint` that a step of length ds from an orbit leads to. Returns whether it is an orbit; else
+    its test functions are not set.
+
+    compiled: `CompiledProblem`; where its second address is 0, the fold is the only test. most: iterations of the correction."""
+    addresses, packed, factor, observed, work, period = compiled
+    new, ahead, position, ends, result, values = point
+    full = addresses[1] != 0
+    set_1(result, np.nan)
+    call_at(addresses[0], (packed, factor, y, tangent, Request(ds, math.nan, most), metric, Landing(new, ahead, result)))
+    if result[entry.CONVERGED] != 1.0:
+        return False
+    for i in range(ends.shape[0]):
+        for r in range(ends.shape[1]):
+            ends[i, r] = factor.before[i, r]
+    if full:
+        call_at(addresses[1], (packed, observed, new, ends, work, result))
+        if watched.general == 0:
+            call_at(addresses[2], (packed, new, ends, period, result))
+    for r in range(position.shape[0]):
+        position[r] = metric[0, r]
+    if not _is_orbit(result):
+        return False
+    if full:
+        first_tests(packed, result, watched.limits, values)
+        if watched.general == 0:
+            _two_dof_tests(result, packed.shape[2], watched.targets, values)
+        else:
+            call_at(watched.general, (packed, new, ends, watched.work, result, watched.targets, values))
+    else:
+        values[0] = result[entry.SLOPE]
+    return True
+
+
+@kernel
 def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
     """See `advance`."""
     return advance(compiled, most, control, watched, beginning, goal, ds, metric, block)
@@ -389,10 +441,7 @@ def advance(compiled, most, control, watched, beginning, goal, ds, metric, block
     compiled: `CompiledProblem`; where its second address is 0, the fold is the only test. most: iterations of a correction.
     metric (5, N + 2): scratch. Returns (accepted steps, 1 where the row after them holds a step that is not plain, length of the step to
     take next)."""
-    addresses, packed, factor, observed, work, period = compiled
     y, tangent, position, tests, older, oldest, before, first = beginning
-    kinds, singular, limits, targets, general, pairs_work = watched
-    full = addresses[1] != 0
     way = metric[4]
     for r in range(way.shape[0]):
         way[r] = goal.direction[r]
@@ -402,35 +451,12 @@ def advance(compiled, most, control, watched, beginning, goal, ds, metric, block
     waiting = 0
     initial = ds
     for count in range(block.y.shape[0] - 1):
-        result = block.result[count]
-        set_1(result, np.nan)
-        new = block.y[count]
-        ahead = block.tangent[count]
-        call_at(addresses[0], (packed, factor, y, tangent, Request(ds, math.nan, most), metric, Landing(new, ahead, result)))
-        if result[entry.CONVERGED] != 1.0:
+        reached = TestedPoint(
+            block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count], block.tests[count]
+        )
+        if not land_tested(compiled, most, watched, y, tangent, ds, metric, reached):
             return _tried(count, ds, waiting, initial)
-        ends = block.ends[count]
-        for i in range(ends.shape[0]):
-            for r in range(ends.shape[1]):
-                ends[i, r] = factor.before[i, r]
-        if full:
-            call_at(addresses[1], (packed, observed, new, ends, work, result))
-            if general == 0:
-                call_at(addresses[2], (packed, new, ends, period, result))
-        place = block.position[count]
-        for r in range(place.shape[0]):
-            place[r] = metric[0, r]
-        if not _is_orbit(result):
-            return _tried(count, ds, waiting, initial)
-        values = block.tests[count]
-        if full:
-            first_tests(packed, result, limits, values)
-            if general == 0:
-                _two_dof_tests(result, packed.shape[2], targets, values)
-            else:
-                call_at(general, (packed, new, ends, pairs_work, result, targets, values))
-        else:
-            values[0] = result[entry.SLOPE]
+        new, ahead, place, _, result, values = reached
         turn = result[entry.TURN]
         contraction = result[entry.CONTRACTION]
         chord = _distance(position, place)
@@ -444,7 +470,7 @@ def advance(compiled, most, control, watched, beginning, goal, ds, metric, block
             waiting = count + 1
         else:
             for step in range(2 - waiting, 3):
-                if _watch(kinds, singular, _may_hide, oldest, older, tests, values, first, before, length, step):
+                if _watch(watched.kinds, watched.singular, _may_hide, oldest, older, tests, values, first, before, length, step):
                     return _tried(count, ds, 2 - step, initial)
             waiting = 0
         block.lengths[count, 0] = ds

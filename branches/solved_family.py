@@ -16,10 +16,12 @@ from continuation.control import Control
 from continuation.problem import Advance, Goal, Recent, Step, TestFunction
 from continuation.switching import refine_branch_point
 
-__all__ = ["AdvancedSteps", "FAILED", "SINGULAR", "SolvedFamily", "step_of"]
+__all__ = ["AdvancedSteps", "FAILED", "MOST_ITERATIONS", "SINGULAR", "SolvedFamily", "step_of"]
 
-_ITERATIONS = 12  # most of a correction
 _BRANCHING = 1
+MOST_ITERATIONS = 12
+"""Most iterations of a correction."""
+
 SINGULAR = 1e-5
 """Smallest pivot, relative to its column, below which signs are rounding: the error of a tangent is rounding over its square."""
 
@@ -168,7 +170,9 @@ class SolvedFamily:
         towards = GoalPlane(target, along)
         # With the fold as the only test function nothing else is computed.
         compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, places))
-        count, tried, ds = self._advance_block(compiled, _ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block)
+        count, tried, ds = self._advance_block(
+            compiled, MOST_ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block
+        )
         if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None

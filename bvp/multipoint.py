@@ -173,6 +173,10 @@ class MultipointProblem:
         self.drifts = free_translation(system) is not None
         self.pairs = len(self.held) - 1
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The arrays that it works with follow from these, and are most of its size.
+        return MultipointProblem, (self.system, self.ends, self.sequence)
+
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.
 

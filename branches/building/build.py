@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +73,8 @@ _LOST = "the family that is born here cannot be distinguished from this one: nex
 class _Piece:
     """A seed in the queue, with its key in the catalogue's table of work.
 
-    place : where its orbit is on a known family. tested : how many families with its ends and sequence were tested for that.
+    place : where its orbit is on a known family. unfolded : whether its grazing orbit is a known one. tested : how many families with its
+    ends and sequence, or how many grazing orbits, were tested for that.
     """
 
     key: str
@@ -81,6 +82,7 @@ class _Piece:
     images: tuple[Presentation, ...] = ()
     tested: int = 0
     place: FamilyPlace | None = None
+    unfolded: bool = False
 
     @property
     def is_last(self) -> bool:
@@ -91,9 +93,13 @@ class _Piece:
     def kin(self) -> Hashable:
         """What pieces that may be of one family, or of one grazing orbit, have in common."""
         if self.seed.kind == "grazing":
-            mark = self.seed.value.mark
-            return None if mark is None else ("grazing", *(f"{number:.6e}" for number in mark))
+            return self._rounded_mark
         return (self.images[0].ends, self.images[0].sequence) if self.images else None
+
+    @cached_property
+    def _rounded_mark(self) -> Hashable:
+        mark = self.seed.value.mark
+        return None if mark is None else ("grazing", *(f"{number:.6e}" for number in mark))
 
 
 @dataclass(frozen=True)
@@ -302,7 +308,10 @@ class _Build:
     def _is_known(self, piece: _Piece) -> bool:
         seed = piece.seed
         if seed.kind == "grazing":
-            return self.grazings.has(seed.value.mark, seed.unfolded_within)
+            if not piece.unfolded and piece.tested < len(self.grazings):
+                piece.unfolded = self.grazings.has(seed.value.mark, seed.unfolded_within)
+                piece.tested = len(self.grazings)
+            return piece.unfolded
         if seed.kind != "orbit":
             return False
         count = self.known.count(self._images(piece))

@@ -361,11 +361,16 @@ class KnownGrazings:
 
     def __init__(self) -> None:
         self._marks: dict[tuple[bool, int], list[tuple[Mark, int]]] = {}
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
 
     def add(self, mark: Mark | None, asked: tuple[bool, int]) -> None:
         """Remember the `Touching.mark` of an unfolded grazing orbit: whether in the wide bounds, and how many generations further."""
         if mark is not None:
             self._marks.setdefault((asked[0], _cell(mark)), []).append((mark, asked[1]))
+            self._count += 1
 
     def has(self, mark: Mark | None, asked: tuple[bool, int]) -> bool:
         """Whether it was unfolded in those bounds or in wider ones, for at least as many generations. Never without a mark."""

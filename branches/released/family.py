@@ -14,7 +14,7 @@ import numpy as np
 from branches.family import Family
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.kernels import TANGENT_NOISE, is_orbit, make_pairs_work
-from branches.solved_family import FAILED, step_of
+from branches.solved_family import FAILED, SolvedFamily, step_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import ReleasedProblem
 from continuation.location import Location
@@ -77,6 +77,8 @@ class ReleasedFamily(AlongParameters, Family):
         tests[5:7] = [TestFunction("EP", "guard", True, end) for end in ends]
         tests[7] = TestFunction("SN", "crossing", False, "fold in the energy, at these parameters")
         self.tests = (*tests, *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values))
+
+    step = SolvedFamily.step
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:

@@ -330,12 +330,17 @@ def find_cells(arcs, grid, is_mirrored, spans, first):
 
 
 @kernel
-def fill_cells(spans, first, items):
-    """The arcs of each cell, one cell after the other. `first` is moved on by one cell."""
+def fill_cells(arcs, is_mirrored, spans, first, items, boxes):
+    """The arcs of each cell, one cell after the other, with their boxes, or those of their mirror images. `first` is moved on by one
+    cell."""
     for i in range(spans.shape[0]):
         for x in range(spans[i, 0], spans[i, 1] + 1):
             for y in range(spans[i, 2], spans[i, 3] + 1):
                 cell = x * CELLS + y
+                box = boxes[first[cell]]
+                copy_1(arcs[i, at.BOX : at.BOX + 6], box)
+                if is_mirrored:
+                    box[2], box[3] = -arcs[i, at.BOX + 3], -arcs[i, at.BOX + 2]
                 items[first[cell]] = i
                 first[cell] += 1
 
@@ -389,20 +394,30 @@ def meet_arcs(search, arcs, found, counts):
     first = np.zeros((2, CELLS * CELLS + 1), np.int64)
     for m in range(2):
         find_cells(arcs, grid, m == 1, spans[m], first[m])
-    items = np.empty((2, max(first[0, CELLS * CELLS], first[1, CELLS * CELLS])), np.int64)
+    room = max(first[0, CELLS * CELLS], first[1, CELLS * CELLS])
+    items = np.empty((2, room), np.int64)
+    # Most pairs are apart: their boxes are read in the order of the cells, without the arcs.
+    boxes = np.empty((2, room, 6))
     for m in range(2):
-        fill_cells(spans[m], first[m], items[m])
+        fill_cells(arcs, m == 1, spans[m], first[m], items[m], boxes[m])
     stack = np.empty((DEPTH, 2, at.ARC))
     hulls = np.empty((2, 4, 2))
     for cell in range(CELLS * CELLS):
         for ia in range(first[0, cell - 1] if cell > 0 else 0, first[0, cell]):
             i = items[0, ia]
+            low_s, high_s, low_v, high_v = boxes[0, ia, 0], boxes[0, ia, 1], boxes[0, ia, 2], boxes[0, ia, 3]
+            low_n, high_n = boxes[0, ia, 4], boxes[0, ia, 5]
             for ib in range(first[1, cell - 1] if cell > 0 else 0, first[1, cell]):
+                # Arcs crowd where they graze: there n excludes most pairs.
+                if low_n > boxes[1, ib, 5] or high_n < boxes[1, ib, 4] or low_s > boxes[1, ib, 1] or high_s < boxes[1, ib, 0]:
+                    continue
+                if low_v > boxes[1, ib, 3] or high_v < boxes[1, ib, 2]:
+                    continue
                 j = items[1, ib]
                 # Of the cells that both are in, the first has the pair.
                 if cell != max(spans[0, i, 0], spans[1, j, 0]) * CELLS + max(spans[0, i, 2], spans[1, j, 2]):
                     continue
-                if not may_meet(search, arcs[i], arcs[j]) or boxes_apart(arcs[i], arcs[j]):
+                if not may_meet(search, arcs[i], arcs[j]):
                     continue
                 counts[PAIRS] += 1
                 copy_1(arcs[i], stack[0, 0])
