@@ -238,7 +238,8 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
         raise TypeError(f"the system is {shown(system)}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
     reason = system.why_not_conservative() if conservative else None
     if reason is not None:
-        raise ValueError(f"{conservative} need a conservative system: {reason}; its motion is for saltus run")
+        instead = "; its motion is for saltus run" if system.why_not_linear() is None else ""
+        raise ValueError(f"{conservative} need a conservative system: {reason}{instead}")
     reason = None if smooth else system.why_not_linear()
     if reason is not None:
         raise ValueError(f"{reason}, and this computation has linear flights only; expected linear springs and dampers between stops")

@@ -49,9 +49,8 @@ def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
         raise EndsError(f"unknown end {shown(end)}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
     if match[1] == "origin" and not system.has_odd_symmetry:
         raise EndsError(
-            "an origin end needs odd symmetry (two-sided stops with equal gaps); this system has "
-            + " and ".join(f"stop {stop.name} from {stop.lower:g} to {stop.upper:g}" for stop in system.stops if stop.lower != -stop.upper)
-            + "; expected rest or stop ends"
+            f"an origin end needs odd symmetry (two-sided stops with equal gaps, odd springs); this system has {system.why_not_odd()}; "
+            "expected rest or stop ends"
         )
     return KINDS[match[1]], contact_of(system, match[2]) if match[2] else -1
 

@@ -53,6 +53,7 @@ class SmoothForces:
         Which springs have none.
     why_dissipative : str or None
         Which dampers lose or gain energy beside C.
+    coordinates : tuple of n str
     """
 
     symbols: tuple[Any, ...]
@@ -62,12 +63,17 @@ class SmoothForces:
     potential: Any
     why_no_potential: str | None
     why_dissipative: str | None
+    coordinates: tuple[str, ...]
 
     @cached_property
-    def is_odd(self) -> bool:
-        """Whether the forces change their sign with the state."""
+    def why_not_odd(self) -> str | None:
+        """A force that does not change its sign with the state, or None."""
         mirrored = {symbol: -symbol for symbol in self.symbols}
-        return all(_vanishes(force + force.xreplace(mirrored)) for force in self.forces)
+        for force, direction in zip(self.forces, self.directions, strict=True):
+            if not _vanishes(force + force.xreplace(mirrored)):
+                names = [name for name, entry in zip(self.coordinates, direction, strict=True) if entry]
+                return f"a spring or damper on {' and '.join(names)} whose force is not odd"
+        return None
 
     def push(self, mass: np.ndarray) -> np.ndarray:
         """The accelerations (n, F) of unit forces."""
@@ -119,8 +125,8 @@ def smooth_forces(springs: Sequence[Spring], dampers: Sequence[Damper], coordina
     Examples
     --------
     >>> forces = smooth_forces([Spring((1.0, -1.0), polynomial=(1.0, 0.0, 4.0))], [], ["u1", "u2"])
-    >>> forces.forces, forces.potential, forces.directions.tolist(), forces.is_odd
-    ((4*@1**3,), @1**4, [[1.0, -1.0]], True)
+    >>> forces.forces, forces.potential, forces.directions.tolist(), forces.why_not_odd
+    ((4*@1**3,), @1**4, [[1.0, -1.0]], None)
     >>> float(forces.energy(np.array([2.0, 1.0])))
     1.0
     """
@@ -356,6 +362,7 @@ class _Collected:
             None if why else self.potential,
             why,
             self.dissipative and f"{self.dissipative} loses energy",
+            self.coordinates,
         )
 
 

@@ -214,8 +214,7 @@ class ImpactSystem(Matrices):
         if self.springs or self.dampers:
             self._take_linear_parts()
         object.__setattr__(self, "is_conservative", self.why_not_conservative() is None)
-        odd = all(stop.lower == -stop.upper for stop in self.stops) and (self.smooth_forces is None or self.smooth_forces.is_odd)
-        object.__setattr__(self, "has_odd_symmetry", odd)
+        object.__setattr__(self, "has_odd_symmetry", self.why_not_odd() is None)
 
     def _take_linear_parts(self) -> None:
         """Add the linear parts of springs and dampers to K and C, once."""
@@ -286,6 +285,13 @@ class ImpactSystem(Matrices):
         if self.smooth_forces is not None:
             return self.smooth_forces.why_dissipative or self.smooth_forces.why_no_potential
         return None
+
+    def why_not_odd(self) -> str | None:
+        """What has no odd symmetry, or None."""
+        uneven = [f"stop {stop.name} from {stop.lower:g} to {stop.upper:g}" for stop in self.stops if stop.lower != -stop.upper]
+        if uneven:
+            return " and ".join(uneven)
+        return None if self.smooth_forces is None else self.smooth_forces.why_not_odd
 
     def why_not_linear(self) -> str | None:
         """Which spring or damper is not linear, or None."""

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import sympy
 
+from bvp.checks import require_system
+from bvp.closures import ORIGIN, EndsError, parse_end
 from bvp.jet_programs import plain_powers
 from bvp.kernels.expressions import run
 from bvp.kernels.jets import extend_jets
@@ -304,6 +306,22 @@ def test_a_parameter_that_no_spring_has_is_refused():
     other = DESCRIPTION | {"parameters": DESCRIPTION["parameters"] | {"q": 1.0}}
     with pytest.raises(InvalidSystem, match="parameter q is used nowhere"):
         ParametricSystem.from_description(other)
+
+
+def test_an_origin_end_needs_odd_springs():
+    """Oracle: w^2 is even. A spring that is odd leaves the end."""
+    expected = r"an origin end needs odd symmetry \(.*\); this system has a spring or damper on x and y whose force is not odd;"
+    with pytest.raises(EndsError, match=expected):
+        parse_end(system([SPRINGS[5][0]]), "origin")
+    assert parse_end(system([SPRINGS[0][0]]), "origin") == (ORIGIN, -1)
+
+
+def test_families_need_a_potential():
+    """Oracle: d(y^3)/dy is not 0, and no other force has it."""
+    found = ImpactSystem(MASS, 0 * MASS, STIFFNESS, (), tuple(NAMES), springs=(Spring((1.0, 0.0), force="y**3"),))
+    expected = "^families need a conservative system: the springs have no potential: the force on x changes with y unlike that on y with x$"
+    with pytest.raises(ValueError, match=expected):
+        require_system(found, conservative="families", smooth=True)
 
 
 def test_an_expression_that_is_linear_is_no_smooth_force():
