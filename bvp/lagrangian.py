@@ -1,8 +1,8 @@
-"""A linear impacting system from its energies: kinetic and potential energy, Rayleigh dissipation and gaps as expressions.
+"""An impacting system from its energies: kinetic and potential energy, Rayleigh dissipation and gaps as expressions.
 
 With T = v M v/2, V = u K u/2 and Rayleigh's D = v C v/2, Lagrange's equations d/dt dT/dv + dD/dv + dV/du = 0 are
 M u'' + C u' + K u = 0. Each quadratic form is read off term by term, in exact rational arithmetic, and rounded once at the end.
-What is not quadratic (or, in a gap, not linear) is refused and named; nothing is linearised.
+Other smooth terms of V are the potential of a spring. What is not quadratic in T or D, or not linear in a gap, is refused and named.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from typing import Any
 
 from bvp.checks import is_finite, real
 from bvp.expressions import ExpressionError, is_plain, not_too_deep, parsed, require_small
+from bvp.springs import Spring
 from bvp.texts import shown
 
 __all__ = ["LagrangianError", "parts_from_lagrangian"]
 
+
 class LagrangianError(ValueError):
-    """Energies, gaps or parameters that make no linear impacting system; the message is one line that names the term."""
+    """Energies, gaps or parameters that make no impacting system; the message is one line that names the term."""
 
 
 @contextmanager
@@ -39,7 +41,7 @@ def parts_from_lagrangian(
     potential: Any,
     coordinates: Sequence[Any],
     *,
-    gaps: Sequence[Sequence[Any]],
+    gaps: Sequence[Sequence[Any]] = (),
     dissipation: Any = 0,
     parameters: Mapping[Any, Any] | None = None,
     velocities: Sequence[Any] | None = None,
@@ -47,14 +49,15 @@ def parts_from_lagrangian(
     absorber: str | int | None = None,
     primary: str | int | None = None,
 ) -> dict[str, Any]:
-    """The parts of the linear system M u'' + C u' + K u = 0 between stops that has the given energies.
+    """The parts of the system M u'' + C u' + K u = 0 between stops, with springs that are not linear, that has the given energies.
 
     Expressions are sympy's or text. Text is read as arithmetic of numbers, names and `bvp.expressions.FUNCTIONS`, nothing else.
 
     Parameters
     ----------
     kinetic, potential
-        T, quadratic in the velocities with constant coefficients, and V, quadratic in the coordinates. Constants are ignored.
+        T, quadratic in the velocities with constant coefficients, and V, smooth in the coordinates, at rest where they are 0. Constants
+        are ignored.
     coordinates
         n names, sympy symbols, or functions of time such as those of `sympy.physics.mechanics.dynamicsymbols`.
     gaps
@@ -76,12 +79,13 @@ def parts_from_lagrangian(
     Returns
     -------
     dict
-        The arguments of `bvp.system.ImpactSystem`; each stop as (row, lower, upper, restitution).
+        The arguments of `bvp.system.ImpactSystem`; each stop as (row, lower, upper, restitution). ``springs`` are there if V has terms
+        that are not quadratic.
 
     Raises
     ------
     LagrangianError
-        For a term that is not quadratic (energies) or linear (gaps), a symbol without a value, text that cannot be read.
+        For a term that is not quadratic (T, D), smooth (V) or linear (gaps), a symbol without a value, text that cannot be read.
 
     Examples
     --------
@@ -93,7 +97,8 @@ def parts_from_lagrangian(
     """
     names = _Names(coordinates, velocities, time, parameters)
     mass = _form(names, kinetic, "the kinetic energy", "velocities")
-    stiffness = _form(names, potential, "the potential energy", "coordinates")
+    quadratic, others = _split(names, potential, "the potential energy")
+    stiffness = _form(names, quadratic, "the potential energy", "coordinates")
     damping = _form(names, dissipation, "the dissipation", "velocities")
     stops = []
     for k, gap in enumerate(_listed(gaps, "gaps is a list of (expression, lower, upper, restitution)")):
@@ -119,6 +124,7 @@ def parts_from_lagrangian(
         "coordinates": names.coordinates,
         "absorber": absorber,
         "primary": primary,
+        **({"springs": (_spring(names, others),)} if others else {}),
     }
 
 
@@ -165,8 +171,9 @@ class _Names:
         if double:
             raise LagrangianError(f"the name {double[0]} is given twice among coordinates, velocities and parameters")
 
-    def read(self, expression: Any, what: str, allowed: Sequence[str]) -> Any:
-        """The expression in plain symbols, each of which is among the allowed names or a parameter with a value."""
+    def read(self, expression: Any, what: str, allowed: Sequence[str], *, as_written: bool = False) -> Any:
+        """The expression in plain symbols, each of which is among the allowed names or a parameter with a value; multiplied out, if it is
+        not wanted as it is written."""
         import sympy
         from sympy.core.function import AppliedUndef
 
@@ -188,7 +195,7 @@ class _Names:
             raise LagrangianError(f"{what} has {unknown[0]}, which is neither a coordinate nor a velocity ({described})")
         expression = expression.xreplace({symbol: sympy.Symbol(symbol.name) for symbol in expression.free_symbols})
         require_small(expression, what, self.symbol_values)
-        expression = sympy.expand(expression)
+        written, expression = expression, sympy.expand(expression)
         for name in sorted({symbol.name for symbol in expression.free_symbols} - {*self.values, *allowed}):
             if name in self.coordinates or name in self.velocities:
                 kind = "coordinate" if name in self.coordinates else "velocity"
@@ -202,7 +209,7 @@ class _Names:
                 f"{what} has the symbol {name}, which is neither a coordinate nor a velocity ({described}) "
                 f"and has no value in parameters{f'; the nearest known is {close[0]}' if close else ''}"
             )
-        return expression
+        return written if as_written else expression
 
     def substitute(self, expression: Any) -> Any:
         """The expression with the parameters' exact values and exact rationals for its decimal numbers."""
@@ -210,6 +217,45 @@ class _Names:
 
         expression = expression.xreplace(self.symbol_values)
         return expression.xreplace({number: sympy.Rational(number) for number in expression.atoms(sympy.Float)})
+
+
+def _split(names: _Names, expression: Any, what: str) -> tuple[Any, list[Any]]:
+    """The terms of a potential that are polynomials up to the second degree, and the others, as they are written."""
+    import sympy
+
+    from bvp.smooth_forces import why_not_smooth
+
+    symbols = [sympy.Symbol(name) for name in names.coordinates]
+    low: list[Any] = []
+    others: list[Any] = []
+    for term in sympy.Add.make_args(names.read(expression, what, names.coordinates, as_written=True)):
+        valued = sympy.expand(names.substitute(term))
+        if valued.is_polynomial(*symbols) and (not valued.free_symbols or sympy.Poly(valued, *symbols).total_degree() <= 2):
+            low.append(term)
+            continue
+        part = why_not_smooth(valued.xreplace({symbol: sympy.Symbol(symbol.name, real=True) for symbol in symbols}))
+        if part is not None:
+            raise LagrangianError(f"{what} has the term {term}, which is not smooth in {part}; expected a smooth potential and gaps")
+        rest = [valued.diff(symbol).xreplace(dict.fromkeys(symbols, sympy.Integer(0))) for symbol in symbols]
+        if any(value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I) for value in rest):
+            raise LagrangianError(f"{what} has the term {term}, whose force is not finite where all coordinates are 0")
+        others.append(term)
+    return sympy.Add(*low), others
+
+
+def _spring(names: _Names, terms: Sequence[Any]) -> Spring:
+    """The spring of all coordinates with terms of the potential. Its text has the parameters by their names."""
+    import sympy
+
+    potential = sympy.Add(*terms)
+    # The shortest decimals are the same floats.
+    numbers = {number: sympy.Rational(repr(float(number))) for number in potential.atoms(sympy.Float)}
+    used = {symbol.name for symbol in potential.free_symbols}
+    for name in sorted(used):
+        if not is_plain(name):
+            raise LagrangianError(f"{name} cannot be named in a potential that is not quadratic; expected letters, digits and _")
+    values = {name: float(value) for name, value in names.values.items() if name in used}
+    return Spring(potential=str(potential.xreplace(numbers)), parameters=values)
 
 
 def _form(names: _Names, expression: Any, what: str, kind: str) -> Any:

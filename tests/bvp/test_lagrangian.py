@@ -159,11 +159,52 @@ def test_a_coordinate_may_have_a_functions_name():
     assert system.stiffness.tolist() == [[4.0]]
 
 
+U1, U2, MU = sympy.symbols("u1 u2 mu")
+QUARTIC = POTENTIAL + " + k3*(u1 - u2)**4/4 + 0.3*u1**2*u2**2 + mu*(1 - cos(u1))"
+
+
+@pytest.mark.parametrize("gaps", [(), GAPS])
+def test_a_potential_that_is_not_quadratic(gaps):
+    """Oracle: sympy's gradient of the whole potential. The quadratic part, with that of the cosine, is in K."""
+    values = {"mu": 0.1, "sigma": 0.25, "rho": 1.0, "k3": 0.7}
+    system = reference(potential=QUARTIC, gaps=gaps, parameters=values)
+    assert system.stiffness.tolist() == [[0.25 + 0.1, -0.25], [-0.25, 1.25]] and len(system.stops) == len(gaps)
+    potential = sympy.sympify(QUARTIC).subs(values)
+    gradient = sympy.lambdify([U1, U2], [potential.diff(U1), potential.diff(U2)])
+    for u in np.array([[0.3, -0.8], [1.2, 0.5]]):
+        found = u @ system.stiffness + system.smooth_forces.acting(u, 0 * u)
+        np.testing.assert_allclose(found, gradient(*u), rtol=1e-14)
+        assert system.energy(u, 0 * u) == pytest.approx(float(potential.subs({U1: u[0], U2: u[1]})), rel=1e-14)
+    again = ImpactSystem.from_description(system.describe())
+    assert again.describe() == system.describe() and again.has_odd_symmetry and again.is_conservative
+
+
+def test_a_pendulum_from_functions_of_time():
+    """Oracle: the frequency sqrt(g/l) and the torque of gravity."""
+    from sympy.physics.mechanics import dynamicsymbols
+
+    angle, time = dynamicsymbols("q"), dynamicsymbols._t
+    length, gravity = sympy.symbols("l g", positive=True)
+    kinetic, potential = length**2 * angle.diff(time) ** 2 / 2, gravity * length * (1 - sympy.cos(angle))
+    system = ImpactSystem.from_lagrangian(kinetic, potential, [angle], parameters={length: 2, gravity: 9.81})
+    assert system.modes.frequencies.tolist() == pytest.approx([math.sqrt(9.81 / 2)], rel=1e-15)
+    u = np.array([2.0])
+    assert system.stiffness @ u + system.smooth_forces.acting(u, 0 * u) == pytest.approx(19.62 * math.sin(2.0), rel=1e-14)
+
+
+def test_a_symbol_that_no_text_can_have_is_refused():
+    q = sympy.Symbol("q_{1}")
+    with pytest.raises(LagrangianError, match="cannot be named in a potential that is not quadratic"):
+        ImpactSystem.from_lagrangian(sympy.Symbol("v") ** 2, q**4, [q], velocities=[sympy.Symbol("v")])
+
+
 REFUSED = [
     # nonlinear terms, by name
-    ({"potential": POTENTIAL + " + u1**4/4"}, "the potential energy has the term u1**4/4, which is not quadratic in the coordinates"),
-    ({"potential": POTENTIAL + " + 2*cos(u1)"}, "the potential energy has the term 2*cos(u1), which is not quadratic in the coordinates"),
-    ({"potential": "sigma/u1"}, "has the term sigma/u1"),
+    ({"dissipation": "u1_dot**4"}, "the dissipation has the term u1_dot**4, which is not quadratic in the velocities"),
+    ({"potential": "sigma/u1"}, "has the term sigma/u1, which is not smooth in 1/u1; expected a smooth potential and gaps"),
+    ({"potential": POTENTIAL + " + mu*abs(u1)**3"}, "the term mu*Abs(u1)**3, which is not smooth in Abs(u1); expected a smooth"),
+    ({"potential": sympy.Max(0, U1) ** 2}, "which is not smooth in Max(0, u1)"),
+    ({"potential": "log(u1**2 + u2**2)*u2"}, "has the term u2*log(u1**2 + u2**2), whose force is not finite where all coordinates are 0"),
     ({"potential": POTENTIAL + " - mu*u1"}, "has the term -mu*u1, a constant load, which is not quadratic"),
     ({"potential": POTENTIAL + " + u1*u1_dot"}, "the potential energy has the velocity u1_dot in the term u1*u1_dot"),
     ({"kinetic": KINETIC + " + u1**2*u1_dot**2"}, "the kinetic energy has the coordinate u1 in the term u1**2*u1_dot**2"),
@@ -223,7 +264,6 @@ def test_refusals(change, message):
     assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
-U1, U2, MU = sympy.symbols("u1 u2 mu")
 TOO_LARGE = [
     "((((2**20)**20)**20)**20)*u1**2",
     "((1.5**20)**20)*(((3/2)**20)**20)**20*u1**2",
