@@ -20,6 +20,7 @@ from bvp.description import BASE, FORCE, force_from, leaves, mapped, names_in, o
 from bvp.entries import EntryLayout, entries_of, exact
 from bvp.expressions import parsed
 from bvp.forcing import Constant, Force, Harmonic
+from bvp.springs import LARGEST_POWER
 from bvp.system import MODELS, STOP_KEYS, SYSTEM_KEYS, ImpactSystem
 from bvp.texts import brief, listed, shown
 
@@ -190,7 +191,7 @@ class ParametricSystem:
     def domain(self, name: str) -> tuple[float, float]:
         """The interval (low, high) in which a parameter can lie; an end may be excluded. `violation` says what holds at given values.
 
-        Known are the parameters of the model, and a parameter that is itself a mass, a restitution or a frequency."""
+        Known are the parameters of the model, and a parameter that is itself a mass, restitution, frequency or power."""
         self._require_known(name)
         model = self._system.get("model")
         low, high = -math.inf, math.inf
@@ -203,6 +204,8 @@ class ParametricSystem:
             low = 0.0
         if name in [stop.get("restitution") for stop in self._system.get("stops", ())]:
             low, high = max(low, 0.0), min(high, 1.0)
+        if name in [element.get("power") for key in ("springs", "dampers") for element in self._system.get(key, ())]:
+            low, high = max(low, 1.0), min(high, LARGEST_POWER)
         return low, high
 
     def at(self, values: Mapping[str, float] | None = None) -> dict[str, float]:

@@ -15,7 +15,7 @@ import numpy as np
 from bvp.checks import Frozen, InvalidSystem, checked_number, refuse_unknown
 from bvp.texts import shown
 
-__all__ = ["Damper", "Element", "Spring", "element_from", "is_nonlinear", "is_symbolic"]
+__all__ = ["LARGEST_POWER", "Damper", "Element", "Spring", "element_from", "is_nonlinear", "is_symbolic"]
 
 MOST_COEFFICIENTS = 64
 """Largest degree of a force given as a polynomial."""

@@ -82,10 +82,12 @@ def explain_search(system: ImpactSystem) -> list[str]:
     why = system.why_not_conservative()
     if why is not None:
         return [f"{why} -> no family of periodic orbits without forcing"]
-    choice = "unequal gaps on both sides -> no ends at the origin, and every orbit is solved over half a period"
     if system.has_odd_symmetry:
         how = "mirror images are one orbit, and orbits with half-period symmetry are solved over a quarter period"
-        choice = f"equal gaps on both sides -> {how}"
+        choice = f"{'equal gaps on both sides' if system.stops else 'odd springs'} -> {how}"
+    else:
+        reason = "unequal gaps on both sides" if (system.why_not_odd() or "").startswith("stop") else "springs that are not odd"
+        choice = f"{reason} -> no ends at the origin, and every orbit is solved over half a period"
     return [*_of_system(system), choice, *_REVERSIBLE]
 
 
@@ -154,6 +156,10 @@ def _of_system(system: ImpactSystem) -> list[str]:
     """The computations that an undamped elastic system does not need."""
     from bvp.modes import undamped_modes
 
+    contacts = [_ELASTIC] if system.stops else ["no stops -> no impacts"]
+    reason = system.why_not_linear()
+    if reason is not None:
+        return [f"{reason} -> free flight is a Taylor series in time, each step confirmed by its defect", *contacts]
     # Not `system.modes`, which needs the kernels: `saltus show` loads none.
     squares, _ = undamped_modes(system.mass, system.stiffness)
-    return [_UNDAMPED, *([_RIGID] if (squares == 0.0).any() else []), _ELASTIC]
+    return [_UNDAMPED, *([_RIGID] if (squares == 0.0).any() else []), *contacts]

@@ -10,6 +10,7 @@ from scipy import io, sparse
 
 from saltus import load_scene
 from saltus.scene import SHIPPED
+from saltus.scene.model import explain_search
 from tests.saltus.running import refused, run
 
 SCENE = """
@@ -231,3 +232,17 @@ def test_a_study_refuses_springs_that_are_not_linear(tmp_path, capsys):
     (tmp_path / "study.toml").write_text('scene = "cubic_nes"\ndesign = "grid"\n[vary.energy]\nfrom = 0.1\nto = 1.0\npoints = 2\n')
     words = "saltus study computes linear flights, and the spring between u1 and u2 is not linear"
     refused(run(capsys, "study", tmp_path / "study.toml"), words)
+
+
+def test_the_model_of_a_scene_with_springs(tmp_path):
+    """Oracle: what the scene has: no stops, odd springs; then a force w^2."""
+    lines = explain_search(load_scene("smooth_wall").system)
+    assert lines[0].startswith("the spring between u1 and u2 is not linear -> free flight is a Taylor series")
+    assert lines[1] == "no stops -> no impacts" and lines[2].startswith("odd springs -> mirror images")
+    text = '[system]\nmass = [[1.0]]\nstiffness = [[1.0]]\n[[springs]]\non = "u1"\npolynomial = [0.0, 1.0, 1.0]\n'
+    assert explain_search(scene_of(tmp_path, text).system)[2].startswith("springs that are not odd -> no ends at the origin")
+
+
+def test_the_domain_of_a_power(tmp_path):
+    parametric = scene_of(tmp_path, SCENE.replace('"n/2"', '"n"')).parametric
+    assert parametric.domain("n") == (1.0, 10_000.0) and parametric.domain("k") == (-np.inf, np.inf)
