@@ -194,7 +194,9 @@ def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = 
     if not np.all(np.isfinite(matrix)):
         i, j = np.argwhere(~np.isfinite(matrix))[0]
         raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
-    for i, j in np.argwhere(matrix):
+    sizes = np.abs(matrix[matrix != 0.0])
+    ordinary = sizes.size == 0 or (sizes.min() >= SMALLEST and sizes.max() <= LARGEST)
+    for i, j in () if ordinary else np.argwhere(matrix):
         checked_number(float(matrix[i, j]), f"entry ({i + 1}, {j + 1}) of {name}", SMALLEST if name == "mass" and i == j else 0.0)
     if not symmetric:
         return matrix

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,9 @@ __all__ = [
 
 _SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
 """A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
+
+KNOWN = 64
+"""Pairs of matrices whose modes are kept: the system of an orbit is made several times, for its steps, its stability and its files."""
 
 REFINEMENTS = 3
 """Steps of iterative refinement with exact residuals, each of which adds nearly sixteen digits."""
@@ -175,7 +179,15 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
     shapes : (n, n) ndarray
         Columns with Phi^T M Phi = I; the component with the most kinetic energy is positive.
     """
-    n = mass.shape[0]
+    mass, stiffness = np.asarray(mass, dtype=float), np.asarray(stiffness, dtype=float)
+    squares, shapes = _known_modes(len(mass), mass.tobytes(), stiffness.tobytes())
+    return squares.copy(), shapes.copy(order="K")
+
+
+@lru_cache(KNOWN)
+def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """The modes of two matrices (n, n)."""
+    mass, stiffness = (np.frombuffer(entries).reshape(n, n) for entries in (mass_entries, stiffness_entries))
     scale = 1.0 / np.sqrt(np.diag(mass))
     lower = np.linalg.cholesky(scale[:, None] * mass * scale)
     half = np.linalg.solve(lower, scale[:, None] * stiffness * scale)

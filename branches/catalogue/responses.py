@@ -18,7 +18,7 @@ from branches.catalogue.packing import PackedFamily, encode, label_intervals, qu
 from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_values
 from branches.events import BranchEvent, Ended
 from branches.forced.branch import ForcedBranch, ForcedEvent
-from branches.forced.identity import invariants
+from branches.forced.identity import invariants, window_of
 from branches.forced.tracing import follow_response, primitive_branch
 from branches.released.branch import branch_in_parameter
 from branches.released.family import PlacedSolution, placed
@@ -274,9 +274,11 @@ def kept_branch(catalogue: CatalogueStore, branch: ForcedBranch) -> ForcedBranch
     CatalogueError
         For a branch of another system, or in other parameters.
     """
-    branch = primitive_branch(branch)
+    given, branch = branch, primitive_branch(branch)
     catalogue.require_system(system_of(branch.problem))
     branch = replace(branch, problem=problem_from(catalogue.parametric, problem_record(branch.problem)))
+    if window_of(branch.problem) == window_of(given.problem):
+        branch.share_identity(given)
     return branch.known_as(next((id for id in branch.full_family.ids if id in catalogue), branch.full_family.ids[0]))
 
 

@@ -134,6 +134,11 @@ class ForcedBranch:
             self.__dict__["full_family"] = full_response(self, on_points)
         return self
 
+    def share_identity(self, other: ForcedBranch) -> None:
+        """Take over the full family of a branch of the same orbits in the same window, if it is known."""
+        if "full_family" in other.__dict__:
+            self.__dict__["full_family"] = other.full_family
+
     def known_as(self, id: str) -> ForcedBranch:
         """This branch, with the id of its family known. The family is not followed for it."""
         self.__dict__["id"] = id
