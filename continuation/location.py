@@ -8,15 +8,18 @@ is carried from trial to trial.
 from __future__ import annotations
 
 import math
-from bisect import bisect, insort
+from bisect import bisect
 from collections.abc import Iterator, Sequence
 from itertools import chain, pairwise
 from operator import itemgetter
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from continuation.bracketing import RootBracket, StepRefused, bracketed_root
 from continuation.control import Settings
 from continuation.problem import Point, Problem, Status, Step
+
+if TYPE_CHECKING:
+    import numpy as np
 
 FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 
@@ -98,6 +101,7 @@ class Locator:
         self._before = before.step
         start = before.step._replace(turn=1.0)  # the rotation up to it does not count here
         self._known: dict[float, Step] = {0.0: start, ds: after}
+        self._slopes: dict[float, np.ndarray] = {}
         self.taken: list[tuple[float, Step]] = [(0.0, start), (ds, after)]
         self.ends: list[tuple[float, float]] = []
 
@@ -125,7 +129,7 @@ class Locator:
             (low, first), (high, last) = self.taken[at - 1], self.taken[at]
             width = high - low
             part = (s - low) / width
-            slope, other_slope = (step.tangent[: before.y.size] / step.turn for step in (first, last))
+            slope, other_slope = self._slope(low, first), self._slope(high, last)
             guess = first.y + part * part * (3.0 - 2.0 * part) * (last.y - first.y)
             guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
         if guess is None or near is None:
@@ -139,16 +143,23 @@ class Locator:
         if inside:
             change = other_slope - slope
             expected = slope + part * change
-            aside = step.tangent[: before.y.size] / step.turn - expected
+            aside = self._slope(s, step) - expected
             if math.sqrt(aside @ aside) > math.sqrt(change @ change) + _ASIDE * math.sqrt(expected @ expected):
                 raise StepRefused("a shorter step goes over to another family")
         self._known[s] = step
-        insort(self.taken, (s, step), key=itemgetter(0))
+        self.taken.insert(at, (s, step))
         return step
+
+    def _slope(self, s: float, step: Step) -> np.ndarray:
+        """Derivative of the unknowns at a known step by its length."""
+        slope = self._slopes.get(s)
+        if slope is None:
+            slope = self._slopes[s] = step.tangent[: step.y.size] / step.turn
+        return slope
 
     def between_families(self, low: float, high: float) -> bool:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
-        slope, other = (step.tangent[: step.y.size] / step.turn for step in (self._known[low], self._known[high]))
+        slope, other = (self._slope(s, self._known[s]) for s in (low, high))
         change = other - slope
         return math.sqrt(change @ change) > _ASIDE * (math.sqrt(slope @ slope) + math.sqrt(other @ other))
 

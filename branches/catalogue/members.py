@@ -28,7 +28,7 @@ from branches.search.known import Boxes, Kind, boxes_between
 from branches.sequences import PERIODIC, Ends, ImpactSequence, format_ends, impacts_per_period
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
-from bvp.kernels.flight import flow_state
+from bvp.kernels.flight import flow_state, sample_flights
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged
 
@@ -337,18 +337,22 @@ def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iter
     times = np.linspace(0.0, 1.0, _SAMPLES)
     track = np.empty((len(durations), _SAMPLES, 2 * half))
     for i, duration in enumerate(durations):
-        for j, part in enumerate(times):
-            flow_state(modes.flight, begins[i], float(part * duration), track[i, j])
+        sample_flights(modes.flight, np.zeros(1), begins[i : i + 1], times * duration, track[i])
+    # The path from each sample to the farther one of its neighbours.
+    way = np.linalg.norm(np.diff(track, axis=1), axis=2)
+    path = np.maximum(np.pad(way, ((0, 0), (1, 0))), np.pad(way, ((0, 0), (0, 1))))
 
     def distance(image: np.ndarray) -> float:
         best = math.inf
         away = np.linalg.norm(track - image, axis=2)
-        for i, j in zip(*_dips(away, track), strict=True):
+        for i, j in zip(*_dips(away, path), strict=True):
             t = times[j] * durations[i]
             for _ in range(8):
                 flow_state(modes.flight, begins[i], float(t), state)
                 rate = modes.matrix @ state
-                t = min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
+                last, t = t, min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
+                if t == last:
+                    break
             flow_state(modes.flight, begins[i], float(t), state)
             best = min(best, float(np.linalg.norm(state - image)))
         return best
@@ -360,14 +364,12 @@ def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iter
     return out
 
 
-def _dips(away: np.ndarray, track: np.ndarray) -> tuple[np.ndarray, ...]:
+def _dips(away: np.ndarray, path: np.ndarray) -> tuple[np.ndarray, ...]:
     """Local minima (i, j) of the distances `away` (flights, samples), and the smallest distance of all.
 
-    A minimum counts if it is at most twice the path to a neighbouring sample: a larger one cannot reach zero between the samples."""
+    A minimum counts if it is at most twice the `path` to a neighbouring sample: a larger one cannot reach zero between the samples."""
     padded = np.pad(away, ((0, 0), (1, 1)), constant_values=np.inf)
     least = (away <= padded[:, :-2]) & (away <= padded[:, 2:])
-    way = np.linalg.norm(np.diff(track, axis=1), axis=2)
-    near = away <= 2.0 * np.maximum(np.pad(way, ((0, 0), (1, 0))), np.pad(way, ((0, 0), (0, 1))))
-    found = least & near
+    found = least & (away <= 2.0 * path)
     found.flat[int(np.argmin(away))] = True
     return np.nonzero(found)

@@ -17,6 +17,7 @@ import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.events import BranchEvent
     from bvp.multipoint import MultipointProblem
+    from bvp.system import ImpactSystem
 
 __all__ = [
     "PREDICTIONS", "QUERIED", "Columns", "Layout", "PackedFamily", "as_floats", "as_integers", "checksum_of_points", "decode", "encode",
@@ -296,7 +298,12 @@ def pack_family(branch: Branch) -> PackedFamily:
         " ".join(dict.fromkeys(part.value for part in labels if part.value)),
         compact_json({"labels": labels, "stability": stability, "ended": ended, "layout": layout}),
     )  # fmt: skip
-    return PackedFamily(branch.system.describe(), row, queried_rows(columns), arrays, [event_values(event) for event in branch.events])
+    return PackedFamily(_described(branch.system), row, queried_rows(columns), arrays, [event_values(event) for event in branch.events])
+
+
+@lru_cache(maxsize=4)
+def _described(system: ImpactSystem) -> dict[str, Any]:
+    return system.describe()
 
 
 def label_intervals(columns: dict[str, np.ndarray], events: Sequence[BranchEvent]) -> tuple[Interval, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -34,6 +34,9 @@ _SAME = 1e-7
 """States, as parts of the largest, and times, as parts of the period, that are the same."""
 
 _TURNS = 4096
+
+_FAR = 1e5
+"""A turning point that is so many times farther from a stop than the largest distance of a touch is none."""
 
 _ALONE = 1e-6
 """Amplitude of the other modes, as a part of the largest, below which one mode moves alone."""
@@ -247,22 +250,33 @@ def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
 
 def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: float) -> Iterator[tuple[int, float, np.ndarray]]:
     """(contact, time, state) of the turning points of each gap along a flight that are at a stop."""
-    modes = system.modes
-    times, state = np.empty(_TURNS), np.empty(len(z))
-    for contact in range(len(modes.contacts.side)):
-        gap, rate, bend = modes.contacts.gap[contact], modes.contacts.rate[contact], modes.contacts.acceleration[contact]
-        third = np.ascontiguousarray(bend @ modes.matrix)
-        found = crossing_times(modes.flight, rate, bend, third, np.ascontiguousarray(z), duration, times, np.empty(len(z)))
+    contacts, flight = system.modes.contacts, system.modes.flight
+    times, state, work = np.empty(_TURNS), np.empty(len(z)), np.empty(len(z))
+    z = np.ascontiguousarray(z)
+    for contact, (gap, rate, bend, third) in enumerate(_derivatives(system)):
+        side, bound = float(contacts.side[contact]), float(contacts.bound[contact])
+        found = crossing_times(flight, rate, bend, third, z, duration, times, work)
         for time in times[: min(found, _TURNS)].tolist():
+            flow_state(flight, z, time, state)
+            # A gap hardly changes beside its turning point.
+            if abs(bound - float(gap @ state)) > _FAR * tolerance:
+                continue
             for _ in range(3):
-                flow_state(modes.flight, z, time, state)
                 slope = float(bend @ state)
                 if slope != 0.0:
                     time -= float(rate @ state) / slope
-            flow_state(modes.flight, z, time, state)
-            distance = modes.contacts.side[contact] * (modes.contacts.bound[contact] - float(gap @ state))
-            if abs(distance) < tolerance and modes.contacts.side[contact] * float(bend @ state) < 0.0:
+                flow_state(flight, z, time, state)
+            distance = side * (bound - float(gap @ state))
+            if abs(distance) < tolerance and side * float(bend @ state) < 0.0:
                 yield contact, time, state.copy()
+
+
+@lru_cache(maxsize=16)
+def _derivatives(system: ImpactSystem) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """The gap of each contact and its first three derivatives, as functionals (N,) of a state in flight."""
+    contacts, matrix = system.modes.contacts, system.modes.matrix
+    rows = zip(contacts.gap, contacts.rate, contacts.acceleration, strict=True)
+    return [(gap, rate, bend, np.ascontiguousarray(bend @ matrix)) for gap, rate, bend in rows]
 
 
 class Candidate(NamedTuple):
