@@ -226,21 +226,26 @@ def _split(names: _Names, expression: Any, what: str) -> tuple[Any, list[Any]]:
     from bvp.smooth_forces import why_not_smooth
 
     symbols = [sympy.Symbol(name) for name in names.coordinates]
-    low: list[Any] = []
+    at_rest = dict.fromkeys(symbols, sympy.Integer(0))
+    low: list[tuple[Any, bool]] = []
     others: list[Any] = []
     for term in sympy.Add.make_args(names.read(expression, what, names.coordinates, as_written=True)):
         valued = sympy.expand(names.substitute(term))
-        if valued.is_polynomial(*symbols) and (not valued.free_symbols or sympy.Poly(valued, *symbols).total_degree() <= 2):
-            low.append(term)
+        degrees = {sum(powers) for powers in sympy.Poly(valued, *symbols).monoms()} if valued.is_polynomial(*symbols) else {3}
+        if max(degrees) <= 2:
+            low.append((term, 1 in degrees))
             continue
         part = why_not_smooth(valued.xreplace({symbol: sympy.Symbol(symbol.name, real=True) for symbol in symbols}))
         if part is not None:
             raise LagrangianError(f"{what} has the term {term}, which is not smooth in {part}; expected a smooth potential and gaps")
-        rest = [valued.diff(symbol).xreplace(dict.fromkeys(symbols, sympy.Integer(0))) for symbol in symbols]
+        rest = [valued.diff(symbol).xreplace(at_rest) for symbol in symbols]
         if any(value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I) for value in rest):
             raise LagrangianError(f"{what} has the term {term}, whose force is not finite where all coordinates are 0")
         others.append(term)
-    return sympy.Add(*low), others
+    if others:  # a linear term can balance these at rest
+        others += [term for term, pulls in low if pulls]
+        low = [(term, pulls) for term, pulls in low if not pulls]
+    return sympy.Add(*(term for term, _ in low)), others
 
 
 def _spring(names: _Names, terms: Sequence[Any]) -> Spring:

@@ -314,3 +314,11 @@ def test_functions_of_two_times_are_refused():
         reference(coordinates=[u1(t, s), u2(t)])
     with pytest.raises(LagrangianError, match="neither a coordinate nor a velocity"):
         reference(kinetic=u1(t).diff(t, 2) ** 2, coordinates=[u1(t), u2(t)])
+
+
+def test_linear_terms_can_balance_at_rest():
+    """Oracle: exp(q) - q has no force at q = 0; with exp(q) alone there is one."""
+    system = ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) - q", ["q"])
+    assert system.stiffness.tolist() == [[1.0]]
+    with pytest.raises(InvalidSystem, match=r"the force of the spring of all coordinates is 1 at rest, expected 0: a constant load is"):
+        ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) + q**2", ["q"])
