@@ -238,44 +238,75 @@ class _Collected:
 
     def add_text(self, element: Element) -> np.ndarray:
         """An expression. Returns the stiffness or damping (n, n) of its linear part, which is left out."""
-        import sympy
-
-        n = len(self.coordinates)
         expression, local = self._read(element)
         place = element.place(self.coordinates)
         order = int(isinstance(element, Damper))
-        if local:  # a function of w and its rate
-            directions, inputs = [element.row], [element.row]
-        else:
-            seen = expression.free_symbols
-            used = [k for k in range(n) if any(element.row[k : k + 1]) or {self.input(self.unit(k)), self.input(self.unit(k), 1)} & seen]
-            directions = inputs = [self.unit(k) for k in used]
-        symbols = [self.input(row, order) for row in inputs]
+        seen = expression.free_symbols
+        on = [bool(entry) for entry in element.row] or [False] * len(self.coordinates)
+        used = [k for k, moves in enumerate(on) if moves or {self.input(self.unit(k)), self.input(self.unit(k), 1)} & seen]
+        rows = [element.row] if local else [self.unit(k) for k in used]
+        symbols = [self.input(row, order) for row in rows]
         if isinstance(element, Spring) and element.potential:
-            forces = [expression.diff(symbol) for symbol in symbols]
-        elif local:
-            forces = [expression]
-        else:
-            forces = [exact(element.row[k]) * expression for k in used]
+            _require_at_rest([expression.diff(symbol) for symbol in symbols], [], place)
+            parts = {tuple(rows): expression} if local else self._along_rows(expression, rows)
+            return np.asarray(sum(self._add_potential(part, key, place) for key, part in parts.items()))
+        forces = [expression] if local else [exact(element.row[k]) * expression for k in used]
         _require_at_rest(forces, symbols if order else [], place)
-        slopes = sympy.Matrix([[_at_rest(force.diff(symbol), place) for symbol in symbols] for force in forces])
-        linear = slopes if order else (slopes + slopes.T) / 2
-        rests = [_without(force, symbols, list(linear.row(k)), place) for k, force in enumerate(forces)]
-        for direction, rest in zip(directions, rests, strict=True):
-            self.add(direction, rest)
-        if isinstance(element, Damper):
+        rests, linear = self._split(forces, symbols, rows, place, symmetric=not order)
+        if order:
             if any(rest != 0 for rest in rests):
                 self.dissipative = self.dissipative or place
-        elif isinstance(element, Spring) and element.potential:
-            quadratic = sum(linear[i, j] * a * b for i, a in enumerate(symbols) for j, b in enumerate(symbols)) / 2
-            self.potential += expression - _at_rest(expression, place) - quadratic
         elif local:
             self._integrate(rests[0], symbols[0], place)
         else:
             for k, rest in zip(used, rests, strict=True):
                 self.coupled[k] += rest
-        rows = np.array(inputs, dtype=object)
-        return np.asarray(rows.T @ np.array(linear.tolist(), dtype=object).reshape(len(directions), len(inputs)) @ rows)
+        return linear
+
+    def _add_potential(self, potential: Any, rows: Sequence[tuple[float, ...]], place: str) -> np.ndarray:
+        """A potential of displacements along rows. Returns the stiffness (n, n) of its quadratic part, which is left out."""
+        symbols = [self.input(row) for row in rows]
+        _, stiffness = self._split([potential.diff(symbol) for symbol in symbols], symbols, rows, place, symmetric=True)
+        quadratic = sum(_at_rest(potential.diff(a).diff(b), place) * a * b for a in symbols for b in symbols) / 2
+        self.potential += potential - _at_rest(potential, place) - quadratic
+        return stiffness
+
+    def _split(
+        self, forces: Sequence[Any], symbols: Sequence[Any], rows: Sequence[tuple[float, ...]], place: str, *, symmetric: bool
+    ) -> tuple[list[Any], np.ndarray]:
+        """Add forces along rows without their linear part, or without the symmetric one. Returns what was added, and the matrix (n, n) of
+        the linear part."""
+        import sympy
+
+        slopes = sympy.Matrix([[_at_rest(force.diff(symbol), place) for symbol in symbols] for force in forces])
+        linear = (slopes + slopes.T) / 2 if symmetric else slopes
+        rests = [_without(force, symbols, list(linear.row(k)), place) for k, force in enumerate(forces)]
+        for row, rest in zip(rows, rests, strict=True):
+            self.add(row, rest)
+        table = np.array(rows, dtype=object)
+        return rests, np.asarray(table.T @ np.array(linear.tolist(), dtype=object).reshape(len(rows), len(rows)) @ table)
+
+    def _along_rows(self, potential: Any, rows: Sequence[tuple[float, ...]]) -> dict[tuple[tuple[float, ...], ...], Any]:
+        """A potential of coordinates as a sum, by the rows on which each part depends: a function of x - y has one row, and one force."""
+        import sympy
+
+        symbols = [self.input(row) for row in rows]
+        parts: dict[tuple[tuple[float, ...], ...], Any] = {}
+        for term in sympy.Add.make_args(potential):
+            moved = [k for k, symbol in enumerate(symbols) if symbol in term.free_symbols]
+            slopes = [term.diff(symbols[k]) for k in moved]
+            ratios = [slope / slopes[0] for slope in slopes]
+            key = tuple(rows[k] for k in moved)
+            # Linear terms can balance others at rest only together with them.
+            if any(_at_rest(slope, "") != 0 for slope in slopes):
+                key = tuple(rows)
+            elif len(moved) > 1 and all(ratio.is_number and ratio.is_real for ratio in ratios):
+                row = tuple((np.array([float(ratio) for ratio in ratios]) @ np.array(key)).tolist())
+                others = {symbols[k]: sympy.Integer(0) for k in moved[1:]}
+                key, term = (row,), term.xreplace({symbols[moved[0]]: self.input(row), **others})
+            if moved:
+                parts[key] = parts.get(key, 0) + term
+        return parts
 
     def _read(self, element: Element) -> tuple[Any, bool]:
         """The expression of a text, and whether it is a function of w and its rate only."""

@@ -125,8 +125,24 @@ def test_a_potential_of_several_coordinates():
         energy = 0.5 * u @ STIFFNESS @ u + float(potential.subs({x: u[0], y: u[1]}))
         assert abs(found.energy(u, 0 * u) - energy) < 1e-13 * abs(energy)
     assert found.stiffness.tolist() == (STIFFNESS + [[1.0, 0.0], [0.0, 1.0]]).tolist()
-    # A term without a linear part stays a power of the difference.
-    assert any(power.base.is_Add for power in found.smooth_forces.potential.atoms(sympy.Pow))
+    # Terms of x - y, and of x, are forces along one row.
+    assert found.smooth_forces.directions.tolist() == [[1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]
+
+
+def test_a_potential_of_a_difference_is_a_spring_between_two_coordinates():
+    """Oracle: the spring."""
+    text, other = system([Spring(potential="k*(x - y)**4/4", parameters={"k": 2.0})]), system([SPRINGS[0][0]])
+    for key in ("inputs", "directions"):
+        assert np.array_equal(getattr(text.smooth_forces, key), getattr(other.smooth_forces, key))
+    np.testing.assert_array_equal(text.smooth_forces.acting(U, V), other.smooth_forces.acting(U, V))
+
+
+def test_linear_terms_balance_others_at_rest():
+    """Oracle: sympy's gradient; exp(x + y) has the slope 1 along x and y."""
+    found = system([Spring(potential="exp(x + y) - x - y + (2*x - y)**4")])
+    x, y = U[1]
+    slope, cubic = np.exp(x + y) - 1.0, 4.0 * (2.0 * x - y) ** 3
+    np.testing.assert_allclose(total(found, U[1], 0 * U[1]), STIFFNESS @ U[1] + [slope + 2.0 * cubic, slope - cubic], rtol=1e-14)
 
 
 def test_forces_on_coordinates_that_have_a_potential_together():
