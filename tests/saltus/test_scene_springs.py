@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import runpy
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -281,3 +283,11 @@ def test_the_model_of_a_scene_with_springs(tmp_path):
 def test_the_domain_of_a_power(tmp_path):
     parametric = scene_of(tmp_path, SCENE.replace('"n/2"', '"n"')).parametric
     assert parametric.domain("n") == (1.0, 10_000.0) and parametric.domain("k") == (-np.inf, np.inf)
+
+
+def test_a_scene_without_springs_loads_nothing_of_them():
+    """Oracle: the modules that a new process has."""
+    heavy = {"bvp.smooth_forces", "bvp.jet_programs", "sympy"}
+    code = f"import sys, saltus; saltus.load_scene().system.modes; print({heavy} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
