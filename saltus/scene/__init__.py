@@ -27,7 +27,7 @@ import numpy as np
 
 import catalogues
 from bvp.checks import Frozen
-from bvp.texts import brief, shown
+from bvp.texts import brief, listed, shown
 from saltus.errors import BadInput, nearest, one_line
 from saltus.scene.reading import INTEGER, NUMBERS, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read_toml
 
@@ -222,14 +222,14 @@ def load_scene(path: str | os.PathLike[str] | None = None, /, **parameters: floa
     0.37
     """
     shipped = {entry.stem: entry for entry in SHIPPED.glob("*.toml")}
-    listed = f"; shipped: {', '.join(sorted(shipped))}"
+    known = f"; shipped: {listed(sorted(shipped), 12)}"
     path = DEFAULT if path is None else path
     if not isinstance(path, str | os.PathLike):
-        raise BadInput(f"scene {shown(path)}: expected a TOML file or the name of a scene{listed}")
+        raise BadInput(f"scene {shown(path)}: expected a TOML file or the name of a scene{known}")
     place = Path(path)
     if not place.exists() or path == DEFAULT:
         place = shipped.get(os.fspath(path), place)
-    return _build(read_toml(place, f"scene {path}", shipped, listed), parameters, place.parent)
+    return _build(read_toml(place, f"scene {path}", shipped, known), parameters, place.parent)
 
 
 def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Scene:
@@ -333,8 +333,8 @@ def _places(scene: TomlTable, marks: Mapping[str, Any], key: str, coordinates: S
     """The indices of the coordinates that are marked as NES or LO."""
     for name in marks[key]:
         if name not in coordinates:
-            listed = ", ".join(coordinates)
-            raise BadInput(f"{scene.where} [coordinates]: {name!r} is none of the coordinates {listed}{nearest(name, coordinates)}")
+            known = ", ".join(coordinates)
+            raise BadInput(f"{scene.where} [coordinates]: {name!r} is none of the coordinates {known}{nearest(name, coordinates)}")
         if (*marks["NES"], *marks["LO"]).count(name) > 1:
             raise BadInput(f"{scene.where} [coordinates]: {name} is marked twice, as NES or LO; expected once")
     return tuple(coordinates.index(name) for name in marks[key])
