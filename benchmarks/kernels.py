@@ -6,15 +6,18 @@ Each command runs in a process of its own, in an empty folder, on a small exampl
 from __future__ import annotations
 
 import argparse
+import gc
+import io
 import json
 import os
-import subprocess
-import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
+from saltus import processes
 from saltus.compiling import LIST, compile_kernels
 
 __all__ = ["EXAMPLES", "add_arguments", "recorded", "run"]
@@ -72,43 +75,34 @@ vary.energy = { from = 0.1, to = 10.0, points = 2 }
 vary.sigma = { from = 0.0, to = 0.1, points = 2 }
 """
 
-_SCRIPT = """
-import gc, json, sys
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from bvp.kernels.compiled import Kernel
-from saltus import processes
-from saltus.__main__ import main
-
-@contextmanager
-def here(workers=None, dask=None):
-    with ThreadPoolExecutor(1) as pool:
-        yield pool, 1
-
-processes.open_executor = here  # the kernels of worker processes are recorded, too
-codes = [main(words.split()) for words in json.loads(sys.argv[1])]
-assert not any(codes), codes
-kernels = [item for item in gc.get_objects() if isinstance(item, Kernel)]
-print(json.dumps([[kernel.__module__, kernel.function.__qualname__, types] for kernel in kernels for types in kernel.entries]))
-"""
-
 
 def called(commands: list[str]) -> list[list[Any]]:
-    """The kernels that some commands call: module, name and types of each, in order of their names."""
-    with tempfile.TemporaryDirectory() as folder:
-        Path(folder, "study.toml").write_text(_STUDY, encoding="utf-8")
-        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        done = subprocess.run(
-            [sys.executable, "-c", _SCRIPT, json.dumps(commands)], cwd=folder, env={**os.environ, "PYTHONPATH": paths},
-            stdout=subprocess.PIPE, text=True, check=True,
-        )  # fmt: skip
-    found: list[list[Any]] = sorted(json.loads(done.stdout.splitlines()[-1]), key=repr)
-    return found
+    """The kernels that some commands call in this process, which has called none before: module, name and types of each, in order of their
+    names."""
+    from bvp.kernels.compiled import Kernel
+    from saltus.__main__ import main
+
+    @contextmanager
+    def here(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
+        with ThreadPoolExecutor(1) as pool:
+            yield pool, 1
+
+    processes.open_executor = here  # the kernels of worker processes are recorded, too
+    with tempfile.TemporaryDirectory() as folder, redirect_stdout(io.StringIO()):
+        os.chdir(folder)
+        Path("study.toml").write_text(_STUDY, encoding="utf-8")
+        codes = [main(words.split()) for words in commands]
+        assert not any(codes), codes
+    kernels = [item for item in gc.get_objects() if isinstance(item, Kernel)]
+    found = [[kernel.__module__, kernel.function.__qualname__, types] for kernel in kernels for types in kernel.entries]
+    # Lists in place of tuples, as in the file.
+    return sorted(json.loads(json.dumps(found)), key=repr)
 
 
 def recorded(examples: Mapping[str, list[str]] = EXAMPLES) -> tuple[list[list[Any]], dict[str, list[int]]]:
     """All kernels that the examples call, and for each group the places of its kernels among them."""
-    by_group = {group: called(commands) for group, commands in examples.items()}
+    with ProcessPoolExecutor(1, mp_context=processes.new_processes(), max_tasks_per_child=1) as pool:
+        by_group = dict(zip(examples, pool.map(called, examples.values()), strict=True))
     kernels = sorted({repr(call): call for calls in by_group.values() for call in calls}.items())
     places = {text: place for place, (text, _) in enumerate(kernels)}
     return [call for _, call in kernels], {group: [places[repr(call)] for call in calls] for group, calls in by_group.items()}

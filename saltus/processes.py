@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,9 +16,12 @@ from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
+    from multiprocessing.context import BaseContext
 
 __all__ = [
+    "LOADED",
     "end_with_the_parent",
+    "new_processes",
     "one_thread",
     "open_executor",
 ]
@@ -45,7 +49,6 @@ _PATIENCE = 10.0
 def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
     """An executor and its number of workers: processes (by default one for each core), or the Dask cluster whose scheduler has the address
     `dask`. `BadInput` if both are given or no cluster answers; `RuntimeError` if the cluster or a process is lost while it works."""
-    import multiprocessing
     from concurrent.futures import CancelledError, ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
@@ -54,8 +57,7 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     if dask is None:
         workers = workers or os.cpu_count() or 1
         one_thread()
-        # Processes are spawned, not forked: a process forked while another thread compiles kernels can wait for ever.
-        pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker)
+        pool = ProcessPoolExecutor(workers, mp_context=new_processes(), initializer=_begin_worker)
         before = gc.get_threshold()
         gc.set_threshold(*_SELDOM)
         try:
@@ -94,6 +96,24 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
             yield client.get_executor(), count
         except (CancelledError, CommClosedError, KilledWorker) as error:
             raise RuntimeError(f"the Dask cluster at {dask} was lost; what was finished is kept, and the same command goes on") from error
+
+
+LOADED: tuple[str, ...] = ("branches.building.work", "branches.catalogue", "transitions.sweep.runs")
+"""Modules that most workers need. The process that the workers are copies of loads them once."""
+
+
+def new_processes() -> BaseContext:
+    """How processes begin: as copies of one that has done nothing but load modules, where the system has that, else as new ones.
+
+    They are not copies of this process: one that is copied while another thread compiles kernels can wait for ever.
+    """
+    import multiprocessing
+
+    if sys.platform != "linux":
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(LOADED))
+    return context
 
 
 def _knock(address: str) -> None:

@@ -14,9 +14,12 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from saltus.processes import one_thread
+from saltus import processes
 
-one_thread()
+processes.one_thread()
+
+# Nearly all that the workers of the tests need is loaded once, in the process that they are copies of.
+processes.LOADED += ("sympy", "matplotlib.figure", "matplotlib.backends.backend_agg", "saltus.scene", "transitions.study.runs")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 # A job in the background of a shell ignores Ctrl-C, and so do its children. The tests of interrupts need Python's handler.
