@@ -131,11 +131,17 @@ def run_backwards(system: ImpactSystem, presentation: Presentation, problem: Mul
     `problem`, if it is at hand, has the presentation's ends and sequence.
     """
     if problem is None:
-        problem = MultipointProblem(system, presentation.ends, presentation.sequence)
+        problem = _problem_between(system, presentation.ends, presentation.sequence)
     flip = np.repeat([1.0, -1.0], problem.half)
     arrivals = problem.end_states(presentation.unknowns(problem)) * flip
     ends = (presentation.ends[1], presentation.ends[0])
     return Presentation(ends, presentation.sequence[::-1], arrivals[-1], arrivals[-2::-1], presentation.times[::-1])
+
+
+@lru_cache(maxsize=256)
+def _problem_between(system: ImpactSystem, ends: Ends, sequence: ImpactSequence) -> MultipointProblem:
+    """A problem for its flights: to make one takes longer than these."""
+    return MultipointProblem(system, ends, sequence)
 
 
 def embed(problem: MultipointProblem, y: np.ndarray, window: tuple[int, int] | int) -> Presentation:
@@ -218,11 +224,13 @@ def _differences(cycle: Cycle, tolerance: float) -> tuple[float, np.ndarray]:
 
 def _shifts(cycle: Cycle, tolerance: float = SAME) -> tuple[int, bool]:
     """How many impacts the primitive orbit has, and whether it has u(t + T/2) = -u(t)."""
-    count = len(cycle.duration)
+    count, durations = len(cycle.duration), cycle.duration.tolist()
     time, state = _differences(cycle, tolerance)
 
     def is_itself(by: int, sign: float) -> bool:
         """Whether the orbit is `sign` times itself so many impacts later."""
+        if abs(durations[by] - durations[0]) > time:
+            return False
         later = np.concatenate([cycle.duration[by:], cycle.duration[:by]])
         if (np.abs(later - cycle.duration) > time).any():
             return False

@@ -51,8 +51,8 @@ class _Interval(NamedTuple):
     high: float
     around: int
     nodes: list[int]
-    apart: list[float]
-    wide: list[float]
+    apart: tuple[float, float, float]
+    wide: tuple[float, float]
 
 
 @dataclass(eq=False)
@@ -72,7 +72,7 @@ class Resolution:
     _around: dict[tuple[float, ...], int] = field(default_factory=dict)  # an interval with the places next to it -> its number
     _resolved: dict[int, set[int]] = field(default_factory=lambda: defaultdict(set))
     _places: list[float] = field(default_factory=list)
-    _columns: list[tuple[float, ...]] = field(default_factory=list)
+    _rows: list[list[float]] = field(default_factory=list)  # the values of all test functions at each of them
     _intervals: dict[tuple[float, ...], list[_Interval]] = field(default_factory=dict)  # by the places that they are between
     _found: dict[tuple[int, float, bool], tuple[Sequence[tuple[float, float]], int, int]] = field(default_factory=dict)
 
@@ -97,17 +97,17 @@ class Resolution:
                 self._places = [s for s, _ in self.locator.history] + [s for s, _ in taken]
                 rows = [*(values for _, values in self.locator.history), *(step.tests for _, step in taken)]
                 # Lists have floats already; items of arrays are slower.
-                self._columns = list(zip(*(row if type(row) is list else map(float, row) for row in rows), strict=True))
+                self._rows = [row if type(row) is list else list(map(float, row)) for row in rows]
                 self._intervals.clear()
             # Where the test function is to be trusted, its values there, and where it is not.
-            places, values, gaps = self._places[: bisect_right(self._places, limit)], self._columns[index], list[float]()
-            values = values[: len(places)]
+            places, gaps = self._places[: bisect_right(self._places, limit)], list[float]()
+            values = [row[index] for row in self._rows[: len(places)]]
             if zones or not math.isfinite(sum(values)):
                 trusted = [v == v for v in values]
                 for zone in zones:
                     trusted = [sure and not zone.low < s < zone.high for s, sure in zip(places, trusted, strict=True)]
                 gaps = [s for s, sure in zip(places, trusted, strict=True) if not sure]
-                values = tuple(compress(values, trusted))
+                values = list(compress(values, trusted))
                 places = list(compress(places, trusted))
             intervals = self._intervals.get(tuple(places))
             if intervals is None:
@@ -195,9 +195,10 @@ class Resolution:
         for j in range(bisect_left(places, 0.0), len(places) - 1):
             if places[j + 1] - places[j] > self.floor:
                 around = self._around.setdefault(tuple(places[max(j - 1, 0) : j + 3]), len(self._around))
-                nodes = _nodes(places, j)
-                at = [places[i] for i in nodes]
-                apart, wide = [b - a for a, b in pairwise(at)], [b - a for a, b in zip(at, at[2:], strict=False)]
+                nodes, apart, wide = _nodes(places, j), (0.0, 0.0, 0.0), (0.0, 0.0)
+                if len(nodes) == 4:
+                    p, q, r, s = [places[i] for i in nodes]
+                    apart, wide = (q - p, r - q, s - r), (r - p, s - q)
                 found.append(_Interval(j, places[j], places[j + 1], around, nodes if len(nodes) == 4 else [], apart, wide))
         return sorted(found, key=lambda interval: interval.low - interval.high)
 
@@ -244,6 +245,8 @@ def _nodes(places: list[float], j: int) -> list[int]:
     """
     least = _APART * (places[j + 1] - places[j])
     first, last = j, j + 1
+    if 0 < j < len(places) - 2 and places[j] - places[j - 1] >= least and places[j + 2] - places[last] >= least:
+        return [j - 1, j, j + 1, j + 2]  # as nearly always
     nodes = [first, last]
     for backward in (True, False, True, False):  # one on each side; the second round only where a side has none
         if len(nodes) == 4:
