@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -139,6 +139,12 @@ class Branch:
         """This branch, with the id of its family known. The family is not followed for it."""
         self.__dict__["id"] = id
         return self
+
+    def only_columns(self, names: Iterable[str]) -> Branch:
+        """This branch with some columns of its points alone, and its full family known."""
+        part = replace(self, points={name: self.points[name] for name in names})
+        part.__dict__["full_family"] = self.full_family
+        return part
 
     @property
     def others(self) -> tuple[Piece, ...]:

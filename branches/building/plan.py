@@ -236,7 +236,8 @@ class Link:
 class Answer(NamedTuple):
     """The result of a seed.
 
-    seeds: the next ones. branch: the family that was followed, with its `full_family` known. packed: its rows for the catalogue. ends:
+    seeds: the next ones. branch: the family that was followed, with its `full_family` known and the columns alone that it is
+    compared by. packed: its rows for the catalogue. ends:
     links without a family on the other side, with the reason as their note. beyond: how many neighbours are outside the bounds. failed:
     work that failed, as texts. halves: 1 if only one side of a branch point was followed, because the other side is its
     image (`is_half`). lost: bifurcations at which no new family was found. incomplete: energies at which the search is not

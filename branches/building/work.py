@@ -18,7 +18,7 @@ import numpy as np
 from branches.between_events import missed_events
 from branches.branch import Branch, BranchEvent
 from branches.building.plan import Answer, BuildPlan, Grazing, Link, Seed
-from branches.catalogue.members import kept_orbit, orbit_of_event, presented, unknowns_of
+from branches.catalogue.members import COMPARED, kept_orbit, orbit_of_event, presented, unknowns_of
 from branches.catalogue.packing import pack_family
 from branches.catalogue.rows import EventOrbit
 from branches.events import DigitWork
@@ -234,7 +234,8 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
             ends.append(_end(branch, event, _BEYOND))
     halves, failed = _ends_cut(branch)
     missed = tuple(f"{branch.id}: {found.text}" for found in missed_events(branch) if not found.hidden)
-    return Answer(tuple(seeds), branch, pack_family(branch), tuple(ends), beyond, failed, halves, tuple(lost), missed=missed)
+    kept = branch.only_columns(COMPARED)  # all are packed
+    return Answer(tuple(seeds), kept, pack_family(branch), tuple(ends), beyond, failed, halves, tuple(lost), missed=missed)
 
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:

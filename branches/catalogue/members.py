@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "FamilyPlace", "KnownFamilies", "distances_from_orbit", "event_orbit", "family_of", "kept_orbit", "orbit_of_event",
+    "COMPARED", "FamilyPlace", "KnownFamilies", "distances_from_orbit", "event_orbit", "family_of", "kept_orbit", "orbit_of_event",
     "presented", "seen_from", "switch_edge", "unknowns_of",
 ]  # fmt: skip
 
@@ -50,6 +50,9 @@ curve stays within a hundredth of its chord."""
 
 ON = 1e-7
 """Largest distance of an orbit from a family's curve, in the metric of the arclength, to belong to it. Orbits are located to 1e-10."""
+
+COMPARED = ("h", "alpha", "arclength", "start_u", "start_v", "flight_times")
+"""Columns of a branch's points by which its family is recognised."""
 
 _STEPS = 3
 """Corrections on the hyperplane: it is flat in the unknowns, and nearly flat in the metric."""
