@@ -76,12 +76,15 @@ class ManyDigits:
             sum(shape[j] * masses[j] * mp.mpf(float(part[0][j])) for j in (0, 1)) for part in (u, v) for shape in shapes
         ]
         self.period = mp.mpf(float(orbit.period))
+        self.turned = None, []
 
     def flow(self, z, t):
-        """Free flight."""
-        rotations = [(mp.cos(w * t), mp.sin(w * t)) for w in self.frequencies]
-        out = [c * z[k] + s / self.frequencies[k] * z[2 + k] for k, (c, s) in enumerate(rotations)]
-        return out + [c * z[2 + k] - self.frequencies[k] * s * z[k] for k, (c, s) in enumerate(rotations)]
+        """Free flight. Several states fly for the same time: its cosines and sines are kept."""
+        if t != self.turned[0]:
+            turns = [(w, *mp.cos_sin(w * t)) for w in self.frequencies]
+            self.turned = t, [(c, s / w, w * s) for w, c, s in turns]
+        (c, a, b), (d, e, f) = self.turned[1]
+        return [c * z[0] + a * z[2], d * z[1] + e * z[3], c * z[2] - b * z[0], d * z[3] - f * z[1]]
 
     def rate(self, z):
         """The vector field."""
