@@ -104,7 +104,7 @@ def points_table(quick: bool) -> Table:
         problem, y = one_impact(chain(n))
         for impacts in IMPACTS[: 2 if quick else None]:
             if impacts % len(problem.sequence) == 0:
-                rows.append(_row(*repeated(problem, y, impacts // len(problem.sequence)), 20 if quick else 200))
+                rows.append(_row(*repeated(problem, y, impacts // len(problem.sequence)), quick))
     return Table(
         "Points of forced families",
         (
@@ -119,11 +119,11 @@ def points_table(quick: bool) -> Table:
     )  # fmt: skip
 
 
-def _row(problem: ForcedProblem, y: np.ndarray, steps: int) -> tuple[str, ...]:
+def _row(problem: ForcedProblem, y: np.ndarray, quick: bool) -> tuple[str, ...]:
     family = ForcedFamily(problem)
     begin = family.begin(y)
     unknown = [math.nan] * len(begin.tests)
-    control = control_of(SETTINGS)._replace(longest=STEP)
+    control, steps = control_of(SETTINGS)._replace(longest=STEP), 20 if quick else 200
     assert family.advance is not None
 
     def block() -> int:
@@ -142,11 +142,11 @@ def _row(problem: ForcedProblem, y: np.ndarray, steps: int) -> tuple[str, ...]:
     aim = TARGETS.get((n, len(problem.sequence)))
     return (
         str(n), str(len(problem.sequence)), f"{1e6 * seconds:.1f}", "" if aim is None else f"{aim:g}", number(ours),
-        f"{1e3 * other:.1f}", number(float(np.abs(end - state).max())), f"{other / seconds:.0f}", *_beside_auto(problem, y, seconds),
+        f"{1e3 * other:.1f}", number(float(np.abs(end - state).max())), f"{other / seconds:.0f}", *_beside_auto(problem, y, seconds, quick),
     )  # fmt: skip
 
 
-def _beside_auto(problem: ForcedProblem, y: np.ndarray, seconds: float) -> tuple[str, ...]:
+def _beside_auto(problem: ForcedProblem, y: np.ndarray, seconds: float, quick: bool) -> tuple[str, ...]:
     """The entries of AUTO-07p in a row; `seconds`: those of a point here."""
     if auto.missing() is not None:
         return ("-",) * 4
@@ -158,5 +158,6 @@ def _beside_auto(problem: ForcedProblem, y: np.ndarray, seconds: float) -> tuple
             error = max(float(np.abs(problem.solve(orbit).y - orbit).max()) for orbit in orbits)
             if error < WANTED:
                 break
-        time = program.time_a_point(problem, y, settings, short=8, long=8 + LONG // size)
+        long, repeats = (LONG // 4, 1) if quick else (LONG, 3)
+        time = program.time_a_point(problem, y, settings, short=8, long=8 + long // size, repeats=repeats)
     return f"{1e6 * time.processor:.3g}", str(intervals), number(error), f"{time.processor / seconds:.0f}"

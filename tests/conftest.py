@@ -22,6 +22,9 @@ processes.one_thread()
 processes.LOADED += ("sympy", "matplotlib.figure", "matplotlib.backends.backend_agg", "saltus.scene", "transitions.study.runs")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+# Processes that the tests start keep compiled modules. To compile them anew takes half of the time of a short command.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # A job in the background of a shell ignores Ctrl-C, and so do its children. The tests of interrupts need Python's handler.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
