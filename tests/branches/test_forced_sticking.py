@@ -316,7 +316,7 @@ def test_bounces_that_end_in_sticking_are_one_impact(n, name):
     problem, y = found.problem, found.y
     assert found.distance < 1e-10 and problem.sequence[-2:] == ("+=", "+:")
     require_derivatives(problem, y)
-    branch = follow_response(problem, y, points=12)
+    branch = follow_response(problem, y, points=8)
     other = problem.sibling([*problem.sequence[:-2], "+", *problem.sequence[-2:]])
     for point in (y, branch.unknowns[2], branch.unknowns[-3]):
         single = split_first_bounce(problem, point, other)

@@ -60,9 +60,11 @@ def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
     path = tmp_path / "killed.sqlite"
     printed = []
     dice = random.Random(20)
-    for run in range(5):
+    for run, waited in enumerate((0, 3, 12, 1, 9)):
         process = writer(branch_file, path, 100000 * run)
-        time.sleep(dice.uniform(0.0, 0.4))
+        # However slow the machine is, so many families are finished.
+        printed += [process.stdout.readline().strip() for _ in range(waited)]
+        time.sleep(dice.uniform(0.0, 0.1))
         process.send_signal(signal.SIGKILL)
         printed += process.stdout.read().split()
         assert process.wait() == -signal.SIGKILL
