@@ -15,14 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from bvp.blocks import Matrices
 from bvp.checks import require_system
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_pressing
+from bvp.forced_metric import forced_metric
 from bvp.forced_modes import ModeTable
-from bvp.kernels.forced import LoadedSegment, ReleasedEntries, forced_step, set_parameters
+from bvp.kernels.extrema import Observed
+from bvp.kernels.forced import LoadedSegment, ReleasedEntries, fly_loaded, forced_step, set_parameters
 from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
-from bvp.kernels.loads import Loads, fly_loaded
+from bvp.kernels.loads import Loads
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
@@ -89,7 +92,8 @@ class ForcedProblem:
         self.parametric = parametric
         self.values = parametric.at(values)
         self.system = system = parametric.system(self.values)
-        require_system(system)
+        require_system(system, smooth=True)
+        self.is_smooth = system.smooth_forces is not None
         self.sequence = tuple(sequence)
         self.released = tuple(released)
         self.load_periods, self.half = load_periods, half
@@ -127,7 +131,12 @@ class ForcedProblem:
         harmonics = np.array([*([0.0] if loaded else []), *layout.harmonics], dtype=float)
         loads = Loads(harmonics, np.zeros((1 + count, len(harmonics), 2, 2 * n)), np.zeros(1 + count), float(load_periods))
         metric = self._metric()
-        self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2)
+        forces = None
+        if self.is_smooth:
+            from bvp.released_forces import released_forces
+
+            forces = released_forces(parametric, self.values, self.released)
+        self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2, forces)
         self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released) else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
@@ -151,12 +160,14 @@ class ForcedProblem:
             np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), metric,
             of_parameters, kept, known, np.zeros(len(kept.outputs)), shape, table.kind,
         )  # fmt: skip
-        stops = np.where(self.contacts >= 0, modes.contact_stop[self.contacts], -1).astype(np.int64)
+        stops = np.array([modes.contact_stop[contact] if contact >= 0 else -1 for contact in self.contacts], dtype=np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
         sizes = table.arrays.pairs.shape[1], 2 * n, len(harmonics), len(system.stops)
-        self._watched = Watched(
-            np.array([stop.gap for stop in system.stops]), stops, bounds, make_extended(*sizes, False), make_extended(*sizes, True)
-        )
+        gaps = np.array([stop.gap for stop in system.stops], dtype=float).reshape(-1, n)
+        plain, joined = make_extended(*sizes, False), make_extended(*sizes, True)
+        if self.is_smooth:  # its rows are on (u, v)
+            plain = plain._replace(observed=Observed(np.zeros((len(gaps), 4, 2 * n)), np.zeros((2, len(gaps)))))
+        self._watched = Watched(gaps, stops, bounds, plain, joined)
         table.write(system, table.made, gap, push)
         self._modes_at: tuple[float, ...] = ()
         self._map = make_stroboscopic(self.segment)
@@ -225,21 +236,22 @@ class ForcedProblem:
         segment, layout = self.segment, self.parametric.layout
         try:
             system, made = self._table.modes_at(at, self._system_at)
-            require_pressing(system, self.events)
+            if not self.is_smooth:  # no stop sticks there
+                require_pressing(system, self.events)
             self._table.write(system, made, segment.gap, segment.push)
         except (ValueError, RuntimeError, np.linalg.LinAlgError):
-            segment.flight.free.matrix[:] = math.nan
+            self._table.arrays.matrix[0] = math.nan
             self._modes_at = ()
             return
         self._modes_at = at
-        if not len(segment.flight.change):
+        if not self._table.arrays.change.shape[1]:
             return
         for j, slopes in enumerate(released.slopes):
             parts = [slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)]
             self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
 
-    def _system_at(self, at: tuple[float, ...]) -> ImpactSystem:
-        """The system at values of all parameters, of which the kernels have evaluated the entries."""
+    def _system_at(self, at: tuple[float, ...]) -> Matrices:
+        """The system at values of all parameters, whose entries the kernels have evaluated; beside smooth forces only its matrices."""
         values = dict(zip(self.parametric.names, at, strict=True))
         low, high = self.parametric.domain(self.released[0])
         if self._leaves_unseen and low <= values[self.released[0]] <= high:
@@ -248,7 +260,7 @@ class ForcedProblem:
         layout, n = self.parametric.layout, self.degrees_of_freedom
         entries = self.segment.released.entries
         mass, damping, stiffness = (entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
-        return ImpactSystem(mass, damping, stiffness, self.system.stops)
+        return Matrices(mass, damping, stiffness) if self.is_smooth else ImpactSystem(mass, damping, stiffness, self.system.stops)
 
     @cached_property
     def _leaves_unseen(self) -> bool:
@@ -270,7 +282,7 @@ class ForcedProblem:
         """Refuse the half-period closure where an orbit cannot have its symmetry."""
         layout = self.parametric.layout
         if not self.system.has_odd_symmetry:
-            raise EndsError("a half period needs odd symmetry: two-sided stops with equal gaps")
+            raise EndsError("a half period needs odd symmetry: two-sided stops with equal gaps, odd forces of springs and dampers")
         even = [k for k in layout.harmonics if k % 2 == 0]
         constant = np.any(self.parametric.entries(self.values)[layout.constant])
         if even or constant:
@@ -279,32 +291,8 @@ class ForcedProblem:
             raise EndsError(f"a half period needs an odd number of periods of the load; received {load_periods}")
 
     def _metric(self) -> np.ndarray:
-        """What a unit of arclength is for each entry of the first node, (N,).
-
-        A displacement: the smallest width of a stop that confines it, else the larger of the smallest gap and the largest
-        |(K + nu^2 M)^-1 C| of the loads C cos(nu t). A velocity: that times the fastest frequency. The time: the period. A parameter that
-        cannot be zero: its logarithm; another one: its default."""
-        n, system, layout = self.degrees_of_freedom, self.system, self.parametric.layout
-        entries = self.parametric.entries(self.values)
-        base = float(entries[layout.frequency][0])
-        gaps = [abs(bound) for stop in system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound) and bound]
-        size = min(gaps, default=0.0)
-        forces = [entries[layout.constant], *entries[layout.cosine].reshape(-1, n), *entries[layout.sine].reshape(-1, n)]
-        for k, force in zip([1, *layout.harmonics, *layout.harmonics], forces, strict=True):
-            size = max(size, float(np.abs(np.linalg.lstsq(system.stiffness + (k * base) ** 2 * system.mass, force, rcond=None)[0]).max()))
-        reach = np.full(n, size or 1.0)
-        for stop in system.stops:
-            row = np.asarray(stop.gap)
-            if math.isfinite(stop.upper - stop.lower) and np.count_nonzero(row) == 1:
-                place = int(np.argmax(np.abs(row)))
-                reach[place] = min(reach[place], 0.5 * (stop.upper - stop.lower) / abs(row[place]))
-        fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max()))) or 1.0
-        units = [
-            0.0 if self.values[name] > 0.0 and self.parametric.violation(self.values | {name: 0.0})
-            else abs(self.parametric.values[name]) or 1.0
-            for name in self.released
-        ]  # fmt: skip
-        return np.array([*reach, *(reach * fastest), 1.0, *units])
+        """What a unit of arclength is for each entry of the first node, (N,): see `forced_metric`."""
+        return forced_metric(self)
 
     def mirrored(self, symbol: str) -> str:
         """A symbol of the sequence at the opposite contact of its stop."""

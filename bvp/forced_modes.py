@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bvp.blocks import Blocks, Matrices, blocks_of, exact_product
 from bvp.checks import EPSILON
+from bvp.closures import EndsError
 from bvp.kernels.flight import Flight
 from bvp.kernels.forced_sticking import Sticking, Unstuck, sticking_flight
 from bvp.kernels.loads import LoadedFlight, Loads
+from bvp.kernels.smooth_loads import SmoothLoadedFlight
 from bvp.kernels.summed_chatter import ORDERS, Chatter
 from bvp.modes import undamped_modes
 
 if TYPE_CHECKING:
     from bvp.contact_sequence import ContactEvent
+    from bvp.released_forces import ReleasedForces
     from bvp.system import ImpactSystem
 
 __all__ = ["ForcedMode", "ModeSlopes", "ModeTable", "forced_mode", "mode_slopes"]
@@ -51,7 +54,7 @@ class ModeSlopes(NamedTuple):
     reach: np.ndarray
 
 
-def forced_mode(system: ImpactSystem, contacts: Sequence[int], unit: float) -> ForcedMode:
+def forced_mode(system: Any, contacts: Sequence[int], unit: float, physical: bool = False) -> ForcedMode:
     """The mode in which the given contacts stick.
 
     Parameters
@@ -60,16 +63,19 @@ def forced_mode(system: ImpactSystem, contacts: Sequence[int], unit: float) -> F
     contacts : sequence of int
     unit : float
         What contact forces, as accelerations of their gaps, are multiplied by.
+    physical : bool
+        The state is (u, v) itself, in free flight: smooth forces do not know the modes. `Matrices` are system enough.
 
     Raises
     ------
     RuntimeError
         Where the gaps of the contacts depend on each other, or no contact mode is left: every coordinate is constant.
     """
-    n, k = system.degrees_of_freedom, len(contacts)
+    n, k = len(system.mass), len(contacts)
     mass_inverse = np.linalg.inv(system.mass)
     if not k:
-        blocks, none = blocks_of(system, *undamped_modes(system.mass, system.stiffness)), np.zeros((0, n))
+        made = _physical(system, mass_inverse) if physical else blocks_of(system, *undamped_modes(system.mass, system.stiffness))
+        blocks, none = made, np.zeros((0, n))
         free = blocks, blocks.from_state, blocks.to_state, mass_inverse
         return ForcedMode(*free, none, none.T, np.zeros((0, 0)), np.zeros(0), np.zeros((0, 2 * n)), none)
     modes, state = system.modes, np.hstack([system.stiffness, system.damping])
@@ -86,6 +92,14 @@ def forced_mode(system: ImpactSystem, contacts: Sequence[int], unit: float) -> F
     basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:]
     blocks, enter, leave = _reduced(system, basis, rows, lift)
     return ForcedMode(blocks, enter, leave, inverse, rows, lift, compliance, weight, reach @ state, reach)
+
+
+def _physical(system: Any, mass_inverse: np.ndarray) -> Blocks:
+    """The motion in (u, v) as one block."""
+    n = len(mass_inverse)
+    matrix = np.vstack([np.eye(n, 2 * n, n), -mass_inverse @ np.hstack([system.stiffness, system.damping])])
+    pair, none, same = np.array([[0, -2 * n]], dtype=np.int64), np.zeros(1), np.eye(2 * n)
+    return Blocks("physical", np.eye(n), pair, none, none, matrix, same, same)
 
 
 def _reduced(system: ImpactSystem, basis: np.ndarray, rows: np.ndarray, lift: np.ndarray) -> tuple[Blocks, np.ndarray, np.ndarray]:
@@ -122,11 +136,11 @@ def _reduced(system: ImpactSystem, basis: np.ndarray, rows: np.ndarray, lift: np
     return Blocks("coupled", shapes, pairs, mean, delta, matrix, leave, enter), enter, leave
 
 
-def mode_slopes(system: ImpactSystem, mode: ForcedMode, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> ModeSlopes:
+def mode_slopes(system: Any, mode: ForcedMode, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> ModeSlopes:
     """Derivatives of a mode where M, C and K have the given ones.
 
     They are those on states whose sticking gaps are constant."""
-    n, k = system.degrees_of_freedom, len(mode.rows)
+    n, k = len(system.mass), len(mode.rows)
     state, state_slope = np.hstack([system.stiffness, system.damping]), np.hstack([stiffness, damping])
     inverse = mode.inverse
     mass_inverse = inverse if not k else np.linalg.inv(system.mass)
@@ -157,12 +171,21 @@ class ModeTable:
         Those of free flight.
     unit : float
         That of contact forces.
+    forces : ReleasedForces, optional
+        Smooth forces of the system. No stop can stick.
+
+    Raises
+    ------
+    EndsError
+        Where a stop sticks beside smooth forces.
     """
 
     def __init__(
-        self, system: ImpactSystem, events: Sequence[ContactEvent], nodes: int, width: int, varying: int, loads: Loads, unit: float
+        self, system: ImpactSystem, events: Sequence[ContactEvent], nodes: int, width: int, varying: int, loads: Loads, unit: float,
+        forces: ReleasedForces | None = None,
     ):
         self.unit = unit
+        self._smooth = forces
         n, stops = system.degrees_of_freedom, len(system.stops)
         self._sets: list[tuple[int, ...]] = [()]
         # Row i of the nodes is the event at the end of flight i. The last two are the first event, or its image: the same stop is closed.
@@ -178,17 +201,19 @@ class ModeTable:
                 summed[i] = system.stops[system.modes.contact_stop[event.contact]].restitution > 0.0
             elif system.stops[system.modes.contact_stop[event.contact]].restitution == 0.0:
                 opens[i] = self._index(event.closed | {event.contact})
-        self._known: dict[tuple[float, ...], tuple[ImpactSystem, list[ForcedMode]]] = {}
+        self._known: dict[tuple[float, ...], tuple[Any, list[ForcedMode]]] = {}
         self._contact_stop = system.modes.contact_stop
         self.made = self.modes_of(system)
         modes = len(self._sets)
+        if forces is not None and modes > 1:
+            raise EndsError("a stop that sticks needs linear springs and dampers; expected a sequence of impacts that rebound")
         blocks = 2 * n if varying else max(len(one.blocks.pairs) for one in self.made)
         closed = np.zeros((modes, stops), dtype=np.int64)
         for f, contacts in enumerate(self._sets):
             closed[f, system.modes.contact_stop[list(contacts)]] = 1
         square, harmonics, count = (2 * n, 2 * n), len(loads.harmonics), len(loads.modal) - 1
         modal = np.zeros((modes, *loads.modal.shape))
-        self._forces, forces = stops, stops + nodes
+        self._forces, rows_of_forces = stops, stops + nodes
         square_node = (width, width)
         chatter = Chatter(
             summed, np.zeros((nodes, *square_node)), np.zeros(nodes), np.zeros((ORDERS + 1, 1 + width, width)),
@@ -198,20 +223,26 @@ class ModeTable:
             np.array([*mode, 0], dtype=np.int64), release, opens, closed,
             np.zeros((modes, blocks, 2), dtype=np.int64), np.zeros((modes, blocks)), np.zeros((modes, blocks)), np.zeros((modes, *square)),
             np.zeros((modes, *square)), np.zeros((modes, *square)), np.zeros((modes, 2 * n, n)), np.zeros((modes, varying, 2 * n, n)),
-            np.zeros((modes, varying, *square)), modal, np.zeros((modes, forces, 2 * n)), np.zeros((modes, forces, n)),
-            np.zeros((varying, modes, forces, 2 * n)), np.zeros((varying, modes, forces, n)),
-            np.zeros((modes, forces, 1 + count, harmonics, 2)), np.zeros(width), chatter,
+            np.zeros((modes, varying, *square)), modal, np.zeros((modes, rows_of_forces, 2 * n)), np.zeros((modes, rows_of_forces, n)),
+            np.zeros((varying, modes, rows_of_forces, 2 * n)), np.zeros((varying, modes, rows_of_forces, n)),
+            np.zeros((modes, rows_of_forces, 1 + count, harmonics, 2)), np.zeros(width), chatter,
         )  # fmt: skip
         self.kind = Unstuck(0) if modes == 1 else self.arrays
         first = self.arrays
-        self.flight = LoadedFlight(
+        loads = loads._replace(modal=modal[0])
+        self.flight: LoadedFlight | SmoothLoadedFlight = LoadedFlight(
             Flight(first.pairs[0], first.mean[0], first.delta[0], first.matrix[0]), first.enter[0], first.leave[0],
-            loads._replace(modal=modal[0]), first.change[0],
-            np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
+            loads, first.change[0], np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
         )  # fmt: skip
+        if forces is not None:
+            from bvp.released_forces import smooth_loaded_flight
 
-    def flight_in(self, flight: int) -> LoadedFlight:
+            self.flight = smooth_loaded_flight(forces, first.matrix[0], first.enter[0], loads, first.change[0], nodes)
+
+    def flight_in(self, flight: int) -> LoadedFlight | SmoothLoadedFlight:
         """What kernels know of a flight of the orbit."""
+        if isinstance(self.flight, SmoothLoadedFlight):
+            return self.flight
         return sticking_flight.function(self.arrays, self.flight, int(self.arrays.mode[flight]))
 
     def _index(self, closed: Iterable[int]) -> int:
@@ -221,13 +252,13 @@ class ModeTable:
             self._sets.append(contacts)
         return self._sets.index(contacts)
 
-    def modes_of(self, system: ImpactSystem) -> list[ForcedMode]:
+    def modes_of(self, system: Any) -> list[ForcedMode]:
         """The contact modes at the masses, dampers and springs of a system."""
-        return [forced_mode(system, contacts, self.unit) for contacts in self._sets]
+        return [forced_mode(system, contacts, self.unit, self._smooth is not None) for contacts in self._sets]
 
     def modes_at(
-        self, at: tuple[float, ...], system_at: Callable[[tuple[float, ...]], ImpactSystem]
-    ) -> tuple[ImpactSystem, list[ForcedMode]]:
+        self, at: tuple[float, ...], system_at: Callable[[tuple[float, ...]], Any]
+    ) -> tuple[Any, list[ForcedMode]]:
         """The system at values of the parameters, and its modes. They are kept: an orbit is evaluated several times."""
         if at not in self._known:
             if len(self._known) >= KNOWN:
@@ -236,9 +267,9 @@ class ModeTable:
             self._known[at] = system, self.modes_of(system)
         return self._known[at]
 
-    def write(self, system: ImpactSystem, made: list[ForcedMode], gap: np.ndarray, push: np.ndarray) -> None:
+    def write(self, system: Any, made: list[ForcedMode], gap: np.ndarray, push: np.ndarray) -> None:
         """Write all that the masses, dampers and springs of a system determine, with its `modes_of`. gap, push: rows of the nodes."""
-        arrays, n = self.arrays, system.degrees_of_freedom
+        arrays, n = self.arrays, len(system.mass)
         inverse = np.linalg.inv(system.mass)
         self.made = made
         for f, mode in enumerate(self.made):
@@ -250,6 +281,8 @@ class ModeTable:
             arrays.drive[f] = mode.enter[:, n:] @ inverse
             stops = self._contact_stop[list(self._sets[f])]
             arrays.pull[f, stops], arrays.reach[f, stops] = mode.pull, mode.reach
+        if self._smooth is not None and isinstance(self.flight, SmoothLoadedFlight):
+            self.flight.taylor.push[:] = -arrays.drive[0, n:] @ self._smooth.directions.T
         for i, row in enumerate(gap[:, :n]):
             kept = self.made[self._kept[i]]
             along = kept.inverse @ row if len(kept.rows) else np.linalg.solve(system.mass, row)
@@ -258,14 +291,16 @@ class ModeTable:
                 arrays.reach[0, self._forces + i] = row @ kept.inverse
                 arrays.pull[0, self._forces + i] = row @ kept.inverse @ np.hstack([system.stiffness, system.damping])
 
-    def write_slopes(self, system: ImpactSystem, j: int, slopes: Sequence[np.ndarray], gap: np.ndarray, push_slope: np.ndarray) -> None:
+    def write_slopes(self, system: Any, j: int, slopes: Sequence[np.ndarray], gap: np.ndarray, push_slope: np.ndarray) -> None:
         """Write the derivatives by parameter j, where M, C and K have the derivatives `slopes`. push_slope: rows of the nodes."""
-        arrays, n = self.arrays, system.degrees_of_freedom
+        arrays, n = self.arrays, len(system.mass)
         found = [mode_slopes(system, mode, *slopes) for mode in self.made]
         for f, slope in enumerate(found):
             arrays.change[f, j], arrays.drive_slope[f, j] = slope.change, slope.drive
             stops = self._contact_stop[list(self._sets[f])]
             arrays.pull_slope[j, f, stops], arrays.reach_slope[j, f, stops] = slope.pull, slope.reach
+        if self._smooth is not None and isinstance(self.flight, SmoothLoadedFlight):
+            self.flight.taylor.sources.push_slope[j] = -arrays.drive_slope[0, j, n:] @ self._smooth.directions.T
         for i, row in enumerate(gap[:, :n]):
             if row.any():
                 along, turned = self.made[self._kept[i]].inverse @ row, found[self._kept[i]].inverse @ row

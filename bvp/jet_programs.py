@@ -21,7 +21,7 @@ from bvp.programs import derivative, evaluate_program, program_of
 __all__ = ["even_power", "jet_program", "plain_powers", "signed_power"]
 
 TINY = 1e-300
-"""Added to a power before its logarithm is taken: a power that is left out as too small is 0."""
+"""Added to a power, or to a modulus, before its logarithm is taken: a power that is left out as too small is 0."""
 
 
 def jet_program(
@@ -123,7 +123,7 @@ def plain_powers(expression: Any) -> Any:
 
     signed, even, logarithm = _powers()
     expression = expression.replace(signed, lambda w, p: sympy.sign(w) * sympy.Abs(w) ** p)
-    return expression.replace(even, lambda w, p: sympy.Abs(w) ** p).replace(logarithm, lambda w, p: sympy.log(sympy.Abs(w)))
+    return expression.replace(even, lambda w, p: sympy.Abs(w) ** p).replace(logarithm, lambda w, p: sympy.log(sympy.Abs(w) + TINY))
 
 
 @cache

@@ -150,7 +150,7 @@ class MultipointProblem:
         )
         arrays = (
             # contact -1, where nothing is hit, picks the zeros at the end
-            *(np.concatenate([rows, np.zeros_like(rows[:1])])[self.contacts] for rows in of_contacts),
+            *(np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])[self.contacts] for rows in of_contacts),
             *end_maps(modes, self.kinds[0], opening)[:2],
             *end_maps(modes, self.kinds[1], closing)[2:],
             np.concatenate([modes.squares, np.ones(self.half)]),

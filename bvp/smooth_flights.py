@@ -1,4 +1,4 @@
-"""Flights with smooth forces for the multipoint problem: the arrays that `bvp.kernels.smooth` takes, in modal coordinates."""
+"""Flights with smooth forces for the multipoint problem: the arrays that `bvp.kernels.taylor` takes, in modal coordinates."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.kernels.smooth import SmoothFlight, make_smooth_flight
+from bvp.kernels.taylor import SmoothFlight, make_smooth_flight
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem

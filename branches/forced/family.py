@@ -103,7 +103,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
     def _work(self) -> ForcedWork:
         problem = self.problem
         # Without losses the multipliers are reciprocal pairs, and without impacts those of an undamped mode stay so: signs are rounding.
-        neutral = problem.system.is_conservative or (not problem.sequence and _has_neutral_mode(problem.system))
+        linear = not problem.sequence and not problem.is_smooth
+        neutral = problem.system.is_conservative or (linear and _has_neutral_mode(problem.system))
         return ForcedWork(problem._factor.flights, make_stroboscopic(problem.segment), np.array(self.interval), int(neutral))
 
     @cached_property

@@ -21,13 +21,13 @@ _NEUTRAL = 1e-12
 
 def resonances_around(problem: ForcedProblem, value: float) -> tuple[float, float]:
     """The base frequencies next to a value at which a load has the frequency of an undamped mode; infinite where there are none, and where
-    the released parameter is not the base frequency itself."""
+    the released parameter is not the base frequency itself, and beside smooth forces, which change the frequency of a mode that grows."""
     parametric, name = problem.parametric, problem.released[0]
     here = parametric.entries(problem.values)[parametric.layout.frequency][0]
     slope = parametric.derivatives(problem.values, [name])[parametric.layout.frequency][0, 0]
     moved = parametric.program(problem.released).rows
     is_base = slope == 1.0 and here == problem.values[name] and not np.any(moved < parametric.layout.stiffness.stop)
-    if problem.sequence or not problem.has_clock or not is_base:
+    if problem.sequence or problem.is_smooth or not problem.has_clock or not is_base:
         return -math.inf, math.inf
     modes = problem.system.modes
     rates = np.linalg.eigvals(modes.flight.matrix)

@@ -22,7 +22,7 @@ from numpy import int64
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
-from bvp.kernels.forced_sticking import contact_gap, load_modes, modal_load, orbit_flight
+from bvp.kernels.forced_sticking import AnyFlight, contact_gap, load_modes, modal_load, orbit_flight
 from bvp.kernels.free_closure import (
     ends_residuals,
     fill_ends,
@@ -33,9 +33,10 @@ from bvp.kernels.free_closure import (
     kept_size,
     unfold,
 )
-from bvp.kernels.loads import LoadedFlight, loaded_flight, loaded_rate
+from bvp.kernels.loads import loaded_flight, loaded_rate
 from bvp.kernels.multipoint import PERIODIC, UNFOLDED, evaluate, fill, unpack
 from bvp.kernels.newton import CONVERGED_RESIDUAL, residual_level, scaled_residual, set_scale
+from bvp.kernels.smooth_loads import renew_forces
 from bvp.kernels.step import constraint_row, locate, metric_direction, take_step
 from bvp.kernels.summed_chatter import take_impact, take_impact_blocks
 
@@ -59,7 +60,7 @@ class ReleasedEntries(NamedTuple):
 class LoadedSegment(NamedTuple):
     """What the kernels know of a forced problem. Rows as in `bvp.kernels.multipoint.Segment`, for nodes of N = 2 n + 1 + m entries."""
 
-    flight: LoadedFlight
+    flight: AnyFlight
     drive: np.ndarray  # (2 n, n) modal rates of unit forces
     drive_slope: np.ndarray  # (m, 2 n, n) their derivatives; (0, ..) where they do not depend on the parameters
     gap: np.ndarray  # (k + 2, N) rows c, and minus the derivatives of the bounds
@@ -109,6 +110,7 @@ def refresh(segment, node):
             slopes[j, row] = released.out[depending + d * count + j]
     if released.renew != 0:
         call_at(released.renew, (int64(0),))
+    renew_forces(segment.flight, node)
     loads.clock[0] = entries[released.frequency]
     for j in range(count):
         loads.clock[1 + j] = slopes[j, released.frequency]
@@ -357,3 +359,10 @@ def forced_step(segment, factor, y, tangent, request, metric, landing):
 def set_parameters(segment, node):
     """See `refresh`."""
     refresh(segment, node)
+
+
+@kernel
+def fly_loaded(flight, z, t, out, jacobian, rate):
+    """`loaded_flight`, and `loaded_rate` at its end."""
+    loaded_flight(flight, z, t, out, jacobian)
+    loaded_rate(flight, out, rate)

@@ -23,6 +23,10 @@ import numpy as np
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import Flight, amplitudes, inner, set_1, times_matrix
 from bvp.kernels.loads import LoadedFlight, Loads
+from bvp.kernels.smooth_loads import SmoothLoadedFlight
+
+AnyFlight = LoadedFlight | SmoothLoadedFlight
+"""The kinds of flights of an orbit under loads. Stops stick in those of the first kind only."""
 
 SHORTEST = 1e-7
 """Part of a flight in which a stop that opens without speed is not searched for another touch."""

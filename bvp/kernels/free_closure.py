@@ -17,6 +17,7 @@ from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.expressions import run
 from bvp.kernels.flight import inner, row_dot
 from bvp.kernels.multipoint import PERIODIC, STOP, UNFOLDED
+from bvp.kernels.smooth_loads import first_kicked, stored_energy, stored_slope
 
 
 @inlined
@@ -69,7 +70,7 @@ def kept_residuals(segment, y, residual):
         total = 0.0
         for i in range(segment.shape[0] + 1):
             total += y[i * (width + 1) + width]
-        segment.kept_values[place] = energy_by(segment.released.entries, y, n)
+        segment.kept_values[place] = energy_by(segment.released.entries, y, n) + stored_energy(segment.flight, y, 0)
         segment.kept_values[place + 1] = total / segment.shape[2]
     run(segment.kept, segment.kept_values, segment.released.scratch, segment.kept_out)
     for e in range(count):
@@ -94,9 +95,11 @@ def fill_kept(segment, y, closing, scale):
         if derivatives == parameters:
             continue
         for r in range(size):
-            column[r] += slopes[parameters] * energy_gradient(released.entries, y, n, r) * scale[r]
+            slope = energy_gradient(released.entries, y, n, r) + stored_slope(segment.flight, y, r)
+            column[r] += slopes[parameters] * slope * scale[r]
         for j in range(parameters):
-            column[size + 1 + j] += slopes[parameters] * energy_by(released.slopes[j], y, n) * scale[size + 1 + j]
+            slope = energy_by(released.slopes[j], y, n) + stored_energy(segment.flight, y, 1 + j)
+            column[size + 1 + j] += slopes[parameters] * slope * scale[size + 1 + j]
         for i in range(segment.shape[0] + 1):
             at = i * (width + 1) + width
             column[at] += slopes[parameters + 1] / segment.shape[2] * scale[at]
@@ -118,10 +121,12 @@ def kept_size(segment, e):
 
 @inlined
 def unfold(segment, y, residual):
-    """Add the kick along grad H at the closure, xi grad H (z_0), to the first closing equations."""
+    """Add the kick along grad H at the closure, xi grad H (z_0), to the first closing equations.
+
+    With smooth forces it is along the momentum alone: it changes the kinetic energy, so xi is zero for the same reason."""
     n = segment.flight.enter.shape[0] // 2
     if segment.shape[1] == UNFOLDED:
-        for r in range(2 * n):
+        for r in range(first_kicked(segment.flight), 2 * n):
             residual[r] += y[y.shape[0] - 1] * energy_gradient(segment.released.entries, y, n, r)
 
 
@@ -134,7 +139,7 @@ def fill_unfolding(segment, y, closing, scale):
         return
     last = y.shape[0] - 1
     released = segment.released
-    for r in range(size):
+    for r in range(first_kicked(segment.flight), size):
         column = closing[r]
         column[last] += energy_gradient(released.entries, y, n, r) * scale[last]
         for c in range(n):

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.extrema import Observed, nearest_turn
+from bvp.kernels.compiled import chosen, inlined, kernel
+from bvp.kernels.extrema import Observed, clearance, nearest_turn
 from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.forced import refresh
 from bvp.kernels.forced_sticking import (
@@ -30,7 +30,8 @@ from bvp.kernels.forced_sticking import (
     set_rates,
     watch_forces,
 )
-from bvp.kernels.loads import NEAR_RESONANCE
+from bvp.kernels.loads import NEAR_RESONANCE, LoadedFlight
+from bvp.kernels.smooth_loads import SmoothLoadedFlight
 from bvp.kernels.summed_chatter import chatter_room, is_summed
 
 PIECES = 1000
@@ -91,9 +92,22 @@ def joins(flight, k, h):
     return acts and (j < -1 or NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square))
 
 
-@inlined
+@chosen
 def any_resonance(flight):
     """Whether a load has to join a block."""
+
+
+@any_resonance.of(SmoothLoadedFlight)
+@inlined
+def no_resonance(flight):
+    """See `any_resonance`: there are no blocks."""
+    return False
+
+
+@any_resonance.of(LoadedFlight)
+@inlined
+def any_linear_resonance(flight):
+    """See `any_resonance`."""
     for k in range(flight.free.pairs.shape[0]):
         for h in range(flight.loads.harmonics.shape[0]):
             if joins(flight, k, h):
@@ -101,9 +115,26 @@ def any_resonance(flight):
     return False
 
 
-@inlined
+@chosen
 def extend_flight(flight, gaps, extended):
     """Fill flight, rows and places of `extended` for the loads as they are. gaps (S, n): rows on displacements."""
+
+
+@extend_flight.of(SmoothLoadedFlight)
+@inlined
+def extend_smooth_flight(flight, gaps, extended):
+    """See `extend_flight`: rows on (u, v) of the gaps and their rates."""
+    n = gaps.shape[1]
+    for s in range(gaps.shape[0]):
+        for i in range(n):
+            extended.observed.rows[s, 0, i] = gaps[s, i]
+            extended.observed.rows[s, 1, n + i] = gaps[s, i]
+
+
+@extend_flight.of(LoadedFlight)
+@inlined
+def extend_linear_flight(flight, gaps, extended):
+    """See `extend_flight`."""
     free, loads = flight.free, flight.loads
     pairs, mean, delta, matrix = extended.flight
     rows, steady, place, copies = extended.observed.rows, extended.steady, extended.place, extended.copies
@@ -221,9 +252,21 @@ def extend_flight(flight, gaps, extended):
         set_rates(extended, s)
 
 
-@inlined
+@chosen
 def extended_state(flight, node, extended):
     """Fill the state of `extended` from a node."""
+
+
+@extended_state.of(SmoothLoadedFlight)
+@inlined
+def node_itself(flight, node, extended):
+    """See `extended_state`: the path of the flight is kept."""
+
+
+@extended_state.of(LoadedFlight)
+@inlined
+def linear_extended_state(flight, node, extended):
+    """See `extended_state`."""
     loads = flight.loads
     size = flight.enter.shape[0]
     state = extended.state
@@ -268,10 +311,23 @@ def rates_of(flight):
     return growth, decay
 
 
+@chosen
+def loaded_clearance(flight, extended, stop, node, start, duration, growth, decay):
+    """`bvp.kernels.extrema.clearance` of a flight of `extended`, which begins at a node, from the time `start` on. growth, decay: those of
+    `rates_of`."""
+
+
+@loaded_clearance.of(SmoothLoadedFlight)
 @inlined
-def loaded_clearance(extended, stop, start, duration, growth, decay):
-    """`bvp.kernels.extrema.clearance` of a flight from the time `start` on, in pieces. What decays fast is gone after the first ones: each
-    is twice as long."""
+def smooth_clearance(flight, extended, stop, node, start, duration, growth, decay):
+    """See `loaded_clearance`."""
+    return clearance(flight.taylor, extended.observed, stop, node, duration, extended.work)
+
+
+@loaded_clearance.of(LoadedFlight)
+@inlined
+def linear_clearance(flight, extended, stop, node, start, duration, growth, decay):
+    """See `loaded_clearance`: in pieces. What decays fast is gone after the first ones: each is twice as long."""
     begin = extended.work[2]
     longest = max(GROWTH / growth, duration / PIECES) if growth > 0.0 else duration
     width = GROWTH / decay if decay > 0.0 else duration
@@ -378,7 +434,8 @@ def observe_with(segment, watched, extended, y, ends, result):
                 bounds[1, stop] = math.inf
             longest = min(duration, GROWTH / growth) if growth > 0.0 else duration
             start = lift_off(segment.sticking, segment, i, stop, touched, extended, longest)
-            distance, side, time = loaded_clearance(extended, stop, start, duration, growth, decay)
+            flight = orbit_flight(segment, i)
+            distance, side, time = loaded_clearance(flight, extended, stop, node, start, duration, growth, decay)
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
             if watched.stops[i] != stop and not closed:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import allocating, inlined, kernel
+from bvp.kernels.compiled import allocating, chosen, inlined, kernel
 from bvp.kernels.flight import (
     Flight,
     block_product,
@@ -285,9 +285,15 @@ def _compose(pairs, leave, flow, enter, inner_product, out):
                 add_row(leave[r, k], inner_product[k], out[r])
 
 
-@inlined
+@chosen
 def loaded_flight(flight, z, t, out, jacobian):
     """out (N,) = the node z after a flight of duration t, before any impact; jacobian (N, N): its derivative by z."""
+
+
+@loaded_flight.of(LoadedFlight)
+@inlined
+def exact_loaded_flight(flight, z, t, out, jacobian):
+    """See `loaded_flight`."""
     free, enter, leave, loads, change, psi, lines, flow, columns = flight
     size = enter.shape[0]
     parameters = z.shape[0] - size - 1
@@ -331,17 +337,32 @@ def loaded_flight(flight, z, t, out, jacobian):
         for r in range(size):
             jacobian[r, size + 1 + j] = lines[0, r]
     _compose(free.pairs, leave, flow, enter, psi[0], jacobian)
-    out[size] = z[size] + t * w / cycle
+    advance_time(loads, z, t, out, jacobian)
+
+
+@inlined
+def advance_time(loads, z, t, out, jacobian):
+    """The entries of a node behind its state, after a flight of duration t: the time and the parameters. Their derivatives, where they are
+    not zero."""
+    size = z.shape[0] - loads.clock.shape[0]
+    cycle = 2.0 * math.pi * loads.load_periods
+    out[size] = z[size] + t * loads.clock[0] / cycle
     jacobian[size, size] = 1.0
-    for j in range(parameters):
+    for j in range(loads.clock.shape[0] - 1):
         out[size + 1 + j] = z[size + 1 + j]
         jacobian[size + 1 + j, size + 1 + j] = 1.0
         jacobian[size, size + 1 + j] = t * loads.clock[1 + j] / cycle
 
 
-@inlined
+@chosen
 def loaded_rate(flight, z, out):
     """out (N,) = z' of a node in flight."""
+
+
+@loaded_rate.of(LoadedFlight)
+@inlined
+def exact_loaded_rate(flight, z, out):
+    """See `loaded_rate`."""
     free, enter, leave, loads, _, _, lines, _, _ = flight
     size = enter.shape[0]
     times_matrix(enter, z, lines[0])
@@ -353,11 +374,3 @@ def loaded_rate(flight, z, out):
     times_matrix(leave, lines[1], out[:size])
     set_1(out[size:], 0.0)
     out[size] = loads.clock[0] / (2.0 * math.pi * loads.load_periods)
-
-
-@kernel
-def fly_loaded(flight, z, t, out, jacobian, rate):
-    """`loaded_flight`, and `loaded_rate` at its end."""
-    loaded_flight(flight, z, t, out, jacobian)
-    loaded_rate(flight, out, rate)
-

@@ -14,8 +14,7 @@ from bvp.closures import EndsError
 from bvp.contact_sequence import joined_sequence, parse_contact_sequence
 from bvp.forced import ForcedProblem
 from bvp.forcing import Harmonic
-from bvp.kernels.forced import set_parameters
-from bvp.kernels.loads import fly_loaded
+from bvp.kernels.forced import fly_loaded, set_parameters
 from bvp.kernels.summed_chatter import sum_chatter
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate

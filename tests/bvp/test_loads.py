@@ -9,7 +9,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.kernels.loads import LoadedFlight, Loads, fly_loaded
+from bvp.kernels.forced import fly_loaded
+from bvp.kernels.loads import LoadedFlight, Loads
 from bvp.system import ImpactSystem, Stop
 
 DIGITS = 60

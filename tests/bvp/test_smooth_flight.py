@@ -10,7 +10,7 @@ import sympy
 from scipy.special import ellipj, ellipk
 
 from bvp.jet_programs import jet_program
-from bvp.kernels.smooth import fly_smooth, make_smooth_flight
+from bvp.kernels.taylor import fly_smooth, make_smooth_flight
 from bvp.programs import program_of
 
 W = sympy.Symbol("w", real=True)

@@ -11,7 +11,7 @@ import pytest
 from scipy import io, sparse
 from scipy.integrate import solve_ivp
 
-from bvp.kernels.smooth import fly_smooth
+from bvp.kernels.taylor import fly_smooth
 from bvp.smooth_flights import smooth_flight
 from saltus import load_scene
 from saltus.scene import SHIPPED

@@ -17,6 +17,7 @@ from bvp.forcing import split_damping
 from bvp.simulate import parts_of
 from transitions.response.kernels import make_measuring, orbit_measures
 from transitions.response.released import free_column, free_names, free_table
+from transitions.response.smooth import smooth_measures
 
 if TYPE_CHECKING:
     from branches.tables import Table
@@ -35,7 +36,7 @@ class Measures:
     peaks, rms : (N, n) ndarray
         Largest and root mean square of |u|.
     dissipated : (N, D + S) ndarray
-        Energy that each damper and stop takes in a period of the loads.
+        Energy that each damper and stop takes in a period of the loads. The last damper contains those that are not linear.
     work : (N,) ndarray
         Work of the loads in such a period.
     states : (N, p, 2n) ndarray
@@ -73,7 +74,7 @@ class _OrbitMeasures:
     def __init__(self, problem: ForcedProblem):
         self.problem = problem
         segment, n = problem.segment, problem.degrees_of_freedom
-        sizes = len(segment.flight.free.pairs), 2 * n, len(segment.flight.loads.harmonics)
+        sizes = problem._table.arrays.pairs.shape[1], 2 * n, len(segment.flight.loads.harmonics)
         self.measuring = make_measuring(*sizes, False), make_measuring(*sizes, True)
         layout, parametric = problem.parametric.layout, problem.parametric
         moved = parametric.program(problem.released).rows
@@ -86,18 +87,25 @@ class _OrbitMeasures:
     def __call__(self, y: np.ndarray, period: float) -> Row:
         """The measures of one orbit. A period of the orbit is solved once, or by its half."""
         problem, n = self.problem, self.problem.degrees_of_freedom
-        peaks, totals, p = np.empty(n), np.empty(len(self.measuring[0].out)), problem.load_periods
-        if not orbit_measures(problem.segment, *self.measuring, np.ascontiguousarray(y), peaks, totals):
-            raise RuntimeError("the search for the largest displacements of an orbit gave up")
+        p = problem.load_periods
+        peaks, totals, more = smooth_measures(problem, y) if problem.is_smooth else self._linear(y)
         parts = 2.0 if problem.half else 1.0
         products = np.zeros((n, n))
         products[self.pairs] = products.T[self.pairs] = totals[n:-n]
         dampers = split_damping(problem.parametric.system(problem.parameters(y))).values() if self.damping_moves else self.dampers
         lost = [float(np.sum(damper * products)) for damper in dampers]
+        lost[-1] += more
         losses = problem.losses(y) @ self.stop_of_impact if problem.sequence else np.zeros(len(problem.system.stops))
         states = np.array([_state_at(problem, y, k / p, period) for k in range(p)])
         dissipated = np.concatenate([lost, losses]) * (parts / p)
         return peaks, np.sqrt(totals[:n] * parts / period), dissipated, float(totals[-n:].sum()) * parts / p, states
+
+    def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Peaks and integrals of an orbit with linear flights; nothing is lost in dampers that are not linear."""
+        peaks, totals = np.empty(self.problem.degrees_of_freedom), np.empty(len(self.measuring[0].out))
+        if not orbit_measures(self.problem.segment, *self.measuring, np.ascontiguousarray(y), peaks, totals):
+            raise RuntimeError("the search for the largest displacements of an orbit gave up")
+        return peaks, totals, 0.0
 
 
 TESTS = ("SN", "BP", "touch", "speed", "flight", "PD", "NS")

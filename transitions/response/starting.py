@@ -11,7 +11,7 @@ from branches.admissible import unphysical
 from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
-from bvp.multipoint import NotConverged
+from bvp.multipoint import NotConverged, Solution
 from transitions.response.path import ParameterPath
 from transitions.response.recognition import MotionNodes, nodes_of
 from transitions.sweep.settle import Settled, SettledKind
@@ -25,12 +25,16 @@ _RESONANT = 1e-9
 """Distance of a multiplier of free motion from 1 below which the response is unbounded."""
 
 
+_PERIODS = (1, 3, 10, 30, 100, 300, 1000)
+"""Periods of the motion from rest after which Newton's method begins."""
+
+
 class NoOrbit(RuntimeError):
     """A simulation did not settle on an orbit that can be solved; the message says what was found."""
 
 
 class Unbounded(RuntimeError):
-    """The load has the frequency of an undamped mode."""
+    """The load has the frequency of an undamped mode, or no response was found."""
 
 
 def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str | None]:
@@ -57,6 +61,9 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     except EndsError:
         problem = path.problem(())
     start = problem.pack(np.zeros((1, 2 * problem.degrees_of_freedom)), [0.0], path.start)
+    if problem.is_smooth:
+        solution = _smooth_response(path, problem, start)
+        return problem, solution.y, unphysical(problem, solution)
     free = problem.multipliers(start)
     where = f"at {path.name} = {path.values[path.name]:.10g}"
     words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
@@ -69,6 +76,26 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     except NotConverged as error:
         raise Unbounded(words) from error
     return problem, solution.y, unphysical(problem, solution)
+
+
+def _smooth_response(path: ParameterPath, problem: ForcedProblem, start: np.ndarray) -> Solution:
+    """A response without impacts beside smooth forces: the one to which Newton's method leads from that of the linear system, or from
+    the motion that begins at rest, after some periods."""
+    y, passed = start, 0
+    for periods in _PERIODS:
+        try:
+            return problem.solve(y)
+        except NotConverged:
+            node, (sign, part) = problem.nodes(y)[0].copy(), problem.segment.closing
+            while passed < periods:
+                state, _ = problem.fly(node, part * problem.period(start))
+                node[: len(state)] = sign * state
+                passed += 1
+            y = start.copy()
+            problem.nodes(y)[0] = node
+    where = f"at {path.name} = {path.values[path.name]:.10g}"
+    words = "neither from the linear system's response nor from the motion that begins at rest"
+    raise Unbounded(f"no response without impacts was found {where}, {words} in {passed} periods")
 
 
 @dataclass(frozen=True)

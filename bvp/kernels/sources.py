@@ -1,0 +1,257 @@
+"""What moves a Taylor flight besides its own state: nothing, or periodic loads, which come with columns of derivatives.
+
+The loads are g(t) = sum_h C_h cos a + S_h sin a, a = k_h (2 pi p s + w t), on a flight from a node with the time s, as a fraction of the
+orbit's period (`bvp.kernels.loads`). Their Taylor coefficients about a time follow from those of cos a and sin a.
+
+A column of derivatives by s or by a released parameter obeys the linearised motion, with a source of its own: the derivative of v' by it,
+at a fixed state. All factors of these sources have Taylor coefficients that are known when those of the state are.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from bvp.kernels.compiled import chosen, inlined
+from bvp.kernels.loads import Loads
+
+ORDER = 22
+"""Order of the polynomials. The work of a step grows with its square, its length with eps^(-1/ORDER)."""
+
+
+class Unforced(NamedTuple):
+    """No sources: a conservative flight."""
+
+    columns: int  # of derivatives besides those by the state: 0
+
+
+class Forcing(NamedTuple):
+    """Loads on n coordinates, and m released parameters, of which m' = m or 0 change masses, dampers or springs. F smooth forces."""
+
+    columns: int  # 1 + m
+    loads: Loads  # of accelerations: (u, v) takes the place of modal coordinates
+    change: np.ndarray  # (m', 2 n, 2 n) derivatives of the matrix of z' = B z
+    push_slope: np.ndarray  # (m', n, F) derivatives of the accelerations of unit forces
+    time: np.ndarray  # (1,) scratch: s
+    load: np.ndarray  # (ORDER + 1, n) scratch: coefficients of g
+    turned: np.ndarray  # (ORDER + 1, n) scratch: those of sum_h k_h dg_h/da
+    changed: np.ndarray  # (m, ORDER + 1, n) scratch: those of g with the derivatives of C and S
+    terms: np.ndarray  # (ORDER, n, 1 + m) scratch: those of the sources of the columns
+    now: np.ndarray  # (n,) scratch: g at a time
+
+
+def make_forcing(loads, change, push_slope):
+    """A `Forcing`, with its scratch."""
+    m, n = len(loads.clock) - 1, loads.modal.shape[-1] // 2
+    room = np.zeros((ORDER + 1, n)), np.zeros((ORDER + 1, n)), np.zeros((m, ORDER + 1, n)), np.zeros((ORDER, n, 1 + m))
+    return Forcing(1 + m, loads, change, push_slope, np.zeros(1), *room, np.zeros(n))
+
+
+@chosen
+def state_rows(sources, columns):
+    """Rows N of the columns (ORDER + 1, N, C)."""
+
+
+@state_rows.of(Unforced)
+@inlined
+def square_rows(sources, columns):
+    """See `state_rows`: C, which the compiler can know."""
+    return columns.shape[2]
+
+
+@state_rows.of(Forcing)
+@inlined
+def other_rows(sources, columns):
+    """See `state_rows`."""
+    return columns.shape[1]
+
+
+@chosen
+def begin_sources(sources, z):
+    """A flight begins at a node z."""
+
+
+@begin_sources.of(Unforced)
+@inlined
+def begin_unforced(sources, z):
+    """See `begin_sources`."""
+
+
+@begin_sources.of(Forcing)
+@inlined
+def begin_forcing(sources, z):
+    """See `begin_sources`."""
+    sources.time[0] = z[2 * sources.now.shape[0]]
+
+
+@chosen
+def sources_at(sources, at):
+    """Compute the sources at a time of the flight."""
+
+
+@sources_at.of(Unforced)
+@inlined
+def unforced_at(sources, at):
+    """See `sources_at`."""
+
+
+@sources_at.of(Forcing)
+@inlined
+def forcing_at(sources, at):
+    """See `sources_at`."""
+    loads, now = sources.loads, sources.now
+    n = now.shape[0]
+    for r in range(n):
+        now[r] = 0.0
+    for h in range(loads.harmonics.shape[0]):
+        angle = loads.harmonics[h] * (2.0 * math.pi * loads.load_periods * sources.time[0] + loads.clock[0] * at)
+        c = math.cos(angle)
+        s = math.sin(angle)
+        for r in range(n):
+            now[r] += loads.modal[0, h, 0, n + r] * c + loads.modal[0, h, 1, n + r] * s
+
+
+@chosen
+def plus_source_now(sources, total, r):
+    """An acceleration with the source of coordinate r at the time that `sources_at` was given last."""
+
+
+@plus_source_now.of(Unforced)
+@inlined
+def plus_nothing_now(sources, total, r):
+    """See `plus_source_now`."""
+    return total
+
+
+@plus_source_now.of(Forcing)
+@inlined
+def plus_load_now(sources, total, r):
+    """See `plus_source_now`."""
+    return total + sources.now[r]
+
+
+@chosen
+def expand_sources(sources, at):
+    """Compute the Taylor coefficients of the sources about a time of the flight."""
+
+
+@expand_sources.of(Unforced)
+@inlined
+def expand_nothing(sources, at):
+    """See `expand_sources`."""
+
+
+@expand_sources.of(Forcing)
+@inlined
+def expand_loads(sources, at):
+    """See `expand_sources`."""
+    loads, load, turned, changed = sources.loads, sources.load, sources.turned, sources.changed
+    orders, n = load.shape
+    for k in range(orders):
+        for r in range(n):
+            load[k, r] = 0.0
+            turned[k, r] = 0.0
+            for j in range(changed.shape[0]):
+                changed[j, k, r] = 0.0
+    for h in range(loads.harmonics.shape[0]):
+        multiple = loads.harmonics[h]
+        rate = multiple * loads.clock[0]
+        angle = multiple * (2.0 * math.pi * loads.load_periods * sources.time[0] + loads.clock[0] * at)
+        c = math.cos(angle)
+        s = math.sin(angle)
+        for k in range(orders if multiple > 0.0 else 1):
+            for r in range(n):
+                cosine = loads.modal[0, h, 0, n + r]
+                sine = loads.modal[0, h, 1, n + r]
+                load[k, r] += cosine * c + sine * s
+                turned[k, r] += multiple * (sine * c - cosine * s)
+                for j in range(changed.shape[0]):
+                    changed[j, k, r] += loads.modal[1 + j, h, 0, n + r] * c + loads.modal[1 + j, h, 1, n + r] * s
+            before = c
+            c = -rate * s / (k + 1)
+            s = rate * before / (k + 1)
+
+
+@chosen
+def plus_source(sources, total, k, r):
+    """The coefficient of order k of an acceleration, with that of the source of coordinate r."""
+
+
+@plus_source.of(Unforced)
+@inlined
+def plus_nothing(sources, total, k, r):
+    """See `plus_source`."""
+    return total
+
+
+@plus_source.of(Forcing)
+@inlined
+def plus_load(sources, total, k, r):
+    """See `plus_source`."""
+    return total + sources.load[k, r]
+
+
+@chosen
+def source_terms(sources, flight, at):
+    """Compute the sources of the columns about a time of the flight, from the coefficients of its state."""
+
+
+@source_terms.of(Unforced)
+@inlined
+def no_terms(sources, flight, at):
+    """See `source_terms`."""
+
+
+@source_terms.of(Forcing)
+@inlined
+def forcing_terms(sources, flight, at):
+    """See `source_terms`."""
+    loads, turned, terms = sources.loads, sources.turned, sources.terms
+    program, states, jets, push = flight.program, flight.states, flight.jets, flight.push
+    n = sources.now.shape[0]
+    cycle = 2.0 * math.pi * loads.load_periods
+    for k in range(terms.shape[0]):
+        for r in range(n):
+            terms[k, r, 0] = cycle * turned[k, r]
+        for j in range(sources.changed.shape[0]):
+            by_clock = loads.clock[1 + j]
+            for r in range(n):
+                total = sources.changed[j, k, r]
+                if by_clock != 0.0:
+                    total += by_clock * at * turned[k, r]
+                    if k > 0:
+                        total += by_clock * turned[k - 1, r]
+                terms[k, r, 1 + j] = total
+        for j in range(sources.change.shape[0]):
+            for r in range(n):
+                total = 0.0
+                for c in range(2 * n):
+                    total += sources.change[j, n + r, c] * states[k, c]
+                for f in range(push.shape[1]):
+                    total += sources.push_slope[j, r, f] * jets[program.forces[f], k]
+                terms[k, r, 1 + j] += total
+        for d in range(program.changes.shape[0]):
+            slope = jets[program.changes[d, 2], k]
+            for r in range(n):
+                terms[k, r, 1 + program.changes[d, 1]] += push[r, program.changes[d, 0]] * slope
+
+
+@chosen
+def begin_column(sources, k, r, part, column):
+    """Add part times the coefficient of order k of the sources of coordinate r to the columns' row (C,), which is zero."""
+
+
+@begin_column.of(Unforced)
+@inlined
+def no_column(sources, k, r, part, column):
+    """See `begin_column`."""
+
+
+@begin_column.of(Forcing)
+@inlined
+def forcing_column(sources, k, r, part, column):
+    """See `begin_column`."""
+    terms = sources.terms
+    first = column.shape[0] - terms.shape[2]
+    for c in range(terms.shape[2]):
+        column[first + c] = part * terms[k, r, c]

@@ -1,0 +1,399 @@
+"""Taylor series of flights with smooth forces, and of their derivatives; the paths of the flights.
+
+The state z = (u, v) of a flight moves by u' = v, v' = A z + P f(w) + g(t), where the inputs w of the smooth forces f are linear in z, and
+the sources g are loads (`bvp.kernels.sources`). A step is the Taylor polynomial of order ORDER of the state and of its derivatives, by the
+state at the flight's begin and by what the sources depend on (Jorba & Zou, Experimental Mathematics 14 (2005) 99). Its length follows
+from the last coefficients, and is then confirmed inside the step by its defect, the difference of the polynomial's acceleration from that
+of the forces along it. The last coefficients alone miss a force that begins with a high power.
+
+The steps of a flight are kept: they are its path, which searches for extrema and zeros evaluate.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import int64
+
+from bvp.kernels.compiled import inlined, kernel, sized
+from bvp.kernels.expressions import Program
+from bvp.kernels.flight import copy_1, set_2
+from bvp.kernels.jets import JetProgram, extend_jets
+from bvp.kernels.sources import (
+    ORDER,
+    Unforced,
+    begin_column,
+    begin_sources,
+    expand_sources,
+    plus_source,
+    plus_source_now,
+    source_terms,
+    sources_at,
+    state_rows,
+)
+
+TRUNCATION = 2e-17
+"""Largest last term, as a part of the speed in a step."""
+
+DEFECT = 4e-16
+"""Largest change of the velocity by the defect, as a part of that speed: rounding."""
+
+NONE_LEFT = 1e-19
+"""Part of the accelerations below which a power of small inputs is left out."""
+
+STEPS = 256
+"""Most steps of a flight of a conservative system."""
+
+UNFORCED = Unforced(0)
+
+
+class Paths(NamedTuple):
+    """The steps of J flights, at most S of each, as they were computed. A flight begins at a node of W entries: its state and more."""
+
+    coefficients: np.ndarray  # (J, S, ORDER + 1, N)
+    times: np.ndarray  # (J, S + 1) at which the steps begin, and the last one ends
+    steps: np.ndarray  # (J, 2) int64 the number of steps, 0: none is kept, -1: it could not be computed; whether the map is known
+    begins: np.ndarray  # (J, W + 1) node at the begin, and the duration
+    ends: np.ndarray  # (J, N)
+    maps: np.ndarray  # (J, N, C) derivatives of the end by the state at the begin, and by what the sources depend on
+    latest: np.ndarray  # (1,) int64 the flight that was computed last; the next one takes the place after it
+
+
+class SmoothFlight(NamedTuple):
+    """Motion with smooth forces, for N = 2 n states and I inputs of F forces, with C columns of derivatives.
+
+    Without sources it is a kind of flight (`bvp.kernels.flights`): W = C = N."""
+
+    matrix: np.ndarray  # (N, N) that of z' = B z without the smooth forces
+    rows: np.ndarray  # (I, N) the inputs, as rows on states
+    push: np.ndarray  # (n, F) accelerations of unit forces
+    program: JetProgram
+    sources: Any  # of `bvp.kernels.sources`
+    potential: Program  # the energy of the forces, as a function of the inputs; with released parameters also its derivatives
+    jets: np.ndarray  # (registers, ORDER + 1) scratch
+    probe: np.ndarray  # (registers, 1) scratch
+    states: np.ndarray  # (ORDER + 1, N) scratch
+    columns: np.ndarray  # (ORDER + 1, N, C) scratch
+    inputs: np.ndarray  # (ORDER + 1, I, C) scratch
+    sums: np.ndarray  # (1, C) scratch
+    scratch: np.ndarray  # of the potential's program
+    parts: np.ndarray  # its arguments
+    value: np.ndarray  # what it writes
+    slope: np.ndarray  # (N,) scratch
+    projected: np.ndarray  # (S, ORDER + 1) scratch
+    bounds: np.ndarray  # (S, 2) scratch
+    paths: Paths
+
+
+def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=UNFORCED, steps=STEPS):
+    """A `SmoothFlight`, with room for the paths of so many flights of so many steps."""
+    size, inputs, columns = len(matrix), len(rows), len(matrix) + sources.columns
+    arguments = inputs + max(0, sources.columns - 1)
+    paths = Paths(
+        np.zeros((flights, steps, ORDER + 1, size)), np.zeros((flights, steps + 1)), np.zeros((flights, 2), dtype=np.int64),
+        np.zeros((flights, columns + 1)), np.zeros((flights, size)), np.zeros((flights, size, columns)), np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+    return SmoothFlight(
+        matrix, rows, push, program, sources, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
+        np.zeros((ORDER + 1, size)), np.zeros((ORDER + 1, size, columns)), np.zeros((ORDER + 1, inputs, columns)), np.zeros((1, columns)),
+        np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
+        np.zeros(size),
+        np.zeros((steps, ORDER + 1)), np.zeros((steps, 2)), paths,
+    )  # fmt: skip
+
+
+@inlined
+def smooth_rate(flight, z, at, least, out):
+    """z' at a state z, at a time of the flight from the node that `begin_sources` was given last."""
+    size = flight.matrix.shape[0]
+    n = size // 2
+    sources_at(flight.sources, at)
+    for i in range(flight.rows.shape[0]):
+        total = 0.0
+        for r in range(size):
+            total += flight.rows[i, r] * z[r]
+        flight.probe[i, 0] = total
+    extend_jets(flight.program, flight.probe, int64(0), least)
+    for r in range(n):
+        out[r] = z[n + r]
+        total = 0.0
+        for c in range(size):
+            total += flight.matrix[n + r, c] * z[c]
+        for f in range(flight.push.shape[1]):
+            total += flight.push[r, f] * flight.probe[flight.program.forces[f], 0]
+        out[n + r] = plus_source_now(flight.sources, total, r)
+
+
+@kernel
+def expand(flight, at, least):
+    """The Taylor coefficients of the state about states[0], which is that at a time of the flight, and the jets of the forces."""
+    matrix, rows, push, program, jets, states = flight.matrix, flight.rows, flight.push, flight.program, flight.jets, flight.states
+    size = matrix.shape[0]
+    n = size // 2
+    expand_sources(flight.sources, at)
+    for k in range(ORDER):
+        z = states[k]
+        after = states[k + 1]
+        part = 1.0 / (k + 1)
+        for i in range(rows.shape[0]):
+            total = 0.0
+            for r in range(size):
+                total += rows[i, r] * z[r]
+            jets[i, k] = total
+        extend_jets(program, jets, k, least)
+        for r in range(n):
+            after[r] = part * z[n + r]
+            total = 0.0
+            for c in range(size):
+                total += matrix[n + r, c] * z[c]
+            for f in range(push.shape[1]):
+                total += push[r, f] * jets[program.forces[f], k]
+            after[n + r] = part * plus_source(flight.sources, total, k, r)
+
+
+@inlined
+def _expand_columns(flight, columns, inputs, sums):
+    """The Taylor coefficients of `columns`, about columns[0], from the jets of the derivatives of the forces. sums (1, C): scratch."""
+    matrix, rows, push, slopes, jets = flight.matrix, flight.rows, flight.push, flight.program.slopes, flight.jets
+    size = columns.shape[2]
+    states = state_rows(flight.sources, columns)
+    n = states // 2
+    for k in range(ORDER):
+        for i in range(rows.shape[0]):
+            for c in range(size):
+                inputs[k, i, c] = 0.0
+            for r in range(states):
+                factor = rows[i, r]
+                for c in range(size):
+                    inputs[k, i, c] += factor * columns[k, r, c]
+        part = 1.0 / (k + 1)
+        for r in range(n):
+            for c in range(size):
+                columns[k + 1, r, c] = part * columns[k, n + r, c]
+                columns[k + 1, n + r, c] = 0.0
+            begin_column(flight.sources, k, r, part, columns[k + 1, n + r])
+            for s in range(states):
+                factor = part * matrix[n + r, s]
+                if factor != 0.0:
+                    for c in range(size):
+                        columns[k + 1, n + r, c] += factor * columns[k, s, c]
+        for d in range(slopes.shape[0]):
+            i = slopes[d, 1]
+            slope = jets[slopes[d, 2]]
+            for c in range(size):
+                sums[0, c] = 0.0
+            for j in range(k + 1):
+                factor = slope[j]
+                for c in range(size):
+                    sums[0, c] += factor * inputs[k - j, i, c]
+            for r in range(n):
+                factor = part * push[r, slopes[d, 0]]
+                if factor != 0.0:
+                    for c in range(size):
+                        columns[k + 1, n + r, c] += factor * sums[0, c]
+
+
+@inlined
+def _advance_columns(sources, columns, h, out):
+    """columns[0] = the polynomials at h. out (N, C): scratch."""
+    size = columns.shape[2]
+    states = state_rows(sources, columns)
+    for r in range(states):
+        for c in range(0, size - 1, 2):
+            first = columns[ORDER, r, c]
+            second = columns[ORDER, r, c + 1]
+            for k in range(ORDER - 1, -1, -1):
+                first = first * h + columns[k, r, c]
+                second = second * h + columns[k, r, c + 1]
+            out[r, c] = first
+            out[r, c + 1] = second
+        if size % 2 == 1:
+            first = columns[ORDER, r, size - 1]
+            for k in range(ORDER - 1, -1, -1):
+                first = first * h + columns[k, r, size - 1]
+            out[r, size - 1] = first
+    for r in range(states):
+        for c in range(size):
+            columns[0, r, c] = out[r, c]
+
+
+@kernel
+def expand_columns(flight, at):
+    """The Taylor coefficients of the columns about columns[0]; those of the state are known."""
+    source_terms(flight.sources, flight, at)
+    if flight.columns.shape[2] == 4:
+        # The compiler unrolls loops along four entries.
+        _expand_columns(flight, sized(flight.columns, 4), sized(flight.inputs, 4), sized(flight.sums, 4))
+    else:
+        _expand_columns(flight, flight.columns, flight.inputs, flight.sums)
+
+
+@kernel
+def advance_columns(sources, columns, h, out):
+    """See `_advance_columns`."""
+    if out.shape[1] == 4:
+        _advance_columns(sources, sized(columns, 4), h, sized(out, 4))
+    else:
+        _advance_columns(sources, columns, h, out)
+
+
+@inlined
+def horner(coefficients, t, out):
+    """The polynomial (ORDER + 1, N) at t."""
+    size = coefficients.shape[1]
+    for r in range(size):
+        out[r] = coefficients[ORDER, r]
+    for k in range(ORDER - 1, -1, -1):
+        for r in range(size):
+            out[r] = out[r] * t + coefficients[k, r]
+
+
+@kernel
+def _defect(flight, at, h, least, state, change, slope):
+    """How far the acceleration along the polynomial is from that of the forces, at the time h in the step that begins at a time."""
+    states = flight.states
+    size = states.shape[1]
+    n = size // 2
+    horner(states, h, state)
+    smooth_rate(flight, state, at + h, least, change)
+    for r in range(size):
+        slope[r] = ORDER * states[ORDER, r]
+    for k in range(ORDER - 1, 0, -1):
+        for r in range(size):
+            slope[r] = slope[r] * h + k * states[k, r]
+    worst = 0.0
+    for r in range(n, size):
+        distance = abs(slope[r] - change[r])
+        if not distance <= worst:
+            worst = distance
+    return worst
+
+
+@kernel
+def _step_length(states, columns, with_columns, left):
+    """The length at which the last two terms of the velocities are below TRUNCATION."""
+    size = states.shape[1]
+    n = size // 2
+    speed = 0.0
+    for r in range(n, size):
+        speed = max(speed, abs(states[0, r]))
+    length = left
+    for _ in range(2):
+        # A motion that begins at rest has the speed of its first terms.
+        reached = speed
+        power = 1.0
+        for k in range(1, 4):
+            power *= length
+            for r in range(n, size):
+                reached = max(reached, abs(states[k, r]) * power)
+        if reached == 0.0:
+            return left, 0.0
+        length = left
+        for k in range(ORDER - 1, ORDER + 1):
+            last = 0.0
+            for r in range(n, size):
+                last = max(last, abs(states[k, r]))
+            if last > 0.0:
+                length = min(length, (TRUNCATION * reached / last) ** (1.0 / k))
+    if with_columns:
+        power = length ** (ORDER - 1)
+        for c in range(columns.shape[2]):
+            first = 0.0
+            last = 0.0
+            for r in range(n, size):
+                first = max(first, abs(columns[0, r, c]), abs(columns[1, r, c]) * length)
+                last = max(last, abs(columns[ORDER - 1, r, c]))
+                if c >= size:  # it is zero at the begin of the flight
+                    first = max(first, abs(columns[2, r, c]) * length**2, abs(columns[3, r, c]) * length**3)
+            if last * power > TRUNCATION * first and first > 0.0:
+                length = min(length, (TRUNCATION * first / last) ** (1.0 / (ORDER - 1)))
+                power = length ** (ORDER - 1)
+    return length, reached
+
+
+@kernel
+def fly_smooth(flight, slot, z, t, with_columns):
+    """Compute a flight of time t from a node z, and keep it in a slot of the paths. Returns whether it could be computed.
+
+    t < 0: the flight goes back in time."""
+    paths, states, columns = flight.paths, flight.states, flight.columns
+    size = states.shape[1]
+    width = z.shape[0]
+    n = size // 2
+    state = paths.ends[slot]
+    change = paths.maps[slot, 0]
+    slope = paths.maps[slot, 1]
+    copy_1(z, paths.begins[slot, :width])
+    paths.begins[slot, width] = t
+    copy_1(z[:size], states[0])
+    begin_sources(flight.sources, z)
+    set_2(columns[0], 0.0)
+    for r in range(size):
+        columns[0, r, r] = 1.0
+    paths.times[slot, 0] = 0.0
+    at = 0.0
+    count = 0
+    direction = 1.0 if t >= 0.0 else -1.0
+    largest = 0.0
+    while at < abs(t):
+        if count == paths.coefficients.shape[1]:
+            paths.steps[slot, 0] = -1
+            return False
+        here = direction * at
+        smooth_rate(flight, states[0], here, 0.0, change)
+        for r in range(n, size):
+            largest = max(largest, abs(change[r]))
+        least = NONE_LEFT * largest
+        expand(flight, here, least)
+        if with_columns:
+            expand_columns(flight, here)
+        length, speed = _step_length(states, columns, with_columns, abs(t) - at)
+        if not length > 0.0:
+            paths.steps[slot, 0] = -1
+            return False
+        confirmed = False
+        while not confirmed:
+            confirmed = True
+            for part in range(1, 4):
+                h = length * part / 3.0
+                if not _defect(flight, here, direction * h, least, state, change, slope) * h <= ORDER * DEFECT * speed:
+                    confirmed = False
+                    break
+            if not confirmed:
+                length *= 0.8
+                if at + length == at:
+                    paths.steps[slot, 0] = -1
+                    return False
+        for k in range(ORDER + 1):
+            copy_1(states[k], paths.coefficients[slot, count, k])
+        at += length
+        count += 1
+        paths.times[slot, count] = at
+        h = direction * length
+        horner(states, h, state)
+        copy_1(state, states[0])
+        if with_columns:
+            advance_columns(flight.sources, columns, h, paths.maps[slot])
+    copy_1(states[0], state)
+    for r in range(size):
+        copy_1(columns[0, r], paths.maps[slot, r])
+    paths.steps[slot, 0] = count
+    paths.steps[slot, 1] = int64(1) if with_columns else int64(0)
+    return True
+
+
+@kernel
+def find_path(flight, z, t, with_map):
+    """The slot of the flight of time t from a node z, or of a longer one, which is computed where it is not kept. -1: it could not be."""
+    paths = flight.paths
+    size = z.shape[0]
+    for slot in range(paths.steps.shape[0]):
+        if paths.steps[slot, 0] == 0:
+            continue
+        same = paths.begins[slot, size] == t or (not with_map and 0.0 <= t <= paths.begins[slot, size])
+        for r in range(size):
+            same = same and paths.begins[slot, r] == z[r]
+        if same and (not with_map or paths.steps[slot, 1] == 1):
+            return slot if paths.steps[slot, 0] > 0 else int64(-1)
+    slot = (paths.latest[0] + 1) % paths.steps.shape[0]
+    paths.latest[0] = slot
+    return slot if fly_smooth(flight, slot, z, t, with_map) else int64(-1)
