@@ -172,6 +172,9 @@ def test_help_lists_every_option():
         assert section, name
         listed = set(re.findall(r"\w+", " ".join(line.partition(":")[0] for line in re.findall(r"^\S.*", section[1], re.MULTILINE))))
         assert listed >= {item.name for item in parameters}, (name, {item.name for item in parameters} - listed)
-    for name in ("trace", "extend", "switch", "neighbours", "families_at"):
-        shown = subprocess.run([sys.executable, "-c", f"import saltus; help(saltus.{name})"], capture_output=True, text=True).stdout
-        assert "stop_when : callable" in shown and "**options" not in shown
+    names = ("trace", "extend", "switch", "neighbours", "families_at")
+    code = f"import saltus; [print('{'=' * 9}', help(getattr(saltus, name))) for name in {names}]"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split("=" * 9)[:-1]
+    assert len(shown) == len(names)
+    for text in shown:
+        assert "stop_when : callable" in text and "**options" not in text

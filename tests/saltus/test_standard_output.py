@@ -77,10 +77,15 @@ def test_pipes_are_written_by_their_path(tmp_path):
     [(f"{QUICK} --json", 2), ("list --catalogue {catalogue} --json", 2), ("export points --catalogue {catalogue} --json", 1)],
 )
 def test_the_path_of_standard_output_is_standard_output(catalogue, words, schema):
-    """Oracle: what comes with -; as for that, a second result has no place there."""
+    """Oracle: what comes with -."""
     command = f"{SALTUS} {words.format(catalogue=catalogue)}"
     by_path, by_hyphen = (shell(f"{command} {place} | cat").stdout for place in ("/dev/stdout", "-"))
     assert by_path == by_hyphen and json.loads(by_path)["schema"] == schema
+
+
+@POSIX
+def test_a_second_result_has_no_place_on_standard_output():
+    """Oracle: the line that says so, by the path of standard output; where nothing is kept both have a place."""
     done = shell(f"({SALTUS} {QUICK} --json /dev/stdout --csv -; echo $?) | cat")
     assert done.stdout == "2\n" and done.stderr == "saltus: --json and --csv both go to standard output: expected a place for each\n"
     done = shell(f"{SALTUS} {QUICK} --json {os.devnull} --csv {os.devnull} >{os.devnull}")
