@@ -50,11 +50,13 @@ class ManyDigits:
         self.gap = [mp.mpf(float(g)) for g in modes.contacts.gap[0, :2]]
         self.across = [-self.gap[1], self.gap[0]]
         self.speed = mp.sqrt(2 * mp.mpf(energy))
+        self.grid = np.arange(1, 4001) * 2.5e-3
+        self.turns = [(np.cos(float(w) * self.grid), np.sin(float(w) * self.grid) / float(w)) for w in self.w]
 
     def flow(self, z, t):
         out = [None] * 4
         for k in range(2):
-            c, s = mp.cos(self.w[k] * t), mp.sin(self.w[k] * t)
+            c, s = mp.cos_sin(self.w[k] * t)
             out[k] = c * z[k] + s / self.w[k] * z[k + 2]
             out[k + 2] = c * z[k + 2] - s * self.w[k] * z[k]
         return out
@@ -75,13 +77,10 @@ class ManyDigits:
         """{(sequence, number of the crossing in its flight): (residual, time)}."""
         z = [mp.mpf(0), mp.mpf(0), self.speed * mp.cos(theta), self.speed * mp.sin(theta)]
         out, sequence, elapsed = {}, "", mp.mpf(0)
-        grid = np.arange(1, 4001) * 2.5e-3
-        w0, w1 = (float(w) for w in self.w)
-        g0, g1 = (float(g) for g in self.gap)
+        grid = self.grid
         for _ in range(impacts + 1):
             a = [float(x) for x in z]
-            x = g0 * (np.cos(w0 * grid) * a[0] + np.sin(w0 * grid) / w0 * a[2])
-            x += g1 * (np.cos(w1 * grid) * a[1] + np.sin(w1 * grid) / w1 * a[3])
+            x = sum(float(g) * (c * a[k] + s * a[k + 2]) for k, (g, (c, s)) in enumerate(zip(self.gap, self.turns, strict=True)))
             beyond = np.flatnonzero(np.abs(x) > 1.0)
             end = int(beyond[0]) if beyond.size else len(grid) - 1
             number = 0

@@ -21,8 +21,9 @@ def flow(squares, z, t):
     """The modal state z after a free flight of t."""
     q, p = np.split(np.asarray(z), 2)
     w = [mpmath.sqrt(square) for square in squares]
-    c = np.array([mpmath.cos(x * t) for x in w])
-    s = np.array([mpmath.sin(x * t) / x if x else mpmath.mpf(t) for x in w])
+    turns = [mpmath.cos_sin(x * t) if x else (mpmath.mpf(1), mpmath.mpf(t)) for x in w]
+    c = np.array([cosine for cosine, _ in turns])
+    s = np.array([sine / x if x else sine for x, (_, sine) in zip(w, turns, strict=True)])
     return np.concatenate([c * q + s * p, c * p - squares * s * q])
 
 
