@@ -96,10 +96,10 @@ def _matched(segments: Sequence[ScannedSegment], known: Boxes, odd_symmetry: boo
     has_segment: dict[Kind, np.ndarray] = {}
     for kind, group in groups.items():
         boxes, times = known[kind], np.array([times for *_, times in group])
-        inside = np.all((boxes[:, :1] <= times) & (times <= boxes[:, 1:]), axis=2)
-        has_segment[kind] = np.any(inside, axis=1)
+        inside = np.logical_and.reduce((boxes[:, :1] <= times) & (times <= boxes[:, 1:]), axis=2)
+        has_segment[kind] = np.logical_or.reduce(inside, axis=1)
         first, last = (end.rstrip("+-") for end in kind[0])
-        in_box = [[group[row] for row in np.flatnonzero(rows).tolist()] for rows in inside]
+        in_box = [[row for row, is_inside in zip(group, rows, strict=True) if is_inside] for rows in inside.tolist()]
         met = [{index for index, *_ in rows} for rows in in_box]
         for here, rows in zip(met, in_box, strict=True):
             # A family that passes an orbit of more symmetry has each orbit twice, as two images: two boxes hold the same one.
@@ -112,7 +112,7 @@ def _matched(segments: Sequence[ScannedSegment], known: Boxes, odd_symmetry: boo
 def _is_one_orbit(rows: Sequence[tuple[int, bool, np.ndarray]]) -> bool:
     """Whether two segments are one orbit from its two ends: run through in the same direction, they have the same flight times."""
     return any(
-        index != other and not backwards and turned and float(np.max(np.abs(a - b))) <= _SAME * float(np.max(a))
+        index != other and not backwards and turned and np.abs(a - b).max() <= _SAME * a.max()
         for index, backwards, a in rows
         for other, turned, b in rows
     )

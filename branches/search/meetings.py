@@ -174,7 +174,7 @@ def _meet(images: list[_Image], arcs: np.ndarray, limits: Limits, fold: bool, co
         np.zeros((16, 16)),
     )  # fmt: skip
     found, numbers = np.zeros((MOST, MET + 2 * most + 4)), np.zeros(len(COUNTS), dtype=np.int64)
-    meet_arcs(search, arcs, found, numbers)
+    meet_arcs(search, arcs, np.argsort(arcs[:, at.BOX + 4], kind="stable"), found, numbers)
     counts.update(dict(zip(COUNTS, numbers.tolist(), strict=True)))
     return None if counts["undecided"] else found[: counts["met"]]
 

@@ -330,10 +330,10 @@ def find_cells(arcs, grid, is_mirrored, spans, first):
 
 
 @kernel
-def fill_cells(arcs, is_mirrored, spans, first, items, boxes):
-    """The arcs of each cell, one cell after the other, with their boxes, or those of their mirror images. `first` is moved on by one
-    cell."""
-    for i in range(spans.shape[0]):
+def fill_cells(arcs, order, is_mirrored, spans, first, items, boxes):
+    """The arcs of each cell in an order, one cell after the other, with their boxes, or those of their mirror images. `first` is moved on
+    by one cell."""
+    for i in order:
         for x in range(spans[i, 0], spans[i, 1] + 1):
             for y in range(spans[i, 2], spans[i, 3] + 1):
                 cell = x * CELLS + y
@@ -384,11 +384,11 @@ def meet_pair(search, stack, hulls, found, counts):
 
 
 @allocating
-def meet_arcs(search, arcs, found, counts):
+def meet_arcs(search, arcs, order, found, counts):
     """All meetings of arcs (N, ARC) with mirror images of arcs.
 
-    found (M, 2 K + 10): filled with meetings. counts (5,): see `COUNTS`, added to. A pair is undecided, too, if there is no room for its
-    meeting."""
+    order (N,): the arcs in the order of their smallest n (column BOX + 4). found (M, 2 K + 10): filled with meetings. counts (5,): see
+    `COUNTS`, added to. A pair is undecided, too, if there is no room for its meeting."""
     grid = grid_over(arcs)
     spans = np.empty((2, arcs.shape[0], 4), np.int64)
     first = np.zeros((2, CELLS * CELLS + 1), np.int64)
@@ -399,7 +399,7 @@ def meet_arcs(search, arcs, found, counts):
     # Most pairs are apart: their boxes are read in the order of the cells, without the arcs.
     boxes = np.empty((2, room, 6))
     for m in range(2):
-        fill_cells(arcs, m == 1, spans[m], first[m], items[m], boxes[m])
+        fill_cells(arcs, order, m == 1, spans[m], first[m], items[m], boxes[m])
     stack = np.empty((DEPTH, 2, at.ARC))
     hulls = np.empty((2, 4, 2))
     for cell in range(CELLS * CELLS):
@@ -408,8 +408,10 @@ def meet_arcs(search, arcs, found, counts):
             low_s, high_s, low_v, high_v = boxes[0, ia, 0], boxes[0, ia, 1], boxes[0, ia, 2], boxes[0, ia, 3]
             low_n, high_n = boxes[0, ia, 4], boxes[0, ia, 5]
             for ib in range(first[1, cell - 1] if cell > 0 else 0, first[1, cell]):
-                # Arcs crowd where they graze: there n excludes most pairs.
-                if low_n > boxes[1, ib, 5] or high_n < boxes[1, ib, 4] or low_s > boxes[1, ib, 1] or high_s < boxes[1, ib, 0]:
+                # Arcs crowd where they graze: there n excludes most pairs, and with one of them all that follow in its order.
+                if boxes[1, ib, 4] > high_n:
+                    break
+                if low_n > boxes[1, ib, 5] or low_s > boxes[1, ib, 1] or high_s < boxes[1, ib, 0]:
                     continue
                 if low_v > boxes[1, ib, 3] or high_v < boxes[1, ib, 2]:
                     continue
