@@ -186,7 +186,7 @@ def pressed_chain(r, push=-0.8):
 def test_the_exponent_of_a_motion_that_sticks_is_that_of_the_differenced_map(r):
     """Oracle: the largest eigenvalue of the differenced map over the period of the motion."""
     system, forces = pressed_chain(r)
-    found, end = sweep(lambda w: (system, [forces[0], Harmonic(w, [0.0, 0.9])]), [1.1], settings=SweepSettings(2000, 240))
+    found, end = sweep(lambda w: (system, [forces[0], Harmonic(w, [0.0, 0.9])]), [1.1], settings=SweepSettings(400, 80))
     p = int(found.periods[0])
     assert p > 0 and 0.0 < found.sticking[0] < 1.0
     state = end.state
