@@ -103,7 +103,7 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     for option, value in (("--start", arguments.begin), ("--phase", arguments.phase), ("--transient", arguments.transient)):
         if value is not None and arguments.start != "simulate":
             raise BadInput(f"{option} is an option of a simulation; expected --from simulate")
-    arguments.scene_uses = ("ground", "forces")
+    arguments.scene_uses = ("ground", "forces", "springs")
     if arguments.start is None:
         raise BadInput("--from is required with --in: rest, simulate, or a JSON file FILE[:EVENT]")
     names, keep = _names(arguments)
@@ -196,7 +196,11 @@ def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, .
 
 
 def _check_system(parametric: ParametricSystem, start: str) -> None:
-    """Refuse loads without a common period, and a system without periodic loads of which nothing determines an orbit."""
+    """Refuse loads without a common period, a system without periodic loads of which nothing determines an orbit, and a simulation of
+    springs that are not linear."""
+    reason = parametric.system().why_not_linear()
+    if reason is not None and start == "simulate":
+        raise BadInput(f"--from simulate computes linear flights, and {reason}; expected --from rest, or a JSON file FILE[:EVENT]")
     try:
         if parametric.layout.harmonics:
             return

@@ -290,7 +290,9 @@ def _system(
     marks = scene.table("coordinates", {}).fields(_COORDINATES)
     model = description.get("model")
     if model is None:
-        description |= {"stops": [stop.content for stop in scene.tables("stops")], "coordinates": {"names": marks["names"]}}
+        description |= {"stops": [stop.content for stop in scene.tables("stops")], "coordinates": {}}
+        if marks["names"] != ():  # a file has a list in place of no names
+            description["coordinates"]["names"] = marks["names"]
         description |= {key: [table.content for table in scene.tables(key)] for key in ("springs", "dampers") if key in scene.content}
     else:
         for other in ("stops", "springs", "dampers", "coordinates"):

@@ -1,4 +1,4 @@
-"""Responses of systems with smooth forces. Oracle: harmonic balance, with the folds as roots of its own equations."""
+"""Responses of systems with smooth forces. Oracle: harmonic balance, with folds and broken symmetry as roots of its own equations."""
 
 from __future__ import annotations
 
@@ -23,16 +23,15 @@ ANGLES = 2.0 * math.pi * np.arange(256) / 256.0
 BASIS = np.hstack([np.cos(np.outer(ANGLES, ORDERS)), np.sin(np.outer(ANGLES, ORDERS))])
 
 
-def balance(found, w):
-    """Harmonic balance of x'' + 0.1 x' + x + x^3 = 0.3 cos wt: residual and its derivatives by the coefficients and by w."""
+def balance(found, w, amplitude=0.3):
+    """Harmonic balance of x'' + 0.1 x' + x + x^3 = F cos wt: residual and its derivatives by the coefficients and by w."""
     count = len(ORDERS)
-    zero, one = np.zeros((count, count)), np.diag(ORDERS.astype(float))
+    one = np.diag(ORDERS.astype(float))
     linear = np.block([[np.eye(count) - (w * one) ** 2, 0.1 * w * one], [-0.1 * w * one, np.eye(count) - (w * one) ** 2]])
     by_w = np.block([[-2.0 * w * one**2, 0.1 * one], [-0.1 * one, -2.0 * w * one**2]]) @ found
     x, project = BASIS @ found, BASIS.T / 128.0
     load = np.zeros(2 * count)
-    load[0] = 0.3
-    assert zero.shape == one.shape
+    load[0] = amplitude
     return linear @ found + project @ x**3 - load, linear + project @ (3.0 * x[:, None] ** 2 * BASIS), by_w
 
 
@@ -111,3 +110,31 @@ def test_amplitudes_and_energies(traced):
         every = np.outer(fine, ORDERS)
         largest = np.abs(np.hstack([np.cos(every), np.sin(every)]) @ found).max()
         assert -1e-12 < measures.peaks[i, 0] - largest < 1e-6
+
+
+def test_the_symmetry_breaks_where_even_harmonics_are_neutral():
+    """Oracle: with x of odd harmonics the linearised balance of even ones is singular there."""
+    (branch,) = trace_response(DUFFING, "w", (0.8, 1.0), values={"F": 7.0, "w": 0.99}, start="rest")
+    (event,) = (event for event in branch.events if event.type == "SB")
+    even = np.arange(2, 41, 2)
+    basis = np.hstack([np.ones((256, 1)), np.cos(np.outer(ANGLES, even)), np.sin(np.outer(ANGLES, even))])
+
+    def determinant(w):
+        nearest = int(np.argmin(np.abs(branch.arclength - event.arclength)))
+        guess = coefficients(branch, branch.unknowns[nearest])
+        for _ in range(30):
+            residual, slope, _ = balance(guess, w, 7.0)
+            guess -= np.linalg.solve(slope, residual)
+        one = np.diag(even.astype(float))
+        linear = np.block([[np.eye(len(even)) - (w * one) ** 2, 0.1 * w * one], [-0.1 * w * one, np.eye(len(even)) - (w * one) ** 2]])
+        whole = np.eye(1 + 2 * len(even))
+        whole[1:, 1:] = linear
+        project = basis.T / 128.0
+        project[0] *= 0.5
+        sign, size = np.linalg.slogdet(whole + project @ (3.0 * (BASIS @ guess)[:, None] ** 2 * basis))
+        return sign * math.exp(size - reference) if reference else size
+
+    reference = 0.0
+    reference = determinant(event.values["w"] + 1e-3)
+    low, high = event.values["w"] - 1e-8, event.values["w"] + 1e-8
+    assert determinant(low) * determinant(high) < 0.0

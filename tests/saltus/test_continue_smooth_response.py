@@ -1,0 +1,74 @@
+"""`saltus continue --in NAME` with springs that are not linear: starts, files, impacts beside a spring, messages."""
+
+import pytest
+
+from tests.saltus.running import read_json, refused, run
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+DUFFING = """
+title = "Duffing oscillator"
+[parameters]
+F = 7.0
+w = 0.99
+c = 0.1
+p = 3.0
+[system]
+mass = [[1.0]]
+damping = [["c"]]
+stiffness = [[1.0]]
+[[springs]]
+on = "u1"
+stiffness = 1.0
+power = "p"
+[[forces]]
+load = [1.0]
+amplitude = "F"
+frequency = "w"
+"""
+STOPPED = DUFFING + '[[stops]]\nc = [1.0]\nlower = -1.0\nupper = 1.0\nrestitution = 0.8\n'
+
+
+@pytest.fixture
+def scene(folder):
+    def write(text):
+        (folder / "scene.toml").write_text(text, encoding="utf-8")
+        return "scene.toml"
+
+    return write
+
+
+def test_a_response_is_followed_written_and_switched(capsys, scene):
+    """Oracle: where the symmetry breaks, the other family has a branch point: another problem, with twice the unknowns."""
+    words = "continue", "--scene", scene(DUFFING), "--from", "rest", "--in", "w", "--range", "0.85:1.5"
+    code, out, err = run(capsys, *words, "--json", "a.json", "--csv", "a.csv", "--plot", "a.png")
+    assert code == 0 and "the half-period symmetry breaks" in out, err
+    breaks = sorted(event["values"]["w"] for event in read_json("a.json")["branches"][0]["events"] if event["type"] == "SB")
+    code, out, err = run(capsys, "continue", "--from", "a.json:SB1", "--json", "b.json")
+    assert code == 0 and "the family closes on itself" in out, err
+    points = sorted(event["values"]["w"] for event in read_json("b.json")["branches"][0]["events"] if event["type"] == "BP")
+    assert len(breaks) == 2 and points == pytest.approx(breaks, abs=1e-10)
+    code, out, err = run(capsys, "show", "a.json")
+    assert code == 0 and "SB1" in out, err
+
+
+def test_a_power_is_a_parameter(capsys, scene):
+    words = "continue", "--scene", scene(DUFFING), "--set", "F=0.3", "--set", "w=2", "--from", "rest", "--in", "p", "--range", "1:4"
+    code, out, err = run(capsys, *words)
+    assert code == 0 and "p = 1 to 4" in out, err
+
+
+def test_impacts_begin_where_the_response_grazes(capsys, scene):
+    """Oracle: the family with impacts begins a step from the touch of the response."""
+    words = "continue", "--scene", scene(STOPPED), "--set", "F=0.3", "--set", "w=1.2", "--from", "rest", "--in", "w", "--range", "1:2"
+    code, out, err = run(capsys, *words, "--through", "GR", "--points", "60", "--json", "a.json")
+    assert code == 0 and "a new impact becomes possible" in out, err
+    branches = read_json("a.json")["branches"]
+    grazing = next(event for event in branches[0]["events"] if event["type"] == "GR")
+    behind = next(branch for branch in branches if branch["sequence"])
+    assert behind["points"][0]["w"] == pytest.approx(grazing["values"]["w"], abs=2e-3)
+
+
+def test_a_simulation_is_refused(capsys, scene):
+    words = "continue", "--scene", scene(DUFFING), "--from", "simulate", "--in", "w", "--range", "0.9:1"
+    refused(run(capsys, *words), "--from simulate computes linear flights, and the spring on u1 is not linear", "expected --from rest")
