@@ -21,6 +21,7 @@ import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
 from bvp.closures import Cycle, cycle_of
+from bvp.kernels.multipoint import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, Solution
 
 if TYPE_CHECKING:
@@ -398,12 +399,29 @@ def same_orbit(
 def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
+    if problem.is_smooth and not problem.inner and STOP not in problem.kinds:
+        return _cover_without_impacts(problem, solution)
     if not _may_repeat(problem.ends, problem.sequence):
         return 1
     cycle = cycle_of(problem, solution.y)
     length, half = _shifts(cycle)
     cover = len(cycle.duration) // length
     return 2 if cover == 1 and problem.quarters == 2 and half else cover
+
+
+def _cover_without_impacts(problem: MultipointProblem, solution: Solution) -> int:
+    """The same for a smooth orbit without impacts: its motion is at an end of the segment's kind after a k-th part of the time, too."""
+    time, half = float(problem.flight_times(solution.y)[0]), problem.half
+    size = np.max(np.abs([problem.start(solution.y), solution.ends[0]]), axis=0)
+    between_origins = problem.kinds == (ORIGIN, ORIGIN)
+    parts = 1 + int(max(solution["waves_absorber"], solution["waves_primary"]))
+    for k in range(parts, 1, -1):
+        state = np.abs(problem.path_state(solution.y, time / k))
+        at_origin = (state[:half] <= SAME * size[:half].max()).all()
+        at_rest = (state[half:] <= SAME * size[half:].max()).all()
+        if (at_origin and between_origins) or (at_rest and (k == 2 if between_origins else k % 2 == 1)):
+            return k
+    return 1
 
 
 @lru_cache(maxsize=4096)
@@ -427,8 +445,10 @@ def pattern_of(system: ImpactSystem, parts: np.ndarray, contact: np.ndarray) -> 
     parts : (m,) float
         The instants as parts of the period.
     contact : (m,) int
-        Contacts hit (rows of the contact arrays of `Modes`).
+        Contacts hit (rows of the contact arrays of `Modes`); -1 for the cut of an orbit without impacts, which has the number 0.
     """
+    if np.all(contact < 0):
+        return 0.0
     phase = 2.0 * np.pi * parts
     stop, side = system.modes.contact_stop[contact], system.modes.contacts.side[contact]
     same_side = np.where(stop[:, None] == stop, 2.0 + side[:, None] * side, 1.0)

@@ -12,6 +12,7 @@ import numpy as np
 from bvp.checks import finite_numbers
 from bvp.kernels.flight import sample_flights
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, unfold_impacts
+from bvp.smooth_flights import sample_smooth
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -103,7 +104,10 @@ def free_motions(system: ImpactSystem) -> np.ndarray:
         return np.zeros((0, n))
     rigid = modes.shapes[:, index]
     size = np.linalg.norm(rigid, axis=0)
-    rows = np.array([np.asarray(stop.gap) / np.linalg.norm(stop.gap) for stop in system.stops])
+    resisting = [np.asarray(stop.gap) for stop in system.stops]
+    if system.smooth is not None:
+        resisting += [row for row in system.smooth.inputs[:, :n] if np.any(row)]
+    rows = np.array([row / np.linalg.norm(row) for row in resisting])
     _, singular, directions = np.linalg.svd(rows @ (rigid / size))
     felt = int(np.sum(singular > _NONE))
     free = np.zeros((index.size - felt, n))
@@ -166,7 +170,7 @@ class Cycle:
     duration : (P,) float
         Free time after each impact; the last one leads to the first.
     contact : (P,) int
-        Contact hit (row of the contact arrays of `Modes`); -1 for a plain cut of a flight.
+        Contact hit (row of the contact arrays of `Modes`); -1 for a plain cut of a flight. An orbit without impacts is cut at its start.
     lead : float
         Time from the orbit's start to the first impact.
 
@@ -193,13 +197,14 @@ class Cycle:
     def letters(self) -> tuple[str, ...]:
         """Contact letters in order of time."""
         letters = self.system.modes.contact_letters
-        return tuple([letters[c] for c in self.contact.tolist()])
+        return tuple([letters[c] for c in self.contact.tolist() if c >= 0])
 
     @property
     def speeds(self) -> np.ndarray:
         """Speeds of approach at the impacts, (P,)."""
-        modes = self.system.modes
-        return modes.contacts.side[self.contact] * np.einsum("ij,ij->i", modes.contacts.rate[self.contact], self.before)
+        contacts, hit = self.system.modes.contacts, self.contact >= 0
+        contact = self.contact[hit]
+        return contacts.side[contact] * np.einsum("ij,ij->i", contacts.rate[contact], self.before[hit])
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (m, n) at any times (m,) from the orbit's start; at an impact the velocity is the one after it.
@@ -216,7 +221,10 @@ class Cycle:
         # The flight that the orbit starts in began before its start.
         begins = np.concatenate([[self.times[-1] - self.period], self.times])
         flights = np.concatenate([self.after[-1:], self.after])
-        sample_flights(modes.flight, begins, flights, np.mod(times, self.period), states)
+        if self.system.smooth is None:
+            sample_flights(modes.flight, begins, flights, np.mod(times, self.period), states)
+        else:
+            sample_smooth(self.system, begins, flights, np.mod(times, self.period), states)
         physical = states @ modes.to_state.T
         return physical[:, :n], physical[:, n:]
 
@@ -229,6 +237,10 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     count, lead = unfold_impacts(problem.segment, y, problem.end_states(y), found, np.empty((2, size)))
     before, after, duration, row = (array[:count].copy() for array in found)
     modes = problem.system.modes
+    if not count:
+        start = problem.start(y)[None]
+        period = 4.0 / problem.quarters * float(np.sum(problem.flight_times(y)))
+        return Cycle(problem.system, start, start, np.array([period]), np.array([-1]), 0.0)
     contact = problem.contacts[row]
     mirrored = problem.segment.bound[row] * np.einsum("ij,ij->i", problem.segment.gap[row], before) < 0.0
     contact[mirrored] = modes.contact_opposite[contact[mirrored]]

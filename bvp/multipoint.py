@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
+from bvp.kernels.flights import path_state
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Factor, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.newton import set_scale
 from bvp.kernels.stability import make_period, orbit_stability
@@ -111,6 +112,8 @@ class MultipointProblem:
         N + 2, those in which arclength is measured.
     drifts : bool
         Whether there is a motion that no spring and no stop resists.
+    is_smooth : bool
+        Whether the system has smooth forces.
 
     Notes
     -----
@@ -156,8 +159,8 @@ class MultipointProblem:
             np.concatenate([modes.squares, np.ones(self.half)]),
         )
         shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
-        self._is_smooth = system.smooth_forces is not None
-        flight = smooth_flight(system, self.inner + 3) if self._is_smooth else modes.flight
+        self.is_smooth = system.smooth is not None
+        flight = smooth_flight(system, self.inner + 3) if self.is_smooth else modes.flight
         self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.parameters = self.segment.start_map.shape[1]
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
@@ -165,7 +168,7 @@ class MultipointProblem:
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
         self._period = make_period(4 * (self.inner + 1))
         self._zero = np.zeros(2 * self.unknowns)
-        self._packed = self.segment if self._is_smooth else pack(self.segment)
+        self._packed = self.segment if self.is_smooth else pack(self.segment)
         self.coordinates = size + 2
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
@@ -226,7 +229,7 @@ class MultipointProblem:
     def energy(self, y: np.ndarray) -> float:
         """h at the start."""
         z = self.start(y)
-        if self._is_smooth:
+        if self.is_smooth:
             displacements, velocities = np.split(self.modes.to_state @ z, 2)
             return float(self.system.energy(displacements, velocities))
         return float(0.5 * np.sum(self.segment.weights * z * z))
@@ -242,6 +245,12 @@ class MultipointProblem:
     def duration(self, solution: Solution) -> float:
         """A typical duration of its flights: the quarter period."""
         return solution["quarter_period"]
+
+    def path_state(self, y: np.ndarray, time: float) -> np.ndarray:
+        """State (N,) at a time of the first flight."""
+        out = np.empty(self.size)
+        path_state(self.segment.flight, self.start(y), float(time), out)
+        return out
 
     def end_states(self, y: np.ndarray) -> np.ndarray:
         """State at the end of each flight, before the impact there, (k + 1, N)."""
@@ -360,7 +369,7 @@ class MultipointProblem:
 
     def _kernel(self, k: int) -> tuple[Any, int]:
         """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - and its address."""
-        key = self._two_dof, self._is_smooth, k
+        key = self._two_dof, self.is_smooth, k
         if key not in _COMPILED:
             y, tangent, ends = np.empty(self.unknowns), np.empty(2 * self.unknowns), np.empty((self.inner + 1, self.size))
             metric, result = np.empty((4, self.size + 2)), np.empty(_ENTRIES)

@@ -68,7 +68,7 @@ def resolve(
         For a system on which names cannot be searched.
     """
     followed = {} if followed is None else followed
-    require_system(system, conservative="families of periodic orbits")
+    require_system(system, conservative="families of periodic orbits", smooth=True)
     # Labels count half-waves of an absorber and a primary from an origin on.
     has_labels = system.has_odd_symmetry and system.absorber is not None and system.primary is not None
     name = parse_name(text)

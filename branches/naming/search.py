@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from branches.naming.labels import Name, canonical_label, most_alike, parse
+from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.presentation import embed, same_orbit
 from branches.search.discovery import LONGEST, Found, OrbitSearch, Problems, discover_orbits, fastest_turn, judged
+from branches.search.smooth_starts import SmoothSampler
 from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, follow_family
@@ -57,7 +58,7 @@ class Search:
     """One search for a name over a range of energies, coarse first. Families that it follows are added to those `followed`."""
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
-        self.name = name
+        self.name = name if system.stops else without_impacts(name)
         self.limits = limits
         self.followed = followed
         # The range may go beyond the limits. Above HIGHEST orbits are lost in rounding.
@@ -67,7 +68,9 @@ class Search:
         self.range = energy
         self.system = system
         self.canonical: tuple[tuple[str, ...], tuple[str, str]] | None = None
-        if name.label is not None:
+        if name.label is not None and not system.stops:
+            kinds, self.impacts = ["rest" if name.label.kind == "S" else "origin"], [0]
+        elif name.label is not None:
             label = name.label
             kinds = {"O": ["stop"], "E": ["rest"], None: ["stop", "rest"]}[label.parity] if label.kind == "S" else ["origin"]
             if label.p is not None and label.q is not None:
@@ -80,7 +83,10 @@ class Search:
             self.canonical = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
             kinds = ["stop" if ends[1].startswith("stop") else ends[1]]
             self.impacts = [len(sequence)]
-        self.samplers = [Sampler(system, kind, self.longest, self.impacts) for kind in kinds]
+        self.samplers: list[Sampler] | list[SmoothSampler] = (
+            [Sampler(system, kind, self.longest, self.impacts) for kind in kinds] if system.smooth is None
+            else [SmoothSampler(system, kind, self.longest) for kind in kinds]
+        )  # fmt: skip
         self.problems: Problems = {}
         self.seen: dict[str, tuple[float, float]] = {}
         self.others: dict[str, Branch] = {}
@@ -175,6 +181,22 @@ class Search:
         return text
 
 
+def without_impacts(name: Name) -> Name:
+    """A name as it is meant for a system without stops, whose labels have no impacts: S11- is not short for S11O00- there.
+
+    Raises
+    ------
+    NameNotFound
+        For a label with impacts.
+    """
+    label = name.label
+    if label is None:
+        return name
+    if label.p or label.q or label.parity == "E":
+        raise NameNotFound(f"{label} has impacts, and this system has no stops; expected a label such as {label.kind}{label.m}{label.n}+")
+    return replace(name, label=Label(label.kind, label.m, label.n, sign=label.sign))
+
+
 def from_other_end(orbit: Found) -> Found:
     """The same origin..origin orbit, started half a period later. If Newton's method does not confirm it there, the orbit itself."""
     presentation = embed(orbit.problem, orbit.solution.y, (1, 2))
@@ -196,6 +218,8 @@ def least_energy(system: ImpactSystem) -> float:
     >>> round(least_energy(vibro_impact_nes(sigma=0.1)), 12), least_energy(vibro_impact_nes(sigma=0.0))
     (0.05, 0.0)
     """
+    if not system.stops:
+        return 0.0
     gap = system.modes.contacts.gap[0, : system.degrees_of_freedom]
     reach = min(abs(system.stops[0].lower), abs(system.stops[0].upper))
     pairs = zip(gap, system.modes.squares, strict=True)

@@ -119,7 +119,7 @@ class Unpolished(NamedTuple):
 
 def judged(problem: MultipointProblem, solution: Solution) -> Found | str:
     """The orbit with its label, or why it is none: "without_impacts", "inadmissible", or "covers" for an orbit that is not primitive."""
-    if problem.inner == 0 and STOP not in problem.kinds:
+    if problem.inner == 0 and STOP not in problem.kinds and not problem.is_smooth:
         return "without_impacts"
     if not (solution["residual"] < 1e-12 and solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0):
         return "inadmissible"
@@ -177,7 +177,7 @@ class OrbitSearch:
         With `must_stay`, a solution that does not show what the segment is counts as not solved.
         """
         key = segment.ends, segment.sequence
-        if not segment.sequence and not any(end.startswith("stop") for end in segment.ends):
+        if not segment.sequence and not any(end.startswith("stop") for end in segment.ends) and self.system.smooth is None:
             self.counts["without_impacts"] += 1
             return None
         if key not in self.problems:
