@@ -32,6 +32,10 @@ LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
 
 
+SMOOTH_LEVELS = ((0.3, 96), (0.15, 768))
+"""The same without stops."""
+
+
 Followed = dict["Branch", Found]
 """The families that searches followed, each with the orbit that it was followed from: no family is followed twice."""
 
@@ -96,7 +100,7 @@ class Search:
         """All matches of the first of the levels that has any."""
         low, high = self.energy
         least = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
-        for step, density in levels:
+        for step, density in levels if self.system.stops else SMOOTH_LEVELS[: len(levels)]:
             energies = np.array([low])
             if low < high:
                 count = max(2, math.ceil(math.log(high / least) / (step if max(self.impacts) else 2.0 * step)))

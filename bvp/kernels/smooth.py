@@ -208,3 +208,65 @@ def smooth_bounds(track, t):
     """See `bounds_at`."""
     place = _step_at(track.times, track.steps, t)
     return track.bounds[place, 0], track.bounds[place, 1], track.times[place + 1]
+
+
+@inlined
+def _across(row, t, of_distance, state, change):
+    """Of the speed, v . a and the part of v across a; or of the distance from the origin, u . v and the part of u across v; n = 2, at the
+    time t in a step with the coefficients `row`."""
+    horner(row, t, state)
+    for r in range(2, 4):
+        change[r] = ORDER * row[ORDER, r]
+    for k in range(ORDER - 1, 0, -1):
+        for r in range(2, 4):
+            change[r] = change[r] * t + k * row[k, r]
+    x, y = state[2], state[3]
+    a, b = change[2], change[3]
+    if of_distance:
+        x, y, a, b = state[0], state[1], x, y
+    size = math.sqrt(a * a + b * b)
+    return x * a + y * b, (x * b - y * a) / size if size > 0.0 else 0.0
+
+
+@kernel
+def least_values(flight, slot, of_distance, parts, times, values):
+    """The times at which the speed on a path is least, or the distance from the origin, n = 2; with what `_across` gives there.
+
+    Each step is looked at in so many parts. Returns how many there are; those beyond the length of `times` are not kept."""
+    paths = flight.paths
+    state, change = flight.slope, flight.sums[0]
+    count = 0
+    for place in range(paths.steps[slot, 0]):
+        row = paths.coefficients[slot, place]
+        begin = paths.times[slot, place]
+        length = paths.times[slot, place + 1] - begin
+        before, _ = _across(row, 0.0, of_distance, state, change)
+        for part in range(parts):
+            low = length * part / parts
+            high = length * (part + 1) / parts
+            after, _ = _across(row, high, of_distance, state, change)
+            if before < 0.0 and after >= 0.0:
+                f_low = before
+                f_high = after
+                root = low
+                value = 0.0
+                for _ in range(60):
+                    root = low + f_low / (f_low - f_high) * (high - low)
+                    f, value = _across(row, root, of_distance, state, change)
+                    # Illinois' rule: the value of an end that stays is halved.
+                    if f < 0.0:
+                        low = root
+                        f_low = f
+                        f_high *= 0.5
+                    else:
+                        high = root
+                        f_high = f
+                        f_low *= 0.5
+                    if f == 0.0 or high - low <= 1e-15 * length or not low <= root <= high:
+                        break
+                if count < times.shape[0]:
+                    times[count] = begin + root
+                    values[count] = value
+                count += 1
+            before = after
+    return count
