@@ -164,6 +164,8 @@ def _in_digits(problem: MultipointProblem, y: np.ndarray, distance: float) -> in
     """Stability of an orbit in fifty digits: 1, 0, or -1 where it is not decided; `distance`: arclength to the next event."""
     from bvp.many_digits import orbit_in_digits
 
+    if problem.is_smooth:
+        return -1  # only linear flights are computed in many digits
     try:
         orbit = orbit_in_digits(problem, y)
     except ArithmeticError:

@@ -126,9 +126,9 @@ def trace(
     from branches.naming.families import trace_named
 
     if system is None:
-        scene.require_used("saltus.trace")
+        scene.require_used("saltus.trace", ("springs",))
         system = scene.system
-    require_system(system)
+    require_system(system, smooth=True)
     for option, value in (("reference_points", reference_points), ("bounds", bounds)):
         if not isinstance(value, Mapping | None):
             raise BadInput(f"{option} = {shown(value)}: expected a mapping")

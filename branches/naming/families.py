@@ -24,7 +24,7 @@ from branches.naming.matching import (
     remark_on_name,
     why_a_cover,
 )
-from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, from_other_end, search_bounds
+from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, from_other_end, search_bounds, without_impacts
 from branches.search.discovery import Found, discover_orbits, judged
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
@@ -160,7 +160,8 @@ def trace_named(
         )
     if on_start is not None:
         problem = found.problem
-        remark = remark_on_name(parse_name(name).label, found.label)
+        asked = parse_name(name) if system.stops else without_impacts(parse_name(name))
+        remark = remark_on_name(asked.label, found.label)
         on_start(
             f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, "
             f"sequence {''.join(problem.sequence) or '(no inner impact)'}, "

@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["LEVELS", "Limits", "Search", "find_by_id", "from_other_end", "least_energy", "passes", "search_bounds"]
+__all__ = ["LEVELS", "Limits", "Search", "find_by_id", "from_other_end", "least_energy", "passes", "search_bounds", "without_impacts"]
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
 inner impact up to four (at least one). Each level is finer; the search ends at the first that finds the name."""
 
 
-SMOOTH_LEVELS = ((0.3, 96), (0.15, 768))
-"""The same without stops."""
+SMOOTH_LEVELS = ((0.3, 96, 0.1), (0.3, 96, 0.4), (0.15, 384, 1.0))
+"""The same for systems with smooth forces, and the part of the longest quarter period."""
 
 
 Followed = dict["Branch", Found]
@@ -100,7 +100,7 @@ class Search:
         """All matches of the first of the levels that has any."""
         low, high = self.energy
         least = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
-        for step, density in levels if self.system.stops else SMOOTH_LEVELS[: len(levels)]:
+        for step, density, *part in levels if self.system.smooth is None else SMOOTH_LEVELS[: len(levels)]:
             energies = np.array([low])
             if low < high:
                 count = max(2, math.ceil(math.log(high / least) / (step if max(self.impacts) else 2.0 * step)))
@@ -110,7 +110,7 @@ class Search:
             found = []
             for h in energies:
                 search = OrbitSearch(self.system, self.problems)
-                for segment in (segment for sampler in self.samplers for segment in sampler.segments(h, angles)):
+                for segment in (segment for sampler in self.samplers for segment in sampler.segments(h, angles, *part)):
                     orbit = search.add(segment, partial(MultipointProblem.solve, energy=h))
                     if orbit is None:
                         continue

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     if responses.wants_parameter(arguments):
         return responses.follow_free(arguments) if free_families.wants_free_family(arguments) else responses.follow_forced(arguments)
     files = outputs.outputs_of(arguments)
-    arguments.scene_uses = ("ground", "forces")  # refused below, with what to do
+    arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
     scene = options.scene_of(arguments)
     responses.require_no_loads(scene)
     name = starts.name_or_orbit(arguments, scene)
