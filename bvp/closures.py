@@ -105,8 +105,8 @@ def free_motions(system: ImpactSystem) -> np.ndarray:
     rigid = modes.shapes[:, index]
     size = np.linalg.norm(rigid, axis=0)
     resisting = [np.asarray(stop.gap) for stop in system.stops]
-    if system.smooth is not None:
-        resisting += [row for row in system.smooth.inputs[:, :n] if np.any(row)]
+    if system.smooth_forces is not None:
+        resisting += [row for row in system.smooth_forces.inputs[:, :n] if np.any(row)]
     rows = np.array([row / np.linalg.norm(row) for row in resisting])
     _, singular, directions = np.linalg.svd(rows @ (rigid / size))
     felt = int(np.sum(singular > _NONE))
@@ -221,7 +221,7 @@ class Cycle:
         # The flight that the orbit starts in began before its start.
         begins = np.concatenate([[self.times[-1] - self.period], self.times])
         flights = np.concatenate([self.after[-1:], self.after])
-        if self.system.smooth is None:
+        if self.system.smooth_forces is None:
             sample_flights(modes.flight, begins, flights, np.mod(times, self.period), states)
         else:
             sample_smooth(self.system, begins, flights, np.mod(times, self.period), states)

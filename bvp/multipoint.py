@@ -159,7 +159,7 @@ class MultipointProblem:
             np.concatenate([modes.squares, np.ones(self.half)]),
         )
         shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
-        self.is_smooth = system.smooth is not None
+        self.is_smooth = system.smooth_forces is not None
         flight = smooth_flight(system, self.inner + 3) if self.is_smooth else modes.flight
         self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.parameters = self.segment.start_map.shape[1]

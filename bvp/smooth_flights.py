@@ -22,7 +22,7 @@ def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
 
     The state is that of the modes of its linear part, u = Phi q: forces f along the rows d of the coordinates accelerate q by -(d Phi)^T f.
     """
-    forces, modes = system.smooth, system.modes
+    forces, modes = system.smooth_forces, system.modes
     assert forces is not None
     n = system.degrees_of_freedom
     inputs = np.hstack([forces.inputs[:, :n] @ modes.shapes, forces.inputs[:, n:] @ modes.shapes])

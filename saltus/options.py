@@ -159,6 +159,7 @@ _PARAMETERS = {
     "sigma": "coupling stiffness, 0 or more",
     "lam": "viscous damping of the oscillator, 0 or more",
     "rho": "restitution, 0 to 1",
+    "n": "of smooth_wall, whose walls have the force w^(2 n + 1)",
 }
 _FILTERS = ("label", "energy", "stable", "ends", "impacts")
 

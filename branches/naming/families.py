@@ -24,7 +24,17 @@ from branches.naming.matching import (
     remark_on_name,
     why_a_cover,
 )
-from branches.naming.search import LEVELS, Followed, Limits, Search, find_by_id, from_other_end, search_bounds, without_impacts
+from branches.naming.search import (
+    LEVELS,
+    SMOOTH_LEVELS,
+    Followed,
+    Limits,
+    Search,
+    find_by_id,
+    from_other_end,
+    search_bounds,
+    without_impacts,
+)
 from branches.search.discovery import Found, discover_orbits, judged
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
@@ -88,7 +98,8 @@ def resolve(
                 f"{text} is a label, and labels count the half-waves of an absorber and a primary, which this system does not name; "
                 "expected absorber and primary (in a scene NES and LO under [coordinates])"
             )
-        found = _at_reference_point(search, name.label, point) if point is not None and name.label is not None else []
+        label = search.name.label
+        found = _at_reference_point(search, label, point) if point is not None and label is not None else []
         found = found or search.families(search.run(LEVELS)) or _passing(search, energy)
         if not found:
             raise NameNotFound(search.nothing())
@@ -160,8 +171,8 @@ def trace_named(
         )
     if on_start is not None:
         problem = found.problem
-        asked = parse_name(name) if system.stops else without_impacts(parse_name(name))
-        remark = remark_on_name(asked.label, found.label)
+        label = (parse_name(name) if system.stops else without_impacts(parse_name(name))).label
+        remark = remark_on_name(label, found.label)
         on_start(
             f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, "
             f"sequence {''.join(problem.sequence) or '(no inner impact)'}, "
@@ -274,14 +285,17 @@ def _at_reference_point(search: Search, label: Label, point: Mapping[str, float]
     most = search.limits.impacts
     if label.p is not None and label.q is not None:
         most = label.p + label.q + (label.parity == "O")
-    orbits = discover_orbits(search.system, point["h"], quarter_period=longest, impacts=most).orbits
-    near = [(abs(orbit.alpha / point["alpha"] - 1.0), orbit) for orbit in orbits if orbit.label]
+    if search.system.smooth_forces is None:
+        orbits = discover_orbits(search.system, point["h"], quarter_period=longest, impacts=most).orbits
+        listed = [Found(orbit.problem, orbit.solution, parse(orbit.label)) for orbit in orbits if orbit.label]
+    else:
+        listed = search.orbits_at(point["h"], SMOOTH_LEVELS[-1][1], longest / search.longest)
+    near = [(abs(orbit.alpha / point["alpha"] - 1.0), orbit, orbit.label) for orbit in listed if orbit.label is not None]
     for fits in (matches, fits_otherwise):
-        fitting = [(distance, orbit) for distance, orbit in near if distance < REFERENCE_TOLERANCE and fits(label, parse(orbit.label))]
+        fitting = [(distance, orbit) for distance, orbit, other in near if distance < REFERENCE_TOLERANCE and fits(label, other)]
         if not fitting:
             continue
-        _, orbit = min(fitting, key=lambda item: item[0])
-        found = Found(orbit.problem, orbit.solution, parse(orbit.label))
+        _, found = min(fitting, key=lambda item: item[0])
         assert found.label is not None
         if label.kind == "U" and label.p is not None and label.p != found.label.p:
             found = from_other_end(found)

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from branches.branch import Branch
     from bvp.system import ImpactSystem
 
-__all__ = ["LEVELS", "Limits", "Search", "find_by_id", "from_other_end", "least_energy", "passes", "search_bounds", "without_impacts"]
+__all__ = [
+    "LEVELS", "SMOOTH_LEVELS", "Limits", "Search", "find_by_id", "from_other_end", "least_energy", "passes", "search_bounds",
+    "without_impacts",
+]  # fmt: skip
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
 """Scans: step in log h (twice that where there are no inner impacts: such families are wide), and angles over half a turn for each
@@ -88,7 +91,7 @@ class Search:
             kinds = ["stop" if ends[1].startswith("stop") else ends[1]]
             self.impacts = [len(sequence)]
         self.samplers: list[Sampler] | list[SmoothSampler] = (
-            [Sampler(system, kind, self.longest, self.impacts) for kind in kinds] if system.smooth is None
+            [Sampler(system, kind, self.longest, self.impacts) for kind in kinds] if system.smooth_forces is None
             else [SmoothSampler(system, kind, self.longest) for kind in kinds]
         )  # fmt: skip
         self.problems: Problems = {}
@@ -100,7 +103,7 @@ class Search:
         """All matches of the first of the levels that has any."""
         low, high = self.energy
         least = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
-        for step, density, *part in levels if self.system.smooth is None else SMOOTH_LEVELS[: len(levels)]:
+        for step, density, *part in levels if self.system.smooth_forces is None else SMOOTH_LEVELS[: len(levels)]:
             energies = np.array([low])
             if low < high:
                 count = max(2, math.ceil(math.log(high / least) / (step if max(self.impacts) else 2.0 * step)))
@@ -109,11 +112,7 @@ class Search:
             self.searched = (len(energies), angles)
             found = []
             for h in energies:
-                search = OrbitSearch(self.system, self.problems)
-                for segment in (segment for sampler in self.samplers for segment in sampler.segments(h, angles, *part)):
-                    orbit = search.add(segment, partial(MultipointProblem.solve, energy=h))
-                    if orbit is None:
-                        continue
+                for orbit in self.orbits_at(h, angles, *part):
                     label, pattern = orbit.label, self.name.label
                     if label is not None and pattern is not None and label.kind == "U" and label.p != label.q:
                         # Started at its other end, Umnpq is Umnqp.
@@ -126,6 +125,13 @@ class Search:
             if found:
                 return found
         return []
+
+    def orbits_at(self, energy: float, angles: int, *part: float) -> list[Found]:
+        """The orbits that a scan at an energy finds; arguments of the samplers."""
+        search = OrbitSearch(self.system, self.problems)
+        segments = (segment for sampler in self.samplers for segment in sampler.segments(energy, angles, *part))
+        found = (search.add(segment, partial(MultipointProblem.solve, energy=energy)) for segment in segments)
+        return [orbit for orbit in found if orbit is not None]
 
     def fits(self, orbit: Found) -> bool:
         """Whether an orbit has the name, apart from its suffix and the hash of an id."""

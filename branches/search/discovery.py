@@ -177,7 +177,7 @@ class OrbitSearch:
         With `must_stay`, a solution that does not show what the segment is counts as not solved.
         """
         key = segment.ends, segment.sequence
-        if not segment.sequence and not any(end.startswith("stop") for end in segment.ends) and self.system.smooth is None:
+        if not segment.sequence and not any(end.startswith("stop") for end in segment.ends) and self.system.smooth_forces is None:
             self.counts["without_impacts"] += 1
             return None
         if key not in self.problems:

@@ -71,7 +71,9 @@ class SmoothSampler:
     def extrema(self, energy: float, angle: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
         """The times (k,) at which a start's motion is slowest, or nearest to the origin, and what changes its sign at an orbit (k,)."""
         state = math.sqrt(2.0 * energy) * np.array([0.0, 0.0, math.cos(angle), math.sin(angle)])
-        times, values, gone = [], [], 0.0
+        times: list[np.ndarray] = []
+        values: list[np.ndarray] = []
+        gone = 0.0
         path = self.flight.paths
         for _ in range(PIECES):
             left = longest - gone
