@@ -62,6 +62,10 @@ EXAMPLES: dict[str, list[str]] = {
         "continue S13+ --in mu --range 0.09:0.12 --keep energy=0.8 --json b.json",
         "continue --from b.json:RT1 --points 20",
     ],
+    "smooth": [
+        "continue S11- --scene cubic_nes --energy 1e-4:1 --points 60 --plot a.png",
+        "continue --scene beam_on_cubic_spring --from mode:1 --points 20",
+    ],
     "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""

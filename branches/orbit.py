@@ -15,7 +15,7 @@ from bvp.closures import Cycle, cycle_of
 from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, floquet_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
-from bvp.stability import balance, decide, roundings, stability
+from bvp.stability import balance, decide, half_map_multipliers, roundings, stability
 from bvp.texts import brief
 
 if TYPE_CHECKING:
@@ -318,11 +318,15 @@ def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.n
     columns["reliable"] = np.full(count, problem.pairs == 0)
     for i in np.flatnonzero(~grazing):
         solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
-        found = floquet_multipliers(cycle_of(problem, solution.y))
-        columns["multipliers"][i] = found.values
-        columns["trivial"][i] = found.trivial
-        columns["pairing"][i] = found.pairing
-        columns["reliable"][i] = found.reliable
+        if problem.is_smooth:
+            values, defect = half_map_multipliers(problem, solution)
+            pairing = float(np.max(np.abs(values * values[::-1] - 1.0), initial=0.0))
+            found: tuple[Any, ...] = values, defect, pairing, defect < TRIVIAL_LIMIT and pairing < PAIRING_LIMIT
+        else:
+            of_cycle = floquet_multipliers(cycle_of(problem, solution.y))
+            found = of_cycle.values, of_cycle.trivial, of_cycle.pairing, of_cycle.reliable
+        for name, value in zip(("multipliers", "trivial", "pairing", "reliable"), found, strict=True):
+            columns[name][i] = value
         stable = stability(problem, solution).stable
         columns["stable"][i] = -1 if stable is None else int(stable)
     return columns

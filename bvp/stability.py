@@ -18,10 +18,13 @@ from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.stability import half_map, make_half_map
-from bvp.multipliers import floquet_multipliers, nearest_grazing, pairs_of
+from bvp.multipliers import floquet_multipliers, nearest_grazing, pairs_of, sort_multipliers
 from bvp.multipoint import MultipointProblem, Solution
 
-__all__ = ["DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_of", "roundings", "stability", "verdict"]
+__all__ = [
+    "DECISION", "ERROR_FACTOR", "Stability", "balance", "decide", "half_map_multipliers", "half_map_of", "roundings", "stability",
+    "verdict",
+]  # fmt: skip
 
 ERROR_FACTOR = 64.0
 """Rounding errors, in units of eps, that one flight with its impact, and the solution itself, add to an entry of the half map."""
@@ -190,6 +193,26 @@ def half_map_of(problem: MultipointProblem, solution: Solution) -> tuple[np.ndar
     work = make_half_map(problem.held)
     magnified = half_map(problem.segment, y, ends, work.held, work.rows, work.square, work.small, work.phi)
     return work.phi, float(magnified)
+
+
+def half_map_multipliers(problem: MultipointProblem, solution: Solution) -> tuple[np.ndarray, float]:
+    """The nontrivial multipliers (2 m,) of the full period of an orbit between two ends, by modulus descending, and how far the half map is
+    from a symplectic one, relative to the square of its largest entry.
+
+    With the blocks of the half map the map there and back is [[d'a + b'c, 2 d'b], [2 a'c, a'd + c'b]] (`bvp.kernels.stability`). Of a
+    quarter it is the map of half a period composed with u -> -u."""
+    phi, _ = half_map_of(problem, solution)
+    m = len(phi) // 2
+    rate = np.sqrt(velocity_scale(problem, solution))
+    scale = np.concatenate([np.full(m, rate), np.full(m, 1.0 / rate)])
+    start, end = (scale if kind == ORIGIN else 1.0 / scale for kind in problem.kinds)
+    phi = phi * start[None, :] / end[:, None]
+    a, b, c, d = phi[:m, :m], phi[:m, m:], phi[m:, :m], phi[m:, m:]
+    back = np.block([[d.T @ a + b.T @ c, 2.0 * d.T @ b], [2.0 * a.T @ c, a.T @ d + c.T @ b]])
+    lost = np.abs([a.T @ d - c.T @ b - np.eye(m), a.T @ c - c.T @ a, b.T @ d - d.T @ b])
+    defect = np.max(lost, initial=0.0) / np.max(np.abs(phi), initial=1.0) ** 2
+    values = np.linalg.eigvals(back)
+    return sort_multipliers(values**2 if problem.quarters == 1 else values), float(defect)
 
 
 def stability(problem: MultipointProblem, solution: Solution) -> Stability:

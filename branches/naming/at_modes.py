@@ -12,12 +12,15 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
 from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
+from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
@@ -28,6 +31,12 @@ __all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
 
 FORM = "mode:K, mode:K,cover=N or mode:K,cover=N,ENDS:SEQUENCE"
 """What `parse_mode` reads, as messages name it."""
+
+LOWEST = 1e-8
+"""Energy at which the family of a linear mode begins where no range is given."""
+
+ATTEMPTS = 6
+"""Energies that are tried there, each a tenth of the one before."""
 
 LISTED = 12
 """Most families that a message lists."""
@@ -107,6 +116,8 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     ('S13O00+', 'S11O00-')
     """
     name = parse_mode(text)
+    if system.smooth_forces is not None:
+        return _smooth_orbit(name, system, energy)
     mode = _mode(name.number, system)
     low, high = energy
     if not low <= mode.energies[1] <= high:
@@ -140,6 +151,33 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     beside = chosen[0].beside
     assert beside is not None
     return Orbit(beside.problem, beside.problem.solve(beside.y, energy=beside.problem.energy(beside.y)))
+
+
+def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, float]) -> Orbit:
+    """The orbit of lowest energy of the family of a linear mode, in a system with smooth forces."""
+    if name.cover is not None or name.family:
+        raise NameNotFound("a family of smooth motion begins once at each linear mode; expected mode:K alone")
+    frequencies = system.modes.frequencies
+    k = name.number - 1
+    if k >= len(frequencies) or not frequencies[k] > 0.0:
+        which = [f"mode:{i + 1}" for i, w in enumerate(frequencies) if w > 0.0]
+        reason = f"the system has {len(frequencies)} modes" if k >= len(frequencies) else f"mode {name.number} does not oscillate"
+        raise NameNotFound(f"mode:{name.number}: {reason} without the smooth forces; expected {' or '.join(which) or 'a label'}")
+    ends = ("origin", "rest") if system.has_odd_symmetry else ("rest", "rest")
+    problem = MultipointProblem(system, ends, ())
+    w, n = float(frequencies[k]), len(frequencies)
+    lowest = energy[0] if energy[0] > 0.0 else LOWEST
+    for _ in range(ATTEMPTS):
+        start = np.zeros(2 * n)
+        speed = math.sqrt(2.0 * lowest)
+        start[n + k if ends[0] == "origin" else k] = speed if ends[0] == "origin" else speed / w
+        try:
+            solution = problem.solve(problem.pack(start, None, [math.pi / w / (2.0 if ends[0] == "origin" else 1.0)]), energy=lowest)
+        except NotConverged:
+            lowest *= 0.1
+            continue
+        return Orbit(problem, solution)
+    raise NameNotFound(f"mode:{name.number}: no orbit was found near the linear mode, down to h = {lowest:.3g}; expected lower energies")
 
 
 def _mode(number: int, system: ImpactSystem) -> LinearMode:

@@ -1,0 +1,154 @@
+"""Families of smooth motion. Oracles: elliptic functions, an independent integrator, constants of motion, and closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import ellipk
+
+from branches.naming.at_modes import orbit_at_mode
+from branches.naming.families import trace_named
+from branches.naming.matching import NameNotFound
+from branches.tracing import follow_family
+from bvp.multipoint import MultipointProblem
+from bvp.springs import Spring
+from bvp.system import ImpactSystem
+
+
+def duffing(cubic: float = 1.0) -> ImpactSystem:
+    """x'' + x + cubic x^3 = 0."""
+    return ImpactSystem([[1.0]], [[0.0]], [[1.0]], (), springs=(Spring((1.0,), stiffness=cubic, power=3.0),))
+
+
+def sink(power: float, mu: float, sigma: float) -> ImpactSystem:
+    """An oscillator with a sink on a spring w^power beside a linear one."""
+    spring = Spring((1.0, -1.0), stiffness=1.0, power=power)
+    stiffness = [[sigma, -sigma], [-sigma, 1.0 + sigma]]
+    return ImpactSystem([[mu, 0.0], [0.0, 1.0]], np.zeros((2, 2)), stiffness, (), absorber=0, primary=1, springs=(spring,))
+
+
+def flown(power: float, mu: float, sigma: float, velocities, time: float) -> np.ndarray:
+    """The state (u, v) after a time from the origin, and its derivative by the start's velocities, by DOP853."""
+
+    def right(_, y):
+        w = y[0] - y[1]
+        force, slope = sigma * w + w**power, sigma + power * w ** (power - 1)
+        d = y[4:].reshape(4, 2)
+        dw = d[0] - d[1]
+        return np.concatenate([[y[2], y[3], -force / mu, force - y[1]], d[2], d[3], -slope * dw / mu, slope * dw - d[1]])
+
+    start = np.concatenate([[0.0, 0.0], velocities, np.vstack([np.zeros((2, 2)), np.eye(2)]).ravel()])
+    done = solve_ivp(right, (0.0, time), start, method="DOP853", rtol=1e-13, atol=1e-15)
+    return done.y[:, -1]
+
+
+@pytest.mark.parametrize("cubic", [1.0, 100.0])
+def test_the_duffing_oscillator_agrees_with_elliptic_functions(cubic):
+    """Oracle: T/4 = K(m)/W with W^2 = 1 + a A^2, m = a A^2/(2 W^2), h = A^2/2 + a A^4/4, along the family to large energies."""
+    problem = MultipointProblem(duffing(cubic), ("origin", "rest"), ())
+    first = problem.solve(problem.pack([0.0, math.sqrt(2e-4)], None, [1.57]), energy=1e-4)
+    branch = follow_family(problem, first.y, energy=(1e-4, 1e6))
+    assert [end.text.split(": ")[1] for end in branch.ended] == ["lowest energy asked for", "highest energy asked for"]
+    assert {event.type for event in branch.events} == {"EP"}
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    square = 2.0 * h / (0.5 + np.sqrt(0.25 + cubic * h))
+    frequency = np.sqrt(1.0 + cubic * square)
+    exact = ellipk(cubic * square / (2.0 * frequency**2)) / frequency
+    assert np.abs(alpha / exact - 1.0).max() < 1e-14
+    assert branch.points["residual"].max() < 1e-14
+
+
+@pytest.mark.parametrize(("power", "mu", "sigma"), [(3, 0.05, 0.0), (7, 0.1, 0.1), (21, 0.1, 0.1)])
+def test_a_second_integrator_finds_the_same_orbits(power, mu, sigma):
+    """Oracle: DOP853 with the equation of variations, both end conditions solved by Newton's method. The quarter period agrees to 1e-12,
+    and tau, from the derivatives of the far velocities, to 1e-9, as far as the tolerance of the integrator goes."""
+    system = sink(power, mu, sigma)
+    first = orbit_at_mode("mode:2" if sigma == 0.0 else "mode:1", system, (1e-4, 4.0))
+    branch = follow_family(first.problem, first.solution.y, energy=(1e-4, 4.0))
+    for h in (0.06, 0.3, 1.0, 2.0, 3.9):
+        for orbit in branch.orbits_at(energy=h)[:2]:
+            velocities, time = np.array(orbit.velocities), orbit.alpha
+            for _ in range(3):
+                end = flown(power, mu, sigma, velocities, time)
+                w = end[0] - end[1]
+                force = sigma * w + w**power
+                rates = np.array([-force / mu, force - end[1]])
+                energy = 0.5 * (mu * velocities[0] ** 2 + velocities[1] ** 2)
+                residual = np.array([end[2], end[3], energy - h])
+                jacobian = np.zeros((3, 3))
+                jacobian[:2, :2], jacobian[:2, 2] = end[4:].reshape(4, 2)[2:], rates
+                jacobian[2, :2] = mu * velocities[0], velocities[1]
+                change = np.linalg.solve(jacobian, residual)
+                velocities, time = velocities - change[:2], time - change[2]
+            assert abs(time / orbit.alpha - 1.0) < 1e-12 * max(1.0, np.linalg.cond(jacobian) * 1e-2)
+            assert np.abs(velocities - orbit.velocities).max() < 1e-10 * np.abs(velocities).max()
+
+
+def test_the_folds_of_the_cubic_sink_are_where_the_energy_turns():
+    """Oracle: orbits at given quarter periods around each fold of S11-, whose energies have their extremum there."""
+    branch = trace_named("S11-", sink(3, 0.05, 0.0), bounds={"energy": (1e-5, 30.0), "quarter_period": 4.0})
+    folds = [event for event in branch.events if event.type == "SN"]
+    assert len(folds) == 2 and len(branch.points["h"]) > 300
+    problem = branch.problem
+    for event in folds:
+        y = branch.orbit(event.point).solution.y
+
+        def slope(alpha: float, y=y) -> float:
+            step = 1e-5
+            return sum(sign * problem.solve(y, quarter_period=alpha + sign * step)["energy"] for sign in (1.0, -1.0))
+
+        turning = brentq(slope, event.alpha * (1.0 - 1e-4), event.alpha * (1.0 + 1e-4), xtol=1e-13)
+        assert abs(problem.solve(y, quarter_period=turning)["energy"] / event.h - 1.0) < 1e-9
+
+
+def test_labels_without_impacts_count_half_waves():
+    """Oracle: S13+ of smooth walls is the in-phase backbone, whose quarter period at low energy is pi/(2 w_1)."""
+    system = sink(21, 0.1, 0.1)
+    branch = trace_named("S13+@h=1.458,alpha=1.6757", system, bounds={"energy": (0.02, 3.0), "quarter_period": 2.0})
+    i = int(np.argmin(branch.points["h"]))
+    assert branch.points["label"][i] == "S11+" and "S13+" in branch.points["label"]
+    assert abs(branch.points["alpha"][i] - 0.5 * math.pi / system.modes.frequencies[0]) < 1e-7
+    with pytest.raises(NameNotFound, match="has impacts, and this system has no stops"):
+        trace_named("S13O11+", system)
+
+
+def test_stability_follows_from_a_perturbed_motion():
+    """Oracle: the trace of the reduced map of the full period, by DOP853 over four quarters."""
+    system = sink(3, 0.05, 0.0)
+    branch = trace_named("S11-", system, bounds={"energy": (0.01, 1.0), "quarter_period": 2.0})
+    orbit = branch.orbits_at(energy=0.05)[0]
+
+    def right(_, y):
+        w = y[0] - y[1]
+        matrix = np.zeros((4, 4))
+        matrix[0, 2] = matrix[1, 3] = 1.0
+        matrix[2, :2], matrix[3, :2] = [-60.0 * w * w, 60.0 * w * w], [3.0 * w * w, -3.0 * w * w - 1.0]
+        return np.concatenate([[y[2], y[3], -20.0 * w**3, w**3 - y[1]], (matrix @ y[4:].reshape(4, 4)).ravel()])
+
+    start = np.concatenate([[0.0, 0.0], orbit.velocities, np.eye(4).ravel()])
+    end = solve_ivp(right, (0.0, orbit.period), start, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    assert np.abs(end[:4] - start[:4]).max() < 1e-11
+    assert abs(np.trace(end[4:].reshape(4, 4)) - 2.0 - orbit.tau) < 1e-9
+    assert orbit.stable is True
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+def test_each_linear_mode_begins_a_family(mode):
+    """Oracle: the frequency of the mode at low energy; the symmetric mode of two equal oscillators moves as a Duffing oscillator."""
+    springs = (Spring((1.0, 0.0), stiffness=1.0, power=3.0), Spring((0.0, 1.0), stiffness=1.0, power=3.0))
+    stiffness = [[2.0, -1.0], [-1.0, 2.0]]
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), stiffness, (), springs=springs)
+    orbit = orbit_at_mode(f"mode:{mode}", system, (1e-8, 10.0))
+    assert abs(orbit.alpha - 0.5 * math.pi / system.modes.frequencies[mode - 1]) < 1e-6
+    branch = follow_family(orbit.problem, orbit.solution.y, energy=(1e-8, 10.0))
+    if mode == 1:
+        h = 0.5 * branch.points["h"]  # of each
+        square = 2.0 * h / (0.5 + np.sqrt(0.25 + h))
+        frequency = np.sqrt(1.0 + square)
+        assert np.abs(branch.points["alpha"] / (ellipk(square / (2.0 * frequency**2)) / frequency) - 1.0).max() < 1e-13
+    with pytest.raises(NameNotFound, match="expected mode:1 or mode:2"):
+        orbit_at_mode("mode:3", system)
