@@ -45,7 +45,8 @@ _NOTHING = np.full(_ENTRIES, np.nan)
 """No entry of a result is known. A copy takes a fifth of the time of making it."""
 
 _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_step, orbit_observe)}
-"""The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones."""
+"""The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones, also for
+smooth flights, which take longer than all that a compiler can unroll."""
 
 _COMPILED: dict[tuple[bool, bool, int], tuple[Any, int]] = {}
 """Each kernel with its address in memory."""
@@ -378,7 +379,7 @@ class MultipointProblem:
                 (self._packed, self.observed, y, ends, self._work, result),
                 (self._packed, y, ends, self._period, result),
             )[k]
-            function = (*_KERNELS[self._two_dof], orbit_stability)[k]
+            function = (*_KERNELS[self._two_dof and not self.is_smooth], orbit_stability)[k]
             _COMPILED[key] = function, function.entry(*arguments).address
         return _COMPILED[key]
 
