@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.search.starts import ScannedSegment
-from bvp.kernels.smooth import fly_smooth, least_values
+from bvp.kernels.smooth import least_values
+from bvp.kernels.taylor import fly_smooth
 from bvp.smooth_flights import smooth_flight
 
 if TYPE_CHECKING:

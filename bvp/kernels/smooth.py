@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined
+from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.expressions import run
 from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
