@@ -38,7 +38,10 @@ DEFECT = 4e-16
 """Largest change of the velocity by the defect, as a part of that speed: rounding."""
 
 NONE_LEFT = 1e-19
-"""Part of the accelerations below which a power of small inputs is left out."""
+"""Part of the accelerations, over the largest factor of a force, below which a power of small inputs is left out."""
+
+SHORTEST = 1e-14
+"""Part of a flight below which a step is too short: the forces are too large for a number, or not smooth."""
 
 STEPS = 256
 """Most steps of a flight of a conservative system."""
@@ -334,6 +337,12 @@ def fly_smooth(flight, slot, z, t, with_columns):
     count = 0
     direction = 1.0 if t >= 0.0 else -1.0
     largest = 0.0
+    weight = 1.0
+    for r in range(n):
+        for f in range(flight.push.shape[1]):
+            weight = max(weight, abs(flight.push[r, f]))
+    for i in range(flight.program.numbers.shape[0]):
+        weight = max(weight, weight * abs(flight.program.numbers[i]))
     while at < abs(t):
         if count == paths.coefficients.shape[1]:
             paths.steps[slot, 0] = -1
@@ -342,12 +351,12 @@ def fly_smooth(flight, slot, z, t, with_columns):
         smooth_rate(flight, states[0], here, 0.0, change)
         for r in range(n, size):
             largest = max(largest, abs(change[r]))
-        least = NONE_LEFT * largest
+        least = NONE_LEFT * largest / weight
         expand(flight, here, least)
         if with_columns:
             expand_columns(flight, here)
         length, speed = _step_length(states, columns, with_columns, abs(t) - at)
-        if not length > 0.0:
+        if not length > SHORTEST * abs(t):
             paths.steps[slot, 0] = -1
             return False
         confirmed = False
@@ -360,7 +369,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
                     break
             if not confirmed:
                 length *= 0.8
-                if at + length == at:
+                if not length > SHORTEST * abs(t):
                     paths.steps[slot, 0] = -1
                     return False
         for k in range(ORDER + 1):

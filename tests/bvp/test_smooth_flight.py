@@ -100,3 +100,11 @@ def test_the_derivative_is_that_of_the_flight():
 def test_a_flight_with_too_many_steps_is_given_up():
     """Oracle: the answer False."""
     assert not fly_smooth(duffing(), 0, np.array([1.0, 0.0]), 1e4, False)
+
+
+@pytest.mark.parametrize("speed", [1e10, 1e150])
+def test_a_motion_that_leaves_the_range_of_numbers_is_given_up(speed):
+    """Oracle: the answer, soon. The coefficients of w^21 have no numbers there."""
+    flight = power_flight(21, [[0.0, 1.0], [0.0, 0.0]], [1.0, 0.0], [[-1.0]])
+    fly_smooth(flight, 0, np.array([0.0, speed]), 1.0, False)
+    assert flight.paths.steps[0, 0] == -1
