@@ -356,7 +356,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
         if with_columns:
             expand_columns(flight, here)
         length, speed = _step_length(states, columns, with_columns, abs(t) - at)
-        if not length > SHORTEST * abs(t):
+        if not (length > SHORTEST * abs(t) or length == abs(t) - at):
             paths.steps[slot, 0] = -1
             return False
         confirmed = False
