@@ -204,7 +204,13 @@ class ForcedProblem:
                 require_pressing(self.parametric.system(at), self.events)
         except EndsError as error:
             return str(error).partition(";")[0]
-        return found
+        return self._why_no_flight(y) if found is None and self.is_smooth else found
+
+    def _why_no_flight(self, y: np.ndarray) -> str | None:
+        """Which flight of y with smooth forces cannot be computed."""
+        self._evaluated(y)
+        failed = np.flatnonzero(~np.isfinite(self._factor.before).all(axis=1))
+        return f"flight {failed[0] + 1} needs too many steps, or its forces are not finite" if len(failed) else None
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         """The contact at each node after the first one, then that at the first; -1: none."""

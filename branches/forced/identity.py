@@ -43,6 +43,9 @@ __all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response",
 WINDOW = 100.0
 """A family is looked for up to this factor above and below the scale of its parameter."""
 
+_SLOWEST = 0.2
+"""Lowest base frequency of the window beside smooth forces, in units of the scale: below it superharmonic resonances crowd."""
+
 _TIE = 1e-8
 """Relative difference below which values of a parameter are equal."""
 
@@ -108,13 +111,16 @@ def window_of(problem: ForcedProblem) -> tuple[float, float]:
     """The range of the parameter in which a family is identified.
 
     It is `WINDOW` times a scale, upwards and downwards: for the base frequency the largest natural frequency, for another parameter its
-    value in the scene; both rounded to a power of ten, so that small changes of them do not matter.
+    value in the scene; both rounded to a power of ten, so that small changes of them do not matter. A response with smooth forces is
+    identified above a fifth of the scale of the base frequency.
     """
     name, parametric = problem.released[0], problem.parametric
     size = float(np.sqrt(np.abs(parametric.system().modes.squares).max())) if name == BASE else abs(parametric.values[name])
     scale = 10.0 ** round(math.log10(size)) if size > 0.0 else 1.0
     low, high = parametric.domain(name)
     least = scale / WINDOW if low >= 0.0 else -scale * WINDOW
+    if name == BASE and problem.is_smooth and problem.ends is None:
+        least = _SLOWEST * scale
     return max(low, least), min(high, scale * WINDOW)
 
 

@@ -173,3 +173,11 @@ def test_a_stop_that_sticks_is_refused_beside_a_smooth_force():
     description = DUFFING | {"system": DUFFING["system"] | {"stops": stops}}
     with pytest.raises(EndsError, match="a stop that sticks needs linear springs and dampers"):
         ForcedProblem(ParametricSystem.from_description(description), ("+=",), ["w"])
+
+
+def test_a_flight_that_cannot_be_computed_is_named():
+    """Oracle: a period of 60 000 has more steps than there is room for."""
+    problem = ForcedProblem(ParametricSystem.from_description(DUFFING), (), ["w"])
+    y = problem.pack([[1.0, 0.0]], [0.0], [1e-4])
+    assert problem.violation(y) == "flight 1 needs too many steps, or its forces are not finite"
+    assert problem.violation(problem.pack([[1.0, 0.0]], [0.0], [1.0])) is None

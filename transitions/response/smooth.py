@@ -53,8 +53,10 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
     entries, layout = problem.parametric.entries(parameters), problem.parametric.layout
     base = float(entries[layout.frequency][0])
     harmonics = np.array(layout.harmonics, dtype=float)
-    forces = problem.parametric.system(parameters).smooth_forces
+    forces = problem.system.smooth_forces
     loses = forces is not None and forces.why_dissipative is not None
+    if loses:
+        forces = problem.parametric.system(parameters).smooth_forces
     peaks, lost = np.zeros(n), 0.0
     upper = np.triu_indices(n)
     totals = np.zeros(2 * n + len(upper[0]))
