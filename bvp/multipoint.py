@@ -230,10 +230,14 @@ class MultipointProblem:
     def energy(self, y: np.ndarray) -> float:
         """h at the start."""
         z = self.start(y)
-        if self.is_smooth:
-            displacements, velocities = np.split(self.modes.to_state @ z, 2)
-            return float(self.system.energy(displacements, velocities))
-        return float(0.5 * np.sum(self.segment.weights * z * z))
+        return float(self.energies(z[None])[0]) if self.is_smooth else float(0.5 * np.sum(self.segment.weights * z * z))
+
+    def energies(self, states: np.ndarray) -> np.ndarray:
+        """h of states (..., N), (...,)."""
+        if not self.is_smooth:
+            return np.asarray(0.5 * (states * states) @ self.segment.weights)
+        displacements, velocities = np.split(states @ self.modes.to_state.T, 2, axis=-1)
+        return np.asarray(self.system.energy(displacements, velocities))
 
     def quarter_period(self, y: np.ndarray) -> float:
         """alpha = T/4."""

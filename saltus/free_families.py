@@ -68,7 +68,7 @@ def free_start(
     given = _free_branches(arguments.start or "")
     if given:
         return _from_file(arguments, given)
-    arguments.scene_uses = ("ground", "forces")  # refused below, with what to do
+    arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
     scene = options.scene_of(arguments)
     what = arguments.name or f"--from {arguments.start}"
     if scene.loads:

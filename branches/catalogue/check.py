@@ -175,7 +175,7 @@ def _point(branch: Branch, i: int, grazing: bool) -> Iterator[tuple[str, str]]:
             yield name, f"its states have the {name} {value:.17g}, its column says {expected:.17g}"
     y = found.y
     states = np.concatenate([problem.nodes(y), found.ends])
-    drift = 0.5 * (states * states) @ problem.segment.weights / h - 1.0
+    drift = problem.energies(states) / h - 1.0
     if not np.max(np.abs(drift)) <= RESIDUAL:
         yield "drift", f"its energy changes by {np.max(np.abs(drift)):.1e} of itself along the orbit"
     least = -TOUCH if grazing else 0.0

@@ -347,8 +347,8 @@ def short_name(label: str) -> str:
     >>> print(short_name("S13O00+"), short_name("L3"))
     $\\mathrm{S13}^{+}$ $\\mathrm{L3}$
     """
-    from branches.naming.labels import latex, parse
+    from branches.naming.labels import latex, parse_printed
 
     if label.startswith("L") and label[1:].isdecimal() and label[1:] != "11":
         return rf"$\mathrm{{{label}}}$"
-    return latex(parse(label), short=True)
+    return latex(parse_printed(label), short=True)

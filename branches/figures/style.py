@@ -290,9 +290,9 @@ def family_text(label: str, ends: tuple[str, str], sequence: str) -> str:
     ('rest to stop, sequence ++', 'orbits without a reversal, sequence ++')
     """
     if label:
-        from branches.naming.labels import latex, parse
+        from branches.naming.labels import latex, parse_printed
 
-        return latex(parse(label))
+        return latex(parse_printed(label))
     shown = sequence if len(sequence) <= 24 else f"{sequence[:18]}\N{HORIZONTAL ELLIPSIS} ({len(sequence)} letters)"
     if ends == PERIODIC:
         return f"orbits without a reversal, sequence {shown}".replace("-", "\N{MINUS SIGN}")

@@ -30,7 +30,7 @@ from bvp.texts import shown
 
 __all__ = [
     "ImpossibleLabelError", "Label", "LabelSyntaxError", "Name", "canonical_label", "latex", "most_alike", "parse", "parse_name",
-    "parse_suffix",
+    "parse_printed", "parse_suffix",
 ]  # fmt: skip
 
 
@@ -227,6 +227,25 @@ def parse(text: str) -> Label:
     fields = reader.fields()
     reader.take(r"\Z", reader.after)
     return Label(*fields)
+
+
+def parse_printed(text: str) -> Label:
+    """Read a label of an orbit, as it is printed. A symmetric one without O or E is that of an orbit without impacts, and not short.
+
+    Raises
+    ------
+    LabelSyntaxError, ImpossibleLabelError
+        As in `parse`.
+
+    Examples
+    --------
+    >>> str(parse("S13+")), str(parse_printed("S13+")), str(parse_printed("S13O00+"))
+    ('S13O00+', 'S13+', 'S13O00+')
+    """
+    label = parse(text)
+    if label.kind == "S" and not {"O", "E"} & set(text):
+        return Label(label.kind, label.m, label.n, sign=label.sign)
+    return label
 
 
 def parse_name(text: str) -> Name:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 
-from branches.naming.labels import ImpossibleLabelError, Label, canonical_label, most_alike, parse, parse_name
+from branches.naming.labels import ImpossibleLabelError, Label, canonical_label, most_alike, parse, parse_name, parse_printed
 
 __all__ = [
     "AmbiguousName", "Crossing", "NameNotFound", "REFERENCE_TOLERANCE", "ReferencePoint", "Track", "cover_label", "fits_otherwise",
@@ -44,7 +44,7 @@ def spelled(text: str, names: Iterable[str]) -> str:
     """
     if not text:
         return text
-    label = canonical_label(parse(text))
+    label = canonical_label(parse_printed(text))
     return _spellings(tuple(names)).get(label) or str(label)
 
 

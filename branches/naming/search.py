@@ -66,6 +66,10 @@ class Search:
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
         self.name = name if system.stops else without_impacts(name)
+        if system.smooth_forces is not None and system.stops:
+            raise NameNotFound(
+                f"{name} has impacts between smooth flights, and no search finds such orbits; expected --from mode:K or --from FILE"
+            )
         self.limits = limits
         self.followed = followed
         # The range may go beyond the limits. Above HIGHEST orbits are lost in rounding.

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--catalogue", metavar="FILE", help="take the family from this catalogue, instead of a search")
-    options.add_scene(parser)
+    options.add_scene(parser, ("springs",))
 
 
 def run(arguments: argparse.Namespace) -> int:

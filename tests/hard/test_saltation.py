@@ -150,7 +150,7 @@ def pencil_trace(cycle, names):
     conservative = cycle.system.is_conservative
     factors = pencils.Factors(left, right)
     free = np.empty((0, size // 2))
-    pencils.pencil(contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
+    pencils.pencil(modes.flight, contacts, scaled, conservative, free, linear, factors, np.empty((5, size, size)), np.empty(2))
     width = size - 1 - int(conservative)
     product = np.eye(width)
     for i in range(nodes):
