@@ -176,7 +176,8 @@ class Orbit:
     def impacts(self) -> list[Impact]:
         """Impacts over one period in order of time."""
         cycle = self.cycle
-        return [Impact(float(t), s, float(v)) for t, s, v in zip(cycle.times, cycle.letters, cycle.speeds, strict=True)]
+        times = cycle.times[cycle.contact >= 0]
+        return [Impact(float(t), s, float(v)) for t, s, v in zip(times, cycle.letters, cycle.speeds, strict=True)]
 
     def sample(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacements and velocities (m, n) at any times (m,); at an impact the velocity is the one after it."""

@@ -372,6 +372,19 @@ class MultipointProblem:
                 self._kernel(2)[0](packed, out, ends, self._period, result)
         return Solution(out, out_tangent, metric[0], ends, result)
 
+    def orbit_at(self, y: np.ndarray) -> Solution:
+        """The unknowns of an orbit as a solution, as they are.
+
+        Raises
+        ------
+        NotConverged
+            Where they are none.
+        """
+        found = self.step(y, np.zeros(2 * self.unknowns), 0.0, maximum=0)
+        if found is None:
+            raise NotConverged("the unknowns are no solution")
+        return found
+
     def _kernel(self, k: int) -> tuple[Any, int]:
         """The kernel of a point - 0: `orbit_step`, 1: `orbit_observe`, 2: `orbit_stability` - and its address."""
         key = self._two_dof, self.is_smooth, k

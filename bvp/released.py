@@ -19,6 +19,7 @@ from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
 from bvp.multipliers import floquet_multipliers, sort_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
+from bvp.stability import half_map_multipliers
 
 __all__ = ["ReleasedProblem"]
 
@@ -137,7 +138,10 @@ class ReleasedProblem(ForcedProblem):
         cycle = cycle_of(problem, at)
         if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * math.sqrt(2.0 * problem.energy(at)):
             return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
-        found = floquet_multipliers(cycle).values
+        if problem.is_smooth:
+            found, _ = half_map_multipliers(problem, problem.orbit_at(at))
+        else:
+            found = floquet_multipliers(cycle).values
         return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
 
     def period(self, y: np.ndarray) -> float:
