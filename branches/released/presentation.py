@@ -53,4 +53,5 @@ def free_invariants(problem: ReleasedProblem, y: np.ndarray) -> np.ndarray:
     cycle = cycle_of(plain, at)
     pattern = pattern_of(plain.system, cycle.times / cycle.period, cycle.contact)
     value = problem.parameters(y)[problem.released[0]]
-    return np.array([value, cycle.period, pattern, plain.energy(at), np.sqrt(np.mean(cycle.speeds**2))])
+    speed = np.sqrt(np.mean(cycle.speeds**2)) if len(cycle.speeds) else 0.0
+    return np.array([value, cycle.period, pattern, plain.energy(at), speed])

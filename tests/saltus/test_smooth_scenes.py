@@ -1,0 +1,79 @@
+"""Smooth scenes on the command line: families by name, from a mode, from a file and in a parameter; files, figures and messages."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.saltus.running import read_branch, read_json, refused, run
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+
+def test_a_family_is_followed_by_its_label_and_from_its_file(capsys, folder):
+    """Oracle: the folds as the library finds them from both sides, and a family that is the same from its own file."""
+    code, out, err = run(
+        capsys, "continue", "S11-", "--scene", "cubic_nes", "--energy", "1e-3:0.1", "--json", "a.json", "--plot", "a.png"
+    )
+    assert code == 0 and not err and "start  S11-" in out
+    branch = read_json("a.json")
+    folds = [event["h"] for event in branch["events"] if event["type"] == "SN"]
+    assert len(folds) == 2 and abs(folds[0] / 0.0051506713248611 - 1.0) < 1e-9 and abs(folds[1] / 0.0024762885445911 - 1.0) < 1e-9
+    assert {point["label"] for point in branch["points"]} == {"S11-"}
+    assert max(point["residual"] for point in branch["points"]) < 1e-12 and (folder / "a.png").stat().st_size > 10_000
+    code, _, _ = run(capsys, "continue", "--from", "a.json@h=0.05", "--energy", "1e-3:0.1", "--json", "b.json")
+    assert code == 0 and read_json("b.json")["branch"]["id"] == branch["branch"]["id"]
+
+
+def test_a_catalogue_keeps_smooth_families(capsys):
+    """Oracle: its own check, which computes each point anew."""
+    assert run(capsys, "continue", "S11-", "--scene", "cubic_nes", "--energy", "0.01:0.1", "--save", "--catalogue", "c.sqlite")[0] == 0
+    code, out, _ = run(capsys, "list", "--catalogue", "c.sqlite")
+    assert code == 0 and "S11- " in out and "S11O00" not in out
+    code, out, _ = run(capsys, "check", "--catalogue", "c.sqlite")
+    assert code == 0 and "all hold" in out
+
+
+def test_a_family_begins_at_a_mode_of_ten(capsys):
+    """Oracle: the quarter period of the linear mode at low energy, as the script of the scene's matrices gives its frequency."""
+    arguments = ("continue", "--scene", "beam_on_cubic_spring", "--from", "mode:2", "--points", "8", "--json", "a.json")
+    assert run(capsys, *arguments)[0] == 0
+    first = read_json("a.json")["points"][0]
+    assert abs(first["alpha"] / (0.5 * math.pi / 39.48156895) - 1.0) < 1e-6
+    assert len(first["multipliers"]) == 18
+
+
+def test_a_family_is_followed_in_the_mass_ratio(capsys):
+    """Oracle: the family in the energy at another mass ratio has the same orbit."""
+    arguments = ("--scene", "cubic_nes", "--in", "mu", "--range", "0.05:0.06", "--keep", "energy=0.1")
+    assert run(capsys, "continue", "S11-", *arguments, "--json", "a.json")[0] == 0
+    last = read_branch("a.json")["points"][-1]
+    other = ("continue", "S11-", "--scene", "cubic_nes", "--set", f"mu={last['mu']!r}", "--energy", "0.09:0.11", "--json", "b.json")
+    assert run(capsys, *other)[0] == 0
+    points = read_json("b.json")["points"]
+    h, alpha = (np.array([point[name] for point in points]) for name in ("h", "alpha"))
+    order = np.argsort(h)
+    assert abs(np.interp(0.1, h[order], alpha[order]) / last["alpha"] - 1.0) < 1e-4
+
+
+def test_an_orbit_is_shown_without_impacts(capsys, folder):
+    """Oracle: the words, and the figure."""
+    code, out, _ = run(capsys, "orbit", "S11-", "--scene", "cubic_nes", "--energy", "0.1", "--json", "o.json", "--plot", "o.png")
+    assert code == 0 and "impacts  0 in a period" in out and (folder / "o.png").stat().st_size > 10_000
+    assert read_json("o.json")["orbit"]["label"] == "S11-"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("continue", "S13O11+", "--scene", "cubic_nes"), "S13O11+ has impacts, and this system has no stops; expected a label"),
+        (("continue", "S11-", "--scene", "cubic_and_stops"), "has impacts between smooth flights, and no search finds such orbits"),
+        (("continue", "--scene", "cubic_nes", "--from", "mode:1"), "mode 1 does not oscillate without the smooth forces; expected m"),
+        (("continue", "--scene", "duffing_pair", "--from", "mode:7"), "the system has 2 modes without the smooth forces"),
+        (("discover", "--scene", "cubic_nes", "--energy", "0.1"), "the spring between u1 and u2 is not linear"),
+        (("build", "--scene", "cubic_nes"), "the spring between u1 and u2 is not linear"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_in_one_line(capsys, arguments, message):
+    """Oracle: the line, and the exit code 2."""
+    refused(run(capsys, *arguments), message)
