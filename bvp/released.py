@@ -49,7 +49,8 @@ class ReleasedProblem(ForcedProblem):
     Raises
     ------
     EndsError
-        For ends that the system does not have, or has not for other values of the released parameters; for a system that loses energy.
+        For ends that the system does not have, or has not for other values of the released parameters; for a system that loses energy;
+        for a periodic closure beside smooth forces.
     ValueError
         For parameters that the system lacks, and another number of equations.
 
@@ -78,6 +79,8 @@ class ReleasedProblem(ForcedProblem):
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence)
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
+        if self.structure.periodic and self.structure.is_smooth:
+            raise EndsError("a closed orbit beside springs that are not linear has no family in a parameter here; expected reversing ends")
         super().__init__(parametric, sequence, released, keep=keep, values=values)
         if not self.structure.periodic:
             self.segment.contact[self.inner :, 1] = -1
@@ -139,7 +142,7 @@ class ReleasedProblem(ForcedProblem):
         if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * math.sqrt(2.0 * problem.energy(at)):
             return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
         if problem.is_smooth:
-            found, _ = half_map_multipliers(problem, problem.orbit_at(at))
+            found = half_map_multipliers(problem, problem.orbit_at(at))[0] if problem.pairs else np.zeros(0)
         else:
             found = floquet_multipliers(cycle).values
         return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))

@@ -43,6 +43,9 @@ __all__ = ["FullResponse", "canonical_letters", "closure_name", "full_response",
 WINDOW = 100.0
 """A family is looked for up to this factor above and below the scale of its parameter."""
 
+_SMOOTH_WINDOW = 10.0
+"""The same factor beside smooth forces: no impact ends a family there, and each point takes longer."""
+
 _SLOWEST = 0.2
 """Lowest base frequency of the window beside smooth forces, in units of the scale: below it superharmonic resonances crowd."""
 
@@ -110,18 +113,19 @@ def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
 def window_of(problem: ForcedProblem) -> tuple[float, float]:
     """The range of the parameter in which a family is identified.
 
-    It is `WINDOW` times a scale, upwards and downwards: for the base frequency the largest natural frequency, for another parameter its
-    value in the scene; both rounded to a power of ten, so that small changes of them do not matter. A response with smooth forces is
-    identified above a fifth of the scale of the base frequency.
+    It is `WINDOW` times a scale (beside smooth forces a tenth of that), upwards and downwards: for the base frequency the largest natural
+    frequency, for another parameter its value in the scene; both rounded to a power of ten, so that small changes of them do not matter.
+    A response with smooth forces is identified above a fifth of the scale of the base frequency.
     """
     name, parametric = problem.released[0], problem.parametric
     size = float(np.sqrt(np.abs(parametric.system().modes.squares).max())) if name == BASE else abs(parametric.values[name])
     scale = 10.0 ** round(math.log10(size)) if size > 0.0 else 1.0
     low, high = parametric.domain(name)
-    least = scale / WINDOW if low >= 0.0 else -scale * WINDOW
+    window = _SMOOTH_WINDOW if problem.is_smooth else WINDOW
+    least = scale / window if low >= 0.0 else -scale * window
     if name == BASE and problem.is_smooth and problem.ends is None:
         least = _SLOWEST * scale
-    return max(low, least), min(high, scale * WINDOW)
+    return max(low, least), min(high, scale * window)
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,3 +72,14 @@ def test_impacts_begin_where_the_response_grazes(capsys, scene):
 def test_a_simulation_is_refused(capsys, scene):
     words = "continue", "--scene", scene(DUFFING), "--from", "simulate", "--in", "w", "--range", "0.9:1"
     refused(run(capsys, *words), "--from simulate computes linear flights, and the spring on u1 is not linear", "expected --from rest")
+
+
+def test_a_free_family_is_followed_in_a_stiffness(capsys, recwarn):
+    """Oracle: without the cubic spring (k3 -> 0.1 is near) the quarter period is nearly that of the mode, pi/2; it falls with k3."""
+    words = "continue", "--scene", "duffing_pair", "--from", "mode:1", "--in", "k3", "--keep", "energy=0.5", "--range", "0.1:1"
+    code, out, err = run(capsys, *words, "--csv", "a.csv")
+    assert code == 0 and "k3 = 0.1 to 1" in out and not recwarn.list, err
+    rows = [line.split(",") for line in open("a.csv", encoding="utf-8").read().splitlines()]
+    place = rows[0].index("alpha")
+    alphas = [float(row[place]) for row in rows[1:]]
+    assert alphas == sorted(alphas, reverse=True) and 1.55 < alphas[0] < 1.5708 and alphas[-1] == pytest.approx(1.473671404, abs=1e-8)
