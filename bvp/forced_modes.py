@@ -235,9 +235,9 @@ class ModeTable:
             loads, first.change[0], np.zeros((4, *square)), np.zeros((8, 2 * n)), np.zeros(square), np.zeros((count, 2 * n)),
         )  # fmt: skip
         if forces is not None:
-            from bvp.released_forces import smooth_loaded_flight
+            from bvp.released_forces import released_flight
 
-            self.flight = smooth_loaded_flight(forces, first.matrix[0], first.enter[0], loads, first.change[0], nodes)
+            self.flight = released_flight(forces, first.matrix[0], first.enter[0], loads, first.change[0], nodes)
 
     def flight_in(self, flight: int) -> LoadedFlight | SmoothLoadedFlight:
         """What kernels know of a flight of the orbit."""

@@ -19,7 +19,7 @@ from bvp.programs import derivative, program_of, scratch_size
 if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
 
-__all__ = ["ReleasedForces", "released_forces", "smooth_loaded_flight"]
+__all__ = ["ReleasedForces", "released_forces", "released_flight"]
 
 SINGLE = 2048
 """Most steps of a flight that is a whole period of loads."""
@@ -47,7 +47,7 @@ def released_forces(parametric: ParametricSystem, values: Mapping[str, float], r
     )
 
 
-def smooth_loaded_flight(
+def released_flight(
     forces: ReleasedForces, matrix: np.ndarray, enter: np.ndarray, loads: Loads, change: np.ndarray, flights: int
 ) -> SmoothLoadedFlight:
     """The flights of smooth forces under loads. Arrays as in `bvp.kernels.loads.LoadedFlight`, in (u, v); flights: rows of nodes."""

@@ -32,8 +32,8 @@ from branches.naming.search import (
     Search,
     find_by_id,
     from_other_end,
+    label_without_stops,
     search_bounds,
-    without_impacts,
 )
 from branches.search.discovery import Found, discover_orbits, judged
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
@@ -171,7 +171,7 @@ def trace_named(
         )
     if on_start is not None:
         problem = found.problem
-        label = (parse_name(name) if system.stops else without_impacts(parse_name(name))).label
+        label = (parse_name(name) if system.stops else label_without_stops(parse_name(name))).label
         remark = remark_on_name(label, found.label)
         on_start(
             f"{found.label or name}: ends {problem.ends[0]}, {problem.ends[1]}, "

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LEVELS", "SMOOTH_LEVELS", "Limits", "Search", "find_by_id", "from_other_end", "least_energy", "passes", "search_bounds",
-    "without_impacts",
+    "label_without_stops",
 ]  # fmt: skip
 
 LEVELS = ((0.15, 128), (0.15, 1024), (0.05, 4096))
@@ -65,7 +65,7 @@ class Search:
     """One search for a name over a range of energies, coarse first. Families that it follows are added to those `followed`."""
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
-        self.name = name if system.stops else without_impacts(name)
+        self.name = name if system.stops else label_without_stops(name)
         if system.smooth_forces is not None and system.stops:
             raise NameNotFound(
                 f"{name} has impacts between smooth flights, and no search finds such orbits; expected --from mode:K or --from FILE"
@@ -195,7 +195,7 @@ class Search:
         return text
 
 
-def without_impacts(name: Name) -> Name:
+def label_without_stops(name: Name) -> Name:
     """A name as it is meant for a system without stops, whose labels have no impacts: S11- is not short for S11O00- there.
 
     Raises

@@ -13,14 +13,14 @@ from bvp.kernels.flight import Flight, block_product, flow_matrix, flow_state
 
 
 @chosen
-def fly(flight, z, t, out, jacobian):
+def flight_end(flight, z, t, out, jacobian):
     """out (N,) = the state after a flight of time t from z, jacobian (N, N) = its derivative by z. Both are NaN where it has no end."""
 
 
-@fly.of(Flight)
+@flight_end.of(Flight)
 @inlined
 def fly_linear(flight, z, t, out, jacobian):
-    """See `fly`: exp(B t)."""
+    """See `flight_end`: exp(B t)."""
     flow_matrix(flight, t, jacobian)
     block_product(flight.pairs, jacobian, z, out)
 

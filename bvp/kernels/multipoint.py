@@ -18,7 +18,7 @@ from numpy import int64
 from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, land
 from bvp.kernels.flight import Flight, copy_1, inner, row_dot, set_2
-from bvp.kernels.flights import add_bend, energy_slope, fly, path_state, slope_times
+from bvp.kernels.flights import add_bend, energy_slope, flight_end, path_state, slope_times
 from bvp.kernels.smooth import SmoothFlight
 
 ORIGIN, REST, STOP, PERIODIC = 0, 1, 2, 3
@@ -324,7 +324,7 @@ def evaluate_free(segment, y, before, flights, z, residual):
         if i > 0:
             z = y[at : at + size]
             at += size
-        fly(segment.flight, z, y[at], before[i], flights[i])
+        flight_end(segment.flight, z, y[at], before[i], flights[i])
         at += 1
         row = i * (size + 1)
         if i < k or segment.shape[1] == 1:

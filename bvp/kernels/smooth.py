@@ -13,15 +13,15 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.expressions import run
 from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
-from bvp.kernels.flights import add_bend, energy_slope, flight_map, flow_product, fly, path_state, rate, slope_times, twice_energy
+from bvp.kernels.flights import add_bend, energy_slope, flight_end, flight_map, flow_product, path_state, rate, slope_times, twice_energy
 from bvp.kernels.sources import ORDER
 from bvp.kernels.taylor import SmoothFlight, find_path, horner, smooth_rate
 
 
-@fly.of(SmoothFlight)
+@flight_end.of(SmoothFlight)
 @inlined
 def fly_taylor(flight, z, t, out, jacobian):
-    """See `fly`."""
+    """See `flight_end`."""
     slot = find_path(flight, z, t, True)
     if slot < 0:
         set_1(out, math.nan)

@@ -25,7 +25,7 @@ class Unforced(NamedTuple):
     columns: int  # of derivatives besides those by the state: 0
 
 
-class Forcing(NamedTuple):
+class LoadSources(NamedTuple):
     """Loads on n coordinates, and m released parameters, of which m' = m or 0 change masses, dampers or springs. F smooth forces."""
 
     columns: int  # 1 + m
@@ -41,10 +41,10 @@ class Forcing(NamedTuple):
 
 
 def make_forcing(loads, change, push_slope):
-    """A `Forcing`, with its scratch."""
+    """A `LoadSources`, with its scratch."""
     m, n = len(loads.clock) - 1, loads.modal.shape[-1] // 2
     room = np.zeros((ORDER + 1, n)), np.zeros((ORDER + 1, n)), np.zeros((m, ORDER + 1, n)), np.zeros((ORDER, n, 1 + m))
-    return Forcing(1 + m, loads, change, push_slope, np.zeros(1), *room, np.zeros(n))
+    return LoadSources(1 + m, loads, change, push_slope, np.zeros(1), *room, np.zeros(n))
 
 
 @chosen
@@ -59,7 +59,7 @@ def square_rows(sources, columns):
     return columns.shape[2]
 
 
-@state_rows.of(Forcing)
+@state_rows.of(LoadSources)
 @inlined
 def other_rows(sources, columns):
     """See `state_rows`."""
@@ -77,7 +77,7 @@ def begin_unforced(sources, z):
     """See `begin_sources`."""
 
 
-@begin_sources.of(Forcing)
+@begin_sources.of(LoadSources)
 @inlined
 def begin_forcing(sources, z):
     """See `begin_sources`."""
@@ -95,7 +95,7 @@ def unforced_at(sources, at):
     """See `sources_at`."""
 
 
-@sources_at.of(Forcing)
+@sources_at.of(LoadSources)
 @inlined
 def forcing_at(sources, at):
     """See `sources_at`."""
@@ -123,7 +123,7 @@ def plus_nothing_now(sources, total, r):
     return total
 
 
-@plus_source_now.of(Forcing)
+@plus_source_now.of(LoadSources)
 @inlined
 def plus_load_now(sources, total, r):
     """See `plus_source_now`."""
@@ -141,7 +141,7 @@ def expand_nothing(sources, at):
     """See `expand_sources`."""
 
 
-@expand_sources.of(Forcing)
+@expand_sources.of(LoadSources)
 @inlined
 def expand_loads(sources, at):
     """See `expand_sources`."""
@@ -184,7 +184,7 @@ def plus_nothing(sources, total, k, r):
     return total
 
 
-@plus_source.of(Forcing)
+@plus_source.of(LoadSources)
 @inlined
 def plus_load(sources, total, k, r):
     """See `plus_source`."""
@@ -202,7 +202,7 @@ def no_terms(sources, flight, at):
     """See `source_terms`."""
 
 
-@source_terms.of(Forcing)
+@source_terms.of(LoadSources)
 @inlined
 def forcing_terms(sources, flight, at):
     """See `source_terms`."""
@@ -247,7 +247,7 @@ def no_column(sources, k, r, part, column):
     """See `begin_column`."""
 
 
-@begin_column.of(Forcing)
+@begin_column.of(LoadSources)
 @inlined
 def forcing_column(sources, k, r, part, column):
     """See `begin_column`."""
