@@ -174,7 +174,7 @@ def test_a_potential_that_is_not_quadratic(gaps):
     for u in np.array([[0.3, -0.8], [1.2, 0.5]]):
         found = u @ system.stiffness + system.smooth_forces.acting(u, 0 * u)
         np.testing.assert_allclose(found, gradient(*u), rtol=1e-14)
-        assert system.energy(u, 0 * u) == pytest.approx(float(potential.subs({U1: u[0], U2: u[1]})), rel=1e-14)
+        assert system.energy(u, 0 * u) == pytest.approx(float(potential.subs(dict(zip((U1, U2), u.tolist(), strict=True)))), rel=1e-14)
     again = ImpactSystem.from_description(system.describe())
     assert again.describe() == system.describe() and again.has_odd_symmetry and again.is_conservative
 

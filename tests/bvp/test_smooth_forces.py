@@ -122,7 +122,7 @@ def test_a_potential_of_several_coordinates():
     for u in U:
         exact = STIFFNESS @ u + gradient(*u)
         np.testing.assert_allclose(total(found, u, 0 * u), exact, rtol=1e-13)
-        energy = 0.5 * u @ STIFFNESS @ u + float(potential.subs({x: u[0], y: u[1]}))
+        energy = 0.5 * u @ STIFFNESS @ u + float(potential.subs({x: float(u[0]), y: float(u[1])}))
         assert abs(found.energy(u, 0 * u) - energy) < 1e-13 * abs(energy)
     assert found.stiffness.tolist() == (STIFFNESS + [[1.0, 0.0], [0.0, 1.0]]).tolist()
     # Terms of x - y, and of x, are forces along one row.

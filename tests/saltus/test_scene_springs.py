@@ -242,7 +242,6 @@ def test_springs_go_with_matrices(tmp_path, capsys):
         ("discover", "--energy", 1),
         ("build",),
         ("impulsive", "--energy", "1:2"),
-        ("orbit", "S11-", "--energy", 1),
     ],
 )
 def test_commands_with_linear_flights_refuse_springs_that_are_not(capsys, words):
