@@ -141,7 +141,7 @@ def _powers() -> tuple[Any, Any, Any]:
             return base**p if p is not None and p % 2 == 1 else None
 
         def fdiff(self, argindex: int = 1) -> Any:
-            base, exponent = self.args
+            base, exponent = _arguments(self)
             return exponent * EvenPower(base, exponent - 1) if argindex == 1 else self * ModulusLogarithm(base, exponent)
 
     class EvenPower(sympy.Function):
@@ -151,10 +151,15 @@ def _powers() -> tuple[Any, Any, Any]:
             return base**p if p is not None and p % 2 == 0 else None
 
         def fdiff(self, argindex: int = 1) -> Any:
-            base, exponent = self.args
+            base, exponent = _arguments(self)
             return exponent * SignedPower(base, exponent - 1) if argindex == 1 else self * ModulusLogarithm(base, exponent)
 
     return SignedPower, EvenPower, ModulusLogarithm
+
+
+def _arguments(function: Any) -> tuple[Any, ...]:
+    """The arguments of a function of sympy, without the types that one version of sympy gives them."""
+    return tuple(function.args)
 
 
 def _integer(exponent: Any) -> int | None:
