@@ -93,21 +93,22 @@ def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[s
     kinds : (str, str)
         "origin", "rest" or "stop", with or without the contact's letter, which is read from the orbit.
     """
-    count = len(cycle.duration)
+    after = cycle.after[cycle.contact >= 0]
+    count = len(after)
     periods = range(-1, 2 + math.ceil(last / cycle.period))  # the impact of a stop at the start ends the period
-    instants = np.concatenate([cycle.times + k * cycle.period for k in periods])
+    instants = np.concatenate([cycle.times[cycle.contact >= 0] + k * cycle.period for k in periods])
     slack = SLACK * cycle.period
     inner = [i for i in range(len(instants)) if first + slack < instants[i] < last - slack]
-    nearest = [int(np.argmin(np.abs(instants - time))) % count for time in (first, last)]
+    nearest = [int(np.argmin(np.abs(instants - time))) % count if count else -1 for time in (first, last)]
     ends = ["stop" + cycle.letters[i] if kind.startswith("stop") else kind for kind, i in zip(kinds, nearest, strict=True)]
     if ends[0].startswith("stop"):
-        start = cycle.after[nearest[0]]
+        start = after[nearest[0]]
     else:
         u, v = cycle.sample(np.array([first]))
         start = cycle.system.modes.from_state @ np.concatenate([u[0], v[0]])
     stamps = np.concatenate([[first], instants[inner], [last]])
     sequence = tuple(cycle.letters[i % count] for i in inner)
-    return Presentation((ends[0], ends[1]), sequence, start, cycle.after[[i % count for i in inner]], np.diff(stamps))
+    return Presentation((ends[0], ends[1]), sequence, start, after[[i % count for i in inner]], np.diff(stamps))
 
 
 def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, backwards: bool = False) -> Presentation:

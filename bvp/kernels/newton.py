@@ -27,7 +27,7 @@ from numpy import int64, uint64
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import copy_1, inner
 from bvp.kernels.flights import twice_energy
-from bvp.kernels.multipoint import Segment, evaluate, fill, start_state
+from bvp.kernels.multipoint import ORIGIN, Segment, evaluate, fill, start_state
 
 LINEARISED = -1
 """In place of the most iterations: the residual and its Jacobian alone are computed."""
@@ -214,6 +214,8 @@ def set_free_scale(segment, y, factor):
             velocity = max(velocity, abs(factor.before[i, half + r]))
         longest = max(longest, abs(y[at]))
         at += 1
+    if k == 0 and segment.shape[3] == ORIGIN and segment.shape[4] == ORIGIN:
+        displacement = velocity * longest  # at its ends only rounding is left of them
     if displacement == 0.0:
         displacement = 1.0
     if velocity == 0.0:
