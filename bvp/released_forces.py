@@ -12,7 +12,7 @@ from bvp.kernels.expressions import Program
 from bvp.kernels.jets import JetProgram
 from bvp.kernels.loads import Loads
 from bvp.kernels.smooth_loads import SmoothLoadedFlight
-from bvp.kernels.sources import make_forcing
+from bvp.kernels.sources import make_load_sources
 from bvp.kernels.taylor import STEPS, make_smooth_flight
 from bvp.programs import derivative, program_of, scratch_size
 
@@ -55,7 +55,7 @@ def released_flight(
     push, slope = np.zeros((n, count)), np.zeros((len(change), n, count))
     steps = SINGLE if flights == 2 else STEPS
     taylor = make_smooth_flight(
-        matrix, forces.rows, push, forces.program, forces.energy, flights + 1, make_forcing(loads, change, slope), steps
+        matrix, forces.rows, push, forces.program, forces.energy, flights + 1, make_load_sources(loads, change, slope), steps
     )
     scratch = np.zeros(scratch_size(forces.numbers, len(loads.clock) - 1))
     return SmoothLoadedFlight(taylor, enter, loads, forces.numbers, scratch)

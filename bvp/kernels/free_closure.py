@@ -17,7 +17,7 @@ from bvp.kernels.contact_mode import apply_impact
 from bvp.kernels.expressions import run
 from bvp.kernels.flight import inner, row_dot
 from bvp.kernels.multipoint import PERIODIC, STOP, UNFOLDED
-from bvp.kernels.smooth_loads import first_kicked, stored_energy, stored_slope
+from bvp.kernels.smooth_loads import evaluate_stored, first_kicked, stored_energy, stored_slope
 
 
 @inlined
@@ -70,7 +70,8 @@ def kept_residuals(segment, y, residual):
         total = 0.0
         for i in range(segment.shape[0] + 1):
             total += y[i * (width + 1) + width]
-        segment.kept_values[place] = energy_by(segment.released.entries, y, n) + stored_energy(segment.flight, y, 0)
+        evaluate_stored(segment.flight, y)
+        segment.kept_values[place] = energy_by(segment.released.entries, y, n) + stored_energy(segment.flight, 0)
         segment.kept_values[place + 1] = total / segment.shape[2]
     run(segment.kept, segment.kept_values, segment.released.scratch, segment.kept_out)
     for e in range(count):
@@ -87,6 +88,8 @@ def fill_kept(segment, y, closing, scale):
     parameters = width - size - 1
     count, derivatives = kept_count(segment)
     first = first_kept(segment)
+    if derivatives > parameters:
+        evaluate_stored(segment.flight, y)
     for e in range(count):
         column = closing[first + e]
         slopes = segment.kept_out[count + e * derivatives : count + (e + 1) * derivatives]
@@ -95,10 +98,10 @@ def fill_kept(segment, y, closing, scale):
         if derivatives == parameters:
             continue
         for r in range(size):
-            slope = energy_gradient(released.entries, y, n, r) + stored_slope(segment.flight, y, r)
+            slope = energy_gradient(released.entries, y, n, r) + stored_slope(segment.flight, r)
             column[r] += slopes[parameters] * slope * scale[r]
         for j in range(parameters):
-            slope = energy_by(released.slopes[j], y, n) + stored_energy(segment.flight, y, 1 + j)
+            slope = energy_by(released.slopes[j], y, n) + stored_energy(segment.flight, 1 + j)
             column[size + 1 + j] += slopes[parameters] * slope * scale[size + 1 + j]
         for i in range(segment.shape[0] + 1):
             at = i * (width + 1) + width

@@ -89,11 +89,7 @@ def twice_smooth_energy(flight, weights, z):
     total = 0.0
     for r in range(z.shape[0]):
         total += weights[r] * z[r] * z[r]
-    for i in range(flight.rows.shape[0]):
-        along = 0.0
-        for r in range(z.shape[0]):
-            along += flight.rows[i, r] * z[r]
-        flight.parts[i] = along
+    times_matrix(flight.rows, z, flight.parts)
     run(flight.potential, flight.parts, flight.scratch, flight.value)
     return total + 2.0 * flight.value[0]
 

@@ -12,7 +12,7 @@ from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight import set_1, set_2
+from bvp.kernels.flight import set_1, set_2, times_matrix
 from bvp.kernels.loads import LoadedFlight, Loads, advance_time, loaded_flight, loaded_rate
 from bvp.kernels.sources import begin_sources
 from bvp.kernels.taylor import SmoothFlight, find_path, smooth_rate
@@ -77,59 +77,65 @@ def renew_numbers(flight, node):
     run(flight.numbers, node[flight.enter.shape[0] + 1 :], flight.scratch, flight.taylor.program.numbers)
 
 
+@chosen
+def evaluate_stored(flight, node):
+    """Compute the energy of the smooth forces at a node, and its derivatives, for `stored_energy` and `stored_slope`."""
+
+
+@evaluate_stored.of(LoadedFlight)
 @inlined
-def _evaluate_potential(flight, node):
-    """Compute the energy of the smooth forces at a node, and its derivatives."""
+def nothing_stored(flight, node):
+    """See `evaluate_stored`."""
+
+
+@evaluate_stored.of(SmoothLoadedFlight)
+@inlined
+def evaluate_potential(flight, node):
+    """See `evaluate_stored`."""
     taylor = flight.taylor
     size = flight.enter.shape[0]
     inputs = taylor.rows.shape[0]
-    for i in range(inputs):
-        total = 0.0
-        for r in range(size):
-            total += taylor.rows[i, r] * node[r]
-        taylor.parts[i] = total
+    times_matrix(taylor.rows, node, taylor.parts)
     for j in range(taylor.parts.shape[0] - inputs):
         taylor.parts[inputs + j] = node[size + 1 + j]
     run(taylor.potential, taylor.parts, taylor.scratch, taylor.value)
 
 
 @chosen
-def stored_energy(flight, node, j):
-    """The energy of the smooth forces at a node (j = 0), or its derivative by released parameter j - 1."""
+def stored_energy(flight, j):
+    """The energy of the smooth forces (j = 0), or its derivative by released parameter j - 1."""
 
 
 @stored_energy.of(LoadedFlight)
 @inlined
-def no_energy(flight, node, j):
+def no_energy(flight, j):
     """See `stored_energy`."""
     return 0.0
 
 
 @stored_energy.of(SmoothLoadedFlight)
 @inlined
-def smooth_energy(flight, node, j):
+def smooth_energy(flight, j):
     """See `stored_energy`."""
-    _evaluate_potential(flight, node)
     return flight.taylor.value[0 if j == 0 else flight.taylor.rows.shape[0] + j]
 
 
 @chosen
-def stored_slope(flight, node, r):
+def stored_slope(flight, r):
     """The derivative of that energy by entry r of the state."""
 
 
 @stored_slope.of(LoadedFlight)
 @inlined
-def no_slope(flight, node, r):
+def no_slope(flight, r):
     """See `stored_slope`."""
     return 0.0
 
 
 @stored_slope.of(SmoothLoadedFlight)
 @inlined
-def energy_slope_by_state(flight, node, r):
+def energy_slope_by_state(flight, r):
     """See `stored_slope`."""
-    _evaluate_potential(flight, node)
     total = 0.0
     for i in range(flight.taylor.rows.shape[0]):
         total += flight.taylor.rows[i, r] * flight.taylor.value[1 + i]

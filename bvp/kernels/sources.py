@@ -40,7 +40,7 @@ class LoadSources(NamedTuple):
     now: np.ndarray  # (n,) scratch: g at a time
 
 
-def make_forcing(loads, change, push_slope):
+def make_load_sources(loads, change, push_slope):
     """A `LoadSources`, with its scratch."""
     m, n = len(loads.clock) - 1, loads.modal.shape[-1] // 2
     room = np.zeros((ORDER + 1, n)), np.zeros((ORDER + 1, n)), np.zeros((m, ORDER + 1, n)), np.zeros((ORDER, n, 1 + m))
@@ -73,13 +73,13 @@ def begin_sources(sources, z):
 
 @begin_sources.of(Unforced)
 @inlined
-def begin_unforced(sources, z):
+def begin_nothing(sources, z):
     """See `begin_sources`."""
 
 
 @begin_sources.of(LoadSources)
 @inlined
-def begin_forcing(sources, z):
+def begin_loads(sources, z):
     """See `begin_sources`."""
     sources.time[0] = z[2 * sources.now.shape[0]]
 
@@ -91,13 +91,13 @@ def sources_at(sources, at):
 
 @sources_at.of(Unforced)
 @inlined
-def unforced_at(sources, at):
+def nothing_at(sources, at):
     """See `sources_at`."""
 
 
 @sources_at.of(LoadSources)
 @inlined
-def forcing_at(sources, at):
+def loads_at(sources, at):
     """See `sources_at`."""
     loads, now = sources.loads, sources.now
     n = now.shape[0]
@@ -204,7 +204,7 @@ def no_terms(sources, flight, at):
 
 @source_terms.of(LoadSources)
 @inlined
-def forcing_terms(sources, flight, at):
+def load_terms(sources, flight, at):
     """See `source_terms`."""
     loads, turned, terms = sources.loads, sources.turned, sources.terms
     program, states, jets, push = flight.program, flight.states, flight.jets, flight.push
@@ -249,7 +249,7 @@ def no_column(sources, k, r, part, column):
 
 @begin_column.of(LoadSources)
 @inlined
-def forcing_column(sources, k, r, part, column):
+def load_column(sources, k, r, part, column):
     """See `begin_column`."""
     terms = sources.terms
     first = column.shape[0] - terms.shape[2]
