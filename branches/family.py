@@ -32,6 +32,7 @@ from branches.orbit import label_at
 from branches.solved_family import FAILED, MOST_ITERATIONS, SINGULAR, SolvedFamily, step_of
 from bvp.kernels.step import CompiledProblem
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
 from continuation.control import Settings, kinds_of
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
@@ -195,8 +196,9 @@ class Family(SolvedFamily):
         return tests
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
-        """Where steps fail: the energy and the quarter period reached."""
-        return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}"
+        """Where steps fail: the energy and the quarter period reached; why a flight cannot be computed."""
+        limit = why_not_flown(self.problem.segment.flight)
+        return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}" + (f": {limit}" if limit else "")
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""

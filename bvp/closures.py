@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.checks import finite_numbers
-from bvp.kernels.flight import sample_flights
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, unfold_impacts
-from bvp.smooth_flights import sample_smooth
+from bvp.smooth_flights import sample_path
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -221,10 +220,7 @@ class Cycle:
         # The flight that the orbit starts in began before its start.
         begins = np.concatenate([[self.times[-1] - self.period], self.times])
         flights = np.concatenate([self.after[-1:], self.after])
-        if self.system.smooth_forces is None:
-            sample_flights(modes.flight, begins, flights, np.mod(times, self.period), states)
-        else:
-            sample_smooth(self.system, begins, flights, np.mod(times, self.period), states)
+        sample_path(self.system, begins, flights, np.mod(times, self.period), states)
         physical = states @ modes.to_state.T
         return physical[:, :n], physical[:, n:]
 

@@ -33,6 +33,7 @@ from bvp.kernels.monodromy import (
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.sweeps import SweepWork, make_sweep_work
+from bvp.smooth_flights import flight_of, modal_energies
 
 __all__ = [
     "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
@@ -138,6 +139,8 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     ValueError
         For a cycle without impacts.
     """
+    if cycle.system.smooth_forces is not None:
+        return saddle_point_multipliers(cycle)
     data = _data_of(cycle.system)
     spectrum = make_eigenvalue_work(data.multipliers)
     orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
@@ -190,7 +193,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     `bvp.kernels.periodic_qr`.
     """
     cycle = _without_cuts(cycle)
-    modes = cycle.system.modes
+    modes, flight = cycle.system.modes, flight_of(cycle.system)
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
     nodes, size = scaled.after.shape
@@ -205,10 +208,10 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)))
-    landings(modes.flight, contacts, scaled, linear)
+    landings(flight, contacts, scaled, linear)
     scratch = np.empty((5, size, size)), np.empty(2 + 2 * len(free))
-    pencil(modes.flight, contacts, scaled, conservative, free, linear, factors, *scratch)
-    flow, level = trivial_directions(modes.flight, contacts, scaled, 1, linear, np.empty((4, size)))
+    pencil(flight, contacts, scaled, conservative, free, linear, factors, *scratch)
+    flow, level = trivial_directions(flight, contacts, scaled, 1, linear, np.empty((4, size)))
     trivial = float(max(flow, level) if conservative else flow)
     # In the order in which they are applied, from the coordinates before the last inverse on.
     chain = np.empty((2 * nodes, dimension, dimension))
@@ -252,7 +255,8 @@ def scaled_nodes(cycle: Cycle) -> Nodes:
     if cycle.system.is_conservative:
         weights[:half] = modes.squares
         # velocities by sqrt(2 h), not by those at the impacts: an impact may be the only slow part of an orbit
-        scale[half:] = math.sqrt(float(np.sum(weights * cycle.after[0] ** 2)))
+        smooth = cycle.system.smooth_forces is not None
+        scale[half:] = math.sqrt(2.0 * modal_energies(cycle.system, cycle.after[0]) if smooth else np.sum(weights * cycle.after[0] ** 2))
     before, after, duration = (np.ascontiguousarray(x, dtype=float) for x in (cycle.before, cycle.after, cycle.duration))
     return Nodes(before, after, duration, np.ascontiguousarray(cycle.contact, dtype=np.int64), scale, weights)
 

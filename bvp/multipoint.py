@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike
 from bvp.closures import EndsError, contact_of, deflated_motions, end_maps, free_translation, held_motions, parse_end
 from bvp.kernels.correction import DIVERGED, GROWN, ROUNDS, SOLVED, UNSETTLED, meet_position, solve_orbit
 from bvp.kernels.extrema import Observed
-from bvp.kernels.flights import path_state
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, RESULT, Factor, Segment, evaluate, fill, make_factor, nodes_by_flight, pack
 from bvp.kernels.newton import set_scale
+from bvp.kernels.paths import state_at
 from bvp.kernels.stability import make_period, orbit_stability
 from bvp.kernels.step import (
     CompiledProblem,
@@ -32,7 +32,7 @@ from bvp.kernels.step import (
     two_dof_orbit_observe,
     two_dof_orbit_step,
 )
-from bvp.smooth_flights import smooth_flight
+from bvp.smooth_flights import modal_energies, smooth_flight, why_not_flown
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 
@@ -136,9 +136,13 @@ class MultipointProblem:
         if periodic != (kinds[1][0] == PERIODIC):
             raise EndsError(f"the ends {self.ends[0]}, {self.ends[1]} do not go together: a periodic orbit has two periodic ends")
         contacts = [contact_of(system, letter) for letter in self.sequence]
+        self.is_smooth = system.smooth_forces is not None
         if periodic:
+            if self.is_smooth and self.half != 2:
+                reason = system.why_not_linear()
+                raise EndsError(f"{reason}: periodic ends beside it are for two degrees of freedom; expected origin, rest or stop ends")
             if not contacts:
-                raise EndsError("a periodic orbit needs at least one impact, where it starts; received an empty sequence")
+                raise EndsError("periodic ends need at least one impact, where the orbit starts; received an empty sequence")
             inner, closing, opening = contacts[1:], contacts[0], contacts[0]
         else:
             inner, closing, opening = contacts, kinds[1][1], kinds[0][1]
@@ -160,7 +164,6 @@ class MultipointProblem:
             np.concatenate([modes.squares, np.ones(self.half)]),
         )
         shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
-        self.is_smooth = system.smooth_forces is not None
         flight = smooth_flight(system, self.inner + 3) if self.is_smooth else modes.flight
         self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.parameters = self.segment.start_map.shape[1]
@@ -229,15 +232,7 @@ class MultipointProblem:
 
     def energy(self, y: np.ndarray) -> float:
         """h at the start."""
-        z = self.start(y)
-        return float(self.energies(z[None])[0]) if self.is_smooth else float(0.5 * np.sum(self.segment.weights * z * z))
-
-    def energies(self, states: np.ndarray) -> np.ndarray:
-        """h of states (..., N), (...,)."""
-        if not self.is_smooth:
-            return np.asarray(0.5 * (states * states) @ self.segment.weights)
-        displacements, velocities = np.split(states @ self.modes.to_state.T, 2, axis=-1)
-        return np.asarray(self.system.energy(displacements, velocities))
+        return float(modal_energies(self.system, self.start(y)))
 
     def quarter_period(self, y: np.ndarray) -> float:
         """alpha = T/4."""
@@ -254,7 +249,7 @@ class MultipointProblem:
     def path_state(self, y: np.ndarray, time: float) -> np.ndarray:
         """State (N,) at a time of the first flight."""
         out = np.empty(self.size)
-        path_state(self.segment.flight, self.start(y), float(time), out)
+        state_at(self.segment.flight, self.start(y), float(time), out)
         return out
 
     def end_states(self, y: np.ndarray) -> np.ndarray:
@@ -315,14 +310,14 @@ class MultipointProblem:
         metric, ends = np.empty((4, self.size + 2)), np.empty((self.inner + 1, self.size))
         wanted = tuple(math.nan if value is None else float(value) for value in (energy, quarter_period))
         outcome, change, previous = solve_orbit(self.compiled(), wanted, np.array(y, float), self._zero, metric, landing, ends)
-        if outcome == DIVERGED:
-            raise NotConverged("Newton's corrections diverged")
-        if outcome == GROWN:
-            raise NotConverged(f"Newton's corrections grow ({previous:.1e} to {change:.1e} of the orbit's size)")
-        if outcome == UNSETTLED:
-            raise NotConverged(f"Newton's corrections did not settle in {ROUNDS} steps (last one {previous:.1e})")
         if outcome != SOLVED:
-            raise NotConverged("Newton's corrections did not settle")
+            reasons = {
+                DIVERGED: "diverged",
+                GROWN: f"grow ({previous:.1e} to {change:.1e} of the orbit's size)",
+                UNSETTLED: f"did not settle in {ROUNDS} steps (last one {previous:.1e})",
+            }
+            limit = why_not_flown(self.segment.flight)
+            raise NotConverged(f"Newton's corrections {reasons.get(outcome, 'did not settle')}" + (f"; {limit}" if limit else ""))
         return Solution(landing.y, landing.tangent, metric[0], ends, landing.result)
 
     def family_orbit_at(self, y: np.ndarray, along: np.ndarray, position: np.ndarray, near: float, most: int) -> np.ndarray | None:

@@ -49,8 +49,7 @@ class ReleasedProblem(ForcedProblem):
     Raises
     ------
     EndsError
-        For ends that the system does not have, or has not for other values of the released parameters; for a system that loses energy;
-        for a periodic closure beside smooth forces.
+        For ends that the system does not have, or has not for other values of the released parameters; for a system that loses energy.
     ValueError
         For parameters that the system lacks, and another number of equations.
 
@@ -79,8 +78,6 @@ class ReleasedProblem(ForcedProblem):
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence)
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
-        if self.structure.periodic and self.structure.is_smooth:
-            raise EndsError("a closed orbit beside springs that are not linear has no family in a parameter here; expected reversing ends")
         super().__init__(parametric, sequence, released, keep=keep, values=values)
         if not self.structure.periodic:
             self.segment.contact[self.inner :, 1] = -1

@@ -1,17 +1,21 @@
-"""Flights with smooth forces for the multipoint problem: the arrays that `bvp.kernels.taylor` takes, in modal coordinates."""
+"""The flights of a conservative system in modal coordinates, with smooth forces or without.
+
+These are the arrays that the kernels take; states along the flights, and their energies."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.kernels.flight import Flight, sample_flights
 from bvp.kernels.taylor import SmoothFlight, fly_smooth, make_smooth_flight
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["sample_smooth", "smooth_flight"]
+__all__ = ["flight_of", "modal_energies", "sample_path", "smooth_flight", "why_not_flown"]
 
 PIECE = 5.0
 """Time in which a flight is computed at once, where only its path is wanted."""
@@ -30,8 +34,45 @@ def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
     return make_smooth_flight(modes.matrix, inputs, push, forces.program()[0], forces.energy_program(), flights)
 
 
-def sample_smooth(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, times: np.ndarray, states: np.ndarray) -> None:
-    """States (m, N) at times (m,), of flights that begin at times (P,), ascending, with states (P, N).
+@lru_cache(maxsize=8)
+def flight_of(system: ImpactSystem) -> Flight | SmoothFlight:
+    """The flights of a conservative system, for the kernels of `bvp.kernels.flights`. Shared by all who ask."""
+    return system.modes.flight if system.smooth_forces is None else smooth_flight(system, 2)
+
+
+def why_not_flown(flight: Any) -> str:
+    """Where and why the flight that was computed last has no end; empty where it has one. flight: of any kind, under loads too."""
+    flight = getattr(flight, "taylor", flight)
+    if not isinstance(flight, SmoothFlight):
+        return ""
+    paths, slot = flight.paths, int(flight.paths.latest[0])
+    steps, count = paths.steps[slot].tolist()
+    if steps >= 0:
+        return ""
+    full = count == paths.coefficients.shape[1]
+    why = f"it takes more than {count} Taylor steps" if full else "the forces are too large or not smooth there"
+    return f"a flight of time {paths.begins[slot, -1]:.4g} cannot be computed beyond the time {paths.times[slot, count]:.4g}: {why}"
+
+
+def modal_energies(system: ImpactSystem, states: np.ndarray) -> np.ndarray:
+    """h of states (..., N) in modal coordinates, (...,)."""
+    if system.smooth_forces is None:
+        weights = np.concatenate([system.modes.squares, np.ones(system.degrees_of_freedom)])
+        return np.asarray(0.5 * np.sum(weights * states * states, axis=-1))
+    displacements, velocities = np.split(states @ system.modes.to_state.T, 2, axis=-1)
+    return np.asarray(system.energy(displacements, velocities))
+
+
+def sample_path(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, times: np.ndarray, states: np.ndarray) -> None:
+    """States (m, N) at times (m,), of flights that begin at times (P,), ascending, with states (P, N)."""
+    if system.smooth_forces is None:
+        sample_flights(system.modes.flight, begins, flights, times, states)
+    else:
+        _sample_smooth(system, begins, flights, times, states)
+
+
+def _sample_smooth(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, times: np.ndarray, states: np.ndarray) -> None:
+    """See `sample_path`.
 
     Each flight is computed piece by piece, so a long one is no matter; from one time to the next no more steps than a flight can have."""
     path = smooth_flight(system, 1)

@@ -17,6 +17,7 @@ from branches.catalogue.rows import Edge, Node
 from branches.forced.branch import ForcedBranch
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.smooth_flights import modal_energies
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -175,7 +176,7 @@ def _point(branch: Branch, i: int, grazing: bool) -> Iterator[tuple[str, str]]:
             yield name, f"its states have the {name} {value:.17g}, its column says {expected:.17g}"
     y = found.y
     states = np.concatenate([problem.nodes(y), found.ends])
-    drift = problem.energies(states) / h - 1.0
+    drift = modal_energies(problem.system, states) / h - 1.0
     if not np.max(np.abs(drift)) <= RESIDUAL:
         yield "drift", f"its energy changes by {np.max(np.abs(drift)):.1e} of itself along the orbit"
     least = -TOUCH if grazing else 0.0

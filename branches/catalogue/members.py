@@ -28,9 +28,9 @@ from branches.search.known import Boxes, Kind, boxes_between
 from branches.sequences import PERIODIC, Ends, ImpactSequence, format_ends, impacts_per_period
 from bvp.checks import require_branch
 from bvp.closures import cycle_of
-from bvp.kernels.flight import flow_state, sample_flights
-from bvp.kernels.multipoint import STOP
+from bvp.kernels.paths import motion_at, state_at
 from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.smooth_flights import flight_of, modal_energies, sample_path
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -184,12 +184,11 @@ class KnownFamilies:
         """The known family that contains one of an orbit's images; None if there is none.
 
         The search skips the `first` families with these ends and this impact sequence, which the caller has already tested."""
-        weights = np.concatenate([system.modes.squares, np.ones(len(system.modes.squares))])
         for image in images:
             curves = self._curves.get((image.ends, image.sequence), [])[first:]
             if not curves:
                 continue
-            energy = 0.5 * float(np.sum(weights * image.start**2))
+            energy = float(modal_energies(system, image.start))
             position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(image.quarter_period)]])
             for id, curve in curves:
                 at = curve.arclength(position, image.times)
@@ -327,20 +326,16 @@ def unknowns_of(problem: MultipointProblem, orbit: EventOrbit) -> np.ndarray:
 def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iterable[np.ndarray]) -> list[float]:
     """The distances of states (2 n,), in physical coordinates, from the orbit y, its mirror image and both run backwards, relative to the
     size of each state. A state determines the complete motion."""
-    modes, half = problem.modes, problem.half
-    if problem.inner or problem.periodic or any(kind == STOP for kind in problem.kinds):
-        cycle = cycle_of(problem, y)
-        begins, durations = cycle.after, cycle.duration
-    else:
-        # A linear mode: one flight without end.
-        begins, durations = problem.start(y)[None], np.array([4.0 * problem.quarter_period(y)])
+    system, half, flight = problem.system, problem.half, flight_of(problem.system)
+    cycle = cycle_of(problem, y)
+    begins, durations = cycle.after, cycle.duration
     signs = (1.0, -1.0) if problem.system.has_odd_symmetry else (1.0,)
     back = np.concatenate([np.ones(half), -np.ones(half)])
-    state = np.empty(2 * half)
+    state, rate = np.empty(2 * half), np.empty(2 * half)
     times = np.linspace(0.0, 1.0, _SAMPLES)
     track = np.empty((len(durations), _SAMPLES, 2 * half))
     for i, duration in enumerate(durations):
-        sample_flights(modes.flight, np.zeros(1), begins[i : i + 1], times * duration, track[i])
+        sample_path(system, np.zeros(1), begins[i : i + 1], times * duration, track[i])
     # The path from each sample to the farther one of its neighbours.
     way = np.linalg.norm(np.diff(track, axis=1), axis=2)
     path = np.maximum(np.pad(way, ((0, 0), (1, 0))), np.pad(way, ((0, 0), (0, 1))))
@@ -351,18 +346,17 @@ def distances_from_orbit(problem: MultipointProblem, y: np.ndarray, states: Iter
         for i, j in zip(*_dips(away, path), strict=True):
             t = times[j] * durations[i]
             for _ in range(8):
-                flow_state(modes.flight, begins[i], float(t), state)
-                rate = modes.matrix @ state
+                motion_at(flight, begins[i], float(t), state, rate)
                 last, t = t, min(max(t + rate @ (image - state) / (rate @ rate), 0.0), durations[i])
                 if t == last:
                     break
-            flow_state(modes.flight, begins[i], float(t), state)
+            state_at(flight, begins[i], float(t), state)
             best = min(best, float(np.linalg.norm(state - image)))
         return best
 
     out = []
     for start in states:
-        images = [modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
+        images = [problem.modes.from_state @ (sign * way * start) for sign in signs for way in (np.ones(2 * half), back)]
         out.append(min(map(distance, images)) / float(np.linalg.norm(images[0])))
     return out
 

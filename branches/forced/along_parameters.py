@@ -9,6 +9,7 @@ import numpy as np
 
 from bvp.forced import ForcedProblem
 from bvp.released import ReleasedProblem
+from bvp.smooth_flights import why_not_flown
 from continuation.problem import Point
 
 __all__ = ["AlongParameters", "parameter_bounds", "unbounded"]
@@ -40,8 +41,8 @@ class AlongParameters:
     problem: Any
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
-        """Where steps fail: the value of the parameter; why the system cannot have the next one."""
-        name, why = self.problem.released[0], self.violation(y, tangent, ds)
+        """Where steps fail: the value of the parameter; why the system cannot have the next one, or why a flight cannot be computed."""
+        name, why = self.problem.released[0], self.violation(y, tangent, ds) or why_not_flown(self.problem.segment.flight)
         return f"at {name} = {self.problem.parameters(y)[name]:.6g}" + (f": {why}" if why else "")
 
     def violation(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str | None:

@@ -41,6 +41,9 @@ _MOVED = 1e-7
 _STRAIGHT = 0.9
 """Least cosine of the turn of the tangent in a step to a probe."""
 
+_NEAR = 1e-5
+"""Length of the difference, in scales of the orbit, that gives the slope of an energy that is not quadratic."""
+
 _SHORT = 1e-8
 """Duration of a flight that has vanished, as a part of the segment."""
 
@@ -198,7 +201,7 @@ def meetings_at(
         other, start, stops = swapped
         return [_meet(other, start, stops, impacts_per_period(other.sequence, other.ends), 1, rising, energy)]
     orbit = touching(problem, y)
-    if not orbit.hard:
+    if orbit.is_linear:
         return [_linear(orbit)]
     orbit = orbit.repeated(cover)
     own = orbit.smallest(orbit.kept)
@@ -214,7 +217,7 @@ def meetings_at(
 
 def meet(orbit: Touching, choice: Candidate, rising: bool, energy: tuple[float, float] = (0.0, np.inf)) -> Neighbour:
     """The family of a candidate at a grazing orbit, not followed; `rising` and `energy` as for `meetings_at`."""
-    if not choice.impacts:
+    if not choice.impacts and orbit.system.smooth_forces is None:
         return _linear(orbit)
     problem = MultipointProblem(orbit.system, choice.ends, choice.sequence)
     y = problem.pack(choice.start, choice.nodes, choice.times)
@@ -282,8 +285,9 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
             directions = []
     else:
         directions = [null, -null]
-        # Along the family to the energy of the start. The energy is quadratic in the unknowns: this difference is its slope exactly.
-        slope = 0.5 * (problem.energy(y + null) - problem.energy(y - null))
+        # Along the family to the energy of the start. Without smooth forces it is quadratic in the unknowns: the slope is exact.
+        near = _NEAR if problem.is_smooth else 1.0
+        slope = 0.5 * (problem.energy(y + near * null) - problem.energy(y - near * null)) / near
         part = (problem.energy(start) - problem.energy(y)) / slope if slope != 0.0 else np.inf
         y = y + part * null if abs(part) < _MOVED else y
         residual = float(np.max(np.abs(problem.residual(y)))) / largest

@@ -17,9 +17,9 @@ import numpy as np
 from branches.presentation import pattern_of
 from branches.sequences import PERIODIC, Ends, ImpactSequence
 from bvp.closures import cycle_of
-from bvp.kernels.extrema import crossing_times
-from bvp.kernels.flight import flow_state
+from bvp.kernels.paths import motion_at, state_at, turning_times
 from bvp.multipoint import MultipointProblem
+from bvp.smooth_flights import flight_of, modal_energies
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -88,6 +88,11 @@ class Touching:
         """Bit mask of the impacts with nonzero approach speed."""
         return sum(1 << i for i in np.flatnonzero(~self.grazing).tolist())
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether it is a linear motion that touches stops."""
+        return not self.hard and self.system.smooth_forces is None
+
     @cached_property
     def letters(self) -> tuple[str, ...]:
         """Contact letters, one for each instant."""
@@ -101,16 +106,14 @@ class Touching:
     @property
     def h(self) -> float:
         """Energy."""
-        modes = self.system.modes
-        weights = np.concatenate([modes.squares, np.ones(len(modes.squares))])
-        return float(0.5 * np.sum(weights * self.after[0] ** 2))
+        return float(modal_energies(self.system, self.after[0]))
 
     def mark(self) -> tuple[float, float, float] | None:
         """Energy, quarter period and pattern of all instants (`branches.presentation.pattern_of`).
 
         They are the same for every family that reaches the orbit with this period. None if not all choices of the grazing instants are
         tried, and for linear motion, because each family that begins there is connected to it by itself."""
-        if np.sum(self.grazing) > EVERY or not self.hard:
+        if np.sum(self.grazing) > EVERY or self.is_linear:
             return None
         return self.h, 0.25 * self.period, pattern_of(self.system, self.times / self.period, self.contact)
 
@@ -120,7 +123,7 @@ class Touching:
         i = int(np.searchsorted(self.times, local, side="right")) - 1
         elapsed = local - self.times[i] if i >= 0 else local + self.period - self.times[-1]
         out = np.empty(self.after.shape[1])
-        flow_state(self.system.modes.flight, self.after[i], float(elapsed), out)
+        state_at(flight_of(self.system), self.after[i], float(elapsed), out)
         return out
 
     def at(self, time: float) -> int | None:
@@ -142,7 +145,8 @@ class Touching:
     def symmetries(self) -> tuple[Symmetry, ...]:
         """All symmetries, the identity first: shifts in time, as they are or mirrored, and reversals about origin and rest axes."""
         count, half = len(self.times), self.after.shape[1] // 2
-        size = np.repeat([np.max(np.abs(self.after[:, :half])), np.max(np.abs(self.after[:, half:]))], half)
+        # Velocities by sqrt(2 h): the orbit may be at rest at all instants.
+        size = np.repeat([np.max(np.abs(self.after[:, :half])), np.sqrt(2.0 * self.h)], half)
         flip = np.repeat([-1.0, 1.0], half)
         signs = (1.0, -1.0) if self.system.has_odd_symmetry else (1.0,)
         numbers = np.arange(count)
@@ -225,9 +229,10 @@ def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
     speed = np.sqrt(2.0 * problem.energy(y))
     reach = float(np.max(np.abs(modes.contacts.bound[np.isfinite(modes.contacts.bound)])))
     slow = np.abs(cycle.speeds) < CONTACT * speed * float(np.max(np.linalg.norm(modes.contacts.rate, axis=1)))
+    impacts = (array[cycle.contact >= 0] for array in (cycle.times, cycle.contact, cycle.before, cycle.after))
     rows = [
         (float(time % cycle.period), int(contact), before, after, bool(graze), True)
-        for time, contact, before, after, graze in zip(cycle.times, cycle.contact, cycle.before, cycle.after, slow, strict=True)
+        for time, contact, before, after, graze in zip(*impacts, slow, strict=True)
     ]
     for i, duration in enumerate(cycle.duration):
         for contact, time, state in _touches(problem.system, cycle.after[i], float(duration), CONTACT * reach):
@@ -250,33 +255,39 @@ def touching(problem: MultipointProblem, y: np.ndarray) -> Touching:
 
 def _touches(system: ImpactSystem, z: np.ndarray, duration: float, tolerance: float) -> Iterator[tuple[int, float, np.ndarray]]:
     """(contact, time, state) of the turning points of each gap along a flight that are at a stop."""
-    contacts, flight = system.modes.contacts, system.modes.flight
-    times, state, work = np.empty(_TURNS), np.empty(len(z)), np.empty(len(z))
+    contacts, flight = system.modes.contacts, flight_of(system)
+    times, state, change, work = np.empty(_TURNS), np.empty(len(z)), np.empty(len(z)), np.empty(len(z))
     z = np.ascontiguousarray(z)
-    for contact, (gap, rate, bend, third) in enumerate(_derivatives(system)):
+
+    def bend_at(time: float) -> float:
+        """The second derivative of the gap at a time, whose state is kept."""
+        motion_at(flight, z, time, state, change)
+        return float(speed @ change)
+
+    for contact, rows in enumerate(_derivatives(system)):
         side, bound = float(contacts.side[contact]), float(contacts.bound[contact])
-        found = crossing_times(flight, rate, bend, third, z, duration, times, work)
+        gap, speed = rows[:2]
+        found = turning_times(flight, rows[1:], z, duration, times, work)
         for time in times[: min(found, _TURNS)].tolist():
-            flow_state(flight, z, time, state)
+            slope = bend_at(time)
             # A gap hardly changes beside its turning point.
             if abs(bound - float(gap @ state)) > _FAR * tolerance:
                 continue
             for _ in range(3):
-                slope = float(bend @ state)
                 if slope != 0.0:
-                    time -= float(rate @ state) / slope
-                flow_state(flight, z, time, state)
+                    time -= float(speed @ state) / slope
+                slope = bend_at(time)
             distance = side * (bound - float(gap @ state))
-            if abs(distance) < tolerance and side * float(bend @ state) < 0.0:
+            if abs(distance) < tolerance and side * slope < 0.0:
                 yield contact, time, state.copy()
 
 
 @lru_cache(maxsize=16)
-def _derivatives(system: ImpactSystem) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """The gap of each contact and its first three derivatives, as functionals (N,) of a state in flight."""
+def _derivatives(system: ImpactSystem) -> np.ndarray:
+    """The gap of each contact and its first three derivatives without smooth forces, as functionals of a state, (contacts, 4, N)."""
     contacts, matrix = system.modes.contacts, system.modes.matrix
     rows = zip(contacts.gap, contacts.rate, contacts.acceleration, strict=True)
-    return [(gap, rate, bend, np.ascontiguousarray(bend @ matrix)) for gap, rate, bend in rows]
+    return np.array([(gap, rate, bend, bend @ matrix) for gap, rate, bend in rows])
 
 
 class Candidate(NamedTuple):

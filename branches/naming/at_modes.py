@@ -166,18 +166,18 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
     ends = ("origin", "rest") if system.has_odd_symmetry else ("rest", "rest")
     problem = MultipointProblem(system, ends, ())
     w, n = float(frequencies[k]), len(frequencies)
-    lowest = energy[0] if energy[0] > 0.0 else LOWEST
+    lowest, last = energy[0] if energy[0] > 0.0 else LOWEST, NotConverged("nothing was tried")
     for _ in range(ATTEMPTS):
         start = np.zeros(2 * n)
         speed = math.sqrt(2.0 * lowest)
         start[n + k if ends[0] == "origin" else k] = speed if ends[0] == "origin" else speed / w
         try:
             solution = problem.solve(problem.pack(start, None, [math.pi / w / (2.0 if ends[0] == "origin" else 1.0)]), energy=lowest)
-        except NotConverged:
-            lowest *= 0.1
+        except NotConverged as error:
+            lowest, last = 0.1 * lowest, error
             continue
         return Orbit(problem, solution)
-    raise NameNotFound(f"mode:{name.number}: no orbit was found near the linear mode, down to h = {lowest:.3g}; expected lower energies")
+    raise NameNotFound(f"mode:{name.number}: no orbit was found near the linear mode, down to h = {10.0 * lowest:.3g} ({last})")
 
 
 def _mode(number: int, system: ImpactSystem) -> LinearMode:

@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
+from bvp.kernels import smooth  # noqa: F401  a kind of flight
 from bvp.kernels.compiled import inlined
 from bvp.kernels.contact_mode import land
 from bvp.kernels.flight import copy_1, inner, set_1, set_2, times_matrix

@@ -54,7 +54,9 @@ class Paths(NamedTuple):
 
     coefficients: np.ndarray  # (J, S, ORDER + 1, N)
     times: np.ndarray  # (J, S + 1) at which the steps begin, and the last one ends
-    steps: np.ndarray  # (J, 2) int64 the number of steps, 0: none is kept, -1: it could not be computed; whether the map is known
+    # (J, 2) int64: the number of steps, and whether the map is known. 0: none is kept. -1: the flight could not be computed, and how many
+    # of its steps could
+    steps: np.ndarray
     begins: np.ndarray  # (J, W + 1) node at the begin, and the duration
     ends: np.ndarray  # (J, N)
     maps: np.ndarray  # (J, N, C) derivatives of the end by the state at the begin, and by what the sources depend on
@@ -343,9 +345,10 @@ def fly_smooth(flight, slot, z, t, with_columns):
             weight = max(weight, abs(flight.push[r, f]))
     for i in range(flight.program.numbers.shape[0]):
         weight = max(weight, weight * abs(flight.program.numbers[i]))
+    paths.steps[slot, 0] = -1
     while at < abs(t):
+        paths.steps[slot, 1] = count
         if count == paths.coefficients.shape[1]:
-            paths.steps[slot, 0] = -1
             return False
         here = direction * at
         smooth_rate(flight, states[0], here, 0.0, change)
@@ -357,7 +360,6 @@ def fly_smooth(flight, slot, z, t, with_columns):
             expand_columns(flight, here)
         length, speed = _step_length(states, columns, with_columns, abs(t) - at)
         if not (length > SHORTEST * abs(t) or length == abs(t) - at):
-            paths.steps[slot, 0] = -1
             return False
         confirmed = False
         while not confirmed:
@@ -370,7 +372,6 @@ def fly_smooth(flight, slot, z, t, with_columns):
             if not confirmed:
                 length *= 0.8
                 if not length > SHORTEST * abs(t):
-                    paths.steps[slot, 0] = -1
                     return False
         for k in range(ORDER + 1):
             copy_1(states[k], paths.coefficients[slot, count, k])

@@ -1,0 +1,96 @@
+"""Impacting families between flights with smooth forces: where they meet the smooth ones, closed orbits, and families between origins."""
+
+import numpy as np
+import pytest
+
+from branches.catalogue.members import distances_from_orbit
+from branches.grazing.following import neighbours
+from branches.naming.families import trace_named
+from branches.presentation import embed
+from branches.switching import emanating_families
+from branches.tracing import follow_family
+from bvp.closures import EndsError, cycle_of
+from bvp.multipliers import floquet_multipliers
+from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.springs import Spring
+from bvp.system import ImpactSystem, Stop
+from saltus.scene import load_scene
+
+BOUNDS = {"energy": (0.02, 2.0), "quarter_period": 4.0}
+
+
+@pytest.fixture(scope="module")
+def smooth():
+    """The family of the cubic spring that the linear mode at zero energy frequency 1 has, up to its first touch of the stops."""
+    system = load_scene("cubic_and_stops").system
+    problem = MultipointProblem(system, ("origin", "rest"), ())
+    mode = int(np.argmax(system.modes.frequencies))
+    start = np.zeros(4)
+    start[2 + mode] = np.sqrt(2.0 * 0.03)
+    return follow_family(problem, problem.solve(problem.pack(start, None, [0.5 * np.pi]), energy=0.03).y, **BOUNDS)
+
+
+@pytest.fixture(scope="module")
+def impacting(smooth):
+    """The family behind that touch."""
+    met = [item for item in neighbours(smooth, next(event for event in smooth.events if event.type == "GR")) if item.beside is not None]
+    assert [item.kind for item in met] == ["fold"]
+    return follow_family(met[0].beside.problem, met[0].beside.y, **BOUNDS)
+
+
+def test_a_smooth_family_and_an_impacting_one_meet_at_a_touch(smooth, impacting):
+    there, back = (next(event for event in branch.events if event.type == "GR") for branch in (smooth, impacting))
+    assert impacting.label == "S11O00-" and impacting.ends == ("origin", "stop-")
+    assert abs(there.h - back.h) < 1e-11 * there.h
+    assert abs(there.alpha - back.alpha) < 1e-11 * there.alpha
+    met = [item for item in neighbours(impacting, back) if item.beside is not None]
+    assert [(item.kind, item.ends, item.sequence) for item in met] == [("fold", ("origin", "rest"), "")]
+
+
+def test_an_orbit_closed_on_itself_has_the_multipliers_of_its_quarter(impacting):
+    for energy in (0.2, 1.0, 1.9):
+        orbit = impacting.orbit_at(energy=energy)
+        closed = embed(impacting.problem, orbit.solution.y, 1)
+        problem = MultipointProblem(impacting.system, closed.ends, closed.sequence)
+        solution = problem.solve(closed.unknowns(problem), energy=energy)
+        assert abs(solution["quarter_period"] - orbit.solution["quarter_period"]) < 1e-12 * orbit.solution["quarter_period"]
+        assert abs(solution["trace"] - orbit.solution["trace"]) < 1e-9 * max(1.0, abs(orbit.solution["trace"]))
+        found = floquet_multipliers(cycle_of(problem, solution.y))
+        assert found.reliable
+        assert abs(found.trace - orbit.solution["trace"]) < 1e-9 * max(1.0, abs(orbit.solution["trace"]))
+
+
+def test_the_distance_of_a_state_from_an_orbit_is_that_from_its_path(impacting):
+    orbit = impacting.orbit_at(energy=1.0)
+    displacement, velocity = cycle_of(impacting.problem, orbit.solution.y).sample(np.array([0.3, 1.1]))
+    states = np.hstack([displacement, velocity])
+    assert max(distances_from_orbit(impacting.problem, orbit.solution.y, [*states, -states[0]])) < 1e-12
+    assert distances_from_orbit(impacting.problem, orbit.solution.y, [states[0] * [1.0, 1.0, 1.0, 1.01]])[0] > 1e-4
+
+
+def test_families_between_two_origins_begin_at_period_doublings():
+    cubic = trace_named("S11-", load_scene("cubic_nes").system, energy=(1e-3, 1.0), quarter_period=4.0)
+    doubling = next(event for event in cubic.events if event.type == "PD")
+    found = emanating_families(cubic, doubling)
+    assert {item.problem.ends for item in found} == {("origin", "origin"), ("rest", "rest")}
+    for item in found:
+        solution = item.step.extra
+        assert solution["residual"] < 1e-12
+        family = follow_family(item.problem, item.step, energy=(0.9 * doubling.h, 1.1 * doubling.h), quarter_period=4.0)
+        assert len(family) > 3 and np.max(family.points["residual"]) < 1e-12
+
+
+def test_a_closed_orbit_needs_an_impact_and_two_degrees_of_freedom():
+    with pytest.raises(EndsError, match="at least one impact"):
+        MultipointProblem(load_scene("cubic_nes").system, ("periodic", "periodic"), ())
+    springs = (Spring((1.0, -1.0, 0.0), stiffness=1.0, power=3.0),)
+    three = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.eye(3), (Stop((0.0, 1.0, -1.0), -1.0, 1.0),), springs=springs)
+    with pytest.raises(EndsError, match="is not linear: periodic ends beside it are for two degrees of freedom; expected origin, rest or"):
+        MultipointProblem(three, ("periodic", "periodic"), ("+",))
+
+
+def test_a_flight_at_its_limit_says_where_and_why():
+    system = load_scene("smooth_wall", n=100.0).system
+    problem = MultipointProblem(system, ("origin", "rest"), ())
+    with pytest.raises(NotConverged, match=r"a flight of time 30 cannot be computed beyond the time [\d.]+: it takes more than 256 Taylor"):
+        problem.solve(problem.pack(np.array([0.0, 0.0, 6.0, 8.0]), None, [30.0]), energy=50.0)
