@@ -270,14 +270,12 @@ def impulse_direction(form: list[list[Fraction]], rate: Sequence[Fraction]) -> l
 def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> list[Fraction] | None:
     """The direction of an impulse in the states z of `bvp.modes`, along which the energy changes as it must; None where damping couples
     modes that do not all oscillate. The speed across the gap is rate . z."""
-    row = [Fraction(float(value)) for value in rate]
     if modes.layout != "coupled":
-        # The kinetic energy is p.p/2, and the flight keeps positions and velocities apart.
-        square = _dot(row, row)
-        return [value / square for value in row]
+        return along_row(rate)
     if np.any(modes.pairs[:, 1] < 0) or np.any(modes.delta >= 0.0):
         return None
     first, second = modes.pairs.T
+    row = [Fraction(float(value)) for value in rate]
     # A flight is computed with these three numbers of each pair: z_1 = b p, z_2 = w q - d p.
     half = 0.5 * (modes.matrix[first, first] - modes.matrix[second, second])
     side = modes.matrix[first, second]
@@ -296,6 +294,19 @@ def modal_impulse(system: Matrices, modes: Modes, rate: np.ndarray) -> list[Frac
         p, q = direction[2 * k], direction[2 * k + 1]
         found[i], found[j] = b[k] * p, w[k] * q - d[k] * p
     return found
+
+
+def along_row(rate: np.ndarray) -> list[Fraction]:
+    """The direction of an impulse of modal velocities p whose kinetic energy is p.p/2, where positions and velocities are kept apart.
+
+    Examples
+    --------
+    >>> [str(value) for value in along_row(np.array([1.0, 3.0]))]
+    ['1/10', '3/10']
+    """
+    row = [Fraction(float(value)) for value in rate]
+    square = _dot(row, row)
+    return [value / square for value in row]
 
 
 def two_parts(values: Sequence[Fraction]) -> tuple[np.ndarray, np.ndarray]:

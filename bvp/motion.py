@@ -14,10 +14,9 @@ from bvp.checks import finite_numbers, read_only
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
-from bvp.kernels.contact_mode import ContactModes
+from bvp.kernels.contact_mode import ContactModes, flight_of
 from bvp.kernels.energy_budget import integral_work
 from bvp.kernels.extrema import PEAK_ROWS, peak_flight
-from bvp.kernels.flight import Flight
 from bvp.kernels.impact import work_array
 from bvp.kernels.motion import Flights, sample, spent, states_after
 from bvp.texts import brief, listed
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from bvp.forcing import Forcing
+    from bvp.kernels.smooth_motion import SmoothModes
     from bvp.system import ImpactSystem
 
 __all__ = ["STATUS", "Batch", "ContactInterval", "EnergyMark", "EventKind", "Motion", "MotionStatus", "StopEvents"]
@@ -47,6 +47,10 @@ class MotionStatus(Enum):
     )
     UNDECIDED = "contacts are made and lost again without time passing; change the state at which the motion stopped a little"
     EXHAUSTED = "the search for the next impact gave up; ask for a shorter duration"
+    UNRESOLVED = (
+        "the smooth forces grow beyond what the steps of a flight can follow; the results hold up to there: look at the forces at the "
+        "last state"
+    )
 
 
 STATUS = {
@@ -57,6 +61,7 @@ STATUS = {
     kernels.PIERCED: MotionStatus.PIERCED,
     kernels.CYCLING: MotionStatus.UNDECIDED,
     kernels.GAVE_UP: MotionStatus.EXHAUSTED,
+    kernels.UNRESOLVED: MotionStatus.UNRESOLVED,
 }
 """Status of each final return value of the kernels. The other values ask for another call."""
 
@@ -163,7 +168,7 @@ class Motion:
     """(k, 3) kind, contact and contact mode of each event."""
     states: np.ndarray
     """(k, N) state of its contact mode in which each flight begins."""
-    contact_modes: ContactModes
+    contact_modes: ContactModes | SmoothModes
     """The contact modes that `numbers` counts."""
     plot: ClassVar[Callable[..., Axes]]
     """The package `saltus` adds it."""
@@ -236,7 +241,7 @@ class Motion:
         modes, durations = self.contact_modes, np.diff(np.append(self.times, self.duration))
         size = modes.matrix.shape[1]
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
-        flights = [Flight(*(part[f] for part in (modes.pairs, modes.mean, modes.delta, modes.matrix))) for f in range(len(modes.pairs))]
+        flights = [flight_of.kinds[type(modes)].function(modes, f) for f in range(len(modes.pairs))]
         for f, state, duration in zip(self.numbers[:, 2].tolist(), self.states, durations.tolist(), strict=True):
             if not peak_flight(flights[f], modes.leave[f], state, duration, peaks, *scratch):
                 raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")

@@ -23,7 +23,9 @@ from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
 from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
+    from bvp.forcing import BudgetTerms, Forcing
     from bvp.motion import Motion
+    from bvp.smooth_motion import SmoothModeTable
     from bvp.system import ImpactSystem
 
 __all__ = ["BeyondStop", "Simulator", "simulate"]
@@ -51,12 +53,13 @@ class Simulator:
     """
 
     def __init__(self, system: ImpactSystem, forces: Any = None, dampers: Mapping[str, Any] | None = None) -> None:
-        require_system(system)
+        require_system(system, smooth=True)
         self.system = system
         self.forcing = forcing_of(forces, system.degrees_of_freedom)
         self.dampers = split_damping(system, dampers)
-        self.terms = budget_terms(self.dampers, self.forcing, len(system.stops))
-        self.table = ContactModeTable(system, self.forcing, self.terms)
+        parts = self.dampers | {name: np.zeros_like(system.damping) for name in smooth_dampers(system)}
+        self.terms = budget_terms(parts, self.forcing, len(system.stops))
+        self.table: ContactModeTable | SmoothModeTable = _table(system, self.forcing, self.terms)
         self.parts = parts_of(system, self.dampers)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
@@ -86,8 +89,8 @@ class Simulator:
             peak=np.zeros((PEAK_ROWS, 1, size)),
             edge=np.zeros((2, 1)),
             work=work_array(size, len(modes.restitution)),
-            integral=integral_work(size, len(self.terms.weight)),
-            out=np.zeros(len(self.terms.weight)),
+            integral=integral_work(size, len(modes.weight)),
+            out=np.zeros(len(modes.weight)),
             impulses=np.zeros((len(modes.restitution), len(modes.restitution) + 1)),
         )
 
@@ -210,7 +213,8 @@ class Simulator:
         n, squares = self.system.degrees_of_freedom, self.system.modes.squares
         if not np.any(squares == 0.0):
             return np.atleast_1d(self.system.energy(final[:, :n], final[:, n:]))
-        return 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
+        found: np.ndarray = 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
+        return found if self.system.smooth_forces is None else found + self.system.smooth_forces.energy(final[:, :n])
 
     def run_many(
         self,
@@ -349,9 +353,25 @@ def simulate(
 
 
 def parts_of(system: ImpactSystem, dampers: Mapping[str, Any] | None = None) -> tuple[str, ...]:
-    """Names of the parts that dissipate energy: the dampers, by default those of `split_damping`, then the stops."""
+    """Names of the parts that dissipate energy: the dampers, by default those of `split_damping`, those not linear, then the stops."""
     named = split_damping(system) if dampers is None else dampers
-    return (*named, *(f"stop {stop.name}" for stop in system.stops))
+    return (*named, *smooth_dampers(system), *(f"stop {stop.name}" for stop in system.stops))
+
+
+def smooth_dampers(system: ImpactSystem) -> tuple[str, ...]:
+    """Names of the dampers that are not linear."""
+    return () if system.smooth_forces is None else tuple(dict.fromkeys(filter(None, system.smooth_forces.dampers)))
+
+
+def _table(system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> ContactModeTable | SmoothModeTable:
+    """The contact modes of a system. A ValueError if its springs have no energy."""
+    if system.smooth_forces is None:
+        return ContactModeTable(system, forcing, terms)
+    if system.smooth_forces.potential is None:
+        raise ValueError(f"the energy of the motion is not known: {system.smooth_forces.why_no_potential}")
+    from bvp.smooth_motion import SmoothModeTable
+
+    return SmoothModeTable(system, forcing, terms)
 
 
 def checked_state(system: ImpactSystem, u: Any, v: Any) -> np.ndarray:

@@ -54,6 +54,8 @@ class SmoothForces:
     why_dissipative : str or None
         Which dampers lose or gain energy beside C.
     coordinates : tuple of n str
+    dampers : tuple of F str
+        Which damper each force is of; empty for springs.
     """
 
     symbols: tuple[Any, ...]
@@ -64,6 +66,7 @@ class SmoothForces:
     why_no_potential: str | None
     why_dissipative: str | None
     coordinates: tuple[str, ...]
+    dampers: tuple[str, ...]
 
     @cached_property
     def why_not_odd(self) -> str | None:
@@ -197,7 +200,7 @@ class _Collected:
     def __init__(self, coordinates: Sequence[str]):
         self.coordinates = tuple(coordinates)
         self.symbols: dict[tuple[float, ...], Any] = {}
-        self.forces: dict[tuple[float, ...], Any] = {}
+        self.forces: dict[tuple[tuple[float, ...], str], Any] = {}
         self.potential: Any = 0
         self.unknown: str | None = None
         self.dissipative: str | None = None
@@ -216,9 +219,10 @@ class _Collected:
     def unit(self, k: int) -> tuple[float, ...]:
         return tuple(float(i == k) for i in range(len(self.coordinates)))
 
-    def add(self, direction: tuple[float, ...], force: Any) -> None:
+    def add(self, direction: tuple[float, ...], force: Any, damper: str) -> None:
         if force != 0:
-            self.forces[direction] = self.forces.get(direction, 0) + force
+            key = direction, damper
+            self.forces[key] = self.forces.get(key, 0) + force
 
     def add_law(self, element: Element) -> None:
         """A power or a polynomial."""
@@ -230,11 +234,12 @@ class _Collected:
         else:
             value, power = exact(getattr(element, element.factor)), exact(element.power)
             force, potential = value * signed_power(w, power), value * even_power(w, power + 1) / (power + 1)
-        self.add(element.row, force)
+        place = element.place(self.coordinates)
+        self.add(element.row, force, "" if isinstance(element, Spring) else place)
         if isinstance(element, Spring):
             self.potential += potential
         else:
-            self.dissipative = self.dissipative or element.place(self.coordinates)
+            self.dissipative = self.dissipative or place
 
     def add_text(self, element: Element) -> np.ndarray:
         """An expression. Returns the stiffness or damping (n, n) of its linear part, which is left out."""
@@ -252,7 +257,7 @@ class _Collected:
             return np.asarray(sum(self._add_potential(part, key, place) for key, part in parts.items()))
         forces = [expression] if local else [exact(element.row[k]) * expression for k in used]
         _require_at_rest(forces, symbols if order else [], place)
-        rests, linear = self._split(forces, symbols, rows, place, symmetric=not order)
+        rests, linear = self._split(forces, symbols, rows, place, damper=bool(order))
         if order:
             if any(rest != 0 for rest in rests):
                 self.dissipative = self.dissipative or place
@@ -266,23 +271,23 @@ class _Collected:
     def _add_potential(self, potential: Any, rows: Sequence[tuple[float, ...]], place: str) -> np.ndarray:
         """A potential of displacements along rows. Returns the stiffness (n, n) of its quadratic part, which is left out."""
         symbols = [self.input(row) for row in rows]
-        _, stiffness = self._split([potential.diff(symbol) for symbol in symbols], symbols, rows, place, symmetric=True)
+        _, stiffness = self._split([potential.diff(symbol) for symbol in symbols], symbols, rows, place, damper=False)
         quadratic = sum(_at_rest(potential.diff(a).diff(b), place) * a * b for a in symbols for b in symbols) / 2
         self.potential += potential - _at_rest(potential, place) - quadratic
         return stiffness
 
     def _split(
-        self, forces: Sequence[Any], symbols: Sequence[Any], rows: Sequence[tuple[float, ...]], place: str, *, symmetric: bool
+        self, forces: Sequence[Any], symbols: Sequence[Any], rows: Sequence[tuple[float, ...]], place: str, *, damper: bool
     ) -> tuple[list[Any], np.ndarray]:
-        """Add forces along rows without their linear part, or without the symmetric one. Returns what was added, and the matrix (n, n) of
-        the linear part."""
+        """Add forces along rows without their linear part; of springs without the symmetric one. Returns what was added, and the matrix
+        (n, n) of the linear part."""
         import sympy
 
         slopes = sympy.Matrix([[_at_rest(force.diff(symbol), place) for symbol in symbols] for force in forces])
-        linear = (slopes + slopes.T) / 2 if symmetric else slopes
+        linear = slopes if damper else (slopes + slopes.T) / 2
         rests = [_without(force, symbols, list(linear.row(k)), place) for k, force in enumerate(forces)]
         for row, rest in zip(rows, rests, strict=True):
-            self.add(row, rest)
+            self.add(row, rest, place if damper else "")
         table = np.array(rows, dtype=object)
         return rests, np.asarray(table.T @ np.array(linear.tolist(), dtype=object).reshape(len(rows), len(rows)) @ table)
 
@@ -379,7 +384,7 @@ class _Collected:
         return None
 
     def result(self) -> SmoothForces | None:
-        forces = {direction: force for direction, force in self.forces.items() if force != 0}
+        forces = {key: force for key, force in self.forces.items() if force != 0}
         if not forces:
             return None
         why = self._integrate_coupled() or self.unknown
@@ -389,11 +394,12 @@ class _Collected:
             tuple(inputs.values()),
             np.array(list(inputs), dtype=float),
             tuple(forces.values()),
-            np.array(list(forces), dtype=float),
+            np.array([direction for direction, _ in forces], dtype=float),
             None if why else self.potential,
             why,
             self.dissipative and f"{self.dissipative} loses energy",
             self.coordinates,
+            tuple(damper for _, damper in forces),
         )
 
 

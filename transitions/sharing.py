@@ -20,6 +20,8 @@ from bvp.texts import brief
 if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.motion import Motion
+    from bvp.smooth_forces import SmoothForces
+    from bvp.springs import Element
     from bvp.system import ImpactSystem
 
 __all__ = ["Sharing", "lock", "sharing_of"]
@@ -50,6 +52,8 @@ class Sharing:
     dampers: Mapping[str, np.ndarray]
     nes_parts: frozenset[str]
     sink: bool = True
+    springs: SmoothForces | None = None
+    """The springs on the NES that are not linear."""
 
     @property
     def names(self) -> tuple[str, str]:
@@ -63,6 +67,8 @@ class Sharing:
         if self.mass is None or self.stiffness is None:
             return total, np.full(len(total), np.nan), np.full(len(total), np.nan)
         nes = 0.5 * (np.einsum("ji,ik,jk->j", v, self.mass, v) + np.einsum("ji,ik,jk->j", u, self.stiffness, u))
+        if self.springs is not None:
+            nes = nes + self.springs.energy(u)
         return total, nes, total - nes
 
     def dissipated(self, motion: Motion, times: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,11 +100,12 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     >>> shared.mass[0, 0], shared.stiffness[0, 1], sorted(shared.nes_parts)
     (np.float64(0.1), np.float64(-0.1), ['gaps', 'stop a'])
     """
-    require_system(system)
+    require_system(system, smooth=True)
     stops = tuple(stop for stop in system.stops if not nes or any(stop.gap[k] for k in nes))
     gaps = split_damping(replace(system, stops=stops))["gaps"] if stops else np.zeros_like(system.damping)
     dampers = {"gaps": gaps, "rest": system.damping - gaps}
-    parts = frozenset(["gaps", *(f"stop {stop.name}" for stop in stops)])
+    on_nes = [damper.place(system.coordinates) for damper in system.dampers if not nes or _touches(damper, nes)]
+    parts = frozenset(["gaps", *on_nes, *(f"stop {stop.name}" for stop in stops)])
     if not nes:
         return Sharing(None, None, dampers, parts, sink=False)
     mass, stiffness, unit = np.zeros_like(system.mass), np.zeros_like(system.mass), np.eye(len(system.mass))
@@ -109,7 +116,14 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
         for j in lo if len(lo) == 1 else range(len(mass)):
             if j not in nes[: i + 1]:  # a spring between two coordinates of the NES counts once
                 stiffness -= system.stiffness[k, j] * np.outer(unit[k] - unit[j], unit[k] - unit[j])
-    return Sharing(mass, stiffness + 0.0, dampers, parts)
+    own = tuple(spring for spring in system.springs if _touches(spring, nes))
+    springs = replace(system, springs=own, dampers=()).smooth_forces if own else None
+    return Sharing(mass, stiffness + 0.0, dampers, parts, springs=springs)
+
+
+def _touches(element: Element, nes: Sequence[int]) -> bool:
+    """Whether a spring or damper acts on a coordinate of the NES, as far as its row says."""
+    return any(element.row[k] for k in nes) if element.row else False
 
 
 def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ()) -> tuple[ImpactSystem, tuple[Force, ...]]:
@@ -129,6 +143,7 @@ def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ())
     (array([[1.1]]), array([[0.02]]), array([[1.]]), ('u2',))
     """
     n = system.degrees_of_freedom
+    require_system(system)
     if not nes:
         raise ValueError("no coordinate is marked as NES, which is what would be locked (in a scene NES under [coordinates])")
     kept = [k for k in range(n) if k not in nes]

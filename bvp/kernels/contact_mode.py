@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import inlined, kernel, shared
+from bvp.kernels.compiled import chosen, inlined, kernel, shared
 from bvp.kernels.flight import Contacts, Flight, amplitudes, copy_1, inner, row_dot, set_1, set_2
 from bvp.kernels.flights import rate
 
@@ -105,9 +105,15 @@ class Scratch(NamedTuple):
     impulses: np.ndarray  # (m, m + 1) equations of an impact while contacts stick
 
 
-@inlined
+@chosen
 def flight_of(modes, f):
-    """The blocks of contact mode f."""
+    """The flight in contact mode f."""
+
+
+@flight_of.of(ContactModes)
+@inlined
+def blocks_of_mode(modes, f):
+    """See `flight_of`: its blocks."""
     return Flight(modes.pairs[f], modes.mean[f], modes.delta[f], modes.matrix[f])
 
 
@@ -141,9 +147,26 @@ def find_mode(modes, sticking):
     return -1
 
 
-@shared("boolean")
+@chosen
+def settle(modes, f, z):
+    """Bring the entries of a state z of contact mode f that follow from others up to date."""
+
+
+@settle.of(ContactModes)
+@inlined
+def settled(modes, f, z):
+    """See `settle`: there are none."""
+
+
+@chosen
 def cannot_hit(modes, f, z):
     """True if the bound of every gap, for all later times, stays below its stop."""
+
+
+@cannot_hit.of(ContactModes)
+@shared("boolean")
+def stays_within(modes, f, z):
+    """See `cannot_hit`."""
     # Equation (24) over all time to come.
     for c in range(modes.side.shape[1]):
         if (modes.sticking[f] >> c) & 1 != 0:
@@ -170,6 +193,17 @@ def write_loads(modes, index, clock, angles, x):
             slope = modes.levels[index, g, 1]
             x[at + 2 * g] = modes.levels[index, g, 0] + slope * ((clock[TIME] - modes.breaks[index]) + clock[TIME_LOW])
             x[at + 2 * g + 1] = slope
+
+
+@chosen
+def renew_loads(modes, motion, z):
+    """Write the loads' states into z after a flight, where the flight has not carried them exactly."""
+
+
+@renew_loads.of(ContactModes)
+@inlined
+def exact_loads(modes, motion, z):
+    """See `renew_loads`: it has."""
 
 
 @kernel

@@ -22,10 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels import contact_mode as entry
-from bvp.kernels.compiled import allocating, inlined, kernel, shared
-from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, sums_of
+from bvp.kernels.compiled import allocating, chosen, inlined, kernel, shared
+from bvp.kernels.contact_mode import add, advance_clock, flight_of, log_event, renew_loads, sums_of
 from bvp.kernels.extrema import peak_flight
-from bvp.kernels.flight import block_product, copy_1, fastest_rate, flow_matrix, flow_state, inner, row_dot, set_1, times_matrix
+from bvp.kernels.flight import Flight, block_product, copy_1, fastest_rate, flow_matrix, flow_state, inner, row_dot, set_1, times_matrix
+from bvp.kernels.flights import path_state
 
 TERMS = 19
 """Taylor terms on a part of a flight with a rate times time of 1 at most: truncation below 1e-17."""
@@ -280,9 +281,15 @@ def doubled_integrals(flight, products, z, t, fastest, out):
         out[c] += weight[c] * total
 
 
-@shared("none")
+@chosen
 def integrals(flight, products, z, t, work, out):
     """out (R,) = weight times the integral of (first . z(s)) (second . z(s)) over 0 <= s <= t. `work` comes from `integral_work`."""
+
+
+@integrals.of(Flight)
+@shared("none")
+def exact_integrals(flight, products, z, t, work, out):
+    """See `integrals`."""
     first, second, weight = products
     pairs = flight.pairs
     count = first.shape[0]
@@ -409,7 +416,7 @@ def fly(modes, f, flight, motion, scratch):
     if peaks.shape[0]:
         if not peak_flight(flight_of(modes, f), modes.leave[f], z, flight, peaks, scratch.peak, scratch.edge, work):
             return False
-    flow_state(flight_of(modes, f), z, flight, work[0])
+    path_state(flight_of(modes, f), z, flight, work[0])
     for r in range(z.shape[0]):
         if not abs(work[0, r]) < math.inf:
             return False
@@ -422,6 +429,7 @@ def fly(modes, f, flight, motion, scratch):
         add(motion.sums, modes.part[k], out[k])
     copy_1(work[0], z)
     advance_clock(modes, clock, motion.angles, flight)
+    renew_loads(modes, motion, z)
     if modes.sticking[f] != 0:
         clock[entry.STICKING_TIME] += flight
     return True
@@ -461,7 +469,7 @@ def log_chatter(modes, f, log, motion, before, scratch):
     if row >= log.numbers.shape[0]:
         return
     back = scratch.peak[5, 0]
-    flow_state(flight_of(modes, f), z, -span, back)
+    path_state(flight_of(modes, f), z, -span, back)
     log_event(log, entry.CHATTER, counts[entry.CONTACT], motion, before, back)
     log.values[row, 0] = clock[entry.TIME] - span
     dissipated_energy(modes, f, back, span, scratch.integral, scratch.out)

@@ -16,8 +16,8 @@ from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel, shared
 from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, inner, row_dot
-from bvp.kernels.flights import path_state
-from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact, rounding_level
+from bvp.kernels.flights import path_state, rounding_level
+from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact
 
 STEP_LIMIT = 100000
 """Steps after which a search gives up and says so; a flight of a thousand periods takes some ten thousand."""
@@ -318,11 +318,17 @@ def time_to(rise, derivative, power):
     return (rise / abs(derivative)) ** power if derivative != 0.0 else math.inf
 
 
-@shared("boolean")
+@chosen
 def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
     """Raise peaks (n,) to the largest |u| over a flight of `duration` from z (N,), with (u, v) = leave z. False if the search gave up.
 
     scratch (PEAK_ROWS, 1, N), edge (2, 1), work of `impact.work_array`."""
+
+
+@peak_flight.of(Flight)
+@shared("boolean")
+def peak_exact(flight, leave, z, duration, peaks, scratch, edge, work):
+    """See `peak_flight`."""
     n = peaks.shape[0]
     now = scratch[3, 0]
     later = scratch[4, 0]

@@ -343,7 +343,7 @@ def block_growth(matrix, start, size):
 @kernel
 def fastest_rate(flight):
     """A rate that bounds how fast the terms of the series of exp(B t) can grow."""
-    pairs, _, _, matrix = flight
+    pairs, matrix = flight.pairs, flight.matrix
     fastest = 0.0
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]

@@ -1,15 +1,23 @@
 """What all kinds of flights give: the end and its derivative, the path, the rate of the state, and the energy.
 
-This is the seam between flights and the multipoint problem. `bvp.kernels.flight` has linear flights, which are exact;
-`bvp.kernels.smooth` those with smooth forces. States are modal coordinates of the linear part, whose mass matrix is the identity.
+This is the seam between flights and the multipoint problem, and between flights and simulation. `bvp.kernels.flight` has linear flights,
+which are exact; `bvp.kernels.smooth` those with smooth forces, and `bvp.kernels.pieces` those of a simulation with them. States are modal
+coordinates of the linear part, whose mass matrix is the identity.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import chosen, inlined
-from bvp.kernels.flight import Flight, block_product, flow_matrix, flow_state
+from bvp.kernels.compiled import chosen, inlined, kernel
+from bvp.kernels.flight import Flight, amplitudes, block_product, fastest_rate, flow_inside, flow_matrix, flow_state, growth_rate
+
+ROUNDING = 16.0 * 2.220446049250313e-16
+
+NEAR_TERMS = 14
+NEAR_REACH = 0.25
+"""|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
 
 
 @chosen
@@ -129,3 +137,125 @@ def add_bend(flight, z, factor, e, scale, column):
 @inlined
 def no_bend(flight, z, factor, e, scale, column):
     """See `add_bend`: there are none."""
+
+
+@chosen
+def begin_path(flight, z, horizon):
+    """Begin a flight from z. Returns the time up to which it is known, at most a horizon; -1 where it cannot be computed.
+
+    The functions below hold for the flight that began last, up to this time."""
+
+
+@begin_path.of(Flight)
+@inlined
+def begin_exact(flight, z, horizon):
+    """See `begin_path`: a formula holds at all times."""
+    return horizon
+
+
+@chosen
+def hold_path(flight, z, t):
+    """Make ready for calls at several times up to t of the flight from z."""
+
+
+@hold_path.of(Flight)
+@inlined
+def hold_nothing(flight, z, t):
+    """See `hold_path`."""
+
+
+@chosen
+def along_path(flight, z, t, out):
+    """out (N,) = the state at time t of the flight from z."""
+
+
+@along_path.of(Flight)
+@inlined
+def along_exact(flight, z, t, out):
+    """See `along_path`."""
+    flow_inside(flight, z, t, out)
+
+
+@chosen
+def path_growth(flight):
+    """(steady, growth). steady: bounds of one instant hold at all later ones. growth > 0: they hold for 1/growth at most."""
+
+
+@path_growth.of(Flight)
+@inlined
+def exact_growth(flight):
+    """See `path_growth`."""
+    return growth_rate(flight)
+
+
+@chosen
+def bounds_window(flight, t, window):
+    """The part of a time `window` after t over which `path_bounds` holds."""
+
+
+@bounds_window.of(Flight)
+@inlined
+def exact_window(flight, t, window):
+    """See `bounds_window`: all of it."""
+    return window
+
+
+@chosen
+def path_bounds(flight, rows, c, t, state, window):
+    """Bounds of |f|, |f''| and |f'''| for f = rows[c] . z over a window after t, when the state is `state`."""
+
+
+@path_bounds.of(Flight)
+@inlined
+def exact_bounds(flight, rows, c, t, state, window):
+    """See `path_bounds`."""
+    return amplitudes(flight, rows, c, state, window)
+
+
+@chosen
+def fastest(flight):
+    """A rate that bounds how fast the terms of the series of a path can grow."""
+
+
+@fastest.of(Flight)
+@inlined
+def fastest_exact(flight):
+    """See `fastest`."""
+    return fastest_rate(flight)
+
+
+@kernel
+def rounding_level(flight, rows, c, z):
+    """Sixteen rounding errors of rows[c] . z for a computed state z. The two entries of a pair have a common rounding error, that of the
+    larger one."""
+    pairs, matrix = flight.pairs, flight.matrix
+    total = 0.0
+    for k in range(pairs.shape[0]):
+        i = pairs[k, 0]
+        j = pairs[k, 1]
+        if j >= 0:
+            # The two entries of a pair exchange their energy, so each rounds with the size of both.
+            down = abs(matrix[j, i])
+            up = abs(matrix[i, j])
+            ratio = math.sqrt(down / up) if up > 0.0 and down > 0.0 else 0.0
+            inverse = 1.0 / ratio if ratio > 0.0 else 0.0
+            total += abs(rows[c, i]) * (abs(z[i]) + inverse * abs(z[j])) + abs(rows[c, j]) * (abs(z[j]) + ratio * abs(z[i]))
+        else:
+            weight = 0.0
+            size = 0.0
+            for r in range(i, i - j):
+                weight += abs(rows[c, r])
+                size += abs(z[r])
+            total += weight * size
+    return ROUNDING * total
+
+
+@chosen
+def parting(flight, contacts, c, z, window, other):
+    """A time for which a contact is certain to separate. Its distance, rate and acceleration are 0 to rounding, and the third derivative
+    stays above 0. The result is 0 if this is not certain."""
+
+
+@chosen
+def series(flight, contacts, c, z, coefficients, state, other):
+    """coefficients[k] = d^(k)(0)/k! for k >= 1. Returns a rate that bounds how fast the terms can grow."""

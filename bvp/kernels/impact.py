@@ -1,4 +1,4 @@
-"""The next impact of an exact flight, by bounds instead of sampling.
+"""The next impact of a flight, by bounds instead of sampling.
 
 A contact has the signed distance d(t) = side (bound - w(t)), w = g . z(t), with d >= 0 in free flight. `flight.amplitudes`
 bounds |w''| <= W and |w'''| <= J over what is left of the flight. From d, d', d'' at one instant follows, by equations
@@ -24,7 +24,22 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import inlined, kernel, shared
-from bvp.kernels.flight import amplitudes, block_product, copy_1, fastest_rate, flow_inside, flow_state, free_step, growth_rate, row_dot
+from bvp.kernels.flight import Flight, amplitudes, block_product, copy_1, fastest_rate, flow_state, free_step, row_dot
+from bvp.kernels.flights import (
+    NEAR_REACH,
+    NEAR_TERMS,
+    along_path,
+    bounds_window,
+    parting,
+    path_bounds,
+    path_growth,
+    rounding_level,
+    series,
+)
+from bvp.kernels.pieces import MotionFlight
+
+KINDS_OF_FLIGHTS = (Flight, MotionFlight)
+"""What the search takes: a kernel has imported the kinds that it contains."""
 
 CONTACT_TOLERANCE = 1e-13
 """THE contact tolerance, a fraction of the sizes that make up a distance, |bound| + sum |g_i z_i|. A turning point of w
@@ -41,7 +56,6 @@ STEP_LIMIT = 100_000
 NEAR = 1e9
 """A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so,
 would be known no better than rounding of w over that speed."""
-ROUNDING = 16.0 * 2.220446049250313e-16
 WORK_ROWS = 5
 STEADY_FALL = 1.0 / 3.0
 """Part of its rate at which a distance falls at least until it passes 0, where that certifies the root."""
@@ -53,40 +67,10 @@ RELEASED = 1000.0
 """Roundings within which a contact just released counts as being without rate and acceleration: its force has gone through other
 numbers."""
 
-NEAR_TERMS = 14
-NEAR_REACH = 0.25
-"""|B| t up to which the series from the start is used: its 14 terms truncate below 1e-19."""
-
 
 def work_array(size, contacts):
     """Scratch array of the kernels here for N = `size` states and m = `contacts`."""
     return np.zeros((WORK_ROWS, max(size, contacts, NEAR_TERMS + 1)))
-
-
-@kernel
-def rounding_level(flight, rows, c, z):
-    """Sixteen rounding errors of rows[c] . z for a computed state z. The two entries of a pair have a common rounding error, that of the
-    larger one."""
-    pairs, _, _, matrix = flight
-    total = 0.0
-    for k in range(pairs.shape[0]):
-        i = pairs[k, 0]
-        j = pairs[k, 1]
-        if j >= 0:
-            # The two entries of a pair exchange their energy, so each rounds with the size of both.
-            down = abs(matrix[j, i])
-            up = abs(matrix[i, j])
-            ratio = math.sqrt(down / up) if up > 0.0 and down > 0.0 else 0.0
-            inverse = 1.0 / ratio if ratio > 0.0 else 0.0
-            total += abs(rows[c, i]) * (abs(z[i]) + inverse * abs(z[j])) + abs(rows[c, j]) * (abs(z[j]) + ratio * abs(z[i]))
-        else:
-            weight = 0.0
-            size = 0.0
-            for r in range(i, i - j):
-                weight += abs(rows[c, r])
-                size += abs(z[r])
-            total += weight * size
-    return ROUNDING * total
 
 
 class Gap(NamedTuple):
@@ -135,7 +119,7 @@ def polish_root(flight, contacts, c, jerk, z, t, state):
     """Refine a nearby zero of d along the exact flight to rounding, by steps of third order."""
     last = math.inf
     for _ in range(60):
-        flow_inside(flight, z, t, state)
+        along_path(flight, z, t, state)
         d, slope, bend, _ = gauge(contacts, c, state)
         if slope >= 0.0:
             break
@@ -165,7 +149,7 @@ def resolve_turn(flight, contacts, c, bounds, z, t, gap, fresh, state):
         turn = min(max(turn + change, t), last)
         if count > 0 and 0.5 * bend * change * change <= 1e-3 * tolerance:
             break
-        flow_inside(flight, z, turn, state)
+        along_path(flight, z, turn, state)
         d, slope, bend, tolerance = gauge(contacts, c, state)
     # d at the turning point decides whether the flight passes, touches or hits.
     least = d - 0.5 * slope * slope / bend
@@ -242,10 +226,10 @@ def start_contact(flight, contacts, leaving, z):
     return NONE, leaving
 
 
+@parting.of(Flight)
 @kernel
-def parting(flight, contacts, c, z, window, other):
-    """A time for which a contact is certain to separate. Its distance, rate and acceleration are 0 to rounding, and the third derivative
-    stays above 0. The result is 0 if this is not certain."""
+def exact_parting(flight, contacts, c, z, window, other):
+    """See `parting`."""
     block_product(flight.pairs, flight.matrix, z, other)
     third = -contacts.side[c] * row_dot(contacts.acceleration, c, other)
     if third <= rounding_level(flight, contacts.acceleration, c, other):
@@ -254,9 +238,10 @@ def parting(flight, contacts, c, z, window, other):
     return third / fourth if fourth > 0.0 else window
 
 
+@series.of(Flight)
 @kernel
-def series(flight, contacts, c, z, coefficients, state, other):
-    """coefficients[k] = d^(k)(0)/k! for k >= 1 by repeated B. Returns a rate that bounds how fast the terms can grow."""
+def exact_series(flight, contacts, c, z, coefficients, state, other):
+    """See `series`: by repeated B."""
     copy_1(z, state)
     factor = 1.0
     for k in range(1, NEAR_TERMS + 1):
@@ -301,7 +286,7 @@ def near_return(coefficients, jerk, t, window):
 
 @shared(("integer", "integer", "float"))
 def next_impact(flight, contacts, leaving, z, horizon, work):
-    """The first hit or touch of the flight from z within 0 <= t <= horizon.
+    """The first hit or touch of the flight from z within 0 <= t <= horizon, which is known up to there (`flights.begin_path`).
 
     leaving
         c: the flight starts on contact c. Its distance there is 0 exactly, and its rate is exact.
@@ -328,7 +313,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
     status, leaving = start_contact(flight, contacts, leaving, z)
     if status != NONE:
         return status, leaving, 0.0
-    steady, growth = growth_rate(flight)
+    steady, growth = path_growth(flight)
     near = leaving >= 0
     fresh = int64(-1)  # bits of the contacts that have been within the tolerance since the start
     reach = -1.0
@@ -344,7 +329,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
         renew = count == 0 or (not steady and (growth > 0.0 or count % RENEW == 0))
         window = math.inf if steady else 2.0 * (horizon - t)
         if growth > 0.0:
-            window = min(window, 1.0 / growth)
+            window = bounds_window(flight, t, min(window, 1.0 / growth))
         step = min(window, horizon - t)
         known = -1
         for c in range(contacts.side.shape[0]):
@@ -356,7 +341,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                     shared = shared and contacts.gap[c, r] == contacts.gap[c - 1, r]
                 if not shared:
                     # Equation (24).
-                    level, second, third = amplitudes(flight, contacts.gap, c, state, min(window, 2.0 * (horizon - t)))
+                    level, second, third = path_bounds(flight, contacts.gap, c, t, state, min(window, 2.0 * (horizon - t)))
                 known = c
                 jerk[c] = third
                 curvature[c] = -1.0 if level < contacts.side[c] * contacts.bound[c] else second  # -1: w cannot reach the bound
@@ -400,7 +385,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                         if parts:
                             coefficients[1] = 0.0
                             coefficients[2] = 0.0
-                        flow_state(flight, z, t, state)
+                        along_path(flight, z, t, state)
                     near = reach * t <= NEAR_REACH
             if d > tolerance:
                 fresh &= ~(int64(1) << c)
@@ -431,7 +416,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
         if t + step >= horizon:
             return kind, found, horizon
         t += step
-        flow_inside(flight, z, t, state)
+        along_path(flight, z, t, state)
     return EXHAUSTED, -1, t
 
 

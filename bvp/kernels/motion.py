@@ -1,4 +1,4 @@
-"""The motion of a system through its contact modes: exact flight, next impact or release, restitution, chattering, sticking.
+"""The motion of a system through its contact modes: flight, next impact or release, restitution, chattering, sticking.
 
 The distance of a sticking contact is its force, so `next_impact` finds impacts and releases alike.
 Below are many motions in one call, and the states and sums of a recorded motion at any time.
@@ -21,12 +21,15 @@ from bvp.kernels.contact_mode import (
     flight_of,
     log_event,
     reset_loads,
+    settle,
     sums_of,
     write_loads,
 )
 from bvp.kernels.energy_budget import dissipated_energy, fly, log_chatter, lose, stop_contact
-from bvp.kernels.flight import copy_1, fastest_rate, flight_at, flow_state, row_dot, set_1, times_matrix
-from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact, rounding_level
+from bvp.kernels.flight import copy_1, flight_at, row_dot, set_1, times_matrix
+from bvp.kernels.flights import begin_path, fastest, hold_path, path_state, rounding_level
+from bvp.kernels.impact import EXHAUSTED, HIT, NONE, OUTSIDE, PRESSED, TOUCH, next_impact
+from bvp.kernels.smooth_motion import SmoothModes
 from bvp.kernels.sticking import (
     at_their_bounds,
     bring_to_rest,
@@ -38,11 +41,15 @@ from bvp.kernels.sticking import (
     touches_sticking,
 )
 
-REACHED, FULL, NEW_MODE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED, PAUSED = range(10)
+KINDS_OF_MODES = (entry.ContactModes, SmoothModes)
+"""What a motion goes through: a kernel has imported the kinds that it contains."""
+
+REACHED, FULL, NEW_MODE, INTERACTING, STARTED_OUTSIDE, MOST, CYCLING, GAVE_UP, PIERCED, PAUSED, UNRESOLVED = range(11)
 """How `move` returned: at the duration; the log is full (call again); the mode counts[PENDING] is wanted (add it and call again); two
 stops are hit at once and their impulses interact; started beyond a stop; at the most impacts; modes follow each other without time
 passing; the search for the next impact, or for a peak, gave up without time passing; carried beyond a stop by rounding; counts[PASSES] are
-used up (set them and call again). After REACHED, too, the motion can be carried on, to a longer duration."""
+used up (set them and call again); the smooth forces are too large for a step. After REACHED, too, the motion can be carried on, to a
+longer duration."""
 
 PATIENCE, INSTANT, SEARCH = 256, 16, 64
 """For each contact, and two more, so much may be spent within a radian of the fastest motion: 1 for each event, this for one to which no
@@ -140,7 +147,7 @@ def impatient(modes, f, exhausted, flight, counts, clock):
     if counts[entry.IDLE] <= PATIENCE * (2 + modes.side.shape[1]):
         return False
     now = clock[entry.TIME] + flight
-    if (now - clock[entry.PROGRESS]) * fastest_rate(flight_of(modes, f)) < 1.0:
+    if (now - clock[entry.PROGRESS]) * fastest(flight_of(modes, f)) < 1.0:
         return True
     counts[entry.IDLE] = cost
     clock[entry.PROGRESS] = now
@@ -200,7 +207,11 @@ def move(modes, duration, most, motion, log, scratch):
             end = modes.breaks[ahead]
         horizon = max((end - clock[entry.TIME]) - clock[entry.TIME_LOW], 0.0)
         # Equation (3): the next impact, or the next release, whose distance is the contact force (7).
-        status, c, flight = next_impact(flight_of(modes, f), contacts_of(modes, f), counts[entry.LEAVING], z, horizon, work)
+        known = begin_path(flight_of(modes, f), z, horizon)
+        if known < 0.0:
+            return UNRESOLVED
+        settle(modes, f, z)
+        status, c, flight = next_impact(flight_of(modes, f), contacts_of(modes, f), counts[entry.LEAVING], z, known, work)
         if impatient(modes, f, status == EXHAUSTED, flight, counts, clock):
             return GAVE_UP if status == EXHAUSTED else CYCLING
         clock[entry.SPEED] = 0.0
@@ -216,7 +227,7 @@ def move(modes, duration, most, motion, log, scratch):
             return GAVE_UP
         if logged:
             times_matrix(modes.leave[f], z, before)
-        if status == NONE:
+        if status == NONE and known == horizon:
             # No event up to the duration, or to the next break of a load.
             if end == duration:
                 if cannot_hit(modes, f, z):
@@ -239,7 +250,7 @@ def move(modes, duration, most, motion, log, scratch):
             continue
         if f != 0 or status != HIT:
             times_matrix(modes.to_modes[f], z, x)
-        if status == EXHAUSTED:
+        if status == EXHAUSTED or status == NONE:
             log_event(log, entry.PIECE, -1, motion, before, z)
             continue
         if status == TOUCH:
@@ -264,6 +275,7 @@ def move(modes, duration, most, motion, log, scratch):
             copy_1(z, scratch.kept)
             write_loads(modes, counts[entry.BREAK_INDEX], clock, angles, x)
             times_matrix(modes.from_modes[0], x, z)
+            settle(modes, int64(0), z)
             counts[entry.MODE] = 0
         still, moving = at_their_bounds(modes, c, z)
         if moving and sunk(modes, moving | (int64(1) << c), z):
@@ -324,6 +336,7 @@ def move(modes, duration, most, motion, log, scratch):
             counts[entry.BOUNCES] = 0
             continue
         rest = (end - clock[entry.TIME]) - clock[entry.TIME_LOW]
+        settle(modes, after, z)
         # Equation (28): the bounces end here, and the contact sticks.
         if chatter(modes, after, c, rest, motion, scratch.table, scratch.values):
             if logged:
@@ -407,19 +420,29 @@ def states_after(modes, numbers, states, out):
 def sample(modes, begins, numbers, states, times, z, out):
     """out[i] = (u, v) at times[i] of flights that begin at begins (ascending) in the modes numbers[:, 2] with the given states; the last
     begin counts. z (N,) is scratch."""
+    latest = 0.0
+    for i in range(times.shape[0]):
+        latest = max(latest, times[i])
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
         f = numbers[k, 2]
-        flow_state(flight_of(modes, f), states[k], times[i] - begins[k], z)
+        end = begins[k + 1] if k + 1 < begins.shape[0] else latest
+        hold_path(flight_of(modes, f), states[k], end - begins[k])
+        path_state(flight_of(modes, f), states[k], times[i] - begins[k], z)
         times_matrix(modes.leave[f], z, out[i])
 
 
 @kernel
 def spent(modes, begins, numbers, states, sums, times, work, integral, out):
     """out[i] = the sums at times[i], of flights as in `sample` that begin with the given sums."""
+    latest = 0.0
+    for i in range(times.shape[0]):
+        latest = max(latest, times[i])
     for i in range(times.shape[0]):
         k = flight_at(begins, times[i])
         f = numbers[k, 2]
+        end = begins[k + 1] if k + 1 < begins.shape[0] else latest
+        hold_path(flight_of(modes, f), states[k], end - begins[k])
         dissipated_energy(modes, f, states[k], times[i] - begins[k], work, integral)
         copy_1(sums[k], out[i])
         for r in range(modes.part.shape[0]):

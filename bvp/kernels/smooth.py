@@ -15,7 +15,7 @@ from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
 from bvp.kernels.flights import add_bend, energy_slope, flight_end, flight_map, flow_product, path_state, rate, slope_times, twice_energy
 from bvp.kernels.sources import ORDER
-from bvp.kernels.taylor import SmoothFlight, find_path, horner, smooth_rate
+from bvp.kernels.taylor import SmoothFlight, find_path, horner, smooth_rate, step_at
 
 
 @flight_end.of(SmoothFlight)
@@ -51,15 +51,6 @@ def dense_flow_product(flight, flow, z, out):
     times_matrix(flow, z, out)
 
 
-@inlined
-def _step_at(times, steps, t):
-    """The step of a flight that contains the time t."""
-    place = int64(0)
-    while place < steps - 1 and times[place + 1] <= t:
-        place += 1
-    return place
-
-
 @path_state.of(SmoothFlight)
 @inlined
 def taylor_path_state(flight, z, t, out):
@@ -71,7 +62,7 @@ def taylor_path_state(flight, z, t, out):
     elif t == paths.begins[slot, z.shape[0]]:
         copy_1(paths.ends[slot], out)
     else:
-        place = _step_at(paths.times[slot], paths.steps[slot, 0], t)
+        place = step_at(paths.times[slot], paths.steps[slot, 0], t)
         horner(paths.coefficients[slot, place], t - paths.times[slot, place], out)
 
 
@@ -150,8 +141,13 @@ class SmoothTrack(NamedTuple):
 @track_of.of(SmoothFlight)
 @inlined
 def smooth_track(flight, value, rate, second, z, duration, parts):
-    """See `track_of`: a `SmoothTrack`. Where the flight has no path, f is no number."""
-    slot = find_path(flight, z, duration, False)
+    """See `track_of`: a `SmoothTrack`."""
+    return track_along(flight, find_path(flight, z, duration, False), value, duration)
+
+
+@inlined
+def track_along(flight, slot, value, duration):
+    """The `SmoothTrack` of value . z on a path. Where there is none, slot -1, f is no number."""
     paths = flight.paths
     steps = paths.steps[slot, 0] if slot >= 0 else int64(1)
     level = 0.0
@@ -185,7 +181,7 @@ def smooth_track(flight, value, rate, second, z, duration, parts):
 @inlined
 def look_along(track, t):
     """See `look`."""
-    place = _step_at(track.times, track.steps, t)
+    place = step_at(track.times, track.steps, t)
     row = track.projected[place]
     x = t - track.times[place]
     f = 0.0
@@ -202,7 +198,7 @@ def look_along(track, t):
 @inlined
 def smooth_bounds(track, t):
     """See `bounds_at`."""
-    place = _step_at(track.times, track.steps, t)
+    place = step_at(track.times, track.steps, t)
     return track.bounds[place, 0], track.bounds[place, 1], track.times[place + 1]
 
 

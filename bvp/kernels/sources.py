@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.compiled import chosen, inlined
+from bvp.kernels.flight import copy_1
 from bvp.kernels.loads import Loads
 
 ORDER = 22
@@ -189,6 +190,46 @@ def plus_nothing(sources, total, k, r):
 def plus_load(sources, total, k, r):
     """See `plus_source`."""
     return total + sources.load[k, r]
+
+
+@chosen
+def is_enough(sources, count, with_columns):
+    """Whether a flight ends after so many steps."""
+
+
+@is_enough.of(Unforced)
+@inlined
+def never_enough(sources, count, with_columns):
+    """See `is_enough`."""
+    return False
+
+
+@is_enough.of(LoadSources)
+@inlined
+def never_enough_loaded(sources, count, with_columns):
+    """See `is_enough`."""
+    return False
+
+
+@chosen
+def keep_step(sources, flight, least, coefficients):
+    """Keep what was computed of a step: its coefficients (ORDER + 1, N)."""
+
+
+@keep_step.of(Unforced)
+@inlined
+def keep_states(sources, flight, least, coefficients):
+    """See `keep_step`."""
+    for k in range(ORDER + 1):
+        copy_1(flight.states[k], coefficients[k])
+
+
+@keep_step.of(LoadSources)
+@inlined
+def keep_loaded_states(sources, flight, least, coefficients):
+    """See `keep_step`."""
+    for k in range(ORDER + 1):
+        copy_1(flight.states[k], coefficients[k])
 
 
 @chosen

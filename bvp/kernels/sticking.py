@@ -29,8 +29,9 @@ from numpy import int64
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of, sums_of
-from bvp.kernels.flight import copy_1, fastest_rate, row_dot, set_1
-from bvp.kernels.impact import NEAR, gauge, rounding_level
+from bvp.kernels.flight import copy_1, row_dot, set_1
+from bvp.kernels.flights import fastest, rounding_level
+from bvp.kernels.impact import NEAR, gauge
 
 LEVELS = 10
 """Orders kept."""
@@ -101,13 +102,13 @@ def chatter(modes, f, c, left, motion, table, values):
     if restitution == 0.0 or restitution == 1.0 or bend >= 0.0:
         counts[entry.BOUNCES] = 0
         return small
-    fastest = fastest_rate(flight_of(modes, f))
+    quickest = fastest(flight_of(modes, f))
     # Time to the end of the bounces, were the press constant: a geometric series.
     span = -2.0 * slope / (bend * (1.0 - restitution))
-    if span * fastest > CHATTER_REACH or counts[entry.BOUNCING] != c:
+    if span * quickest > CHATTER_REACH or counts[entry.BOUNCING] != c:
         counts[entry.BOUNCES] = 0
         counts[entry.BOUNCING] = c
-    if span * fastest <= CHATTER_REACH:
+    if span * quickest <= CHATTER_REACH:
         stride = stride_of(restitution)
         if counts[entry.BOUNCES] == 0:
             clock[entry.REFERENCE] = clock[entry.TIME]
@@ -140,8 +141,8 @@ def chatter(modes, f, c, left, motion, table, values):
                 for i in range(parts):
                     k = 1 + width + i
                     energy_error += abs(table[order, k] - table[order - 1, k])
-                good = time_error * fastest <= SWITCH_TIME and state_error_u <= SWITCH_LEVEL * max(size_u, size_v / fastest)
-                good = good and state_error_v <= SWITCH_LEVEL * max(size_v, size_u * fastest)
+                good = time_error * quickest <= SWITCH_TIME and state_error_u <= SWITCH_LEVEL * max(size_u, size_v / quickest)
+                good = good and state_error_v <= SWITCH_LEVEL * max(size_v, size_u * quickest)
                 good = good and energy_error <= SWITCH_LEVEL * abs(clock[entry.INITIAL])
                 if (good or small) and 0.0 <= ahead < left and out_of_reach(modes, f, c, z, 2.0 * span, slope, -bend):
                     clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], time_error)

@@ -24,6 +24,8 @@ from bvp.kernels.sources import (
     begin_column,
     begin_sources,
     expand_sources,
+    is_enough,
+    keep_step,
     plus_source,
     plus_source_now,
     source_terms,
@@ -252,6 +254,15 @@ def horner(coefficients, t, out):
             out[r] = out[r] * t + coefficients[k, r]
 
 
+@inlined
+def step_at(times, steps, t):
+    """The step of a flight that contains the time t."""
+    place = int64(0)
+    while place < steps - 1 and times[place + 1] <= t:
+        place += 1
+    return place
+
+
 @kernel
 def _defect(flight, at, h, least, state, change, slope):
     """How far the acceleration along the polynomial is from that of the forces, at the time h in the step that begins at a time."""
@@ -319,7 +330,7 @@ def _step_length(states, columns, with_columns, left):
 def fly_smooth(flight, slot, z, t, with_columns):
     """Compute a flight of time t from a node z, and keep it in a slot of the paths. Returns whether it could be computed.
 
-    t < 0: the flight goes back in time."""
+    t < 0: the flight goes back in time. It can end earlier (`is_enough`)."""
     paths, states, columns = flight.paths, flight.states, flight.columns
     size = states.shape[1]
     width = z.shape[0]
@@ -346,7 +357,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
     for i in range(flight.program.numbers.shape[0]):
         weight = max(weight, weight * abs(flight.program.numbers[i]))
     paths.steps[slot, 0] = -1
-    while at < abs(t):
+    while at < abs(t) and not is_enough(flight.sources, count, with_columns):
         paths.steps[slot, 1] = count
         if count == paths.coefficients.shape[1]:
             return False
@@ -373,8 +384,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
                 length *= 0.8
                 if not length > SHORTEST * abs(t):
                     return False
-        for k in range(ORDER + 1):
-            copy_1(states[k], paths.coefficients[slot, count, k])
+        keep_step(flight.sources, flight, least, paths.coefficients[slot, count])
         at += length
         count += 1
         paths.times[slot, count] = at
@@ -383,6 +393,8 @@ def fly_smooth(flight, slot, z, t, with_columns):
         copy_1(state, states[0])
         if with_columns:
             advance_columns(flight.sources, columns, h, paths.maps[slot])
+    if at < abs(t):
+        paths.begins[slot, width] = direction * at
     copy_1(states[0], state)
     for r in range(size):
         copy_1(columns[0, r], paths.maps[slot, r])

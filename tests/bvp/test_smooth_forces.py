@@ -349,9 +349,7 @@ def test_an_expression_that_is_linear_is_no_smooth_force():
 
 
 def test_computations_with_linear_flights_refuse_springs_that_are_not_linear():
-    from bvp.simulate import Simulator
-
     expected = "the spring between x and y is not linear, and this computation has linear flights only; expected linear springs"
     with pytest.raises(ValueError, match=expected):
-        Simulator(system([SPRINGS[0][0]]))
-    Simulator(system([SPRINGS[3][0]], stops=(Stop(ON, -1.0, 1.0),)))
+        require_system(system([SPRINGS[0][0]]))
+    require_system(system([SPRINGS[3][0]], stops=(Stop(ON, -1.0, 1.0),)))

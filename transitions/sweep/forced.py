@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.checks import require_system
 from bvp.entries import base_frequency
 from bvp.forcing import Harmonic, Record
 from bvp.interrupts import Pace
@@ -221,6 +222,7 @@ class ForcedMotion:
         self.system = system
         frequency, multiples = harmonics_of(forces)
         self.period = 2.0 * math.pi / frequency
+        require_system(system)
         self.simulator = Simulator(system, list(forces))
         self.parts = self.simulator.parts
         n = system.degrees_of_freedom

@@ -1,0 +1,353 @@
+"""Flights of a simulation with smooth forces: pieces of a few Taylor steps, which are kept, and bounds along their polynomials.
+
+The state of a flight is Z = (q, p, y, f, f', f''): displacements and velocities in the modes of the linear part, the states y of the loads
+(`bvp.forcing`), and the F smooth forces with two derivatives by time. The last three follow from the others. With them, gaps, their rates
+and accelerations, and the forces of sticking contacts are rows on Z. `bvp.kernels.smooth_motion` has the contact modes of such flights.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import int64
+
+from bvp.kernels.compiled import inlined, kernel, shared
+from bvp.kernels.flight import fastest_rate, row_dot, times_matrix
+from bvp.kernels.flights import (
+    NEAR_REACH,
+    NEAR_TERMS,
+    along_path,
+    begin_path,
+    bounds_window,
+    fastest,
+    hold_path,
+    parting,
+    path_bounds,
+    path_growth,
+    path_state,
+    rounding_level,
+    series,
+)
+from bvp.kernels.jets import extend_jets
+from bvp.kernels.sources import (
+    ORDER,
+    begin_column,
+    begin_sources,
+    expand_sources,
+    is_enough,
+    keep_step,
+    plus_source,
+    plus_source_now,
+    source_terms,
+    sources_at,
+    state_rows,
+)
+from bvp.kernels.taylor import SmoothFlight, fly_smooth, horner, step_at
+
+PIECE = 8
+"""Most steps of a flight: where an impact ends it early, the rest was computed in vain."""
+
+ROOM = 3 * PIECE
+"""Steps that are kept of a flight. One that is computed again for a time of its own can have other steps."""
+
+MARGIN = 1.0 + 1e-12
+"""Bounds are widened by this, more than their own rounding."""
+
+
+class DrivingSources(NamedTuple):
+    """Loads whose G states y are part of the flight's node (q, p, y), for n coordinates."""
+
+    columns: int  # 0
+    push: np.ndarray  # (n, 2 G) accelerations by unit entries of y
+    frequency: np.ndarray  # (G,)
+    begin: np.ndarray  # (2 G,) scratch: y at the begin of the flight
+    now: np.ndarray  # (2 G,) scratch: y at a time
+    course: np.ndarray  # (ORDER + 1, 2 G) scratch: Taylor coefficients of y
+    most: np.ndarray  # (1,) int64 steps of a flight
+
+
+class MotionFlight(NamedTuple):
+    """The flight of one contact mode."""
+
+    pairs: np.ndarray  # (P, 2)
+    matrix: np.ndarray  # (N, N)
+    taylor: SmoothFlight
+    mode: Any  # its number
+    owner: np.ndarray
+    current: np.ndarray
+    polynomials: np.ndarray
+
+
+@state_rows.of(DrivingSources)
+@inlined
+def driven_rows(sources, columns):
+    """See `state_rows`."""
+    return columns.shape[2]
+
+
+@begin_sources.of(DrivingSources)
+@inlined
+def begin_driven(sources, z):
+    """See `begin_sources`."""
+    first = 2 * sources.push.shape[0]
+    for k in range(sources.begin.shape[0]):
+        sources.begin[k] = z[first + k]
+
+
+@sources_at.of(DrivingSources)
+@inlined
+def driven_at(sources, at):
+    """See `sources_at`."""
+    begin, now = sources.begin, sources.now
+    for g in range(sources.frequency.shape[0]):
+        a = begin[2 * g]
+        b = begin[2 * g + 1]
+        if sources.frequency[g] > 0.0:
+            c = math.cos(sources.frequency[g] * at)
+            s = math.sin(sources.frequency[g] * at)
+            now[2 * g] = c * a - s * b
+            now[2 * g + 1] = s * a + c * b
+        else:
+            now[2 * g] = a + b * at
+            now[2 * g + 1] = b
+
+
+@plus_source_now.of(DrivingSources)
+@inlined
+def plus_driven_now(sources, total, r):
+    """See `plus_source_now`."""
+    for k in range(sources.now.shape[0]):
+        total += sources.push[r, k] * sources.now[k]
+    return total
+
+
+@expand_sources.of(DrivingSources)
+@inlined
+def expand_driven(sources, at):
+    """See `expand_sources`."""
+    driven_at(sources, at)
+    course = sources.course
+    for g in range(sources.frequency.shape[0]):
+        w = sources.frequency[g]
+        a = sources.now[2 * g]
+        b = sources.now[2 * g + 1]
+        for k in range(ORDER + 1):
+            course[k, 2 * g] = a
+            course[k, 2 * g + 1] = b
+            part = 1.0 / (k + 1)
+            if w > 0.0:
+                a, b = -w * b * part, w * a * part
+            else:
+                a, b = (b if k == 0 else 0.0), 0.0
+
+
+@plus_source.of(DrivingSources)
+@inlined
+def plus_driven(sources, total, k, r):
+    """See `plus_source`."""
+    for j in range(sources.now.shape[0]):
+        total += sources.push[r, j] * sources.course[k, j]
+    return total
+
+
+@source_terms.of(DrivingSources)
+@inlined
+def no_driven_terms(sources, flight, at):
+    """See `source_terms`."""
+
+
+@begin_column.of(DrivingSources)
+@inlined
+def no_driven_column(sources, k, r, part, column):
+    """See `begin_column`."""
+
+
+@is_enough.of(DrivingSources)
+@inlined
+def is_a_piece(sources, count, with_columns):
+    """See `is_enough`: a flight with columns has the time that it is given."""
+    return count >= sources.most[0] and not with_columns
+
+
+@keep_step.of(DrivingSources)
+@inlined
+def keep_all(sources, flight, least, coefficients):
+    """See `keep_step`: the coefficients of Z."""
+    states, jets, program, course = flight.states, flight.jets, flight.program, sources.course
+    size = states.shape[1]
+    loads = course.shape[1]
+    forces = program.forces.shape[0]
+    for i in range(flight.rows.shape[0]):
+        jets[i, ORDER] = row_dot(flight.rows, i, states[ORDER])
+    extend_jets(program, jets, int64(ORDER), least)
+    for k in range(ORDER + 1):
+        row = coefficients[k]
+        for r in range(size):
+            row[r] = states[k, r]
+        for j in range(loads):
+            row[size + j] = course[k, j]
+        at = size + loads
+        for j in range(forces):
+            force = jets[program.forces[j]]
+            row[at + j] = force[k]
+            row[at + forces + j] = (k + 1) * force[k + 1] if k < ORDER else 0.0
+            row[at + 2 * forces + j] = (k + 1) * (k + 2) * force[k + 2] if k < ORDER - 1 else 0.0
+
+
+@shared("float")
+def find_piece(flight, z, t, most):
+    """Compute the flight from Z that lasts t, or find it among those that are kept. It becomes the current one.
+
+    Returns the time up to which it is known, after so many steps at most; -1 where it cannot be computed."""
+    taylor = flight.taylor
+    paths = taylor.paths
+    width = paths.begins.shape[1] - 1
+    for slot in range(paths.steps.shape[0]):
+        if paths.steps[slot, 0] <= 0 or flight.owner[slot] != flight.mode:
+            continue
+        until = paths.begins[slot, width]
+        same = 0.0 <= t <= until or until == t
+        for r in range(width):
+            same = same and paths.begins[slot, r] == z[r]
+        if same:
+            flight.current[0] = slot
+            return abs(t)
+    slot = (paths.latest[0] + 1) % paths.steps.shape[0]
+    paths.latest[0] = slot
+    flight.owner[slot] = flight.mode
+    flight.current[0] = slot
+    taylor.sources.most[0] = most
+    # A flight that takes no time has a path, too: derivatives are taken from it.
+    if not fly_smooth(taylor, slot, z[:width], t if t != 0.0 else 1e-9, False):
+        return -1.0
+    return min(abs(t), abs(paths.begins[slot, width]))
+
+
+@begin_path.of(MotionFlight)
+@inlined
+def begin_piece(flight, z, horizon):
+    """See `begin_path`."""
+    return find_piece(flight, z, horizon, PIECE)
+
+
+@hold_path.of(MotionFlight)
+@inlined
+def hold_piece(flight, z, t):
+    """See `hold_path`."""
+    find_piece(flight, z, t, ROOM)
+
+
+@inlined
+def on_piece(flight, t, out):
+    """out = Z at the time t of the current path, which can go back."""
+    paths = flight.taylor.paths
+    slot = flight.current[0]
+    place = step_at(paths.times[slot], paths.steps[slot, 0], abs(t))
+    at = abs(t) - paths.times[slot, place]
+    horner(paths.coefficients[slot, place], at if t >= 0.0 else -at, out)
+
+
+@along_path.of(MotionFlight)
+@kernel
+def along_piece(flight, z, t, out):
+    """See `along_path`."""
+    on_piece(flight, t, out)
+
+
+@path_state.of(MotionFlight)
+@kernel
+def piece_state(flight, z, t, out):
+    """See `path_state`."""
+    if find_piece(flight, z, t, ROOM) < 0.0:
+        for r in range(out.shape[0]):
+            out[r] = math.nan
+    else:
+        on_piece(flight, t, out)
+
+
+@path_growth.of(MotionFlight)
+@inlined
+def piece_growth(flight):
+    """See `path_growth`: bounds hold in one step each."""
+    return False, 1e-300
+
+
+@bounds_window.of(MotionFlight)
+@inlined
+def step_window(flight, t, window):
+    """See `bounds_window`: up to the end of the Taylor step."""
+    paths = flight.taylor.paths
+    slot = flight.current[0]
+    place = step_at(paths.times[slot], paths.steps[slot, 0], t)
+    return min(window, paths.times[slot, place + 1] - t)
+
+
+@inlined
+def project_step(flight, rows, c, place, out):
+    """out (ORDER + 1,) = the coefficients of rows[c] . Z in a step of the current path. Returns the step's length."""
+    paths = flight.taylor.paths
+    slot = flight.current[0]
+    coefficients = paths.coefficients[slot, place]
+    for k in range(ORDER + 1):
+        out[k] = 0.0
+    for r in range(coefficients.shape[1]):
+        factor = rows[c, r]
+        if factor != 0.0:
+            for k in range(ORDER + 1):
+                out[k] += factor * coefficients[k, r]
+    return paths.times[slot, place + 1] - paths.times[slot, place]
+
+
+@path_bounds.of(MotionFlight)
+@kernel
+def step_bounds(flight, rows, c, t, state, window):
+    """See `path_bounds`: over the Taylor step at t."""
+    paths = flight.taylor.paths
+    slot = flight.current[0]
+    row = flight.polynomials[0]
+    h = project_step(flight, rows, c, step_at(paths.times[slot], paths.steps[slot, 0], t), row)
+    level = 0.0
+    bend = 0.0
+    jerk = 0.0
+    for k in range(ORDER, -1, -1):
+        level = level * h + abs(row[k])
+        if k > 1:
+            bend = bend * h + k * (k - 1) * abs(row[k])
+        if k > 2:
+            jerk = jerk * h + k * (k - 1) * (k - 2) * abs(row[k])
+    return level * MARGIN, bend * MARGIN, jerk * MARGIN
+
+
+@fastest.of(MotionFlight)
+@inlined
+def fastest_smooth(flight):
+    """See `fastest`: of the linear part, and of the series that began last. Its length is a sixth of where it converges."""
+    paths = flight.taylor.paths
+    return max(fastest_rate(flight), 1.0 / (6.0 * paths.times[flight.current[0], 1]))
+
+
+@parting.of(MotionFlight)
+@kernel
+def piece_parting(flight, contacts, c, z, window, other):
+    """See `parting`."""
+    row = flight.polynomials[0]
+    h = project_step(flight, contacts.gap, c, int64(0), row)
+    third = -contacts.side[c] * 6.0 * row[3]
+    times_matrix(flight.matrix, z, other)
+    if third <= rounding_level(flight, contacts.acceleration, c, other):
+        return 0.0
+    fourth = 0.0
+    for k in range(ORDER, 3, -1):
+        fourth = fourth * h + k * (k - 1) * (k - 2) * (k - 3) * abs(row[k])
+    return min(third / fourth, h) if fourth > 0.0 else h
+
+
+@series.of(MotionFlight)
+@kernel
+def piece_series(flight, contacts, c, z, coefficients, state, other):
+    """See `series`: of the first step. The terms that are left out are those of a third of it, below 1e-19."""
+    row = flight.polynomials[0]
+    h = project_step(flight, contacts.gap, c, int64(0), row)
+    for k in range(1, NEAR_TERMS + 1):
+        coefficients[k] = -contacts.side[c] * row[k]
+    return NEAR_REACH / (0.3 * h)
