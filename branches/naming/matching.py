@@ -69,7 +69,7 @@ def nearest_labels(asked: Label, existing: Iterable[str], count: int = 3) -> tup
     ('U3201-', 'U3411-')
     """
     wanted = canonical_label(asked)
-    known = {str(label): label for label in (canonical_label(parse(text)) for text in existing)}
+    known = {str(label): label for label in (canonical_label(parse_printed(text)) for text in existing)}
     alike = most_alike(str(wanted), known, max(1, len(known)))
     near = sorted(alike, key=lambda text: _distance(wanted, known[text]))[:count]
     return tuple(dict.fromkeys([*near, *alike[:1]]))

@@ -337,6 +337,8 @@ def test_nearest_labels_are_near_in_the_grammar():
     assert set(nearest_labels(parse("U3401"), one_impact + others, 3)) == {"U4401+", "U4401-", "U3201-"}
     assert nearest_labels(parse("U3421-"), one_impact + others, 1) == ("U3412-",)
     assert nearest_labels(parse("U8353+"), ["U8353-", "U8344+", "U6353+"], 2) == ("U8335-", "U6335+")
+    # Without stops a printed S33+ has no impacts. It is listed as it is printed, not as short for S33O00+.
+    assert set(nearest_labels(parse("S13+"), ["S33+", "S35+"], 2)) == {"S33+", "S35+"}
     assert nearest_labels(parse("S13O00-"), ["S13O00+", "S13E11-", "U1301-"], 1) == ("S13O00+",)
     assert nearest_labels(parse("U21"), ["U2144+", "U2201+"], 1)[0] == "U2144+"
     assert nearest_labels(parse("U21"), []) == ()
