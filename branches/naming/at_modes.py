@@ -118,6 +118,12 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     name = parse_mode(text)
     if system.smooth_forces is not None:
         return _smooth_orbit(name, system, energy)
+    if not system.stops:
+        modes = ", ".join(f"mode:{k + 1} {0.5 * math.pi / w:.10g}" for k, w in enumerate(system.modes.frequencies) if w > 0.0)
+        raise NameNotFound(
+            f"{text}: the system is linear and has no stops: at each energy the quarter periods are {modes or 'none'}; "
+            "expected stops or springs that are not linear"
+        )
     mode = _mode(name.number, system)
     low, high = energy
     if not low <= mode.energies[1] <= high:

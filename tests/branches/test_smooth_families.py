@@ -62,7 +62,10 @@ def test_the_duffing_oscillator_agrees_with_elliptic_functions(cubic):
     assert branch.points["residual"].max() < 1e-14
 
 
-@pytest.mark.parametrize(("power", "mu", "sigma"), [(3, 0.05, 0.0), (7, 0.1, 0.1), (21, 0.1, 0.1)])
+@pytest.mark.parametrize(
+    ("power", "mu", "sigma"),
+    [(3, 0.05, 0.0), (3, 0.1, 0.1), (7, 0.1, 0.1), (11, 0.1, 0.1), (21, 0.1, 0.1), (31, 0.1, 0.1), (41, 0.1, 0.1)],
+)
 def test_a_second_integrator_finds_the_same_orbits(power, mu, sigma):
     """Oracle: DOP853 with the equation of variations, both end conditions solved by Newton's method. The quarter period agrees to 1e-12,
     and tau, from the derivatives of the far velocities, to 1e-9, as far as the tolerance of the integrator goes."""

@@ -70,6 +70,7 @@ def test_an_orbit_is_shown_without_impacts(capsys, folder):
         (("continue", "S11-", "--scene", "cubic_and_stops"), "has impacts between smooth flights, and no search finds such orbits"),
         (("continue", "--scene", "cubic_nes", "--from", "mode:1"), "mode 1 does not oscillate without the smooth forces; expected m"),
         (("continue", "--scene", "duffing_pair", "--from", "mode:7"), "the system has 2 modes without the smooth forces"),
+        (("continue", "--scene", "smooth_wall", "--n", "0", "--from", "mode:1"), "are mode:1 1.654138767, mode:2 0.4497503101; e"),
         (("discover", "--scene", "cubic_nes", "--energy", "0.1"), "the spring between u1 and u2 is not linear"),
         (("build", "--scene", "cubic_nes"), "the spring between u1 and u2 is not linear"),
     ],
