@@ -125,6 +125,8 @@ class LinearMode:
 def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     """The modes that move, come to rest and reach a stop: all but rigid-body modes and those that leave every gap unchanged.
 
+    Beside smooth forces there are none: no orbit of finite size is that of a mode.
+
     Parameters
     ----------
     system : ImpactSystem
@@ -140,10 +142,12 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     >>> [(mode.label, round(mode.energies[1], 10)) for mode in linear_modes(saltus.vibro_impact_nes(mu=0.1, sigma=0.1))]
     [('L11+', 0.1185078106), ('L11-', 0.0864921894)]
     """
-    require_system(system)
+    require_system(system, smooth=True)
     reason = system.why_not_conservative()
     if reason is not None:
         raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
+    if system.smooth_forces is not None:
+        return []
     modes = system.modes
     size = np.linalg.norm(modes.contacts.gap, axis=1).max()
     return [

@@ -100,7 +100,7 @@ def fast_path_numbers(system: ImpactSystem, dampers: Mapping[str, Any] | None = 
     parts = split_damping(system, dampers)
     if len(parts) != 2:
         raise ValueError(f"the fast path reports two parts of the damping matrix; received {len(parts)}: {', '.join(parts)}")
-    if system.degrees_of_freedom != 2 or len(system.stops) != 1:
+    if system.degrees_of_freedom != 2 or len(system.stops) != 1 or system.smooth_forces is not None:
         return None
     stop = system.stops[0]
     if not stop.lower < 0.0 < stop.upper or not stop.restitution > 0.0:

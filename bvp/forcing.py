@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "BudgetTerms", "Constant", "Force", "Forcing", "Ground", "Harmonic", "Record", "budget_terms", "filtered", "forcing_of",
-    "ground_load", "record_text", "split_damping", "synthetic_record",
+    "BudgetTerms", "Constant", "Force", "Forcing", "Ground", "Harmonic", "Record", "budget_terms", "damping_across", "filtered",
+    "forcing_of", "ground_load", "record_text", "split_damping", "synthetic_record",
 ]  # fmt: skip
 
 @brief
@@ -121,7 +121,7 @@ def ground_load(system: ImpactSystem, direction: Any = None) -> np.ndarray:
     >>> ground_load(vibro_impact_nes(mu=0.1))
     array([-0.1, -1. ])
     """
-    require_system(system)
+    require_system(system, smooth=True)
     r = finite_numbers(np.ones(system.degrees_of_freedom) if direction is None else direction, "direction", system.degrees_of_freedom)
     return -(system.mass @ r)
 
@@ -260,9 +260,15 @@ def split_damping(system: ImpactSystem, dampers: Mapping[str, Any] | None = None
             i, j = np.unravel_index(int(np.argmax(residual)), residual.shape)
             raise ValueError(f"the dampers sum to the damping matrix; entry {i + 1},{j + 1} is {damping[i, j]:g}, theirs {total[i, j]:g}")
         return parts or {"all": total}
+    gaps = damping_across(damping, [np.array(stop.gap) for stop in system.stops])
+    return {"gaps": gaps, "rest": damping - gaps}
+
+
+def damping_across(damping: np.ndarray, rows: Sequence[np.ndarray]) -> np.ndarray:
+    """The part (n, n) of a damping matrix that dampers along the rows (n,) explain, as in `split_damping`."""
     gaps = np.zeros_like(damping)
     seen: list[np.ndarray] = []
-    for row in (np.array(stop.gap) for stop in system.stops):
+    for row in rows:
         if any(abs(abs(row @ other) - np.linalg.norm(row) * np.linalg.norm(other)) <= 1e-12 * (row @ row) for other in seen):
             continue
         seen.append(row)
@@ -276,7 +282,7 @@ def split_damping(system: ImpactSystem, dampers: Mapping[str, Any] | None = None
             continue
         if coefficient > 0.0:
             gaps += coefficient * np.outer(row, row)
-    return {"gaps": gaps, "rest": damping - gaps}
+    return gaps
 
 
 @brief

@@ -197,7 +197,7 @@ def families_of(source: Catalogue | Iterable[Branch], gap: Sequence[float] | Non
     source : Catalogue, or branches
         A catalogue must stay open while the families are in use: their orbits are read when they are first needed.
     gap : (n,) float, optional
-        Gap coordinate; by default absorber minus primary, else the gap of the first stop.
+        Gap coordinate; by default that of `relative`.
 
     Raises
     ------
@@ -220,9 +220,12 @@ def modes_of(system: ImpactSystem) -> Families:
 
 
 def relative(system: ImpactSystem) -> tuple[float, ...]:
-    """Absorber minus primary if the system has them, else the gap coordinate of its first stop."""
+    """Absorber minus primary if the system has them, else the gap of its first stop, else what the first smooth force acts on."""
     if system.absorber is None or system.primary is None:
-        return tuple(system.stops[0].gap)
+        if system.stops:
+            return tuple(system.stops[0].gap)
+        assert system.smooth_forces is not None
+        return tuple(system.smooth_forces.directions[0].tolist())
     unit = np.eye(system.degrees_of_freedom)
     return tuple((unit[system.absorber] - unit[system.primary]).tolist())
 

@@ -287,7 +287,7 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
 def drift_rows(system: ImpactSystem, nes: tuple[int, ...] = ()) -> dict[str, np.ndarray]:
     """Rows (n,) of the drifts, by name: u_j - u_i for each spring between two coordinates outside the NES.
 
-    A drift is the change of length of a spring. Between a coordinate and the ground it is the displacement.
+    A drift is the change of length of a spring, linear or not. Between a coordinate and the ground it is the displacement.
 
     Examples
     --------
@@ -297,5 +297,8 @@ def drift_rows(system: ImpactSystem, nes: tuple[int, ...] = ()) -> dict[str, np.
     {'second - first': array([-1.,  1.])}
     """
     names, unit = system.coordinates, np.eye(system.degrees_of_freedom)
-    springs = [(i, j) for j in range(len(unit)) for i in range(j) if system.stiffness[i, j] and i not in nes and j not in nes]
+    joined = system.stiffness != 0.0
+    for spring in system.springs:
+        joined[np.ix_(*2 * [np.flatnonzero(spring.row)])] = True
+    springs = [(i, j) for j in range(len(unit)) for i in range(j) if joined[i, j] and i not in nes and j not in nes]
     return {f"{names[j]} - {names[i]}": unit[j] - unit[i] for i, j in springs}

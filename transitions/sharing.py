@@ -1,8 +1,8 @@
 """Energy shares of the nonlinear energy sink (NES) and of the rest (LO), their losses, and the system with a locked NES.
 
-The NES has its kinetic energy and the springs between it and the rest. It dissipates in the stops and dampers of the gaps between it and
-the rest. Everything else belongs to the LO (Lee et al., Physica D 238 (2009) 1868, section 3). Without an NES the energies have no shares;
-all stops and the dampers across them then take the place of its losses.
+The NES has its kinetic energy and the springs between it and the rest. It dissipates in the stops between it and the rest, and in the
+dampers across these stops or springs. Everything else belongs to the LO (Lee et al., Physica D 238 (2009) 1868, section 3). Without an NES
+the energies have no shares; all stops and the dampers across them then take the place of its losses.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.checks import require_system
-from bvp.forcing import split_damping
+from bvp.forcing import damping_across
+from bvp.system import Stop
 from bvp.texts import brief
 
 if TYPE_CHECKING:
@@ -102,9 +103,12 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
     """
     require_system(system, smooth=True)
     stops = tuple(stop for stop in system.stops if not nes or any(stop.gap[k] for k in nes))
-    gaps = split_damping(replace(system, stops=stops))["gaps"] if stops else np.zeros_like(system.damping)
+    elements = [element for element in (*system.springs, *system.dampers) if _touches(element, nes)]
+    if not nes:
+        elements = [damper for damper in system.dampers if any(_parallel(damper.row, stop.gap) for stop in stops)]
+    gaps = damping_across(system.damping, [np.array(row) for row in (*(stop.gap for stop in stops), *(one.row for one in elements))])
     dampers = {"gaps": gaps, "rest": system.damping - gaps}
-    on_nes = [damper.place(system.coordinates) for damper in system.dampers if not nes or _touches(damper, nes)]
+    on_nes = [damper.place(system.coordinates) for damper in system.dampers if damper in elements]
     parts = frozenset(["gaps", *on_nes, *(f"stop {stop.name}" for stop in stops)])
     if not nes:
         return Sharing(None, None, dampers, parts, sink=False)
@@ -116,7 +120,7 @@ def sharing_of(system: ImpactSystem, nes: tuple[int, ...] = (), lo: tuple[int, .
         for j in lo if len(lo) == 1 else range(len(mass)):
             if j not in nes[: i + 1]:  # a spring between two coordinates of the NES counts once
                 stiffness -= system.stiffness[k, j] * np.outer(unit[k] - unit[j], unit[k] - unit[j])
-    own = tuple(spring for spring in system.springs if _touches(spring, nes))
+    own = tuple(spring for spring in system.springs if spring in elements)
     springs = replace(system, springs=own, dampers=()).smooth_forces if own else None
     return Sharing(mass, stiffness + 0.0, dampers, parts, springs=springs)
 
@@ -126,12 +130,25 @@ def _touches(element: Element, nes: Sequence[int]) -> bool:
     return any(element.row[k] for k in nes) if element.row else False
 
 
+def _parallel(row: Sequence[float], gap: Sequence[float]) -> bool:
+    """Whether a row (n,), which may be missing, is a multiple of a gap (n,)."""
+    return bool(row) and np.linalg.matrix_rank(np.array([row, gap])) == 1
+
+
+def _along(matrix: np.ndarray, element: Element) -> Element | None:
+    """A spring or damper of a locked system, u = matrix q; None if it does not move. A ValueError for a potential of all coordinates."""
+    if not element.row:
+        raise ValueError(f"{element.place()} is an expression of coordinates that are locked; expected a spring between two coordinates")
+    row = np.array(element.row) @ matrix
+    return replace(element, row=tuple(row.tolist())) if np.abs(row).max() > 1e-12 * np.abs(element.row).max() else None
+
+
 def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ()) -> tuple[ImpactSystem, tuple[Force, ...]]:
     """The system and its loads with the NES locked: T'MT, T'CT, T'KT, T'f, and the stops that can still move.
 
     u = T q, and q are the other coordinates. Each NES coordinate moves with the one other coordinate in the gap of its stop, c . u = 0, or
-    stands still if there is none. A ValueError if no NES is marked, a gap does not determine the motion of its coordinate, or no coordinate
-    is left.
+    stands still if there is none. Without a stop, its spring or damper takes the place of the gap. A ValueError if no NES is marked, a gap
+    does not determine the motion of its coordinate, or no coordinate is left.
 
     Examples
     --------
@@ -143,16 +160,16 @@ def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ())
     (array([[1.1]]), array([[0.02]]), array([[1.]]), ('u2',))
     """
     n = system.degrees_of_freedom
-    require_system(system)
+    require_system(system, smooth=True)
     if not nes:
         raise ValueError("no coordinate is marked as NES, which is what would be locked (in a scene NES under [coordinates])")
     kept = [k for k in range(n) if k not in nes]
     matrix = np.eye(n)[:, kept]
     for k in nes:
+        gaps = [stop.gap for stop in system.stops if stop.gap[k]]
+        gaps = gaps or [element.row for element in (*system.springs, *system.dampers) if _touches(element, [k])]
         hosts = {
-            tuple((j, -stop.gap[j] / stop.gap[k]) for j in range(n) if stop.gap[j] and j != k)
-            for stop in system.stops
-            if stop.gap[k] and not any(stop.gap[j] for j in nes if j != k)
+            tuple((j, -gap[j] / gap[k]) for j in range(n) if gap[j] and j != k) for gap in gaps if not any(gap[j] for j in nes if j != k)
         }
         if len(hosts) != 1 or len(host := next(iter(hosts))) > 1:
             raise ValueError(f"{system.coordinates[k]} cannot be locked: expected one gap, between it and one other coordinate at most")
@@ -163,12 +180,14 @@ def lock(system: ImpactSystem, nes: Sequence[int], forces: Sequence[Force] = ())
     rows = [np.array(stop.gap) @ matrix for stop in system.stops]
     free = [np.abs(row).max() > 1e-12 * np.abs(stop.gap).max() for row, stop in zip(rows, system.stops, strict=True)]
     stops = tuple(replace(stop, gap=tuple(row)) for stop, row, moves in zip(system.stops, rows, free, strict=True) if moves)
+    springs, dampers = ([_along(matrix, element) for element in elements] for elements in (system.springs, system.dampers))
+    left: dict[str, Any] = {"springs": tuple(filter(None, springs)), "dampers": tuple(filter(None, dampers))}
     if not stops:
-        stops = (replace(system.stops[0], gap=tuple(np.eye(len(kept))[0]), lower=-_OUT_OF_REACH, upper=_OUT_OF_REACH),)
+        stops = (Stop(tuple(np.eye(len(kept))[0]), -_OUT_OF_REACH, _OUT_OF_REACH),)
     mass, damping, stiffness = (matrix.T @ part @ matrix for part in (system.mass, system.damping, system.stiffness))
     locked = replace(
         system, mass=mass, damping=damping, stiffness=stiffness, stops=stops, coordinates=tuple(system.coordinates[k] for k in kept),
-        absorber=None, primary=None, model=None, parameters=None,
+        absorber=None, primary=None, model=None, parameters=None, **left,
     )  # fmt: skip
     return locked, tuple(
         replace(force, **{name: matrix.T @ getattr(force, name) for name in ("load", "cosine", "sine") if hasattr(force, name)})

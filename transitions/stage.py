@@ -49,7 +49,7 @@ class Follows:
     share : float
         Share of the orbit's amplitude that the harmonic has, mean over the stage.
     impacts : int
-        In a period of the orbit; 0 for a linear mode.
+        In a period of the orbit; 0 for a linear mode, or a family of smooth motion.
     harmonics : tuple of int
         Rising: this one, and the others with a fifth both of the orbit's amplitude and of the motion's.
     others : tuple of str
@@ -255,7 +255,7 @@ class StartFamily:
     @property
     def kept(self) -> str:
         """The number of impacts that keep the impact sequence, in words."""
-        return f"{self.impacts} impact{'s' * (self.impacts != 1)} in its impact sequence"
+        return f"{self.impacts} impact{'s' * (self.impacts != 1)} in its impact sequence" if self.impacts else "no impact"
 
 
 def start_family(

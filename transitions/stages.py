@@ -47,7 +47,7 @@ def stages_of(
     A stage is an interval in which one ridge of the spectrum of the gap coordinate is the largest and has a fifth of the amplitude, for
     three of its periods or more. It follows a family by its frequency and the energy, both averaged over three periods. The frequency lies
     within 0.05 octave of a harmonic of the family's orbit at this energy, and the harmonic has a fifth of the orbit's amplitude. A family
-    with impacts needs an impact within one of its periods. A linear mode needs one of its periods without impact.
+    with impacts needs an impact within one of its periods. A family without, such as a linear mode, needs a period without.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def why_another(
     name = start.called
     if stage.follows is not None and start.family in stage.follows.others:
         return f"{name} fits as well, this one is simpler"
-    if not stage.impacts:
+    if family.impacts and not stage.impacts:
         return f"it has no impact, {name} has {family.impacts} in a period"
     some = np.unique(np.linspace(0, len(times) - 1, _SOME).round().astype(int))
     energies = np.interp(times[some], record.times, record.energy)

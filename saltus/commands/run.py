@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text below the figure")
     options.add_shared(parser, "clearance", "natural-frequency")
-    options.add_scene(parser, uses=("ground", "forces"))
+    options.add_scene(parser, uses=("ground", "forces", "springs"))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -281,7 +281,7 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
 
 
 def of_the_start(report: MotionReport, record: dict[str, Any], count: int) -> list[str]:
-    """How long the motion keeps the impact sequence of the orbit that it starts on, in at most one line.
+    """How long a motion with impacts keeps the impact sequence of the orbit that it starts on, in at most one line.
 
     A stage may follow another family from the first impact on. `count` is the number of impacts.
     """
@@ -292,6 +292,8 @@ def of_the_start(report: MotionReport, record: dict[str, Any], count: int) -> li
     if left is not None:
         where = f"impact {left['impact']} is at stop {left['stop']}, that of the orbit at stop {left['expected']}"
         return [f"{name} at {left['time']:.6g}: {where}"]
+    if not count:
+        return []
     last = "" if record["last_impact"] is None else f", the last at {record['last_impact']:.6g}"
     return [f"{name} at no impact: all {count} are in its impact sequence{last}"]
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from saltus.options import Units
     from saltus.scene import Scene
+    from transitions.families import Families
     from transitions.frequencies import IntrinsicModes
     from transitions.sharing import Sharing
     from transitions.stage import Stage, StartFamily
@@ -149,6 +150,10 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
 
 def _called(name: Name, orbit: Orbit) -> str:
     """The name of the family of a start: the label that was asked for, or the label of the orbit where an incomplete label or an id was."""
+    if not orbit.system.stops:
+        from branches.naming.search import label_without_stops
+
+        name = label_without_stops(name)
     if name.label is None or (not name.label.is_complete and has_label(orbit, name)):
         return orbit.label
     return str(name.label)
@@ -325,21 +330,24 @@ def with_stages(
 ) -> MotionReport:
     """Add the record and the stages to a report, if they can be computed; `transitions.stages.stages_of` describes `on_progress`.
 
-    The stages use the linear modes, and the families of the catalogue. Without a catalogue they use the family that the motion starts
-    on, if any."""
+    The stages use the linear modes, if all springs are linear, and the families of the catalogue. Without a catalogue they use the family
+    that the motion starts on, if any."""
     from transitions.families import families_of, modes_of, relative
     from transitions.record import sampled, samples_of
     from transitions.spectrum import TooCoarse
     from transitions.stages import stages_of
     from transitions.transition import Transition
 
-    gap = relative(scene.system)
+    gap, notes = relative(scene.system), list[str]()
+    families: Families | None = None
     if catalogue is not None:
         families = families_of(catalogue, gap)
     elif start.branch is not None:
         families = families_of([start.branch], gap)
-    else:
+    elif scene.system.why_not_linear() is None:
         families = modes_of(scene.underlying.system)
+    else:
+        notes.append("compared with no family: springs that are not linear leave no linear modes; expected --catalogue FILE or --on NAME")
     span = report.motion.duration
     wanted = samples_of(report.motion, span)
     samples = min(MOST_SAMPLES, wanted)
@@ -359,8 +367,10 @@ def with_stages(
         except ValueError as error:
             return replace(report, why_no_stages=one_line(error))
         else:
-            note = "" if span == report.motion.duration else f"computed up to time {span:.6g}, of which the record has {samples} samples"
-            return replace(report, shown=Transition(scene.system, record, gap, stages, start=report.began), why_no_stages=note)
+            if span < report.motion.duration:
+                notes.append(f"computed up to time {span:.6g}, of which the record has {samples} samples")
+            shown = Transition(scene.system, record, gap, stages, start=report.began)
+            return replace(report, shown=shown, why_no_stages="; ".join(notes))
 
 
 def require_sifting() -> None:

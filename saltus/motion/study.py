@@ -100,7 +100,7 @@ def read_study_file(path: str | os.PathLike[str], parameters: Mapping[str, float
         if name in (*varied, *replaced):
             raise BadInput(f"{file.where}: {name} is {'varied' if name in varied else 'fixed'} in the file; expected --set for another one")
     scene = load_scene(place, **replaced, **(parameters or {}))
-    scene.require_used("saltus study", tuple(LOADS))
+    scene.require_used("saltus study", (*LOADS, "springs"))
     of_model = [name for name in varied if name in _OF_MODEL]
     if of_model and "model" not in scene.system.describe():
         raise BadInput(f"{file.where}: {of_model[0]} is a parameter of a model, and the scene gives matrices instead of a model")
@@ -124,7 +124,7 @@ def read_study_file(path: str | os.PathLike[str], parameters: Mapping[str, float
         title=file.get("title", TEXT, ""),
         forces=scene.forces,
         **_numbers(file, design),
-        **_run(file.table("run", {}), bool(scene.forces)),
+        **_run(file.table("run", {}), _why_no_end(scene)),
     )
     if plan.count > MOST_RUNS:
         raise BadInput(f"{file.where}: the grid has {plan.count} runs, expected {MOST_RUNS} at most")
@@ -142,7 +142,15 @@ def _numbers(file: TomlTable, design: str) -> dict[str, int]:
     return {key: file.get(key, kind) for key, kind in kinds.items() if key in file.content or key == "runs"}
 
 
-def _run(run: TomlTable, forced: bool) -> dict[str, Any]:
+def _why_no_end(scene: Scene) -> str:
+    """Why there is no proof that impacts are no longer possible; empty if there can be one."""
+    if scene.forces:
+        return "the scene has loads, under which impacts stay possible"
+    reason = scene.system.why_not_linear()
+    return "" if reason is None else f"{reason}, and only linear flights have a proof that no impact is possible"
+
+
+def _run(run: TomlTable, why_no_end: str) -> dict[str, Any]:
     from transitions.study.plan import CLEAR
 
     run.only("until", "longest", "impacts")
@@ -151,8 +159,8 @@ def _run(run: TomlTable, forced: bool) -> dict[str, Any]:
     if until != CLEAR:
         hint = nearest(until, (CLEAR,)) if isinstance(until, str) else ""
         out["until"] = run.get("until", POSITIVE._replace(expected=f'a duration above 0, or "{CLEAR}": until no impact is possible{hint}'))
-    elif forced:
-        raise run.wrong("until", until, "a duration: the scene has loads, under which impacts stay possible")
+    elif why_no_end:
+        raise run.wrong("until", until, f"a duration: {why_no_end}")
     if "longest" in run.content:
         if until != CLEAR:
             raise BadInput(f'{run.where}: longest goes with until = "{CLEAR}"; a duration is the longest time itself')

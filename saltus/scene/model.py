@@ -102,14 +102,15 @@ def explain_motion(system: ImpactSystem, forces: Sequence[Force] = ()) -> list[s
     restitution below 1 -> bounces that accumulate are summed to their end, and a contact that is pressed sticks, with one coordinate less
     no loads -> no particular solution
     """
-    lines = _of_system(system)
-    if system.damping.any():
+    lines, linear = _of_system(system), system.why_not_linear() is None
+    if linear and system.damping.any():
         lines = ["damped -> complex modes: free flight is a sum of decaying exponentials, exact to rounding", _ELASTIC]
     if any(stop.restitution < 1.0 for stop in system.stops):
         how = "bounces that accumulate are summed to their end, and a contact that is pressed sticks, with one coordinate less"
         lines[-1] = f"restitution below 1 -> {how}"
     kinds = ", ".join(dict.fromkeys(type(force).__name__.lower() for force in forces))
-    choice = f"{kinds} -> each load is the state of a linear system of its own, and the flight with it exact" if kinds else ""
+    flight = "the flight with it exact" if linear else "part of the Taylor series of the flight"
+    choice = f"{kinds} -> each load is the state of a linear system of its own, and {flight}" if kinds else ""
     return [*lines, choice or "no loads -> no particular solution"]
 
 

@@ -236,7 +236,6 @@ def test_springs_go_with_matrices(tmp_path, capsys):
 @pytest.mark.parametrize(
     "words",
     [
-        ("run", "--duration", 10),
         ("section", "--energy", 1),
         ("sweep", "--in", "n", "--range", "1:2"),
         ("discover", "--energy", 1),
@@ -262,12 +261,6 @@ def test_linear_springs_are_no_reason_to_refuse(tmp_path, capsys):
         assert code == 0
         found.append(out)
     assert found[0] == found[1]
-
-
-def test_a_study_refuses_springs_that_are_not_linear(tmp_path, capsys):
-    (tmp_path / "study.toml").write_text('scene = "cubic_nes"\ndesign = "grid"\n[vary.energy]\nfrom = 0.1\nto = 1.0\npoints = 2\n')
-    words = "saltus study computes linear flights, and the spring between u1 and u2 is not linear"
-    refused(run(capsys, "study", tmp_path / "study.toml"), words)
 
 
 def test_the_model_of_a_scene_with_springs(tmp_path):

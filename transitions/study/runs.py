@@ -42,6 +42,7 @@ class Ending(Enum):
     EXHAUSTED = (7, MotionStatus.EXHAUSTED.value)
     NO_ORBIT = (8, "the starting family has no orbit at this energy; choose energies at which it has")
     PIERCED = (9, MotionStatus.PIERCED.value)
+    UNRESOLVED = (10, MotionStatus.UNRESOLVED.value)
 
     def __init__(self, code: int, text: str) -> None:
         self.code = code
@@ -158,6 +159,9 @@ def _states(
     mass, stiffness = (np.array([getattr(one.system, key) for one in systems])[which] for key in ("mass", "stiffness"))
     u, v = states[:, :n], states[:, n:]
     energies = 0.5 * (np.einsum("bi,bij,bj->b", v, mass, v) + np.einsum("bi,bij,bj->b", u, stiffness, u))
+    smooth = systems[0].system.smooth_forces  # a study changes no spring of theirs
+    if smooth is not None:
+        energies += smooth.energy(u)
     return states, energies, leaving
 
 

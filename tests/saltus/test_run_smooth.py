@@ -1,0 +1,152 @@
+"""`saltus run` and `saltus study` with smooth forces.
+
+Oracles: DOP853 of scipy, with the integrals of what each damper takes; closed forms of a locked sink; families of the undamped system.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.io import loadmat
+
+from saltus import Simulator, load_scene
+from tests.saltus.running import refused, run
+from transitions.sharing import sharing_of
+from transitions.study.study import Study
+
+TIMES = np.linspace(0.0, 60.0, 13)
+LOSSES = ("--lam", 0.02, "--set", "lam_nes=0.01")
+
+
+def shares_of_sink(power, pull, start):
+    """u, v, and what sink and oscillator have dissipated, at `TIMES`: a mass 0.05 on the spring `pull`, an oscillator of frequency 1, and
+    the damper 0.01 w'^power between them."""
+
+    def rate(_, x):
+        w, speed = x[0] - x[1], x[2] - x[3]
+        push = pull(w) + 0.01 * speed**power
+        return [x[2], x[3], -push / 0.05, push - x[1] - 0.02 * x[3], 0.01 * speed ** (power + 1), 0.02 * x[3] ** 2]
+
+    return solve_ivp(rate, (0.0, 60.0), [*start, 0.0, 0.0], "DOP853", t_eval=TIMES, rtol=1e-13, atol=1e-15).y.T
+
+
+def test_a_damped_motion_and_its_files(tmp_path, capsys):
+    """Oracle: DOP853 with the energies that the dampers take."""
+    files = {kind: tmp_path / f"run.{kind}" for kind in ("json", "csv", "npz", "mat")}
+    options = [text for kind, path in files.items() for text in (f"--{kind}", path)]
+    words = ("--scene", "cubic_nes", "--impulse", 0.8, *LOSSES, "--duration", 60, "--samples", len(TIMES), *options)
+    code, out, _ = run(capsys, "run", *words)
+    assert code == 0 and "impacts  0" in out
+    exact = shares_of_sink(1, lambda w: w**3, [0.0, 0.0, 0.0, 0.8])
+    record = json.loads(files["json"].read_text())
+    assert record["system"]["springs"] == [{"c": [1.0, -1.0], "power": 3.0, "nonlinear_only": True, "stiffness": 1.0}]
+    for table in (np.load(files["npz"]), loadmat(files["mat"], squeeze_me=True)):
+        np.testing.assert_allclose(np.hstack([table["u"], table["v"]]), exact[:, :4], atol=1e-11)
+        np.testing.assert_allclose(np.stack([table["dissipated_nes"], table["dissipated_lo"]], axis=1), exact[:, 4:], atol=1e-12)
+        w, speed = exact[:, 0] - exact[:, 1], exact[:, 2]
+        np.testing.assert_allclose(table["nes_energy"], 0.5 * 0.05 * speed**2 + 0.25 * w**4, atol=1e-12)
+        np.testing.assert_allclose(table["energy"] + table["dissipated_nes"] + table["dissipated_lo"], 0.32, rtol=1e-13)
+    assert record["dissipated"]["gaps"] == pytest.approx(exact[-1, 4], abs=1e-12)
+    assert len(files["csv"].read_text().splitlines()) == 1 + len(TIMES)
+
+
+SCENE = """
+[system]
+mass = [[0.05, 0.0], [0.0, 1.0]]
+stiffness = [[0.0, 0.0], [0.0, 1.0]]
+[[springs]]
+between = ["sink", "floor"]
+potential = "cosh(w) - 1"
+[[dampers]]
+between = ["sink", "floor"]
+damping = 0.01
+power = POWER
+[[dampers]]
+on = "floor"
+damping = 0.02
+[coordinates]
+names = ["sink", "floor"]
+NES = "sink"
+LO = "floor"
+"""
+
+
+@pytest.mark.parametrize("power", [1, 3])
+def test_a_damper_of_a_sink_counts_for_it(tmp_path, capsys, power):
+    """Oracle: DOP853 with the energies that the dampers take, of a linear and of a cubic one."""
+    (tmp_path / "scene.toml").write_text(SCENE.replace("POWER", str(power)))
+    words = ("--scene", tmp_path / "scene.toml", "--impulse", 0.8, "--duration", 60, "--json", tmp_path / "run.json")
+    assert run(capsys, "run", *words)[0] == 0
+    exact = shares_of_sink(power, np.sinh, [0.0, 0.0, 0.0, 0.8])[-1, 4:] / 0.32
+    found = json.loads((tmp_path / "run.json").read_text())
+    assert [found["shares"]["nes"], found["shares"]["lo"]] == pytest.approx(list(exact), abs=1e-11)
+
+
+def test_a_motion_follows_the_family_that_it_starts_on(tmp_path, capsys):
+    """Oracles: without losses the orbit itself; with small ones the family, on which a slow motion stays."""
+    catalogue = tmp_path / "mine.sqlite"
+    assert run(capsys, "continue", "S11+", "--scene", "cubic_nes", "--energy", "0.01:0.1", "--save", "--catalogue", catalogue)[0] == 0
+    words = ("--scene", "cubic_nes", "--on", "S11+", "--energy", 0.08, "--catalogue", catalogue, "--duration", 150)
+    for losses in (), ("--lam", 0.002, "--set", "lam_nes=0.002"):
+        code, out, _ = run(capsys, "run", *words, *losses, "--json", tmp_path / "run.json", "--plot", tmp_path / "run.png")
+        record = json.loads((tmp_path / "run.json").read_text())
+        assert code == 0 and "leaves" not in out and (tmp_path / "run.png").stat().st_size > 10_000
+        assert [(stage["follows"]["label"], stage["follows"]["harmonic"]) for stage in record["stages"]] == [("S11+", 1)]
+        assert record["stages"][0]["start"] < 10.0 and record["stages"][0]["end"] > 140.0
+        assert record["initial"]["on"]["name"] == "S11+"
+    code, out, _ = run(capsys, "run", "--scene", "cubic_nes", "--impulse", 0.4, "--duration", 60, "--stages")
+    assert code == 0 and "compared with no family: springs that are not linear leave no linear modes" in out
+
+
+def test_a_locked_smooth_sink(tmp_path, capsys):
+    """Oracle: the oscillator with both masses, u2 = V sqrt(1.05) sin(t/sqrt(1.05))."""
+    words = ("--scene", "cubic_nes", "--impulse", 0.8, "--duration", 60, "--locked", "--json", tmp_path / "run.json")
+    assert run(capsys, "run", *words)[0] == 0
+    peak = json.loads((tmp_path / "run.json").read_text())["locked"]["peaks"]["displacements"]["u2"]
+    assert peak["peak"] == pytest.approx(0.8 * np.sqrt(1.05), rel=1e-12)
+    assert peak["time"] == pytest.approx(0.5 * np.pi * np.sqrt(1.05), abs=1e-6)
+
+
+STUDY = """
+scene = "cubic_nes"
+design = "grid"
+[vary.energy]
+from = 0.02
+to = 0.5
+points = 3
+[fixed]
+lam = 0.02
+FAMILY
+[run]
+until = 60.0
+"""
+
+
+@pytest.mark.parametrize("family", ["", 'family = "S11-"'])
+def test_a_study(tmp_path, capsys, family):
+    """Oracle: the simulation of each run alone."""
+    (tmp_path / "shock.toml").write_text(STUDY.replace("FAMILY", family))
+    code, out, _ = run(capsys, "study", tmp_path / "shock.toml", "--set", "lam_nes=0.01", "--workers", 1)
+    assert code == 0 and "3: the duration was reached" in out
+    study, scene = Study(tmp_path / "shock.study"), load_scene("cubic_nes", lam=0.02, lam_nes=0.01)
+    shared = sharing_of(scene.system, scene.nes, scene.lo)
+    for k, h in enumerate([0.02, 0.26, 0.5]):
+        if family:
+            from saltus.families import start_of, trace
+
+            (orbit,) = trace("S11-", scene=scene.underlying, energy=(0.01, 0.6)).orbits_at(energy=h)
+            u, v, _ = start_of(orbit)
+        else:
+            u, v = np.zeros(2), np.array([0.0, np.sqrt(2.0 * h)])
+        motion = Simulator(scene.system, dampers=shared.dampers).run(u, v, 60.0)
+        shares = np.array(shared.totals(motion.dissipated)) / motion.initial_energy
+        assert study["h"][k] == pytest.approx(h, rel=1e-9)
+        assert [study["nes_share"][k], study["lo_share"][k]] == pytest.approx(list(shares), rel=1e-7 if family else 1e-12)
+    assert study["balance_error"].max() < 1e-13
+
+
+def test_a_study_of_smooth_forces_has_a_duration(tmp_path, capsys):
+    (tmp_path / "shock.toml").write_text(STUDY.replace("until = 60.0", "").replace("FAMILY", ""))
+    words = "the spring between u1 and u2 is not linear, and only linear flights have a proof that no impact is possible"
+    refused(run(capsys, "study", tmp_path / "shock.toml"), "expected a duration", words)
