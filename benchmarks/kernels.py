@@ -66,6 +66,18 @@ EXAMPLES: dict[str, list[str]] = {
         "continue S11- --scene cubic_nes --energy 1e-4:1 --points 60 --plot a.png",
         "continue --scene beam_on_cubic_spring --from mode:1 --points 20",
     ],
+    "smooth run": [
+        "run --scene cubic_nes --impulse 0.8 --lam 0.01 --set lam_nes=0.01 --duration 20 --stages --plot a.png",
+        "run --scene cubic_and_stops --impulse 2 --set rho=0.7 --lam 0.01 --duration 20",
+    ],
+    "smooth section": ["section --scene cubic_nes --energy 0.05 --orbits 3 --crossings 20 --plot a.png"],
+    "smooth sweep": ["sweep --scene ueda_oscillator --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
+    "smooth response": [
+        "continue --scene ueda_oscillator --set B=1 --from rest --in w --range 0.98:1.1 --points 10 --json a.json --plot a.png",
+    ],
+    "smooth simulated response": [
+        "continue --scene ueda_oscillator --set B=1 --from simulate --in w --range 0.98:1.1 --points 10 --json a.json --plot a.png",
+    ],
     "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""

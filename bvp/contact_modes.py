@@ -198,6 +198,11 @@ class ContactModeTable:
         self.modes[sticking] = contact_mode_of(self.system, sticking, self.forcing, self.terms)
         self.__dict__.pop("stacked", None)
 
+    def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
+        """The state of a contact mode from x = (u, v, y)."""
+        z: np.ndarray = self.modes[sticking]["enter"] @ x
+        return z
+
     @cached_property
     def stacked(self) -> ContactModes:
         """All modes in arrays of one size, that of the largest mode. A smaller mode is padded with states that stay 0."""

@@ -98,9 +98,13 @@ class SmoothForces:
 
     def acting(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The forces (..., n) on the coordinates at displacements and velocities (..., n), on the left-hand side."""
+        found: np.ndarray = self.values(u, v) @ self.directions
+        return found
+
+    def values(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The forces f_j (..., F) at displacements and velocities (..., n)."""
         inputs = np.moveaxis(np.concatenate([u, v], axis=-1) @ self.inputs.T, -1, 0)
-        values = [force(*inputs) + np.zeros(u.shape[:-1]) for force in self._functions]
-        return np.stack(values, axis=-1) @ self.directions
+        return np.stack([force(*inputs) + np.zeros(u.shape[:-1]) for force in self._functions], axis=-1)
 
     @property
     def _potential(self) -> Any:

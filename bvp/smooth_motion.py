@@ -42,6 +42,13 @@ class SmoothModeTable:
         self.modes[sticking] = _mode(self.system, self.forces, sticking, self.forcing, self.terms)
         self.__dict__.pop("stacked", None)
 
+    def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
+        """As `ContactModeTable.entered`, with the smooth forces in it, and without their derivatives."""
+        n, count = self.system.degrees_of_freedom, len(self.forces.forces)
+        z: np.ndarray = self.modes[sticking]["enter"] @ x
+        z[len(x) : len(x) + count] = self.forces.values(x[:n], x[n : 2 * n])
+        return z
+
     @cached_property
     def _taylor(self) -> SmoothFlight:
         forces, shapes, n = self.forces, self.system.modes.shapes, self.system.degrees_of_freedom

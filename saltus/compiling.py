@@ -16,11 +16,14 @@ import sys
 import threading
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from saltus.terminal import ProgressBar, counted
 
-__all__ = ["LIST", "announce", "compile_kernels", "missing", "prepare", "prepare_with"]
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = ["LIST", "announce", "compile_kernels", "missing", "prepare", "prepare_for", "prepare_with"]
 
 LIST = Path(__file__).with_name("kernels.json")
 
@@ -58,6 +61,11 @@ def prepare(*groups: str) -> None:
         announce(calls)
     if calls and keeps():
         compile_kernels(calls)
+
+
+def prepare_for(system: ImpactSystem, *groups: str) -> None:
+    """`prepare` the kernels of some commands for a system: one with smooth forces has groups of its own."""
+    prepare(*(groups if system.smooth_forces is None else (f"smooth {group}" for group in groups)))
 
 
 _tried: set[str] = set()

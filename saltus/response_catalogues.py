@@ -163,7 +163,7 @@ def fill_catalogue(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     request = request_of(arguments)
     place = place_of_responses(arguments, record_of(request), request.source)
-    prepare_kernels(arguments)
+    prepare_kernels(request, arguments)
     starts = starts_of(request, arguments, files.report)
 
     from branches.building.responses import ResponsePlan, build_responses, seed_of

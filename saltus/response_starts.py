@@ -154,9 +154,10 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
 
 
-def prepare_kernels(arguments: argparse.Namespace) -> None:
+def prepare_kernels(request: ResponseRequest, arguments: argparse.Namespace) -> None:
     """Compile the kernels of responses, and those of a simulation where one is the start."""
-    compiling.prepare("response", *(["simulated response"] if arguments.start == "simulate" else []))
+    groups = ["response", *(["simulated response"] if arguments.start == "simulate" else [])]
+    compiling.prepare_for(request.path.parametric.system(), *groups)
 
 
 def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: Report) -> list[ResponseStart]:
@@ -196,11 +197,7 @@ def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, .
 
 
 def _check_system(parametric: ParametricSystem, start: str) -> None:
-    """Refuse loads without a common period, a system without periodic loads of which nothing determines an orbit, and a simulation of
-    springs that are not linear."""
-    reason = parametric.system().why_not_linear()
-    if reason is not None and start == "simulate":
-        raise BadInput(f"--from simulate computes linear flights, and {reason}; expected --from rest, or a JSON file FILE[:EVENT]")
+    """Refuse loads without a common period, and a system without periodic loads of which nothing determines an orbit."""
     try:
         if parametric.layout.harmonics:
             return

@@ -146,7 +146,7 @@ def follow_forced(arguments: argparse.Namespace) -> int:
 
         record = response_catalogues.record_of(request)
         keep = partial(response_catalogues.save_followed, response_catalogues.place_of_responses(arguments, record, request.source), record)
-    prepare_kernels(arguments)
+    prepare_kernels(request, arguments)
     return _follow_and_write(starts_of(request, arguments, files.report), request.interval, arguments, files, request.title, keep)
 
 

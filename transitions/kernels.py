@@ -19,7 +19,8 @@ from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, restitute_state
 from bvp.kernels.energy_budget import Products, integrals
 from bvp.kernels.extrema import peak_flight, rises
-from bvp.kernels.flight import flow_state, inner, row_dot, times_matrix
+from bvp.kernels.flight import inner, row_dot, times_matrix
+from bvp.kernels.flights import carry_change, potential_energy
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED, move
 from bvp.kernels.shooting import event
 
@@ -63,7 +64,7 @@ class Rows(NamedTuple):
 
     functional: np.ndarray  # (F, 3, N) rows of f, f', f''
     plane: np.ndarray  # (F, 2, N) rows of the two coordinates on the section
-    energy: np.ndarray  # (F, N, N) energy is z . energy z/2
+    energy: np.ndarray  # (F, N, N) energy is z . energy z/2, and that of the smooth forces
 
 
 class SectionStarts(NamedTuple):
@@ -143,7 +144,7 @@ def follow_section(modes, rows, starts, limits, first, orbit, out, work):
             out.counts[m] = 0
             out.impacts[m] = 0
             out.sticking_times[m] = 0.0
-            record_crossing(rows, 0, orbit.begin, orbit.change, orbit.change, 0.0, out, m)
+            record_crossing(modes, rows, 0, orbit.begin, orbit.change, orbit.change, 0.0, out, m)
         status = COMPLETE
         while out.counts[m] < wanted:
             if numbers[entry.RUNNING] == 0:
@@ -202,16 +203,18 @@ def cross(modes, rows, orbit, out, m, work):
         flight, functional = flight_of(modes, f), rows.functional[f]
         end = motion.clock[entry.TIME] if last else log.values[k, 0]
         duration = max(0.0, end - started)
-        found, sign = rises(
-            flight, functional[0], functional[1], functional[2], orbit.begin, duration, orbit.places[SIGN], work.times, work.row
-        )
-        orbit.places[SIGN] = sign
+        found = int64(0)
+        if duration > 0.0:
+            found, sign = rises(
+                flight, functional[0], functional[1], functional[2], orbit.begin, duration, orbit.places[SIGN], work.times, work.row
+            )
+            orbit.places[SIGN] = sign
         if found < 0:
             return False
         for i in range(found):
             event(flight, functional, 0, orbit.begin, orbit.change, work.times[i], work.state, work.image, work.velocity)
             time = orbit.clocks[ELAPSED] + started + work.times[i]
-            record_crossing(rows, f, work.state, work.image, orbit.change, time, out, m)
+            record_crossing(modes, rows, f, work.state, work.image, orbit.change, time, out, m)
             if out.counts[m] == wanted:
                 duration = work.times[i]
                 break
@@ -228,7 +231,7 @@ def cross(modes, rows, orbit, out, m, work):
             event(flight, modes.gap[0], contact, orbit.begin, orbit.change, duration, work.state, work.image, work.velocity)
             restitute_state(contacts_of(modes, 0), contact, work.image, orbit.change)
         else:
-            flow_state(flight, orbit.change, duration, work.image)
+            carry_change(flight, orbit.begin, orbit.change, duration, work.image)
             for r in range(orbit.change.shape[0]):
                 orbit.change[r] = work.image[r]
         out.impacts[m] += 1 if impact else 0
@@ -241,11 +244,11 @@ def cross(modes, rows, orbit, out, m, work):
 
 
 @kernel
-def record_crossing(rows, f, z, image, change, time, out, m):
+def record_crossing(modes, rows, f, z, image, change, time, out, m):
     """Record the next crossing of orbit m, at the state z in contact mode f. `image` is the perturbation there. `change` is scaled so that
     the image has size 1 in the plane."""
     k = out.counts[m]
-    energy = 0.0
+    energy = potential_energy(flight_of(modes, f), z)
     for r in range(z.shape[0]):
         energy += 0.5 * z[r] * inner(rows.energy[f, r], z)
     first = inner(rows.plane[f, 0], image)

@@ -70,6 +70,18 @@ def linear_path_state(flight, z, t, out):
 
 
 @chosen
+def carry_change(flight, z, change, t, out):
+    """out (N,) = the derivative of a flight's end by its begin z, times a vector `change`."""
+
+
+@carry_change.of(Flight)
+@inlined
+def flow_change(flight, z, change, t, out):
+    """See `carry_change`: it moves as a state does."""
+    flow_state(flight, change, t, out)
+
+
+@chosen
 def rate(flight, z, out):
     """out (N,) = z'."""
 
@@ -94,6 +106,18 @@ def twice_quadratic_energy(flight, weights, z):
     for r in range(z.shape[0]):
         total += weights[r] * z[r] * z[r]
     return total
+
+
+@chosen
+def potential_energy(flight, z):
+    """The energy of the smooth forces at a state."""
+
+
+@potential_energy.of(Flight)
+@inlined
+def no_potential_energy(flight, z):
+    """See `potential_energy`: there are none."""
+    return 0.0
 
 
 class QuadraticSlope(NamedTuple):

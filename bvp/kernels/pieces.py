@@ -12,19 +12,23 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import inlined, kernel, shared
-from bvp.kernels.flight import fastest_rate, row_dot, times_matrix
+from bvp.kernels.expressions import run
+from bvp.kernels.flight import fastest_rate, inner, row_dot, times_matrix
 from bvp.kernels.flights import (
     NEAR_REACH,
     NEAR_TERMS,
     along_path,
     begin_path,
     bounds_window,
+    carry_change,
     fastest,
     hold_path,
     parting,
     path_bounds,
     path_growth,
     path_state,
+    potential_energy,
+    rate,
     rounding_level,
     series,
 )
@@ -223,11 +227,29 @@ def find_piece(flight, z, t, most):
     return min(abs(t), abs(paths.begins[slot, width]))
 
 
+@kernel
+def is_finite_piece(flight):
+    """Whether Z is finite in the last step of the current path: the derivatives of a force overflow before the state does."""
+    paths = flight.taylor.paths
+    slot = flight.current[0]
+    last = paths.steps[slot, 0] - 1
+    h = paths.times[slot, last + 1] - paths.times[slot, last]
+    coefficients = paths.coefficients[slot, last]
+    for r in range(coefficients.shape[1]):
+        total = 0.0
+        for k in range(ORDER, -1, -1):
+            total = total * h + abs(coefficients[k, r])
+        if not total < math.inf:
+            return False
+    return True
+
+
 @begin_path.of(MotionFlight)
 @inlined
 def begin_piece(flight, z, horizon):
     """See `begin_path`."""
-    return find_piece(flight, z, horizon, PIECE)
+    known = find_piece(flight, z, horizon, PIECE)
+    return known if known < 0.0 or is_finite_piece(flight) else -1.0
 
 
 @hold_path.of(MotionFlight)
@@ -263,6 +285,56 @@ def piece_state(flight, z, t, out):
             out[r] = math.nan
     else:
         on_piece(flight, t, out)
+
+
+@shared("integer")
+def map_of_piece(flight, z, t):
+    """The path that has the derivative of the flight of time t from Z by its state; -1 where it cannot be computed."""
+    taylor = flight.taylor
+    paths = taylor.paths
+    width = paths.begins.shape[1] - 1
+    for slot in range(paths.steps.shape[0]):
+        same = paths.steps[slot, 0] > 0 and paths.steps[slot, 1] == 1 and flight.owner[slot] == flight.mode
+        same = same and paths.begins[slot, width] == t
+        for r in range(width):
+            same = same and paths.begins[slot, r] == z[r]
+        if same:
+            return slot
+    slot = (paths.latest[0] + 1) % paths.steps.shape[0]
+    paths.latest[0] = slot
+    flight.owner[slot] = flight.mode
+    return slot if fly_smooth(taylor, slot, z[:width], t, True) else int64(-1)
+
+
+@carry_change.of(MotionFlight)
+@kernel
+def carry_over_piece(flight, z, change, t, out):
+    """See `carry_change`: of displacements and velocities. What follows from these is left at 0, and the loads do not change."""
+    size = flight.taylor.matrix.shape[0]
+    for r in range(out.shape[0]):
+        out[r] = change[r] if r < size else 0.0
+    if t == 0.0:
+        return
+    slot = map_of_piece(flight, z, t)
+    for r in range(size):
+        out[r] = inner(flight.taylor.paths.maps[slot, r], change[:size]) if slot >= 0 else math.nan
+
+
+@rate.of(MotionFlight)
+@inlined
+def piece_rate(flight, z, out):
+    """See `rate`: of Z, but for the second derivatives of the forces."""
+    times_matrix(flight.matrix, z, out)
+
+
+@potential_energy.of(MotionFlight)
+@kernel
+def piece_energy(flight, z):
+    """See `potential_energy`."""
+    taylor = flight.taylor
+    times_matrix(taylor.rows, z[: taylor.matrix.shape[0]], taylor.parts)
+    run(taylor.potential, taylor.parts, taylor.scratch, taylor.value)
+    return taylor.value[0]
 
 
 @path_growth.of(MotionFlight)

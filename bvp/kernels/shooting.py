@@ -19,7 +19,8 @@ from numpy import int64
 from bvp.kernels.compiled import allocating, kernel, shared, sized
 from bvp.kernels.contact_mode import arrive, restitute_state
 from bvp.kernels.extrema import crossing_times, next_sign_change, refine, track_of
-from bvp.kernels.flight import Contacts, Flight, block_product, circular, copy_1, flow_state, inner, row_dot
+from bvp.kernels.flight import Contacts, Flight, circular, copy_1, flow_state, inner, row_dot
+from bvp.kernels.flights import carry_change, path_state, rate
 from bvp.kernels.impact import HIT, NONE, next_hit
 from bvp.kernels.multipoint import STOP
 from bvp.kernels.two_mode_hit import DECLINED, turn_mode, turn_states, two_mode_hit
@@ -323,7 +324,7 @@ def event(flight, rows, c, z, change, time, state, state_change, velocity):
     """The state (N,) after `time` from z, and its derivative along rows[c] . state = constant where `change` is that of z. Returns the
     derivative of the time."""
     # Equation (19), for an event that is a zero of rows[c] . z.
-    flow_state(flight, z, time, state)
-    flow_state(flight, change, time, state_change)
-    block_product(flight.pairs, flight.matrix, state, velocity)
+    path_state(flight, z, time, state)
+    carry_change(flight, z, change, time, state_change)
+    rate(flight, state, velocity)
     return arrive(rows, c, velocity, state_change)

@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
             start = simulation.start_of_motion(arguments, scene)
             if arguments.locked:
                 lock(scene.system, scene.nes, scene.forces)  # what cannot be locked is refused before the work
-            compiling.prepare("run")
+            compiling.prepare_for(scene.system, "run")
             with ProgressBar(100, "% of the motion") as bar:
                 report = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
         locked = modes = None

@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N periodic orbits")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    options.add_scene(parser)
+    options.add_scene(parser, ("springs",))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report(f"model  {line}" for line in explain_section(scene.system))
     with catalogues.given(arguments, scene) as catalogue:
         # The kernels are compiled before time is measured.
-        compiling.prepare("section")
+        compiling.prepare_for(scene.system, "section")
         follow_crossings(planes[0], planes[0].starts(1), 2)
         files.report([HEADER])
         views: list[SectionView] = []

@@ -48,11 +48,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="start with these displacements, then velocities (default: rest); can be repeated, each start is a sweep",
     )
-    parser.add_argument("--y", metavar="WHAT", default="speed", help="measure of the figure: speed (default), max:u1, strobe:u1, ...")
+    parser.add_argument("--y", metavar="WHAT", help="measure of the figure: speed (default with stops), strobe:u1, max:u1, ...")
     parser.add_argument("--over", metavar="RESPONSE", help="draw the branches of this JSON file of saltus continue --in NAME --json on top")
     options.add_shared(parser, "workers", "dask")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
-    options.add_scene(parser, uses=("ground", "forces"))
+    options.add_scene(parser, uses=("ground", "forces", "springs"))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
     plan = _plan(arguments, scene)
 
-    from transitions.sweep.figure import measures_of
+    from transitions.sweep.figure import default_measure, measures_of
     from transitions.sweep.runs import failures, run_sweeps, sweeps_table
 
     if arguments.model:
@@ -77,10 +77,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
     names = measures_of(scene.system.coordinates, _parts(scene))
+    arguments.y = arguments.y or default_measure(scene.system.coordinates, scene.system.modes.contact_letters)
     if arguments.y not in names:
         raise BadInput(f"--y {shown(arguments.y)}: expected one of {', '.join(names)}{nearest(arguments.y, names)}")
     over = responses.over_sweep(arguments.over, plan.at, arguments.range, arguments.y) if arguments.over is not None else []
-    compiling.prepare("sweep")
+    compiling.prepare_for(scene.system, "sweep")
     sweeps = len(plan.directions) * max(1, len(plan.starts))
     with ProgressBar(sweeps * plan.points, "values") as bar:
         if sweeps == 1 and arguments.dask is None:

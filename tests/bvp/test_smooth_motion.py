@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
 from bvp.forcing import Constant, Harmonic
+from bvp.motion import MotionStatus
 from bvp.simulate import Simulator, simulate
 from bvp.springs import Damper, Spring
 from bvp.system import ImpactSystem, Stop
@@ -119,6 +120,53 @@ def test_sticking_and_release():
     times = motion.stop_events.times[motion.stop_events.times < interval.begin]
     assert abs((interval.begin - times[-1]) / (times[-1] - times[-2]) - 1.0) < 0.01
     assert motion.balance_error < 1e-13
+
+
+def test_two_stops_stick_at_once():
+    """Oracles: while both stick, each contact force is the load on its mass, and opens the contact where that changes its sign. Then DOP853
+    of the mass that moves, up to the zero of the force on the other one."""
+    mass, damping = np.array([[1.0, 0.2], [0.2, 0.5]]), np.array([[0.3, -0.1], [-0.1, 0.2]])
+    stops = [Stop((1.0, 0.0), lower=0.0, restitution=0.3), Stop((0.0, 1.0), lower=0.0, restitution=0.2)]
+    springs = [Spring((1.0, -1.0), stiffness=20.0, power=3)]
+    system = ImpactSystem(mass, damping, np.diag([1.0, 2.0]), stops, springs=springs)
+    loads = [Harmonic(0.5, sine=[1.0, 0.5]), Constant([-0.6, -0.4])]
+    motion = simulate(system, [0.05, 0.04], [0.0, 0.0], 20.0, forces=loads)
+    parts = motion.contact_intervals
+    both, alone = next((part, after) for part, after in zip(parts, parts[1:]) if len(part.sticking) == 2 and after.sticking == ("b-",))
+    cycles = 2.0 * np.pi / 0.5
+    assert (both.end - np.arcsin(0.6) / 0.5) % cycles == pytest.approx(0.0, abs=1e-12) and alone.sticking == ("b-",)
+
+    def forces(t, y, v):
+        load = np.array([1.0, 0.5]) * np.sin(0.5 * t) + [-0.6, -0.4]
+        return load - damping @ [v, 0.0] - np.array([y, 0.0]) - np.array([20.0, -20.0]) * y**3
+
+    def press(t, x):
+        # The force that keeps the second mass at rest, while the first one accelerates by force/m11.
+        first, second = forces(t, *x)
+        return second - 0.2 * first
+
+    press.terminal, press.direction = True, 1
+    begin = (both.end, both.end + cycles)
+    found = solve_ivp(
+        lambda t, x: [x[1], forces(t, *x)[0]], begin, [0.0, 0.0], "DOP853", events=press, rtol=1e-13, atol=1e-15, max_step=0.02
+    )
+    (u,), (v,) = motion.sample([alone.end])
+    assert abs(found.t[-1] - alone.end) < 1e-11
+    assert np.abs(found.y[:, -1] - [u[0], v[0]]).max() < 1e-11
+    assert abs(motion.balance) < 1e-14 * motion.turnover
+
+
+def test_a_motion_that_runs_away_ends_where_its_forces_do():
+    """Oracle: u = 1/(1 - t/sqrt(2)) of u'' = u^3 has no value beyond sqrt(2)."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[0.0]], [], springs=[Spring((1.0,), stiffness=-1.0, power=3)])
+    motion = simulate(system, [1.0], [np.sqrt(0.5)], 5.0)
+    assert motion.status is MotionStatus.UNRESOLVED
+    assert 0.0 < np.sqrt(2.0) - motion.duration < 1e-5
+    times = np.linspace(0.0, 1.4, 15)
+    assert motion.sample(times)[0][:, 0] == pytest.approx(1.0 / (1.0 - times / np.sqrt(2.0)), rel=1e-11)
+    batch = Simulator(system).run_many([[1.0, np.sqrt(0.5)], [0.1, 0.0]], 5.0)
+    assert [status.name for status in batch.status] == ["UNRESOLVED", "DURATION_REACHED"]
+    assert batch.duration.tolist() == [motion.duration, 5.0]
 
 
 def test_springs_without_energy_are_refused():

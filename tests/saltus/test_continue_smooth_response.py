@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.saltus.running import read_json, refused, run
+from tests.saltus.running import read_json, run
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -69,9 +69,37 @@ def test_impacts_begin_where_the_response_grazes(capsys, scene):
     assert behind["points"][0]["w"] == pytest.approx(grazing["values"]["w"], abs=2e-3)
 
 
-def test_a_simulation_is_refused(capsys, scene):
-    words = "continue", "--scene", scene(DUFFING), "--from", "simulate", "--in", "w", "--range", "0.9:1"
-    refused(run(capsys, *words), "--from simulate computes linear flights, and the spring on u1 is not linear", "expected --from rest")
+def test_a_simulation_is_a_start(capsys, scene):
+    """Oracle: the same branch from rest; impacts beside the spring are found by the simulation."""
+    words = "continue", "--scene", scene(DUFFING), "--set", "F=0.3", "--set", "w=2", "--in", "w", "--range", "1.8:2.2"
+    ends = []
+    for start in ("rest", "simulate"):
+        code, out, err = run(capsys, *words, "--from", start, "--json", "a.json")
+        assert code == 0, err
+        points = read_json("a.json")["branches"][0]["points"]
+        ends.append(sorted((point["w"], point["max.u1"]) for point in (points[0], points[-1])))
+    assert "a periodic motion of period 1 with 0 impacts" in out
+    assert ends[1] == [pytest.approx(end, rel=1e-9) for end in ends[0]]
+    words = "continue", "--scene", scene(STOPPED), "--set", "F=1.5", "--set", "w=1.5", "--in", "w", "--range", "1.4:1.6"
+    code, out, err = run(capsys, *words, "--from", "simulate", "--json", "a.json")
+    assert code == 0 and "a periodic motion" in out, err
+    assert read_json("a.json")["branches"][0]["sequence"]
+
+
+def test_a_sweep(capsys, scene):
+    """Oracle: the response that is followed, by a boundary-value problem."""
+    words = "--scene", scene(DUFFING), "--set", "F=0.3", "--in", "w", "--range", "2:2.2"
+    code, out, err = run(capsys, "sweep", *words, "--points", 3, "--up", "--json", "s.json", "--plot", "s.png")
+    assert code == 0 and not err
+    swept = read_json("s.json")["points"]
+    assert run(capsys, "continue", *words, "--set", "w=2", "--from", "rest", "--uz", "2.1", "--json", "a.json")[0] == 0
+    branch = read_json("a.json")["branches"][0]
+    followed = [branch["points"][event["point"]] for event in branch["events"]]
+    assert [row["value"] for row in swept] == pytest.approx([row["w"] for row in followed], rel=1e-12)
+    for key in ("max.u1", "work", "dissipated.rest"):
+        assert [row[key] for row in swept] == pytest.approx([row[key] for row in followed], rel=1e-10)
+    code, _, err = run(capsys, "sweep", *words, "--points", 3, "--up", "--over", "a.json", "--y", "max:u1", "--plot", "o.png")
+    assert code == 0, err
 
 
 def test_a_free_family_is_followed_in_a_stiffness(capsys, recwarn):

@@ -13,7 +13,7 @@ from saltus import load_scene
 
 FORCED = (
     "impact_oscillator", "damped_impact_oscillator", "oscillator_at_wall", "bouncing_ball", "impact_pair", "absorber",
-    "forced_impact_damper", "rattling_gear_pair", "forced_chain",
+    "forced_impact_damper", "rattling_gear_pair", "forced_chain", "ueda_oscillator",
 )  # fmt: skip
 
 

@@ -150,3 +150,18 @@ def test_a_study_of_smooth_forces_has_a_duration(tmp_path, capsys):
     (tmp_path / "shock.toml").write_text(STUDY.replace("until = 60.0", "").replace("FAMILY", ""))
     words = "the spring between u1 and u2 is not linear, and only linear flights have a proof that no impact is possible"
     refused(run(capsys, "study", tmp_path / "shock.toml"), "expected a duration", words)
+
+
+def test_a_section(tmp_path, capsys):
+    """Oracle: the energy of the section; the orbits of a catalogue are marked where motions return to."""
+    catalogue, files = tmp_path / "mine.sqlite", [tmp_path / f"section.{kind}" for kind in ("json", "png")]
+    assert run(capsys, "continue", "S11+", "--scene", "cubic_nes", "--energy", "0.01:0.1", "--save", "--catalogue", catalogue)[0] == 0
+    words = ("--energy", 0.05, "--orbits", 4, "--crossings", 30, "--catalogue", catalogue, "--json", files[0], "--plot", files[1])
+    code, out, _ = run(capsys, "section", "--scene", "cubic_nes", *words)
+    (section,) = json.loads(files[0].read_text())["sections"]
+    assert code == 0 and "found  1 periodic orbits (1 elliptic)" in out and files[1].stat().st_size > 10_000
+    assert section["energy_drift"] < 1e-13 and section["points"] == 120
+    ((x, y),) = section["marks"][0]["points"]
+    code, _, _ = run(capsys, "section", "--scene", "cubic_nes", "--energy", 0.05, "--start", f"{x:.17g},{y:.17g}", "--json", files[0])
+    points = np.array(json.loads(files[0].read_text())["sections"][0]["orbits"][0]["points"])
+    assert np.abs(points[:20] - [x, y]).max() < 1e-9

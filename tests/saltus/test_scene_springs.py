@@ -236,8 +236,6 @@ def test_springs_go_with_matrices(tmp_path, capsys):
 @pytest.mark.parametrize(
     "words",
     [
-        ("section", "--energy", 1),
-        ("sweep", "--in", "n", "--range", "1:2"),
         ("discover", "--energy", 1),
         ("build",),
         ("impulsive", "--energy", "1:2"),

@@ -4,7 +4,9 @@ The section is u_p = 0, u_p' > 0 for the primary coordinate p of a system with t
 1868, Eq. (10)). The other coordinate a gives the plane: x = u_a and y = (M u')_a/m_aa, its momentum over its mass. For a diagonal mass
 matrix y is u_a'. In these coordinates each point has one state with u_p' > 0, and the map of a conservative system keeps areas:
 
-    2 h = m_aa y^2 + (m_pp - m_ap^2/m_aa) u_p'^2 + k_aa x^2
+    2 h = m_aa y^2 + (m_pp - m_ap^2/m_aa) u_p'^2 + k_aa x^2 + 2 V(x)
+
+V is the energy of the smooth forces. The plane is the interval of x around 0 in which this leaves a velocity.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = ["SectionPlane", "checked_points"]
+
+_FAR = 1e6
+"""Distance beyond which no turning point is sought."""
 
 _PLASTIC = 1.32471795724474602596
 """Root of x^3 = x + 1: its powers spread points over a square evenly (Roberts, The unreasonable effectiveness of quasirandom
@@ -73,7 +78,7 @@ class SectionPlane:
     energy: float
 
     def __post_init__(self) -> None:
-        require_system(self.system)
+        require_system(self.system, smooth=True)
         n = self.system.degrees_of_freedom
         if n != 2:
             raise ValueError(f"a section is a plane for two degrees of freedom; this system has {n}")
@@ -130,30 +135,60 @@ class SectionPlane:
     def reach(self) -> tuple[float, float]:
         """Least and largest x of the section."""
         name, other = (self.system.coordinates[k] for k in (self.primary, self.other))
-        stiffness = self._constants[2]
         low, high = self.walls
-        most = math.sqrt(2.0 * self.energy / stiffness) if stiffness > 0.0 else math.inf
         if not low < high:
             raise ValueError(f"no motion reaches the section {name} = 0: the stops leave no room there")
-        if not max(low, -most) < min(high, most):
-            least = 0.5 * stiffness * min(abs(low), abs(high)) ** 2
+        begin = min(max(0.0, low), high)
+        if not self._left(begin) > 0.0:
+            least = self.energy - 0.5 * float(self._left(begin))
             raise ValueError(f"no motion with energy {self.energy:g} reaches the section {name} = 0; expected an energy above {least:.6g}")
-        low, high = max(low, -most), min(high, most)
+        most = self._turns
+        low, high = max(low, most[0]), min(high, most[1])
         if math.isinf(low) or math.isinf(high):
             raise ValueError(f"the section {name} = 0 has no bounds: neither a spring nor a stop holds {other} there")
         return low, high
 
+    @cached_property
+    def _turns(self) -> tuple[float, float]:
+        """Where the springs leave no velocity, below and above the x of `walls` that is nearest to 0; infinite where they always do."""
+        stiffness = self._constants[2]
+        if self.system.smooth_forces is None:
+            most = math.sqrt(2.0 * self.energy / stiffness) if stiffness > 0.0 else math.inf
+            return -most, most
+        from scipy.optimize import brentq
+
+        begin = min(max(0.0, self.walls[0]), self.walls[1])
+        found = []
+        for sign in (-1.0, 1.0):
+            step = 1e-3
+            while self._left(begin + sign * step) > 0.0 and step < _FAR:
+                step *= 1.05
+            ends = sorted((begin, begin + sign * step))
+            found.append(brentq(self._left, *ends, xtol=1e-300, rtol=1e-15) if step < _FAR else sign * math.inf)
+        return found[0], found[1]
+
+    def _left(self, x: Any) -> Any:
+        """2 h without the energy of the springs at x: twice what is left for velocities, a number or an array."""
+        left = 2.0 * self.energy - self._constants[2] * x * x
+        if self.system.smooth_forces is None:
+            return left
+        return left - 2.0 * self.system.smooth_forces.energy(self._displacements(x))
+
+    def _displacements(self, x: Any) -> np.ndarray:
+        """u (..., 2) on the section."""
+        u = np.zeros((*np.shape(x), 2))
+        u[..., self.other] = x
+        return u
+
     def height(self, x: Any) -> Any:
         """Largest y at x: a number or an array."""
-        own, _, stiffness, _ = self._constants
-        return np.sqrt(np.maximum(2.0 * self.energy - stiffness * x * x, 0.0) / own)
+        return np.sqrt(np.maximum(self._left(x), 0.0) / self._constants[0])
 
     def holds(self, points: Any) -> np.ndarray:
         """Whether points (m, 2) lie inside the bounding curve: bool (m,)."""
         points = np.asarray(points, dtype=float)
-        own, _, stiffness, _ = self._constants
         low, high = self.reach
-        left = 2.0 * self.energy - stiffness * points[:, 0] ** 2 - own * points[:, 1] ** 2
+        left = self._left(points[:, 0]) - self._constants[0] * points[:, 1] ** 2
         return (points[:, 0] > low) & (points[:, 0] < high) & (left > 0.0)
 
     def boundary(self, count: int = 400) -> np.ndarray:
@@ -192,11 +227,10 @@ class SectionPlane:
         if not np.all(inside):
             wrong = points[int(np.argmin(inside))].tolist()
             raise ValueError(f"starts are points inside the bounding curve of the section at h = {self.energy:g}; received {wrong}")
-        own, joint, stiffness, coupled = self._constants
+        own, joint, _, coupled = self._constants
         x, y = points.T
-        u, v = np.zeros((len(x), 2)), np.zeros((len(x), 2))
-        u[:, self.other] = x
-        v[:, self.primary] = np.sqrt((2.0 * self.energy - stiffness * x * x - own * y * y) / joint)
+        u, v = self._displacements(x), np.zeros((len(x), 2))
+        v[:, self.primary] = np.sqrt((self._left(x) - own * y * y) / joint)
         v[:, self.other] = y - coupled / own * v[:, self.primary]
         return u, v
 
@@ -207,13 +241,17 @@ class SectionPlane:
         speed = self.states(points)[1][:, self.primary]
         out = np.zeros((len(x), 4))
         out[:, self.other] = directions[:, 0]
-        out[:, 2 + self.primary] = -(stiffness * x * directions[:, 0] + own * y * directions[:, 1]) / (joint * speed)
+        pull, forces = stiffness * x, self.system.smooth_forces
+        if forces is not None:
+            u = self._displacements(x)
+            pull = pull + forces.acting(u, 0.0 * u)[:, self.other]
+        out[:, 2 + self.primary] = -(pull * directions[:, 0] + own * y * directions[:, 1]) / (joint * speed)
         out[:, 2 + self.other] = directions[:, 1] - coupled / own * out[:, 2 + self.primary]
         return out
 
     def rows(self, phases: ContactModes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rows on the states z (N,) of each of F contact modes: (F, 3, N) of u_p, u_p', u_p''; (F, 2, N) of x and y; (F, N, N) with
-        energy z . quadratic z/2."""
+        energy z . quadratic z/2, without that of smooth forces."""
         position, velocity = phases.leave[:, :2], phases.leave[:, 2:]
         own = velocity[:, self.primary]
         functional = np.stack([position[:, self.primary], own, np.einsum("fn,fnk->fk", own, phases.matrix)], axis=1)

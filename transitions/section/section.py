@@ -1,6 +1,6 @@
 """Poincare sections: many motions of one energy, each followed from crossing to crossing.
 
-Flights are exact. Impacts and crossings are found by bounds, so that none is missed (`transitions.kernels`).
+Flights are exact, or Taylor series to rounding. Impacts and crossings are found by bounds, so that none is missed (`transitions.kernels`).
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ class SectionEnd(Enum):
     PIERCED = "was carried beyond a stop by rounding"
     UNDECIDED = "meets its stops again and again without time passing"
     EXHAUSTED = "the search for its next impact or crossing gave up"
+    UNRESOLVED = "met smooth forces that grow beyond what the steps of a flight can follow"
 
 
 _ENDS = {
@@ -61,6 +62,7 @@ _ENDS = {
     motion_kernels.PIERCED: SectionEnd.PIERCED,
     motion_kernels.CYCLING: SectionEnd.UNDECIDED,
     motion_kernels.GAVE_UP: SectionEnd.EXHAUSTED,
+    motion_kernels.UNRESOLVED: SectionEnd.UNRESOLVED,
 }
 
 

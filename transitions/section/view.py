@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.kernels.extrema import rises
-from bvp.kernels.flight import flow_state
+from bvp.kernels.paths import rising_times, state_at
 from bvp.simulate import Simulator
+from bvp.smooth_flights import flight_of
 from transitions.kernels import ROOM
 from transitions.section.plane import SectionPlane
 from transitions.section.rotation import Rotations
@@ -31,6 +31,9 @@ __all__ = [
 ]  # fmt: skip
 
 SCHEMA = 1
+PARTS = 16
+"""Parts of a period with smooth forces: a flight has so many steps at most."""
+
 COLOURS = ("none", "energy", "lyapunov", "rotation")
 IMAGES = ("own", "mirrored", "reversed", "mirrored and reversed")
 _SAME = 1e-9  # distance of two crossings of one orbit that is computed twice
@@ -64,22 +67,25 @@ def crossings_of(plane: SectionPlane, cycle: Cycle) -> tuple[np.ndarray, np.ndar
 
 def _rises(plane: SectionPlane, cycle: Cycle, functional: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Points (k, 2) at which a functional (3, N) rises through zero along a closed orbit."""
-    flight = plane.system.modes.flight
+    flight = flight_of(plane.system)
     fastest = float(np.nanmax(plane.system.modes.frequencies))
+    parts = 0 if plane.system.smooth_forces is None else PARTS
+    size = cycle.after.shape[1]
+    functional, rows = np.ascontiguousarray(functional[:, :size]), rows[:, :size]
     last = len(cycle.after) - 1
     times, scratch, state, begin = np.empty(ROOM), *np.empty((3, cycle.after.shape[1]))
     points: list[np.ndarray] = []
     sign = 0
     for number, i in enumerate((last, *range(last + 1))):  # the last flight comes first, for the sign at the start of the first one
-        pieces = max(1, math.ceil(cycle.duration[i] * fastest / ROOM))
+        pieces = max(1, math.ceil(cycle.duration[i] * fastest / ROOM), math.ceil(parts * cycle.duration[i] / cycle.period))
         step = float(cycle.duration[i]) / pieces
         for piece in range(pieces):
-            flow_state(flight, np.ascontiguousarray(cycle.after[i]), step * piece, begin)
-            found, sign = rises(flight, *functional, begin, step, sign, times, scratch)
+            state_at(flight, np.ascontiguousarray(cycle.after[i]), step * piece, begin)
+            found, sign = rising_times(flight, functional, begin, step, sign, times, scratch)
             if found < 0:
                 raise RuntimeError("the search for an orbit's crossings of the section gave up")
             for time in times[:found] if number else ():
-                flow_state(flight, begin, float(time), state)
+                state_at(flight, begin, float(time), state)
                 points.append(rows @ state)
     return np.array(points).reshape(-1, 2)
 

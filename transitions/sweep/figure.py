@@ -66,6 +66,11 @@ def measures_of(coordinates: Sequence[str], parts: Sequence[str]) -> dict[str, M
     return {measure.name: measure for measure in found}
 
 
+def default_measure(coordinates: Sequence[str], contacts: Sequence[str]) -> str:
+    """The measure that is shown if none is chosen: the impact speed, or without stops the first displacement at phase 0."""
+    return "speed" if contacts else f"strobe:{coordinates[0]}"
+
+
 def measure_of(sweep: Sweep, name: str) -> Measure:
     """The measure with a name; a ValueError names the nearest."""
     known = measures_of(sweep.coordinates, sweep.parts)
@@ -91,7 +96,7 @@ def sweep_points(sweep: Sweep, measure: Measure) -> tuple[np.ndarray, np.ndarray
 
 
 def sweep_figure(
-    runs: Sequence[SweepRun], parameter: str, *, y: str = "speed", title: str = "", curves: Sequence[Curve] = (), exponent: bool = True
+    runs: Sequence[SweepRun], parameter: str, *, y: str | None = None, title: str = "", curves: Sequence[Curve] = (), exponent: bool = True
 ) -> Figure:
     """The bifurcation diagram of some sweeps.
 
@@ -100,8 +105,8 @@ def sweep_figure(
     runs : sequence of SweepRun
         Each direction and start has a colour. Where sweeps agree, both colours can be seen.
     parameter : str
-    y : str
-        The measure (`measures_of`).
+    y : str, optional
+        The measure (`measures_of`); by default `default_measure`.
     title : str
     curves : sequence of Curve
         Branches of periodic motions, drawn on top.
@@ -113,7 +118,8 @@ def sweep_figure(
     ValueError
         For an unknown measure.
     """
-    measure = measure_of(runs[0].sweep, y)
+    first = runs[0].sweep
+    measure = measure_of(first, y or default_measure(first.coordinates, first.contacts))
     symbol = style.symbol_of(parameter)
     exponents = np.concatenate([run.sweep.exponents for run in runs])
     lower = exponent and bool(np.any(np.isfinite(exponents) | np.isneginf(exponents)))

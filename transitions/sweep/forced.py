@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import require_system
 from bvp.entries import base_frequency
 from bvp.forcing import Harmonic, Record
 from bvp.interrupts import Pace
@@ -96,7 +95,7 @@ def carried_into(system: ImpactSystem, carried: Carried) -> tuple[Carried, float
     modes, n = system.modes, system.degrees_of_freedom
     state = carried.state.copy()
     sides, bounds, stops = modes.contacts.side, modes.contacts.bound, modes.contact_stop
-    rows = np.array([system.stops[stop].gap for stop in stops])
+    rows = np.array([system.stops[stop].gap for stop in stops]).reshape(-1, n)
     letters = tuple(modes.contact_letters)
     closed = [letters.index(letter) for letter in carried.sticking if letter in letters]
     before = rows @ state[:n]
@@ -222,7 +221,6 @@ class ForcedMotion:
         self.system = system
         frequency, multiples = harmonics_of(forces)
         self.period = 2.0 * math.pi / frequency
-        require_system(system)
         self.simulator = Simulator(system, list(forces))
         self.parts = self.simulator.parts
         n = system.degrees_of_freedom
@@ -252,11 +250,11 @@ class ForcedMotion:
             sticking = sum(1 << c for c in closed)
             if sticking not in self.simulator.table.modes:
                 self.simulator.table.add(sticking)
-            mode = self.simulator.table.modes[sticking]
             constant = self.simulator.forcing.frequency == 0.0
             cosine = np.where(constant, self.simulator.forcing.levels[0, :, 0], np.cos(angles))
             y = np.stack([cosine, np.where(constant, 0.0, np.sin(angles))], axis=1).ravel()
-            forces = mode["gap"][closed] @ (mode["enter"] @ np.concatenate([start.state, y]))
+            mode, z = self.simulator.table.modes[sticking], self.simulator.table.entered(sticking, np.concatenate([start.state, y]))
+            forces = mode["gap"][closed] @ z
             worst = int(np.argmin(forces))
             if forces[worst] >= 0.0:
                 return sticking, tuple(released)

@@ -1,7 +1,8 @@
 """The kernel of forced motion: from one period of the loads to the next, with a tangent vector.
 
 The stroboscopic map takes the state at phase 0 of the loads to the state a period later. A tangent vector d = (du, dv) is carried by the
-derivative of this map. In flight it moves as the state does, without loads. A perturbed motion arrives at a stop later by
+derivative of this map. In flight it moves as the state does, without loads; with smooth forces, by their derivative. A perturbed motion
+arrives at a stop later by
 
     dt = -(c . du)/(c . v)
 
@@ -20,9 +21,10 @@ from numpy import int64
 
 from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import kernel
-from bvp.kernels.contact_mode import Log, MotionState, Scratch, apply_impact, flight_of, write_loads
+from bvp.kernels.contact_mode import Log, MotionState, Scratch, apply_impact, flight_of, settle, write_loads
 from bvp.kernels.energy_budget import dissipated
-from bvp.kernels.flight import block_product, copy_1, flow_state, row_dot, set_2, times_matrix
+from bvp.kernels.flight import copy_1, row_dot, set_2, times_matrix
+from bvp.kernels.flights import carry_change, path_state, rate
 from bvp.kernels.motion import FULL, REACHED, move
 from bvp.kernels.sticking import impulses_of, push_off
 from transitions.kernels import renew_clock
@@ -117,15 +119,15 @@ def fly_tangent(modes, carry, duration, forced, work):
     if duration > 0.0:
         forced.places[KEPT] &= modes.sticking[f]
     times_matrix(carry[f], forced.tangent, work.state)
-    flow_state(flight_of(modes, f), work.state, duration, work.image)
+    carry_change(flight_of(modes, f), forced.begin, work.state, duration, work.image)
     times_matrix(modes.leave[f], work.image, forced.tangent)
 
 
 @kernel
 def add_rate(modes, f, z, factor, forced, work):
     """tangent += factor (v, v'), the rate of the state z of contact mode f."""
-    flight = flight_of(modes, f)
-    block_product(flight.pairs, flight.matrix, z, work.velocity)
+    settle(modes, f, z)
+    rate(flight_of(modes, f), z, work.velocity)
     times_matrix(modes.leave[f], work.velocity, work.rate)
     for r in range(forced.tangent.shape[0]):
         forced.tangent[r] += factor * work.rate[r]
@@ -155,7 +157,7 @@ def pass_event(modes, carry, k, forced, work):
     times_matrix(carry[f], tangent, work.image)
     shift = -row_dot(modes.gap[f], c, work.image) / speed
     # Equation (37): d + f- dt.
-    flow_state(flight_of(modes, f), forced.begin, duration, work.state)
+    path_state(flight_of(modes, f), forced.begin, duration, work.state)
     add_rate(modes, f, work.state, shift, forced, work)
     # R of it: equation (4) within the contact mode, or equation (8) if the impact opens a sticking contact.
     jump = 1.0 + modes.restitution[c]
