@@ -132,7 +132,8 @@ def test_two_stops_stick_at_once():
     loads = [Harmonic(0.5, sine=[1.0, 0.5]), Constant([-0.6, -0.4])]
     motion = simulate(system, [0.05, 0.04], [0.0, 0.0], 20.0, forces=loads)
     parts = motion.contact_intervals
-    both, alone = next((part, after) for part, after in zip(parts, parts[1:]) if len(part.sticking) == 2 and after.sticking == ("b-",))
+    begun = next(k for k, part in enumerate(parts) if len(part.sticking) == 2 and parts[k + 1].sticking == ("b-",))
+    both, alone = parts[begun : begun + 2]
     cycles = 2.0 * np.pi / 0.5
     assert (both.end - np.arcsin(0.6) / 0.5) % cycles == pytest.approx(0.0, abs=1e-12) and alone.sticking == ("b-",)
 
