@@ -33,12 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--x", metavar="COLUMN", help="of responses: another horizontal axis than the parameter")
     parser.add_argument("--y", metavar="COLUMN", help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...")
+    parser.add_argument(
+        "--beside", metavar="STUDY", action="append", help="with --view lines: draw another study of the same parameters beside; repeatable"
+    )
     parser.add_argument("--over", metavar="X,Y", help="the two parameters of a map (default: the first two that are numbers)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     is_response = responses.is_response_file(arguments.study)
+    if is_response and arguments.beside:
+        raise BadInput("--beside is for studies; expected a folder of saltus study")
     given = next((option for option in ("x", "y") if getattr(arguments, option) is not None), None)
     if given and not is_response:
         raise BadInput(f"--{given} is a column of responses; expected a JSON file of saltus continue --in NAME")
@@ -70,6 +75,10 @@ def run(arguments: argparse.Namespace) -> int:
         if len(axes) != 2 or len({*axes} & {*numeric}) != 2:
             hint = next((hint for axis in axes if axis not in numeric and (hint := nearest(axis, numeric))), "")
             raise BadInput(f"--over {arguments.over!r}: expected two parameters X,Y of {', '.join(numeric)}{hint}")
+    if arguments.beside:
+        if view != "lines":
+            raise BadInput("--beside draws lines of other studies; expected --view lines")
+        options["beside"] = [Study(place) for place in arguments.beside]
     if not study.complete:
         files.report([f"{len(study)} of {study.plan.count} runs are finished"])
     files.report(best_lines(study, study.best(best), best))

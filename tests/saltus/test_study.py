@@ -388,6 +388,27 @@ def test_what_a_map_and_lines_show(finished):
     assert np.array_equal(line.get_ydata(), quartiles[:, 1])
 
 
+def test_studies_beside_each_other(finished, tmp_path, capsys):
+    """Oracle: the runs of each study; the limits have all of them."""
+    from transitions.study.figure import lines_figure
+
+    studies = []
+    for name, scene, high in (("impacts", "lee2009", 1.0), ("cubic", "cubic_nes", 4.0)):
+        vary = f'from = 0.1\nto = {high}\npoints = 3\n[run]\nuntil = 20.0\n'
+        (tmp_path / f"{name}.toml").write_text(f'title = "{name}"\nscene = "{scene}"\ndesign = "grid"\n[vary.energy]\n{vary}')
+        assert run(capsys, "study", tmp_path / f"{name}.toml", "--set", "lam=0.05", "--workers", 1)[0] == 0
+        studies.append(saltus.Study(tmp_path / f"{name}.study"))
+    (panel,) = lines_figure(studies[0], "lo_share", beside=studies[1:]).axes
+    for study in studies:
+        line = next(line for line in panel.lines if line.get_gid() == f"median-{study.plan.title}")
+        assert line.get_xdata() == pytest.approx(study.given["energy"]) and line.get_ydata() == pytest.approx(study["lo_share"])
+    assert panel.get_xlim()[1] > 4.0
+    words = [studies[0].path, "--view", "lines", "--plot", tmp_path / "a.png", "--beside"]
+    assert run(capsys, "plot", *words, studies[1].path)[0] == 0
+    code, _, err = run(capsys, "plot", *words, finished[1])
+    assert code == 2 and "beside it are studies of the same numbers" in err
+
+
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
@@ -398,6 +419,8 @@ def test_what_a_map_and_lines_show(finished):
         (["--plot", "{folder}/a.png", "--view", "maps"], ["'maps'", "nearest: map"]),
         (["--plot", "{folder}/a.png", "--over", "energy,roh"], ["'energy,roh'", "nearest: rho"]),
         (["--plot", "{folder}/a.png", "--over", "energy"], ["two parameters"]),
+        (["--plot", "{folder}/a.png", "--beside", "{folder}"], ["--beside draws lines", "expected --view lines"]),
+        (["--plot", "{folder}/a.png", "--view", "lines", "--beside", "{folder}"], ["is not a study"]),
         (["--plot", "{folder}/a.png", "--over", "energy,rho", "--view", "lines"], ["--view map"]),
         ([], ["--plot"]),
     ],

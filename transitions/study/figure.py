@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,45 +83,58 @@ def map_figure(study: Study, value: str = "nes_share", best: str = "nes_share", 
     return figure
 
 
-def lines_figure(study: Study, value: str = "nes_share", best: str = "nes_share") -> Figure:
+def lines_figure(study: Study, value: str = "nes_share", best: str = "nes_share", beside: Sequence[Study] = ()) -> Figure:
     """A result against each parameter: the median over all others, and the quartiles.
 
     Parameters
     ----------
     study, value, best
         As for `map_figure`.
+    beside : sequence of Study
+        Other studies that vary the same parameters and no family; each study has a colour, and its title names it.
+
+    Raises
+    ------
+    ValueError
+        If no finished run has the result, or a study varies other parameters.
     """
-    values = _values(study, value)
+    studies = [study, *beside]
+    for one in beside:
+        if set(one.plan.names) != set(study.plan.names) or "family" in one.plan.names:
+            raise ValueError(f"{one.path} varies {', '.join(one.plan.names)}; beside it are studies of the same numbers, without families")
     top = study.best(best)
     names = next((axis.values for axis in study.plan.axes if axis.is_family), ())
-    groups = [(str(name), study.given["family"] == name) for name in names] or [("", np.ones(len(study), dtype=bool))]
+    groups = [(study, _family_text(str(name)), study.given["family"] == name) for name in names]
     plain = "runs" if len(study.plan.axes) == 1 and study.plan.design == "grid" else "median"
+    labels = [one.plan.title or one.path.name for one in studies] if beside else [plain]
+    groups = groups or [(one, label, np.ones(len(one), dtype=bool)) for one, label in zip(studies, labels, strict=True)]
 
     def draw(panel: Axes, axis: Axis) -> list[np.ndarray]:
         shown = []
-        for k, (name, some) in enumerate(groups):
-            look: dict[str, Any] = {"color": style.LINES[k % len(style.LINES)], "markersize": 2.5, "gid": f"median-{name or plain}"}
+        for k, (one, label, some) in enumerate(groups):
+            values = _values(one, value)
+            name = names[k] if names else label
+            look: dict[str, Any] = {"color": style.LINES[k % len(style.LINES)], "markersize": 2.5, "gid": f"median-{name}"}
             if axis.is_family:
                 here = values[some & np.isfinite(values)]
                 shown.append(np.quantile(here, [[0.25, 0.5, 0.75]], axis=0) if len(here) else np.full((1, 3), np.nan))
                 low, middle, high = shown[-1].T
                 panel.errorbar([k], middle, yerr=[middle - low, high - middle], fmt="o", capsize=3, **look)
                 continue
-            places, quartiles = along(study, axis, values, some)
+            places, quartiles = along(one, _same(one, axis), values, some)
             shown.append(quartiles)
             there = np.isfinite(quartiles[:, 1])
-            label = _family_text(name) if name else plain
             panel.plot(places, quartiles[:, 1], marker="o" if there.sum() < 30 else "", label=label, **look)
             if np.any(quartiles[there, 0] < quartiles[there, 2]):
                 band: dict[str, Any] = {"color": look["color"], "alpha": 0.18, "linewidth": 0}
                 named = "quartiles" if len(groups) == 1 else None
                 panel.fill_between(places[there], quartiles[there, 0], quartiles[there, 2], label=named, **band)
-        if value == best and not axis.is_family:
+        if value == best and not axis.is_family and not beside:
             _star(panel, top.given[axis.name], top.value, f"largest: {top.value:.4g}")
             shown.append(np.array([top.value]))
         return shown
 
-    return _against_each(study, value, draw)
+    return _against_each(studies, value, draw)
 
 
 def best_figure(study: Study, best: str = "nes_share", value: str | None = None) -> Figure:
@@ -163,17 +176,23 @@ def best_figure(study: Study, best: str = "nes_share", value: str | None = None)
     given = ", ".join(
         _family_text(at) if isinstance(at, str) else f"${words_of(name, natural)[1]} = {at:.4g}$" for name, at in top.given.items()
     )
-    return _against_each(study, name, draw, f"\nthe best run, {top.run}: {given}")
+    return _against_each([study], name, draw, f"\nthe best run, {top.run}: {given}")
 
 
-def _against_each(study: Study, value: str, draw: Callable[[Axes, Axis], list[np.ndarray]], more: str = "") -> Figure:
+def _same(study: Study, axis: Axis) -> Axis:
+    """The axis of a study over the same parameter."""
+    return next(own for own in study.plan.axes if own.name == axis.name)
+
+
+def _against_each(studies: Sequence[Study], value: str, draw: Callable[[Axes, Axis], list[np.ndarray]], more: str = "") -> Figure:
     """A figure with a panel for each parameter, two in a row. `draw` fills a panel and returns the results that it shows."""
+    study = studies[0]
     axes = study.plan.axes
     columns = min(2, len(axes))
     rows = -(-len(axes) // columns)
     with style.figure_settings():
         figure = style.new_figure(1.0 + (2.6 if columns > 1 else 3.6) * rows)
-        figure.suptitle(_title(study) + more)
+        figure.suptitle(_title(study) + more if len(studies) == 1 else "")
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
         for panel in grid[len(axes) :]:
             panel.set_axis_off()
@@ -186,7 +205,7 @@ def _against_each(study: Study, value: str, draw: Callable[[Axes, Axis], list[np
                 panel.set_xticks(range(len(texts)), texts, rotation=30 if len(texts) > 4 else 0)
                 panel.set(xlim=(-0.5, len(texts) - 0.5), xlabel="starting family")
             else:
-                values = np.array(axis.values, dtype=float) if axis.values else np.array([axis.low, axis.high])
+                values = np.concatenate([own.values or (own.low, own.high) for own in (_same(one, axis) for one in studies)])
                 _axis(panel, "x", axis, style.limits_of(values, 0.04, log=axis.scale == "log"), study)
             entries |= {label: handle for handle, label in zip(*panel.get_legend_handles_labels(), strict=True) if label not in entries}
         limits = style.limits_of(np.concatenate([part.ravel() for part in shown]))
