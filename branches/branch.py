@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -38,8 +38,8 @@ class Branch:
     points : dict of str to ndarray
         Columns of length N: h, alpha, frequency (2 pi/T), frequency_index (m 2 pi/T), arclength, stable (1, 0, -1 undecided), tau,
         tau_half, label, half_waves (m), residual, velocities (N, n), start_u, start_v (N, n), flight_times (N, k+1),
-        impact_speeds, multipliers (N, 2 m) complex, trivial, pairing, reliable. NaN: does not exist, or grows without bound. They
-        cannot be written to.
+        impact_speeds, multipliers (N, 2 m) complex, trivial, pairing, reliable; others by `with_columns`. NaN: does not exist, or
+        grows without bound. They cannot be written to.
     events : tuple of BranchEvent
     ended : (Ended, Ended)
         At the first point and at the last.
@@ -145,6 +145,12 @@ class Branch:
         part = replace(self, points={name: self.points[name] for name in names})
         part.__dict__["full_family"] = self.full_family
         return part
+
+    def with_columns(self, columns: Mapping[str, np.ndarray]) -> Branch:
+        """This branch with more columns of its points. What is known of its family is kept."""
+        found = replace(self, points={**self.points, **columns})
+        found.__dict__.update({name: value for name, value in self.__dict__.items() if name in ("id", "full_family", "wider")})
+        return found
 
     @property
     def others(self) -> tuple[Piece, ...]:

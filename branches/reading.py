@@ -14,7 +14,7 @@ import numpy as np
 from branches.branch import Branch, BranchEvent, Ended
 from branches.files import one_line, read_input, reason
 from branches.orbit import Orbit
-from branches.record import EVENT, SCALARS, SCHEMA
+from branches.record import EVENT, HARMONIC, SCALARS, SCHEMA
 from branches.sequences import parse_sequence, segments_per_period
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem
@@ -55,6 +55,7 @@ POINT = {
     "quality": {"trivial": NUMBER, "pairing": NUMBER, "reliable": "a boolean"},
     "label": "a string",
     "impact_speeds": [NUMBER],
+    "harmonic?": "an object",
 }
 
 PLACE = {"h": "a number", "alpha": "a number"}
@@ -295,6 +296,14 @@ def points_of(record: Mapping[str, Any]) -> dict[str, np.ndarray]:
     columns["multipliers"] = rows("multipliers", pairs, len(pairs[0])).view(complex)
     columns |= {name: np.array([point["quality"][name] for point in points], dtype=float) for name in ("trivial", "pairing")}
     columns["reliable"] = np.array([point["quality"]["reliable"] for point in points], dtype=bool)
+    for coordinate, amplitudes in points[0].get("harmonic", {}).items():
+        check_pattern(amplitudes, "an object", f"points[0].harmonic.{coordinate}")
+        pattern = {"harmonic": {coordinate: dict.fromkeys(amplitudes, NUMBER)}}
+        for i, point in enumerate(points):
+            check_pattern(point, pattern, f"points[{i}]")
+        columns |= {
+            f"{HARMONIC}{coordinate}.{k}": np.array([point["harmonic"][coordinate][k] for point in points], dtype=float) for k in amplitudes
+        }
     return columns
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from branches.search.discovery import Discovery
 
 __all__ = [
-    "EVENT", "SCALARS", "SCHEMA", "discovery_to_json", "half_period_impacts", "orbit_to_csv", "orbit_to_json", "save", "to_csv",
+    "EVENT", "HARMONIC", "SCALARS", "SCHEMA", "discovery_to_json", "half_period_impacts", "orbit_to_csv", "orbit_to_json", "save", "to_csv",
     "to_dataframe", "to_json", "to_record",
 ]  # fmt: skip
 
@@ -38,6 +38,9 @@ SCHEMA = 2
 
 SCALARS = ("h", "alpha", "frequency", "frequency_index", "arclength", "tau", "tau_half", "residual")
 """Columns of `Branch.points` that hold one number a point."""
+
+HARMONIC = "harmonic."
+"""Begin of the names of columns harmonic.COORDINATE.K (`branches.harmonics`)."""
 
 EVENT = {
     "id": "a string",
@@ -61,6 +64,7 @@ EVENT = {
 """The fields of an event in the order of the file, each with its pattern (see `branches.reading`)."""
 
 _UNBOUNDED = "not finite at this point, so null: multipliers"
+_NOT_COMPUTED = "not computed at this point, so null: harmonic"
 
 
 def to_record(branch: Branch) -> dict[str, Any]:
@@ -97,6 +101,13 @@ def _place(orbit: tuple[float, float]) -> dict[str, float]:
 
 def _point(row: Mapping[str, Any]) -> dict[str, Any]:
     """A point in the order of the file, from plain values of the columns."""
+    harmonic: dict[str, dict[str, Any]] = {}
+    for name in row:
+        if name.startswith(HARMONIC):
+            coordinate, _, order = name.removeprefix(HARMONIC).rpartition(".")
+            harmonic.setdefault(coordinate, {})[order] = row[name]
+    missing = [_UNBOUNDED] * (None in row["multipliers"])
+    missing += [_NOT_COMPUTED] * any(None in amplitudes.values() for amplitudes in harmonic.values())
     return {
         **{name: row[name] for name in ("h", "alpha", "frequency", "frequency_index", "half_waves")},
         "start": {"u": row["start_u"], "v": row["start_v"]},
@@ -105,7 +116,8 @@ def _point(row: Mapping[str, Any]) -> dict[str, Any]:
         **{name: row[name] for name in ("multipliers", "tau", "tau_half", "stable")},
         "quality": {name: row[name] for name in ("trivial", "pairing", "reliable")},
         **{name: row[name] for name in ("label", "arclength", "residual", "impact_speeds")},
-        "note": _UNBOUNDED if None in row["multipliers"] else None,
+        **({"harmonic": harmonic} if harmonic else {}),
+        "note": "; ".join(missing) or None,
     }
 
 

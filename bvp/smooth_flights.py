@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.kernels.flight import Flight, sample_flights
-from bvp.kernels.taylor import SmoothFlight, fly_smooth, make_smooth_flight
+from bvp.kernels.taylor import Paths, SmoothFlight, fly_smooth, make_smooth_flight
 
 if TYPE_CHECKING:
+    from bvp.forced import ForcedProblem
     from bvp.system import ImpactSystem
 
-__all__ = ["flight_of", "modal_energies", "sample_path", "smooth_flight", "why_not_flown"]
+__all__ = ["flight_of", "loaded_steps", "modal_energies", "sample_path", "smooth_flight", "smooth_steps", "why_not_flown"]
 
 PIECE = 5.0
 """Time in which a flight is computed at once, where only its path is wanted."""
@@ -52,6 +53,43 @@ def why_not_flown(flight: Any) -> str:
     full = count == paths.coefficients.shape[1]
     why = f"it takes more than {count} Taylor steps" if full else "the forces are too large or not smooth there"
     return f"a flight of time {paths.begins[slot, -1]:.4g} cannot be computed beyond the time {paths.times[slot, count]:.4g}: {why}"
+
+
+def smooth_steps(flight: Any, state: np.ndarray, duration: float) -> tuple[np.ndarray, np.ndarray]:
+    """The Taylor steps of a flight of a conservative system with smooth forces: their times (S + 1,), and their polynomials
+    (S, ORDER + 1, N).
+
+    Raises
+    ------
+    RuntimeError
+        If the flight cannot be computed.
+    """
+    if not fly_smooth(flight, 0, np.array(state, float), duration, False):
+        flight.paths.latest[0] = 0
+        raise RuntimeError(why_not_flown(flight))
+    return _kept_steps(flight.paths, 0)
+
+
+def loaded_steps(problem: ForcedProblem, node: np.ndarray, duration: float, flight: int) -> tuple[np.ndarray, np.ndarray]:
+    """The same of a flight of a forced orbit with smooth forces, from one of its nodes (N,).
+
+    Raises
+    ------
+    RuntimeError
+        If the flight cannot be computed.
+    """
+    problem.fly(node, duration, flight)
+    kept: Any = problem.segment.flight
+    paths = kept.taylor.paths
+    slots = np.flatnonzero(np.all(paths.begins == np.append(node, duration), axis=1) & (paths.steps[:, 0] > 0))
+    if not len(slots):
+        raise RuntimeError(f"flight {flight + 1} of an orbit: {why_not_flown(kept)}")
+    return _kept_steps(paths, int(slots[0]))
+
+
+def _kept_steps(paths: Paths, slot: int) -> tuple[np.ndarray, np.ndarray]:
+    count = int(paths.steps[slot, 0])
+    return paths.times[slot, : count + 1].copy(), paths.coefficients[slot, :count].copy()
 
 
 def modal_energies(system: ImpactSystem, states: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from transitions.sweep.runs import AlongParameter
 
 __all__ = [
-    "add_arguments", "check_column", "draw", "follow_forced", "follow_free", "is_response_file",
+    "add_arguments", "add_harmonics", "check_column", "check_harmonics", "draw", "follow_forced", "follow_free", "is_response_file",
     "over_sweep", "read", "require_no_loads", "show", "wants_parameter", "write",
 ]  # fmt: skip
 
@@ -57,7 +57,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--branches", metavar="N", type=options.whole_above_zero, help="with --through: most families (default: 50)")
     parser.add_argument("--x", metavar="COLUMN", help="with --in: another horizontal axis of the figure than the parameter")
+    add_harmonics(parser)
     parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...")
+
+
+def add_harmonics(parser: argparse.ArgumentParser) -> None:
+    """Add the option ``--harmonics``."""
+    parser.add_argument(
+        "--harmonics", metavar="K", type=options.whole_above_zero,
+        help="columns of the files and a panel of the figure: mean, and amplitudes of harmonics 1 to K of 2 pi/T, of each coordinate",
+    )  # fmt: skip
+
+
+def check_harmonics(arguments: argparse.Namespace, files: outputs.Outputs) -> None:
+    """Refuse harmonics that no file would have."""
+    if arguments.harmonics is not None and not files.places:
+        raise BadInput(f"--harmonics {arguments.harmonics}: no file would have them; expected --json, --csv, --npz, --mat or --plot")
 
 
 def wants_parameter(arguments: argparse.Namespace) -> bool:
@@ -109,6 +124,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
     if arguments.through is not None or arguments.branches is not None:
         raise BadInput("--through and --branches are options of a response; expected --from FILE:EVENT, one event after the other")
     files = outputs.outputs_of(arguments)
+    check_harmonics(arguments, files)
     lines: list[str] = []
     # The catalogue is the one to save in: nothing is looked up there.
     given = argparse.Namespace(**{**vars(arguments), "catalogue": None, "save": False})
@@ -134,6 +150,7 @@ def follow_forced(arguments: argparse.Namespace) -> int:
     """Follow a response and write its files; return the exit code."""
     _through(arguments)  # what cannot be followed is refused before the work
     files = outputs.outputs_of(arguments)
+    check_harmonics(arguments, files)
     request = request_of(arguments)
     _check_axes(arguments, request.path.parametric, None)
     if arguments.model:
@@ -179,7 +196,7 @@ def _follow_and_write(
             if getattr(error, "branch", None) is not None:
                 found.branches.append(error.branch)  # type: ignore[attr-defined]
                 files.report(report_lines(found.branches[-1], len(found.branches), terminal_width(files.words)))
-        code = max(code, write(files, found.branches, arguments.y, title, arguments.x))
+        code = max(code, write(files, found.branches, arguments.y, title, arguments.x, harmonics=arguments.harmonics))
         if keep is not None:
             lines, kept = keep(found, starts)
             files.report(lines)
@@ -245,7 +262,7 @@ def _missed(arguments: argparse.Namespace, branches: Sequence[ForcedBranch]) -> 
 
 def show(arguments: argparse.Namespace) -> int:
     """Print what a file of responses has, and draw it; return the exit code."""
-    arguments.x = arguments.y = None
+    arguments.x = arguments.y = arguments.harmonics = None
     return draw(arguments, arguments.name)
 
 
@@ -254,12 +271,13 @@ def draw(arguments: argparse.Namespace, path: str) -> int:
     from transitions.response.files import read_responses
 
     files = outputs.outputs_of(arguments)
+    check_harmonics(arguments, files)
     branches = read_responses(path)
     impacts = max(branch.speeds.shape[1] for branch in branches)
     _check_axes(arguments, branches[0].problem.parametric, impacts, free=branches[0].problem.ends is not None)
     for number, branch in enumerate(branches, 1):
         files.report(report_lines(branch, number, terminal_width(files.words)))
-    return write(files, branches, arguments.y, "", arguments.x)
+    return write(files, branches, arguments.y, "", arguments.x, harmonics=arguments.harmonics)
 
 
 def read(paths: Sequence[str]) -> list[ForcedBranch]:
@@ -319,15 +337,18 @@ def write(
     title: str,
     x: str | None = None,
     interval: tuple[float, float] | None = None,
+    harmonics: int | None = None,
 ) -> int:
-    """Write the files of some branches; return the exit code. The figure shows the parameter in an interval."""
+    """Write the files of some branches, with their harmonics up to a number; return the exit code. The figure shows the parameter in an
+    interval."""
+    from branches.harmonics import harmonic_notes
     from branches.tables import csv_text
     from transitions.response.files import responses_record
     from transitions.response.measures import response_table
 
     @cache
     def table() -> Table:
-        return response_table(branches)
+        return response_table(branches, harmonics)
 
     @cache
     def record() -> dict[str, Any]:
@@ -341,13 +362,16 @@ def write(
 
             for branch in branches:
                 branch.identify(count)
-        return responses_record(branches)
+        return responses_record(branches, harmonics)
 
+    options = {"y": y, "x": x, "title": title, "interval": interval, "harmonics": harmonics}
+    if harmonics is not None:
+        files.report(note for branch in branches for note in harmonic_notes(branch, harmonics))
     return files.write(
         {"json": lambda: outputs.json_text(record()), "csv": lambda: csv_text(table())},
         table=table,
         about=lambda: outputs.json_text({key: value for key, value in record().items() if key != "branches"}),
-        figure=("transitions.response.figure:response_figure", branches, {"y": y, "x": x, "title": title, "interval": interval}),
+        figure=("transitions.response.figure:response_figure", branches, options),
     )
 
 

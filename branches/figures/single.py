@@ -14,7 +14,9 @@ import numpy as np
 
 from branches.figures import style
 from branches.figures.curves import FREQUENCIES, MANY_FOLD, curve_runs, draw_curve, draw_events, frequency_rows, legend_entries, smooth
+from branches.figures.harmonics import draw_harmonics
 from branches.figures.room import Room
+from branches.harmonics import harmonics_in
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -55,7 +57,8 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     matplotlib.figure.Figure
         With a frequency-energy plot (its frequency axis is logarithmic as well where frequencies rise more than
         twentyfold) and, for each of two coordinates (one, if the system has one), its start velocity
-        against energy - the start displacement where no start of the branch has zero displacement.
+        against energy - the start displacement where no start of the branch has zero displacement. With the columns
+        of `branches.harmonics` it has the harmonics of these coordinates, too.
 
     Raises
     ------
@@ -69,10 +72,17 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     panels = _panels(branch, frequency)
     names, kinds = [event.id for event in branch.events], [event.type for event in branch.events]
     with style.figure_settings():
-        figure = style.new_figure(5.4)
+        known, coordinates = harmonics_in(branch), branch.system.coordinates
+        content = [(coordinates[k], known[coordinates[k]]) for k in _shown_coordinates(branch.system) if known]
+        figure = style.new_figure(5.4 + 2.2 * bool(content))
         figure.suptitle(f"{style.family_text(branch.label, branch.ends, branch.sequence)}   ({style.system_text(branch.system)})")
         layout: list[Any] = [["frequency"] * (len(panels) - 1), [panel.name for panel in panels[1:]]]
-        mosaic = figure.subplot_mosaic(layout, height_ratios=[1.25, 1.0])
+        layout += [[f"harmonics-{name}" for name, _ in content]] if content else []
+        mosaic = figure.subplot_mosaic(layout, height_ratios=[1.25, *[1.0] * (len(layout) - 1)])
+        for name, amplitudes in content:
+            axes = mosaic[f"harmonics-{name}"]
+            draw_harmonics(axes, [(energies, amplitudes)], name, legend=name == content[-1][0])
+            style.set_axis(axes, "x", limits, 14 if len(content) == 1 else 7, "energy", "h", log=True)
         for panel in panels:
             axes, wide = mosaic[panel.name], panel.name == "frequency" or len(panels) == 2
             style.set_axis(axes, "x", limits, 14 if wide else 7, "energy", "h", log=True)
@@ -129,12 +139,16 @@ def write_events(room: Room, names: Sequence[str], kinds: Sequence[str], places:
     return len(waiting), len(texts)
 
 
+def _shown_coordinates(system: Any) -> list[int]:
+    """Absorber and primary, or else the first coordinates: two, or the only one."""
+    chosen = [system.absorber, system.primary]
+    return list(range(min(2, len(system.coordinates)))) if None in chosen else chosen
+
+
 def _panels(branch: Any, frequency: str) -> list[_Panel]:
     """The frequency-energy plot, and the start velocities of absorber and primary: their start displacements if no start is at u = 0."""
     system, points = branch.system, branch.points
-    chosen = [system.absorber, system.primary]
-    if None in chosen:
-        chosen = list(range(min(2, len(system.coordinates))))
+    chosen = _shown_coordinates(system)
     moving = bool(np.isfinite(points["velocities"]).any())
     start = ("start velocity", "") if moving else ("start displacement", "\n(no start has zero displacement)")
     rows, values = frequency_rows(frequency, points["half_waves"], points["frequency"])

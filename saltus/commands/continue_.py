@@ -77,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     if responses.wants_parameter(arguments):
         return responses.follow_free(arguments) if free_families.wants_free_family(arguments) else responses.follow_forced(arguments)
     files = outputs.outputs_of(arguments)
+    responses.check_harmonics(arguments, files)
     arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
     scene = options.scene_of(arguments)
     responses.require_no_loads(scene)
@@ -98,12 +99,17 @@ def run(arguments: argparse.Namespace) -> int:
 
         from branches.record import to_csv, to_json, to_record
 
-        count = len(branch.points["h"])
+        count, written = len(branch.points["h"]), branch
+        if arguments.harmonics is not None:
+            from branches.harmonics import harmonic_notes, with_harmonics
+
+            written = with_harmonics(branch, arguments.harmonics)
+            files.report(harmonic_notes(branch, arguments.harmonics))
         files_code = files.write(
-            {"json": lambda: to_json(branch), "csv": lambda: to_csv(branch)},
-            table=lambda: {"family": np.full(count, branch.id), "point": np.arange(count), **branch.points},
-            about=lambda: json.dumps({key: value for key, value in to_record(branch).items() if key != "points"}, allow_nan=False),
-            figure=("branches.figures.single:branch_figure", branch, {"frequency": arguments.frequency or "index"}),
+            {"json": lambda: to_json(written), "csv": lambda: to_csv(written)},
+            table=lambda: {"family": np.full(count, branch.id), "point": np.arange(count), **written.points},
+            about=lambda: json.dumps({key: value for key, value in to_record(written).items() if key != "points"}, allow_nan=False),
+            figure=("branches.figures.single:branch_figure", written, {"frequency": arguments.frequency or "index"}),
         )
         code = max(code, files_code)
         if place is not None and any(end.reason == "INTERRUPTED" for end in branch.ended):

@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--x", metavar="COLUMN", help="of responses: another horizontal axis than the parameter")
     parser.add_argument("--y", metavar="COLUMN", help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...")
+    responses.add_harmonics(parser)
     parser.add_argument(
         "--beside", metavar="STUDY", action="append", help="with --view lines: draw another study of the same parameters beside; repeatable"
     )
@@ -44,9 +45,9 @@ def run(arguments: argparse.Namespace) -> int:
     is_response = responses.is_response_file(arguments.study)
     if is_response and arguments.beside:
         raise BadInput("--beside is for studies; expected a folder of saltus study")
-    given = next((option for option in ("x", "y") if getattr(arguments, option) is not None), None)
+    given = next((option for option in ("x", "y", "harmonics") if getattr(arguments, option) is not None), None)
     if given and not is_response:
-        raise BadInput(f"--{given} is a column of responses; expected a JSON file of saltus continue --in NAME")
+        raise BadInput(f"--{given} is an option of responses; expected a JSON file of saltus continue --in NAME")
     if is_response:
         return responses.draw(arguments, arguments.study)
     files = outputs.outputs_of(arguments)

@@ -122,7 +122,7 @@ def record(tmp_path, capsys, *words):
 @pytest.mark.parametrize(
     ("title", "words", "parts"),
     [
-        ("Branch", "continue S13O00+ --energy 0.1:1", ("branch", "points", "events")),
+        ("Branch", "continue S13O00+ --energy 0.1:1 --harmonics 2", ("branch", "points", "events")),
         ("Discover", "discover --energy 1 --max-quarter-period 2 --max-impacts 2", ("counts", "orbits")),
     ],
 )

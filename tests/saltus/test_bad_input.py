@@ -245,6 +245,10 @@ CASES = [
     ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --locked", ["no coordinate is marked as NES"]),
     ("run --scene {unmarked} --state 0,0,0,0,1,0 --duration 5 --mu 0.2", ["mu", "matrices"]),
     # sweeps
+    ("continue S13O00+ --harmonics 0 --csv a.csv", ["--harmonics", "'0'", "above 0"]),
+    ("continue S13O00+ --harmonics many --csv a.csv", ["--harmonics", "'many'", "integer above 0"]),
+    ("continue S13O00+ --harmonics 3", ["--harmonics 3", "no file", "--csv", "--plot"]),
+    ("continue --scene absorber --from rest --in w --range 0.7:0.8 --harmonics 3", ["--harmonics 3", "no file", "--csv", "--plot"]),
     ("sweep --scene impact_oscillator --range 0.1:0.2", ["--in NAME is required"]),
     ("sweep --scene impact_oscillator --in w", ["--range LO:HI is required"]),
     ("sweep --scene impact_oscillator --in w --range 2:1", ["'2:1'", "LO:HI with LO < HI"]),

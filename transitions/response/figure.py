@@ -11,6 +11,8 @@ import numpy as np
 
 from branches.figures import style
 from branches.figures.curves import curve_runs, draw_events
+from branches.figures.harmonics import draw_harmonics
+from branches.harmonics import amplitudes_along
 from bvp.texts import listed
 from transitions.response.measures import column_names, column_of
 from transitions.sweep.figure import Curve
@@ -58,6 +60,7 @@ def response_figure(
     x: str | None = None,
     title: str = "",
     interval: tuple[float, float] | None = None,
+    harmonics: int | None = None,
 ) -> Figure:
     """The response curves of some branches.
 
@@ -73,6 +76,8 @@ def response_figure(
     title : str
     interval : (float, float), optional
         Range of the parameter that is shown.
+    harmonics : int, optional
+        Highest harmonic in panels of their own, one for each of the first two coordinates.
 
     Raises
     ------
@@ -98,10 +103,13 @@ def response_figure(
             column[(branch.parameter < interval[0]) | (branch.parameter > interval[1])] = math.nan
         columns.append(column)
     with style.figure_settings():
-        figure = style.new_figure(4.4)
+        shown = first.problem.system.coordinates[:2] if harmonics else ()
+        figure = style.new_figure(4.4 + 2.4 * bool(shown))
         if title:
             figure.suptitle(title)
-        panel = figure.subplots()
+        layout: list[Any] = [["response"] * max(1, len(shown)), *([[f"harmonics-{name}" for name in shown]] if shown else [])]
+        mosaic = figure.subplot_mosaic(layout, height_ratios=[1.6, 1.0][: len(layout)])
+        panel = mosaic["response"]
         codes: set[int] = set()
         kinds: list[str] = []
         places = []
@@ -122,6 +130,13 @@ def response_figure(
         values = np.concatenate([abscissa[:, 0] for abscissa in abscissas]) if interval is None or x else np.array(interval)
         style.set_axis(panel, "y", style.limits_of(np.concatenate([column.ravel() for column in columns])), 6, words, symbol)
         style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, x_words, x_symbol)
+        for c, coordinate in enumerate(shown):
+            axes = mosaic[f"harmonics-{coordinate}"]
+            curves = [
+                (along[:, 0], amplitudes_along(branch, harmonics or 0)[:, :, c]) for branch, along in zip(branches, abscissas, strict=True)
+            ]
+            draw_harmonics(axes, curves, coordinate, legend=c == len(shown) - 1)
+            style.set_axis(axes, "x", style.limits_of(values, 0.02), 5, x_words, x_symbol)
         handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes]
         for kind, look in style.EVENT_LOOKS.items():
             if kind in kinds:

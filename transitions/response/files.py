@@ -67,8 +67,8 @@ _BRANCH = {
 _FILE = {"schema": "an integer", "kind": "a string", "parameter": "a string", "system": "an object", "branches": [_BRANCH]}
 
 
-def responses_record(branches: Sequence[ForcedBranch]) -> dict[str, Any]:
-    """Some branches of one system as plain data, in order; the measures of all points are computed."""
+def responses_record(branches: Sequence[ForcedBranch], harmonics: int | None = None) -> dict[str, Any]:
+    """Some branches of one system as plain data, in order; the measures of all points are computed, also their harmonics up to a number."""
     problem = branches[0].problem
     return {
         "schema": SCHEMA,
@@ -76,13 +76,13 @@ def responses_record(branches: Sequence[ForcedBranch]) -> dict[str, Any]:
         "parameter": branches[0].name,
         "coordinates": list(problem.system.coordinates),
         "system": plain(problem.parametric.describe()),
-        "branches": [_branch_record(branch) for branch in branches],
+        "branches": [_branch_record(branch, harmonics) for branch in branches],
     }
 
 
-def _branch_record(branch: ForcedBranch) -> dict[str, Any]:
+def _branch_record(branch: ForcedBranch, harmonics: int | None) -> dict[str, Any]:
     problem = branch.problem
-    columns = plain_columns(response_table([branch]))
+    columns = plain_columns(response_table([branch], harmonics))
     del columns["branch"], columns["point"]
     columns |= {"unknowns": plain(branch.unknowns), "tangent": plain(branch.tangents)}
     points = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

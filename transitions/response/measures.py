@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.forced.branch import ForcedBranch
 from branches.forced.family import ForcedFamily
+from branches.harmonics import harmonic_columns
 from branches.released.branch import ReleasedBranch
 from bvp.forcing import split_damping
 from bvp.simulate import parts_of
@@ -195,15 +196,16 @@ def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
     return (measures.dissipated if kind == "dissipated" else measures.shares)[:, k : k + 1]
 
 
-def response_table(branches: Sequence[ForcedBranch]) -> Table:
-    """The points of some branches as one table.
+def response_table(branches: Sequence[ForcedBranch], harmonics: int | None = None) -> Table:
+    """The points of some branches as one table; with their harmonics up to a number.
 
     branch: its number, from 1; point; the parameters, by their names; period; arclength; stable; phase, speed: of each impact; max.NAME,
-    rms.NAME; dissipated.PART, share.PART; work; test.NAME of `TESTS`; multipliers; residual. Of free orbits: see `free_table`.
+    rms.NAME; harmonic.NAME.K; dissipated.PART, share.PART; work; test.NAME of `TESTS`; multipliers; residual. Of free orbits: see
+    `free_table`.
     """
     free = [branch for branch in branches if isinstance(branch, ReleasedBranch)]
     if free:
-        return free_table(free)
+        return free_table(free, harmonics)
     first = branches[0]
     coordinates, parts = first.problem.system.coordinates, parts_of(first.problem.system)
     measures = [measures_along(branch) for branch in branches]
@@ -226,6 +228,9 @@ def response_table(branches: Sequence[ForcedBranch]) -> Table:
     for k, name in enumerate(coordinates):
         table[f"max.{name}"] = joined([found.peaks[:, k] for found in measures])
         table[f"rms.{name}"] = joined([found.rms[:, k] for found in measures])
+    if harmonics is not None:
+        content = [harmonic_columns(branch, harmonics) for branch in branches]
+        table |= {name: joined([columns[name] for columns in content]) for name in content[0]}
     for k, part in enumerate(parts):
         table[f"dissipated.{part.replace(' ', '_')}"] = joined([found.dissipated[:, k] for found in measures])
         table[f"share.{part.replace(' ', '_')}"] = joined([found.shares[:, k] for found in measures])

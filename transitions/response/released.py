@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.harmonics import harmonic_columns
 from bvp.parameters import ParametricSystem
 
 if TYPE_CHECKING:
@@ -58,8 +59,8 @@ def free_column(branch: ReleasedBranch, name: str) -> np.ndarray:
     return columns[name][:, None]
 
 
-def free_table(branches: Sequence[ReleasedBranch]) -> Table:
-    """The points of some branches as one table.
+def free_table(branches: Sequence[ReleasedBranch], harmonics: int | None = None) -> Table:
+    """The points of some branches as one table; with their harmonics up to a number.
 
     branch: its number, from 1; point; the parameters, by their names; then the columns of families in the energy, see
     `branches.branch.Branch`.
@@ -70,8 +71,9 @@ def free_table(branches: Sequence[ReleasedBranch]) -> Table:
     }
     for name in branches[0].problem.parametric.names:
         table[name] = np.array([branch.problem.parameters(y)[name] for branch in branches for y in branch.unknowns])
-    for name, first in branches[0].columns.items():
-        parts = [branch.columns[name] for branch in branches]
+    columns = [{**branch.columns, **({} if harmonics is None else harmonic_columns(branch, harmonics))} for branch in branches]
+    for name, first in columns[0].items():
+        parts = [column[name] for column in columns]
         same = all(part.shape[1:] == first.shape[1:] for part in parts)
         table[name] = np.concatenate(parts) if same else [row for part in parts for row in part]
     return table

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.kernels.smooth_loads import SmoothLoadedFlight
 from bvp.kernels.sources import ORDER
+from bvp.smooth_flights import loaded_steps
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
@@ -61,7 +61,7 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
     upper = np.triu_indices(n)
     totals = np.zeros(2 * n + len(upper[0]))
     for i, (node, duration) in enumerate(zip(problem.nodes(y), problem.flight_times(y).tolist(), strict=True)):
-        times, coefficients = _path(problem, node, duration, i)
+        times, coefficients = loaded_steps(problem, node, duration, i)
         lengths = np.diff(times)
         scaled = coefficients * lengths[:, None, None] ** np.arange(ORDER + 1)[:, None]
         states = np.einsum("pk,skr->spr", _POWERS, scaled)
@@ -80,19 +80,6 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
             lost += float(np.sum(weights * forces.acting(u, v) * v))
         peaks = np.maximum(peaks, [_peak(scaled[:, :, c]) for c in range(n)])
     return peaks, totals, lost
-
-
-def _path(problem: ForcedProblem, node: np.ndarray, duration: float, flight: int) -> tuple[np.ndarray, np.ndarray]:
-    """The steps of a flight: their times (S + 1,), and their polynomials (S, ORDER + 1, N)."""
-    problem.fly(node, duration, flight)
-    kept = problem.segment.flight
-    assert isinstance(kept, SmoothLoadedFlight)
-    paths = kept.taylor.paths
-    slots = np.flatnonzero(np.all(paths.begins == np.append(node, duration), axis=1) & (paths.steps[:, 0] > 0))
-    if not len(slots):
-        raise RuntimeError(f"flight {flight + 1} of an orbit cannot be computed")
-    count = int(paths.steps[slots[0], 0])
-    return paths.times[slots[0], : count + 1].copy(), paths.coefficients[slots[0], :count].copy()
 
 
 def _peak(rows: np.ndarray) -> float:

@@ -1,0 +1,154 @@
+"""Harmonic content of a periodic orbit: the Fourier series of its displacements, u = a_0 + sum a_k cos(2 pi k t/T - phi_k).
+
+The integrals over each flight are Gauss sums on panels, exact to rounding: on a panel of a linear flight, and on a Taylor step of a smooth
+one, the integrand is smooth. The symmetries of the ends unfold the solved segment to the period, so no flight is computed beyond it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.forced import ForcedProblem
+from bvp.kernels.flight import fastest_rate
+from bvp.kernels.multipoint import ORIGIN
+from bvp.kernels.sources import ORDER
+from bvp.released import ReleasedProblem
+from bvp.smooth_flights import loaded_steps, sample_path, smooth_steps
+
+if TYPE_CHECKING:
+    from bvp.multipoint import MultipointProblem
+
+__all__ = ["harmonics"]
+
+_nodes, _weights = np.polynomial.legendre.leggauss(ORDER + 2)
+_PLACES, _WEIGHTS = 0.5 * (1.0 + _nodes), 0.5 * _weights
+"""Gauss's rule on [0, 1]."""
+
+_PHASE = 10.0
+"""Largest phase on a panel. A harmonic differs from its polynomial of degree ORDER + 3 by the Bessel function of this order and one more
+at half of it, below 1e-16; the rule is exact for the product of this polynomial and a Taylor step."""
+
+Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Times (m,), weights of the integral (m,) and displacements (m, n) along a flight."""
+
+
+def harmonics(problem: MultipointProblem | ForcedProblem, y: np.ndarray, highest: int) -> np.ndarray:
+    """The amplitudes of the harmonics of an orbit's own frequency 2 pi/T.
+
+    Parameters
+    ----------
+    problem : MultipointProblem or ForcedProblem
+    y : (u,) float
+        A solution.
+    highest : int
+        Number K of the highest harmonic.
+
+    Returns
+    -------
+    (K + 1, n) ndarray
+        Row 0 has the means, row k >= 1 the amplitudes a_k >= 0 of each coordinate. The amplitude of a linear flight is that of its
+        exact solution, of a smooth one that of its Taylor steps.
+
+    Raises
+    ------
+    RuntimeError
+        If a flight cannot be computed: the message says where and why.
+
+    Examples
+    --------
+    An orbit with an impact in each half period has odd harmonics alone.
+
+    >>> from bvp.multipoint import MultipointProblem
+    >>> from bvp.system import vibro_impact_nes
+    >>> problem = MultipointProblem(vibro_impact_nes(), ("origin", "stop+"), ())
+    >>> y = problem.solve(problem.pack([0.0, 0.0, 0.9, 0.6], [], [1.7]), quarter_period=1.7).y
+    >>> harmonics(problem, y, 3).round(6)
+    array([[0.      , 0.      ],
+           [1.781052, 1.039891],
+           [0.      , 0.      ],
+           [0.118656, 0.013641]])
+    """
+    if isinstance(problem, ReleasedProblem):
+        problem, y = problem.orbit_problem(y)
+    orders = np.arange(highest + 1)
+    odd = (orders % 2)[:, None]
+    if isinstance(problem, ForcedProblem):
+        period = problem.period(y)
+        sums = _integrals(_forced_flights(problem, y, 2.0 * math.pi * highest / period), 2.0 * math.pi * orders / period)
+        if problem.half:
+            sums = 2.0 * odd * sums
+    else:
+        period = 4.0 / problem.quarters * float(np.sum(problem.flight_times(y)))
+        sums = _integrals(_free_flights(problem, y, 2.0 * math.pi * highest / period), 2.0 * math.pi * orders / period)
+        if not problem.periodic:
+            # The orbit is odd in time about an origin, and even about another end. Of a quarter of it u(t + T/2) = -u(t).
+            sums = 2.0 * (1j * sums.imag if problem.kinds[0] == ORIGIN else sums.real)
+            if problem.quarters == 1:
+                sums = 2.0 * odd * sums
+    found = 2.0 * np.abs(sums) / period
+    found[0] = sums[0].real / period
+    return found
+
+
+def _integrals(flights: Iterator[Samples], rates: np.ndarray) -> np.ndarray:
+    """The integrals of u exp(-i rate t), (K + 1, n)."""
+    return sum(np.exp(-1j * np.outer(rates, times)) @ (weights[:, None] * u) for times, weights, u in flights)
+
+
+def _panels(begin: float, length: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times (m,) and weights (m,) of Gauss's rule on so many panels of an interval that the phase on each is small enough."""
+    count = math.ceil(rate * length / _PHASE) or 1
+    places = (np.arange(count)[:, None] + _PLACES).ravel() / count
+    return begin + length * places, np.tile(length / count * _WEIGHTS, count)
+
+
+def _along_steps(begin: float, edges: np.ndarray, coefficients: np.ndarray, rate: float) -> Iterator[Samples]:
+    """The samples of the Taylor steps of a flight: displacements from coefficients (S, ORDER + 1, n)."""
+    for at, length, polynomial in zip(edges[:-1], np.diff(edges), coefficients, strict=True):
+        times, weights = _panels(0.0, float(length), rate)
+        yield begin + at + times, weights, np.polynomial.polynomial.polyval(times, polynomial).T
+
+
+def _free_flights(problem: MultipointProblem, y: np.ndarray, rate: float) -> Iterator[Samples]:
+    """The samples of the flights of a conservative orbit, for harmonics up to a rate."""
+    modes, n, begin = problem.modes, problem.half, 0.0
+    shapes = modes.to_state[:n]
+    for state, duration in zip([problem.start(y), *problem.nodes(y)], problem.flight_times(y).tolist(), strict=True):
+        if problem.is_smooth:
+            edges, coefficients = smooth_steps(problem.segment.flight, state, duration)
+            yield from _along_steps(begin, edges, coefficients @ shapes.T, rate)
+        else:
+            times, weights = _panels(0.0, duration, rate + fastest_rate(modes.flight))
+            states = np.empty((len(times), 2 * n))
+            sample_path(problem.system, np.zeros(1), state[None], times, states)
+            yield begin + times, weights, states @ shapes.T
+        begin += duration
+
+
+def _forced_flights(problem: ForcedProblem, y: np.ndarray, rate: float) -> Iterator[Samples]:
+    """The samples of the flights of a forced orbit, for harmonics up to a rate."""
+    n, begin = problem.degrees_of_freedom, 0.0
+    if not problem.is_smooth:
+        rate += _own_rate(problem, y)
+    for i, (node, duration) in enumerate(zip(problem.nodes(y), problem.flight_times(y).tolist(), strict=True)):
+        if problem.is_smooth:
+            edges, coefficients = loaded_steps(problem, node, duration, i)
+            yield from _along_steps(begin, edges, coefficients[..., :n], rate)
+        else:
+            times, weights = _panels(0.0, duration, rate)
+            yield begin + times, weights, np.array([problem.fly(node, time, i)[0][:n] for time in times.tolist()])
+        begin += duration
+
+
+def _own_rate(problem: ForcedProblem, y: np.ndarray) -> float:
+    """The fastest rate of linear flights under loads: that of the system or of its loads."""
+    parameters = problem.parameters(y)
+    system, layout, n = problem.parametric.system(parameters), problem.parametric.layout, problem.degrees_of_freedom
+    rows = np.linalg.solve(system.mass, np.hstack([system.stiffness, system.damping]))
+    own = np.abs(np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-rows]]))).max()
+    base = float(problem.parametric.entries(parameters)[layout.frequency][0]) if problem.has_clock else 0.0
+    return float(own + base * max(layout.harmonics, default=0))
