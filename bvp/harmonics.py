@@ -1,7 +1,8 @@
-"""Harmonic content of a periodic orbit: the Fourier series of its displacements, u = a_0 + sum a_k cos(2 pi k t/T - phi_k).
+"""Harmonic content and size of a periodic orbit, from samples of its path.
 
-The integrals over each flight are Gauss sums on panels, exact to rounding: on a panel of a linear flight, and on a Taylor step of a smooth
-one, the integrand is smooth. The symmetries of the ends unfold the solved segment to the period, so no flight is computed beyond it.
+The Fourier series of its displacements is u = a_0 + sum a_k cos(2 pi k t/T - phi_k). The integrals over each flight are Gauss sums on
+panels, exact to rounding: on a panel of a linear flight, and on a Taylor step of a smooth one, the integrand is smooth. The symmetries of
+the ends unfold the solved segment to the period, so no flight is computed beyond it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from bvp.smooth_flights import loaded_steps, sample_path, smooth_steps
 if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem
 
-__all__ = ["harmonics"]
+__all__ = ["harmonics", "sizes"]
 
 _nodes, _weights = np.polynomial.legendre.leggauss(ORDER + 2)
 _PLACES, _WEIGHTS = 0.5 * (1.0 + _nodes), 0.5 * _weights
@@ -92,6 +93,36 @@ def harmonics(problem: MultipointProblem | ForcedProblem, y: np.ndarray, highest
     found = 2.0 * np.abs(sums) / period
     found[0] = sums[0].real / period
     return found
+
+
+_SERIES = np.linalg.inv(np.polynomial.legendre.legvander(_nodes, ORDER + 1))
+"""From the samples on a panel to the Legendre series through them, which is exact to rounding for a phase of `_PHASE`."""
+
+
+def sizes(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The largest displacements (n,) of a conservative orbit, and their root mean squares (n,) over the period.
+
+    Parameters
+    ----------
+    problem : MultipointProblem
+    y : (u,) float
+        A solution.
+
+    Raises
+    ------
+    RuntimeError
+        If a flight cannot be computed: the message says where and why.
+    """
+    legendre = np.polynomial.legendre
+    largest, squares = np.zeros(problem.half), np.zeros(problem.half)
+    for _, weights, u in _free_flights(problem, y, 0.0):
+        squares += weights @ u**2
+        for panel in u.reshape(-1, len(_PLACES), problem.half):
+            for c, series in enumerate((_SERIES @ panel).T):
+                turns = legendre.legroots(legendre.legder(series)) if np.any(series[1:]) else np.zeros(0)
+                inside = turns.real[(np.abs(turns.imag) < 1e-6) & (np.abs(turns.real) < 1.0)]
+                largest[c] = max(largest[c], np.abs(legendre.legval(np.array([-1.0, *inside, 1.0]), series)).max())
+    return largest, np.sqrt(squares / float(np.sum(problem.flight_times(y))))
 
 
 def _integrals(flights: Iterator[Samples], rates: np.ndarray) -> np.ndarray:

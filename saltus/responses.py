@@ -262,7 +262,7 @@ def _missed(arguments: argparse.Namespace, branches: Sequence[ForcedBranch]) -> 
 
 def show(arguments: argparse.Namespace) -> int:
     """Print what a file of responses has, and draw it; return the exit code."""
-    arguments.x = arguments.y = arguments.harmonics = None
+    arguments.x = arguments.y = arguments.harmonics = arguments.beside = None
     return draw(arguments, arguments.name)
 
 
@@ -273,11 +273,31 @@ def draw(arguments: argparse.Namespace, path: str) -> int:
     files = outputs.outputs_of(arguments)
     check_harmonics(arguments, files)
     branches = read_responses(path)
+    if arguments.beside and "plot" not in files.places:
+        raise BadInput(f"--beside {arguments.beside[0]} is drawn beside the responses; expected --plot FILE")
     impacts = max(branch.speeds.shape[1] for branch in branches)
     _check_axes(arguments, branches[0].problem.parametric, impacts, free=branches[0].problem.ends is not None)
     for number, branch in enumerate(branches, 1):
         files.report(report_lines(branch, number, terminal_width(files.words)))
-    return write(files, branches, arguments.y, "", arguments.x, harmonics=arguments.harmonics)
+    backbones = [_backbone(place, branches, arguments) for place in arguments.beside or ()]
+    return write(files, branches, arguments.y, "", arguments.x, harmonics=arguments.harmonics, backbones=backbones)
+
+
+def _backbone(place: str, branches: Sequence[ForcedBranch], arguments: argparse.Namespace) -> Curve:
+    """The family of a file as a backbone of responses."""
+    from branches.reading import read_branch
+    from transitions.response.backbone import backbone
+    from transitions.response.figure import default_column
+
+    if arguments.x not in (None, branches[0].name):
+        raise BadInput(f"--beside {place}: a backbone is over the frequency; expected no --x {arguments.x}")
+    if branches[0].problem.ends is not None:
+        raise BadInput(f"--beside {place}: free orbits have no backbone beside them; expected a file of responses to a load")
+    family = read_branch(place)
+    try:
+        return backbone(family, branches, arguments.y or default_column(branches[0].problem))
+    except ValueError as error:
+        raise BadInput(f"--beside {place}: {one_line(error)}") from error
 
 
 def read(paths: Sequence[str]) -> list[ForcedBranch]:
@@ -338,9 +358,10 @@ def write(
     x: str | None = None,
     interval: tuple[float, float] | None = None,
     harmonics: int | None = None,
+    backbones: Sequence[Curve] = (),
 ) -> int:
     """Write the files of some branches, with their harmonics up to a number; return the exit code. The figure shows the parameter in an
-    interval."""
+    interval, and backbones."""
     from branches.harmonics import harmonic_notes
     from branches.tables import csv_text
     from transitions.response.files import responses_record
@@ -364,7 +385,7 @@ def write(
                 branch.identify(count)
         return responses_record(branches, harmonics)
 
-    options = {"y": y, "x": x, "title": title, "interval": interval, "harmonics": harmonics}
+    options = {"y": y, "x": x, "title": title, "interval": interval, "harmonics": harmonics, "backbones": backbones}
     if harmonics is not None:
         files.report(note for branch in branches for note in harmonic_notes(branch, harmonics))
     return files.write(

@@ -35,7 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--y", metavar="COLUMN", help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...")
     responses.add_harmonics(parser)
     parser.add_argument(
-        "--beside", metavar="STUDY", action="append", help="with --view lines: draw another study of the same parameters beside; repeatable"
+        "--beside", metavar="STUDY", action="append",
+        help="with --view lines: draw another study of the same parameters beside; over responses in the frequency of the load: draw the "
+        "backbone, a family in the energy of the same masses and springs, from its JSON file; repeatable",
     )
     parser.add_argument("--over", metavar="X,Y", help="the two parameters of a map (default: the first two that are numbers)")
 
@@ -43,8 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     is_response = responses.is_response_file(arguments.study)
-    if is_response and arguments.beside:
-        raise BadInput("--beside is for studies; expected a folder of saltus study")
     given = next((option for option in ("x", "y", "harmonics") if getattr(arguments, option) is not None), None)
     if given and not is_response:
         raise BadInput(f"--{given} is an option of responses; expected a JSON file of saltus continue --in NAME")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from branches.orbit import Orbit
-from bvp.harmonics import harmonics
+from bvp.harmonics import harmonics, sizes
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
@@ -46,6 +46,9 @@ def test_the_duffing_oscillator_has_the_series_of_cn(size, ends):
     problem = MultipointProblem(system, ends, ())
     solved = problem.solve(problem.pack(start, None, [float(quarter) / rate]), energy=energy)
     assert np.abs(harmonics(problem, solved.y, 11)[:, 0] - exact).max() < 100.0 * EPS * size
+    largest, squares = sizes(problem, solved.y)
+    mean = size**2 * (float(mpmath.ellipe(m) / quarter) - 1.0 + m) / m  # of the square of cn
+    assert abs(largest[0] - size) < 100.0 * EPS * size and abs(squares[0] ** 2 - mean) < 1e3 * EPS * mean / m
 
 
 def test_a_released_orbit_has_the_harmonics_of_its_system():
@@ -93,6 +96,10 @@ def test_impacting_orbits_agree_with_sums_over_the_period():
         exact = by_samples(orbit, 25)
         assert np.abs(exact).max() > 0.1
         assert np.abs(harmonics(orbit.problem, orbit.solution.y, 25) - exact).max() < 100.0 * EPS
+        # Beside a turn the samples fall short by the curvature times the square of their distance.
+        sampled = np.abs(orbit.sample(np.linspace(0.0, orbit.period, 20001))[0]).max(axis=0)
+        largest = sizes(orbit.problem, orbit.solution.y)[0]
+        assert np.all(largest > sampled - 100.0 * EPS) and np.all(largest < sampled * (1.0 + 1e-3))
 
 
 @pytest.mark.parametrize("power", [3.0, 7.0, 3.5])

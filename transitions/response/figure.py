@@ -31,6 +31,7 @@ _LINES: dict[int, dict[str, Any]] = {
     0: {"label": "unstable", "color": style.VERMILION, "linewidth": 1.1, "linestyle": (0, (3, 1.6))},
     -1: {"label": "undecided", "color": style.GREY, "linewidth": 1.1, "linestyle": ":"},
 }
+_BACKBONE: dict[str, Any] = {"label": "backbone", "color": style.BLACK, "linewidth": 0.9, "linestyle": (0, (6, 1.5, 1, 1.5))}
 _WORDS = {"NS": "NS Neimark-Sacker"}
 """Names of events that differ from those of conservative families."""
 
@@ -61,6 +62,7 @@ def response_figure(
     title: str = "",
     interval: tuple[float, float] | None = None,
     harmonics: int | None = None,
+    backbones: Sequence[Curve] = (),
 ) -> Figure:
     """The response curves of some branches.
 
@@ -78,6 +80,8 @@ def response_figure(
         Range of the parameter that is shown.
     harmonics : int, optional
         Highest harmonic in panels of their own, one for each of the first two coordinates.
+    backbones : sequence of Curve
+        Conservative families over their own frequency, as of `transitions.response.backbone.backbone`.
 
     Raises
     ------
@@ -125,10 +129,13 @@ def response_figure(
                     if event.type != "EP" and math.isfinite(curve[event.point]) and math.isfinite(along[event.point]):
                         kinds.append(event.type)
                         places.append((along[event.point], curve[event.point]))
+        for number, curve_of in enumerate(backbones, 1):
+            panel.plot(curve_of.x, curve_of.y, gid=f"backbone-{number}", zorder=1.9, **_BACKBONE)
         if places:
             draw_events(panel, kinds, np.array(places), "response")
         values = np.concatenate([abscissa[:, 0] for abscissa in abscissas]) if interval is None or x else np.array(interval)
-        style.set_axis(panel, "y", style.limits_of(np.concatenate([column.ravel() for column in columns])), 6, words, symbol)
+        heights = np.concatenate([*(column.ravel() for column in columns), *(one.y for one in backbones)])
+        style.set_axis(panel, "y", style.limits_of(heights), 6, words, symbol)
         style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, x_words, x_symbol)
         for c, coordinate in enumerate(shown):
             axes = mosaic[f"harmonics-{coordinate}"]
@@ -137,7 +144,7 @@ def response_figure(
             ]
             draw_harmonics(axes, curves, coordinate, legend=c == len(shown) - 1)
             style.set_axis(axes, "x", style.limits_of(values, 0.02), 5, x_words, x_symbol)
-        handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes]
+        handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes] + [Line2D([], [], **_BACKBONE)] * bool(backbones)
         for kind, look in style.EVENT_LOOKS.items():
             if kind in kinds:
                 handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
