@@ -272,6 +272,8 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
         yield from table_lines(("dissipated", "time", f"by {first}", f"by {second}"), rows, columns="rrrr")
     if record["peaks"] is None:
         yield "peaks    not computed: interrupted"
+    elif not any(record["peaks"].values()):
+        yield "peaks    not computed: the motion runs away"
     else:
         peaks = [(name, entry) for entries in record["peaks"].values() for name, entry in entries.items()]
         rows = [(name, *(f"{entry[key]:.8g}" for key in ("peak", "time", "rms"))) for name, entry in peaks]

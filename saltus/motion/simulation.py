@@ -132,9 +132,10 @@ def _impulsive(scene: Scene, energy: float) -> np.ndarray:
 def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
     """A start on an orbit of a family of the undamped elastic system."""
     from branches.naming.labels import parse_name
+    from branches.naming.search import label_without_stops
 
     text = catalogues.named(arguments.on, arguments, scene)
-    name = parse_name(text)
+    name = parse_name(text) if scene.system.stops else label_without_stops(parse_name(text))
     energy = agreed(arguments.on, "h", name.h, "--energy", arguments.energy)
     if energy is None and name.alpha is None and not arguments.impulsive:
         raise BadInput(f"an orbit of {name} needs --energy H, or {arguments.on}@alpha=A")
@@ -150,10 +151,6 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
 
 def _called(name: Name, orbit: Orbit) -> str:
     """The name of the family of a start: the label that was asked for, or the label of the orbit where an incomplete label or an id was."""
-    if not orbit.system.stops:
-        from branches.naming.search import label_without_stops
-
-        name = label_without_stops(name)
     if name.label is None or (not name.label.is_complete and has_label(orbit, name)):
         return orbit.label
     return str(name.label)
@@ -309,8 +306,10 @@ def _simulate(
         if not hasattr(error, "motion"):
             raise
         motion = replace(error.motion, status=MotionStatus.INTERRUPTED)
-    peaks = None
-    if motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
+    peaks: dict[str, dict[str, tuple[float, float, float]]] | None = None
+    if motion.status is MotionStatus.UNRESOLVED:
+        peaks = {"displacements": {}, "gaps": {}, "drifts": {}}  # those of a motion that runs away have no meaning
+    elif motion.status is not MotionStatus.INTERRUPTED or len(motion.times) <= MOST_IN_A_HURRY:
         rows = {
             "displacements": dict(zip(system.coordinates, np.eye(system.degrees_of_freedom), strict=True)),
             "gaps": {f"gap {stop.name}": np.array(stop.gap) for stop in system.stops},

@@ -165,3 +165,33 @@ def test_a_section(tmp_path, capsys):
     code, _, _ = run(capsys, "section", "--scene", "cubic_nes", "--energy", 0.05, "--start", f"{x:.17g},{y:.17g}", "--json", files[0])
     points = np.array(json.loads(files[0].read_text())["sections"][0]["orbits"][0]["points"])
     assert np.abs(points[:20] - [x, y]).max() < 1e-9
+
+
+AWAY = """
+[system]
+mass = [[1.0]]
+stiffness = [[0.0]]
+[[springs]]
+on = "u1"
+stiffness = -1.0
+power = 3
+"""
+
+
+def test_a_motion_that_runs_away(tmp_path, capsys):
+    """Oracle: u = 1/(1 - t/sqrt(2)) of u'' = u^3 has no value beyond sqrt(2)."""
+    (tmp_path / "scene.toml").write_text(AWAY)
+    words = ("--scene", tmp_path / "scene.toml", "--state", "1,0.70710678118654752", "--duration", 5, "--json", tmp_path / "run.json")
+    code, out, _ = run(capsys, "run", *words)
+    assert code == 1 and "ended    the smooth forces grow beyond" in out and "peaks    not computed: the motion runs away" in out
+    assert json.loads((tmp_path / "run.json").read_text())["duration"] == pytest.approx(np.sqrt(2.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("words", [("run", "--impulse", 1, "--duration", 5), ("section", "--energy", 1)])
+def test_springs_without_a_potential_are_refused(tmp_path, capsys, words):
+    (tmp_path / "scene.toml").write_text(SCENE.replace('potential = "cosh(w) - 1"', 'force = "floor**3"').replace("POWER", "1"))
+    refused(run(capsys, *words, "--scene", tmp_path / "scene.toml"), "the springs have no potential: the force on sink changes with floor")
+
+
+def test_a_smooth_family_without_an_impulsive_orbit(capsys):
+    refused(run(capsys, "run", "--scene", "cubic_nes", "--on", "S11-", "--impulsive", "--duration", 5), "S11- has no impulsive orbit")
