@@ -356,17 +356,19 @@ def test_the_cut_is_the_cheapest_of_all():
         off, more = random.uniform(0.0, 1.5 * SHARE, (2, 2, 9)) / np.array([1.0, SHARE]).reshape(2, 1, 1)
         met = [Match(meeting(name, row), *pair) for name, row, pair in zip("ab", rows, zip(off, more, strict=True), strict=True)]
 
-        def cost(states, rows=rows, off=off, more=more):
-            total = 0.0
-            for j, state in enumerate(states):
-                i = state - 1
-                doubt = min(1.0, (off[i][j] / SHARE) ** 2 + more[i][j] ** 2)
-                total += 1.5 * (2.0 if not state else (rows[i][j] / NEAR) ** 2 + doubt)
-                if j and state != states[j - 1]:
-                    total += 0.5 * LEAST_PERIODS * (1 if 0 in (state, states[j - 1]) else 2)
+        doubt = np.minimum(1.0, (off / SHARE) ** 2 + more**2)
+        each = [[1.5 * 2.0] * 9, *(1.5 * ((np.array(rows) / NEAR) ** 2 + doubt)).tolist()]  # cost of a state at a place
+
+        def cost(states, each=each):
+            total = each[states[0]][0]
+            for j in range(1, 9):
+                total += each[states[j]][j]
+                if states[j] != states[j - 1]:
+                    total += 0.5 * LEAST_PERIODS * (1 if 0 in (states[j], states[j - 1]) else 2)
             return total
 
-        best = min((s for s in itertools.product(range(3), repeat=9) if not math.isnan(cost(s))), key=cost)
+        costs = {states: cost(states) for states in itertools.product(range(3), repeat=9)}
+        best = min((states for states in costs if not math.isnan(costs[states])), key=costs.__getitem__)
         expected = []
         for state, group in itertools.groupby(range(9), key=lambda j: best[j]):
             places = list(group)
