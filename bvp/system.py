@@ -333,6 +333,8 @@ class ImpactSystem(Matrices):
             entry.update({key: getattr(stop, key) for key in ("lower", "upper") if math.isfinite(getattr(stop, key))})
             stops.append({**entry, "restitution": stop.restitution})
         names: dict[str, Any] = {"names": list(self.coordinates)}
+        # Dampers that take nothing make no other system: families are those of the undamped one.
+        acting = {"springs": self.springs, "dampers": () if self.is_conservative else self.dampers}
         for key in ("absorber", "primary"):
             index = getattr(self, key)
             if index is not None:
@@ -343,7 +345,7 @@ class ImpactSystem(Matrices):
             "stiffness": self.stiffness.tolist(),
             "stops": stops,
             "coordinates": names,
-            **{key: [element.describe() for element in getattr(self, key)] for key in ("springs", "dampers") if getattr(self, key)},
+            **{key: [element.describe() for element in elements] for key, elements in acting.items() if elements},
         }
 
     @classmethod

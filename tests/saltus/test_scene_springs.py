@@ -62,6 +62,14 @@ def test_springs_of_a_scene(tmp_path, k):
     assert system.why_not_conservative() == "damping acts on x (coefficient 0.1)"
 
 
+def test_families_are_those_of_the_undamped_system(tmp_path):
+    """Oracle: the same scene whose dampers are 0: its families are compared with damped motion."""
+    text = SCENE.replace("damping = 0.1", 'damping = "c"').replace("k = 2.0", "k = 2.0\nc = 0.1")
+    undamped, damped = scene_of(tmp_path, text, c=0.0), scene_of(tmp_path, text)
+    assert undamped.system.is_conservative and not damped.system.is_conservative
+    assert damped.underlying.system.describe() == undamped.system.describe() != damped.system.describe()
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_the_shipped_scenes_are_conservative_odd_and_cited(name):
     scene = load_scene(name)
