@@ -180,9 +180,14 @@ def to_json(branch: Branch) -> str:
     return _json(to_record(branch))
 
 
+def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
+    """An orbit and its system as plain data."""
+    return {"schema": SCHEMA, "system": orbit.system.describe(), "orbit": _orbit(orbit)}
+
+
 def orbit_to_json(orbit: Orbit) -> str:
     """Return the JSON text of an orbit, ``{"schema", "system", "orbit"}``."""
-    return _json({"schema": SCHEMA, "system": orbit.system.describe(), "orbit": _orbit(orbit)})
+    return _json(orbit_to_record(orbit))
 
 
 def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = None) -> str:

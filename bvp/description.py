@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import keyword
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,8 @@ from bvp.system import MODELS, ImpactSystem
 from bvp.texts import shown
 
 __all__ = [
-    "BASE", "FORCE", "RESERVED", "elements_from", "force_from", "leaves", "mapped", "names_in", "ordered_by_dependence",
-    "own_parameters", "parts_from", "require_name",
+    "BASE", "FORCE", "RESERVED", "elements_from", "force_from", "in_reciprocal", "leaves", "mapped", "names_in", "ordered_by_dependence",
+    "own_parameters", "parts_from", "reciprocals", "replaced_values", "require_name", "require_used",
 ]  # fmt: skip
 
 BASE = "w"
@@ -161,6 +161,53 @@ def require_name(name: str) -> None:
         raise InvalidSystem(f"parameter {name} would hide the {'number' if name == 'pi' else 'function'} {name}; expected another name")
     if not is_plain(name) or keyword.iskeyword(name):
         raise InvalidSystem(f"parameter {shown(name)} cannot be named in expressions; expected letters, digits and _, such as k1")
+
+
+def reciprocals(table: Mapping[str, Any]) -> dict[str, str]:
+    """The parameters that a table gives by their reciprocals: {"n": "1/n"}."""
+    found = {name.removeprefix("1/"): name for name in table if name.startswith("1/")}
+    for name in found.keys() & table.keys():
+        raise InvalidSystem(f"parameter {name} is given twice, as {name} and as 1/{name}; expected one of them")
+    return found
+
+
+def in_reciprocal(description: Mapping[str, Any], name: str, value: float) -> dict[str, Any]:
+    """A description in which the reciprocal of an independent parameter with a value is the parameter, in its place."""
+    if value == 0.0:
+        raise InvalidSystem(f"1/{name} has no value: {name} = 0")
+    system, table = dict(description["system"]), dict(description.get("parameters", {}))
+    if name in table:
+        table = {f"1/{name}" if key == name else key: 1.0 / value if key == name else entry for key, entry in table.items()}
+    elif name in MODELS[system["model"]].domains if "model" in system else False:
+        system[name], table[f"1/{name}"] = name, 1.0 / value
+    else:
+        raise InvalidSystem(f"1/{name}: expected the reciprocal of a parameter of the scene, and {name} is the frequency of its loads")
+    return {**description, "system": system, "parameters": table}
+
+
+def replaced_values(description: Mapping[str, Any], system: Mapping[str, Any], at: Mapping[str, float]) -> dict[str, Any]:
+    """A description with other values of its independent parameters. system: its system, with the parameters of its model by name."""
+    given, table = dict(description), dict(description.get("parameters", {}))
+    own = [name for name in at if name not in table]
+    given["system"] = {**given["system"], **{name: at[name] for name in own if name in system}}
+    if BASE in own:
+        given["forces"] = [{**force, "frequency": at[BASE]} if "frequency" in force else force for force in given["forces"]]
+    if table:
+        given["parameters"] = {name: at.get(name, value) for name, value in table.items()}
+    return given
+
+
+def require_used(table: Mapping[str, Any], texts: Iterable[str], derived: Mapping[str, str]) -> None:
+    """Refuse a parameter of a table on which nothing depends. texts: the expressions of the system and its loads."""
+    used = {name for text in texts for name in names_in(text)}
+    waiting = list(used)
+    while waiting:
+        inner = names_in(derived.get(waiting.pop(), "")) - used
+        used |= inner
+        waiting += inner
+    for name in table:
+        if name.removeprefix("1/") not in used:
+            raise InvalidSystem(f"parameter {name} is used nowhere; expected it in an expression of the system or of a load")
 
 
 def names_in(text: str) -> set[str]:

@@ -9,20 +9,32 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bvp.checks import Frozen, InvalidSystem, is_finite, refuse_unknown
-from bvp.description import BASE, FORCE, force_from, leaves, mapped, names_in, ordered_by_dependence, own_parameters, require_name
+from bvp.description import (
+    BASE,
+    FORCE,
+    force_from,
+    in_reciprocal,
+    leaves,
+    mapped,
+    ordered_by_dependence,
+    own_parameters,
+    reciprocals,
+    replaced_values,
+    require_name,
+    require_used,
+)  # fmt: skip
 from bvp.entries import EntryLayout, entries_of, exact
 from bvp.expressions import parsed
 from bvp.forcing import Constant, Force, Harmonic
 from bvp.springs import LARGEST_POWER
 from bvp.system import MODELS, STOP_KEYS, SYSTEM_KEYS, ImpactSystem
-from bvp.texts import brief, listed, shown
+from bvp.texts import at_values, brief, nearest_known, shown
 
 if TYPE_CHECKING:
     from bvp.kernels.expressions import Program
@@ -53,7 +65,8 @@ class ParametricSystem:
     Parameters
     ----------
     description : mapping
-        ``parameters``: a number, or an expression of other parameters, by name. ``system``: as `ImpactSystem.from_description` takes it.
+        ``parameters``: a number, or an expression of other parameters, by name; with ``"1/n"`` a number, of which n is the reciprocal.
+        ``system``: as `ImpactSystem.from_description` takes it.
         ``forces``: a list of loads (`from_description`). Numbers of the system and of the loads can be texts: expressions.
 
     Attributes
@@ -80,8 +93,11 @@ class ParametricSystem:
         refuse_unknown(given, ("parameters", "system", "forces"), "the description")
         table = dict(given.get("parameters", {}))
         values: dict[str, float] = {}
+        inverse = reciprocals(table)
         for name, value in table.items():
-            require_name(name)
+            require_name(name.removeprefix("1/"))
+            if name.startswith("1/") and isinstance(value, str):
+                raise InvalidSystem(f"parameter {name} is a number, as {name[2:]} follows from it; received {shown(value)}")
             if not isinstance(value, str):
                 if not is_finite(value) or isinstance(value, bool):
                     raise InvalidSystem(f"parameter {name} is a finite number or an expression of others; received {shown(value)}")
@@ -101,7 +117,7 @@ class ParametricSystem:
         object.__setattr__(self, "description", given)
         object.__setattr__(self, "names", (*values, *own))
         object.__setattr__(self, "values", Frozen(values | own))
-        object.__setattr__(self, "derived", Frozen({name: value for name, value in table.items() if isinstance(value, str)}))
+        object.__setattr__(self, "derived", Frozen({name: value for name, value in table.items() if isinstance(value, str)} | inverse))
         object.__setattr__(self, "_system", system)
         object.__setattr__(self, "_forces", forces)
         self._require_used(table)
@@ -177,16 +193,25 @@ class ParametricSystem:
             For an unknown name, and for values outside their domain.
         """
         self.system(values)
-        at = self.at(values)
-        given = dict(self.description)
-        table = dict(given.get("parameters", {}))
-        own = [name for name in self.names if name not in table]
-        given["system"] = {**given["system"], **{name: at[name] for name in own if name in self._system}}
-        if BASE in own:
-            given["forces"] = [{**force, "frequency": at[BASE]} if "frequency" in force else force for force in given["forces"]]
-        if table:
-            given["parameters"] = {name: at.get(name, value) for name, value in table.items()}
-        return ParametricSystem(given)
+        return ParametricSystem(replaced_values(self.description, self._system, self.at(values)))
+
+    def in_reciprocal(self, name: str) -> ParametricSystem:
+        """The same with the parameter 1/name in place of an independent one.
+
+        Raises
+        ------
+        InvalidSystem
+            For an unknown parameter, for the frequency of loads that is no parameter of the description, and for one that is zero.
+
+        Examples
+        --------
+        >>> spring = {"on": "u1", "stiffness": 1.0, "power": "2*n + 1"}
+        >>> system = {"mass": [[1.0]], "stiffness": [[0.0]], "springs": [spring]}
+        >>> ParametricSystem({"parameters": {"n": 4.0}, "system": system}).in_reciprocal("n").all_values()
+        {'1/n': 0.25, 'n': 4.0}
+        """
+        self._require_known(name)
+        return ParametricSystem(in_reciprocal(self.description, name, self.values[name]))
 
     def domain(self, name: str) -> tuple[float, float]:
         """The interval (low, high) in which a parameter can lie; an end may be excluded. `violation` says what holds at given values.
@@ -245,13 +270,17 @@ class ParametricSystem:
         from bvp.description import elements_from
         from bvp.smooth_forces import smooth_forces
 
-        at = self.at(values)
+        description, symbols = self.description_in(released, values)
+        coordinates = self.system().coordinates
+        return smooth_forces(**elements_from(description, coordinates), coordinates=coordinates), symbols
+
+    def description_in(self, released: Sequence[str], values: Mapping[str, float] | None = None) -> tuple[dict[str, Any], list[Any]]:
+        """The description of the system at values of the parameters, in which released ones are symbols; and these symbols."""
         for name in released:
             self._require_known(name)
-        fixed = {self._symbols[name]: exact(value) for name, value in at.items() if name not in released}
-        description = mapped(self._system, lambda text: self._expressions[text].xreplace(fixed))
-        coordinates = self.system().coordinates
-        return smooth_forces(**elements_from(description, coordinates), coordinates=coordinates), [self._symbols[name] for name in released]
+        fixed = {self._symbols[name]: exact(value) for name, value in self.at(values).items() if name not in released}
+        found = mapped(self._system, lambda text: self._expressions[text].xreplace(fixed))
+        return found, [self._symbols[name] for name in released]
 
     def violation(self, values: Mapping[str, float] | None = None) -> str | None:
         """Why the parameters cannot have these values, None if they can."""
@@ -346,28 +375,20 @@ class ParametricSystem:
         at = self.at(values)
         out = evaluate_program(released.program, [at[name] for name in self.names])
         if not np.isfinite(out).all():
-            raise InvalidSystem(f"an entry of the system or its derivative is not finite{_where(at)}")
+            raise InvalidSystem(f"an entry of the system or its derivative is not finite{at_values(at)}")
         return out
 
     def _require_known(self, name: str) -> None:
         if name in self.derived:
             raise InvalidSystem(f"parameter {name} is the expression {self.derived[name]}; expected one of {', '.join(self.names)}")
         if name not in self.values:
-            raise InvalidSystem(f"unknown parameter {shown(name)}{_nearest(name, self.names)}")
+            raise InvalidSystem(f"unknown parameter {shown(name)}{nearest_known(name, self.names)}")
 
     def _require_used(self, table: Mapping[str, Any]) -> None:
         """Refuse a parameter on which nothing depends."""
         if not all(text in self.values for text in self._texts):
             _ = self._expressions  # what cannot be read is refused first
-        used = {name for text in self._texts for name in names_in(text)}
-        waiting = list(used)
-        while waiting:
-            inner = names_in(self.derived.get(waiting.pop(), "")) - used
-            used |= inner
-            waiting += inner
-        for name in table:
-            if name not in used:
-                raise InvalidSystem(f"parameter {name} is used nowhere; expected it in an expression of the system or of a load")
+        require_used(table, self._texts, self.derived)
 
     @cached_property
     def _texts(self) -> dict[str, str]:
@@ -387,7 +408,9 @@ class ParametricSystem:
         import sympy
 
         known = dict(self._symbols) | {"pi": sympy.pi}
-        for name in ordered_by_dependence(self.derived):
+        given = reciprocals(self.values)
+        known |= {name: 1 / self._symbols[inverse] for name, inverse in given.items()}
+        for name in ordered_by_dependence({name: text for name, text in self.derived.items() if name not in given}):
             known[name] = self._read(self.derived[name], f"parameter {name}", known)
         return known | {text: self._read(text, where, known) for text, where in self._texts.items() if text not in known}
 
@@ -397,7 +420,7 @@ class ParametricSystem:
         expression = parsed(text, what, {sympy.Symbol(name): exact(value) for name, value in self.values.items()}, exact=True)
         for name in sorted(symbol.name for symbol in expression.free_symbols):
             if name not in known:
-                raise InvalidSystem(f"{what} has the name {name}, which is no parameter{_nearest(name, [*known])}")
+                raise InvalidSystem(f"{what} has the name {name}, which is no parameter{nearest_known(name, [*known])}")
         expression = expression.xreplace({symbol: known[symbol.name] for symbol in expression.free_symbols})
         if expression.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I):
             raise InvalidSystem(f"{what} is not a finite real expression; received {shown(text)}")
@@ -439,7 +462,7 @@ class ParametricSystem:
             return system, tuple(force_from(mapped(force, read), system) for force in self._forces)
         except ValueError as error:
             given = values or at if self.description.get("parameters") else {}
-            raise InvalidSystem(f"{error}{_where(given)}") from None
+            raise InvalidSystem(f"{error}{at_values(given)}") from None
 
     @cached_property
     def _entries(self) -> tuple[EntryLayout, list[Any]]:
@@ -488,13 +511,3 @@ class ParametricSystem:
     @cached_property
     def _programs(self) -> dict[tuple[str, ...], Released]:
         return {}
-
-
-def _nearest(name: Any, known: Sequence[str]) -> str:
-    close = get_close_matches(str(name), known, 1, 0.5)
-    return f"; nearest: {close[0]}" if close else f"; known: {listed(known)}"
-
-
-def _where(values: Mapping[str, float]) -> str:
-    """The end of a message: the values of parameters."""
-    return f" (at {listed([f'{name} = {value:g}' for name, value in values.items()])})" if values else ""

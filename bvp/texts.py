@@ -6,11 +6,11 @@ This file loads no other library, so that a message costs nothing.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-__all__ = ["brief", "listed", "shown", "span", "takes_options_of"]
+__all__ = ["at_values", "brief", "listed", "nearest_known", "shown", "span", "takes_options_of"]
 
 _MOST = 60
 """Letters of a value in a row."""
@@ -146,3 +146,16 @@ def takes_options_of(inner: Callable[..., Any], function: Any = None) -> Any:
     described = "\n".join(text for text in entries if passed.keys() & set(text.partition(" :")[0].split(", ")))
     function.__doc__ = re.sub(r"^\*\*.*(?:\n +.*)*", lambda _: described, inspect.cleandoc(function.__doc__ or ""), flags=re.MULTILINE)
     return function
+
+
+def nearest_known(name: Any, known: Sequence[str]) -> str:
+    """The end of a message on an unknown name: the nearest known one, else all."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(str(name), known, 1, 0.5)
+    return f"; nearest: {close[0]}" if close else f"; known: {listed(known)}"
+
+
+def at_values(values: Mapping[str, float]) -> str:
+    """The end of a message: the values of parameters."""
+    return f" (at {listed([f'{name} = {value:g}' for name, value in values.items()])})" if values else ""

@@ -20,6 +20,7 @@ from branches.linear_modes import linear_modes as linear_modes
 from branches.orbit import Orbit as Orbit
 from branches.reading import read_branch as read_branch
 from branches.reading import read_orbit as read_orbit
+from branches.released.impact_limit import impact_limits as impact_limits
 from branches.search.discovery import Discovery as Discovery
 from branches.search.impulsive_motions import impulsive_manifold as impulsive_manifold
 from branches.search.impulsive_orbits import impulsive_orbits as impulsive_orbits

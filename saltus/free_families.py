@@ -12,7 +12,8 @@ import numpy as np
 
 from saltus import options
 from saltus.errors import BadInput, one_line
-from saltus.response_starts import check_names, check_range, event_named, file_and_event, further, is_response_file
+from saltus.response_starts import check_range, event_named, file_and_event, further, in_names, is_response_file
+from saltus.terminal import stability_word
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
 
-__all__ = ["free_start", "wants_free_family"]
+__all__ = ["free_start", "limit_lines", "wants_free_family"]
 
 _FIXED = re.compile(r"\s*(energy|quarter_period)\s*=\s*([-+.\deE]+)\s*")
 _NEAR = 0.01
@@ -79,21 +80,65 @@ def free_start(
     why = scene.system.why_not_conservative()
     if why is not None:
         raise BadInput(f"families of free orbits need a conservative system: {why}; expected --from simulate with --in")
-    names, keep = _names(arguments)
+    names, keep = _names(arguments, scene)
     if arguments.range is None:
         raise BadInput("--range LO:HI is required: the range of the parameter")
     parametric = scene.parametric
     assert parametric is not None
-    check_names(parametric, names)
+    parametric = in_names(parametric, names)
     check_range(names[0], parametric.values[names[0]], arguments.range)
-    orbit = _orbit(arguments, scene, parametric, names, keep)
+    interval = _until_limit(parametric, names[0], arguments.range)
+    orbit = _orbit(arguments, scene, parametric, names, keep, report)
     title = f"{orbit.label or '-'.join(orbit.ends)}, {' and '.join(keep)}"
-    return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], arguments.range, title
+    return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], interval, title
 
 
-def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The parameters of ``--in``, and as many equations of ``--keep``."""
+def _until_limit(parametric: ParametricSystem, name: str, interval: tuple[float, float]) -> tuple[float, float]:
+    """The range in which smooth orbits are followed: not to 0 in 1/n, where springs become stops."""
+    from branches.released.impact_limit import NEAREST
+    from bvp.stiff_springs import stiff_limit
+
+    low, high = interval
+    if not name.startswith("1/") or not low < NEAREST < high:
+        return interval
+    try:
+        system, _ = stiff_limit(parametric, name)
+    except ValueError as error:
+        raise BadInput(f"--in {name} --range {low:g}:{high:g}: {one_line(error)}") from error
+    return interval if system is None else (NEAREST, high)
+
+
+def limit_lines(branch: ReleasedBranch) -> list[str]:
+    """What is printed of the impacting orbits to which a branch leads."""
+    from branches.released.impact_limit import ImpactLimit, impact_limits
+
+    lines = []
+    for limit in impact_limits(branch):
+        if not isinstance(limit, ImpactLimit):
+            lines.append(f"note   {limit}")
+            continue
+        orbit, impacts = limit.orbit, len(limit.contacts)
+        what = f"{orbit.label or '(no label)'}, {'-'.join(orbit.ends)}, sequence {orbit.sequence or '(none)'}"
+        stable = stability_word(-1 if orbit.stable is None else int(orbit.stable))
+        lines.append(f"limit  {limit.name} = 0: {what}, h = {orbit.h:.10g}, alpha = {orbit.alpha:.10g}, stable: {stable}")
+        contacts = f"{impacts} contact{'s' * (impacts != 1)} at {limit.name} = {limit.value:g}"
+        difference = limit.smooth.alpha - limit.scaled.alpha
+        lines.append(
+            f"       from {contacts}, where alpha = {limit.smooth.alpha:.10g} differs by {difference:.1e} from that with impacts at the "
+            f"effective clearance {limit.clearance:.8g}"
+        )
+    return lines
+
+
+def _names(arguments: argparse.Namespace, scene: Scene | None = None) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The parameters of ``--in``, and as many equations of ``--keep``; without --keep, the energy or quarter period that a name has."""
     names, keep = tuple(arguments.parameter), tuple(arguments.keep or ())
+    if not keep and len(names) == 1 and arguments.name is not None and scene is not None:
+        from branches.naming.labels import parse_name
+        from saltus import catalogues
+
+        name = parse_name(catalogues.named(arguments.name, arguments, scene))
+        keep = (f"energy = {name.h!r}",) if name.h is not None else (f"quarter_period = {name.alpha!r}",) if name.alpha is not None else ()
     if len(set(names)) < len(names):
         raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
     if len(keep) != len(names):
@@ -131,7 +176,12 @@ def _start(
 
 
 def _orbit(
-    arguments: argparse.Namespace, scene: Scene, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]
+    arguments: argparse.Namespace,
+    scene: Scene,
+    parametric: ParametricSystem,
+    names: tuple[str, ...],
+    keep: tuple[str, ...],
+    report: Callable[[Sequence[str]], object],
 ) -> Orbit:
     """The orbit of the family in the energy, at the scene's parameters, that fulfils the first equation for energy or quarter period."""
     from branches.naming.labels import Name, parse_name
@@ -161,7 +211,9 @@ def _orbit(
         low, high = (f(begin.h, begin.h if energy is None else energy) for f in (min, max))
         branch = trace(begin, scene=scene, energy=(min(scene.bounds["energy"][0], 0.9 * low), max(scene.bounds["energy"][1], 1.1 * high)))
     if begin is None and (energy is not None or alpha is not None):
-        return select(branch, name, energy, alpha if energy is None else name.alpha)
+        if energy is None or name.alpha is not None:
+            return select(branch, name, energy, alpha if energy is None else name.alpha)
+        return _nearest_along(branch, orbits_of(branch, name, energy), report) or select(branch, name, energy, None)
     if energy is None and alpha is None:
         found = _crossings(branch, name, parametric, names, keep)
     else:
@@ -176,6 +228,20 @@ def _orbit(
     if len(found) > 1:
         raise BadInput(f"{kept}: {len(found)} orbits of {name} fulfil it, expected one of {list_orbits(found, branch)}")
     return found[0]
+
+
+def _nearest_along(branch: Branch, found: list[Orbit], report: Callable[[Sequence[str]], object]) -> Orbit | None:
+    """Of several orbits of a family that was started from its name, the nearest one along the family; None if there is one at most."""
+    from saltus.families import list_orbits
+
+    if len(found) < 2:
+        return None
+    h, alpha, arclength = (branch.points[key] for key in ("h", "alpha", "arclength"))
+    places = [arclength[np.argmin(np.abs(h / orbit.h - 1.0) + np.abs(alpha / orbit.alpha - 1.0))] for orbit in found]
+    order = np.argsort(np.abs(np.array(places) - arclength[branch.start])).tolist()
+    chosen, others = found[order[0]], [found[k] for k in order[1:]]
+    report([f"note   of {len(found)} orbits this is the nearest to the start of the family; the others: {list_orbits(others, branch)}"])
+    return chosen
 
 
 def _is_number(text: str) -> bool:
@@ -236,8 +302,9 @@ def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tu
         return [further(one, interval, direction) for one in given], interval, ""
     names, keep = _names(arguments)
     parametric = branch.problem.parametric.replaced(branch.problem.parameters(branch.unknowns[branch.start]))
-    check_names(parametric, names)
+    parametric = in_names(parametric, names)
     if arguments.range is None:
         raise BadInput("--range LO:HI is required: the range of the parameter")
+    interval = _until_limit(parametric, names[0], interval)
     check_range(names[0], parametric.values[names[0]], interval)
     return [_start(parametric, branch.orbit(branch.start), names, keep, direction, lambda _: None)], interval, ""

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from transitions.response.path import ParameterPath
 
 __all__ = [
-    "ResponseRequest", "add_start_arguments", "check_names", "check_range", "event_named", "file_and_event", "further",
-    "is_response_file", "prepare_kernels", "request_of", "starts_of",
+    "ResponseRequest", "add_start_arguments", "check_range", "event_named", "file_and_event", "further",
+    "in_names", "is_response_file", "prepare_kernels", "request_of", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -56,8 +56,8 @@ def add_start_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options that say in which parameter responses are followed, and where they start."""
     parser.add_argument(
         "--in", dest="parameter", metavar="NAME[,NAME..]", type=options.names,
-        help="follow a family of free orbits with as many --keep, or a response to periodic loads, in this parameter; of several, with one "
-        "--keep less for a response, the first one is reported",
+        help="follow a family of free orbits with as many --keep, or a response to periodic loads, in this parameter, or in 1/NAME; of "
+        "several, with one --keep less for a response, the first one is reported",
     )  # fmt: skip
     parser.add_argument(
         "--keep", metavar="EQUATION", action="append", help='with --in: equation that holds, such as energy=0.8, "F = 0.3*w**2"; repeatable'
@@ -116,7 +116,7 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     _check_system(parametric, arguments.start)
     if not names:
         raise BadInput(f"--in NAME is required: the parameter in which the response is followed; known: {', '.join(parametric.names)}")
-    check_names(parametric, names)
+    parametric = in_names(parametric, names)
     try:
         path = ParameterPath(parametric, names, keep).at()
         path.parametric.system(path.values)
@@ -146,9 +146,8 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
             raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
     if not names:
         names, keep = problem.released, problem.keep
-    check_names(problem.parametric, names)
     try:
-        path = ParameterPath(problem.parametric, names, keep)
+        path = ParameterPath(in_names(problem.parametric, names), names, keep)
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
@@ -211,14 +210,21 @@ def _check_system(parametric: ParametricSystem, start: str) -> None:
         raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; {instead}")
 
 
-def check_names(parametric: ParametricSystem, names: Sequence[str]) -> None:
-    """Refuse names that are no independent parameters."""
+def in_names(parametric: ParametricSystem, names: Sequence[str]) -> ParametricSystem:
+    """The system in which the names of ``--in`` are parameters: 1/NAME takes the place of NAME. Refuses what is no parameter."""
     known = parametric.names
     for name in names:
-        if name in parametric.derived:
+        of = name.removeprefix("1/").strip()
+        if name.startswith("1/") and name not in known and of in known:
+            try:
+                parametric = parametric.in_reciprocal(of)
+            except ValueError as error:
+                raise BadInput(f"--in {name}: {one_line(error)}") from error
+        elif name in parametric.derived:
             raise BadInput(f"--in {name}: it is the expression {parametric.derived[name]}; expected one of {', '.join(known)}")
-        if name not in known:
+        elif name not in known:
             raise BadInput(f"--in {name}: no such parameter{nearest(name, known) or '; expected one of ' + ', '.join(known)}")
+    return parametric
 
 
 def check_range(name: str, value: float, interval: tuple[float, float]) -> None:

@@ -430,6 +430,8 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     """What is printed of a branch: its sequence and stability, its events, and its ends."""
     from branches.forced.branch import sequence_text
     from branches.forced.family import hidden_bifurcations
+    from branches.released.branch import ReleasedBranch
+    from saltus.free_families import limit_lines
 
     name, problem = branch.name, branch.problem
     span = f"{name} = {branch.parameter.min():.10g} to {branch.parameter.max():.10g}"
@@ -450,7 +452,10 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
         place = f"from {name} = {hidden[0]:.8g} to {hidden[1]:.8g}"
         lines.append(f"note   {place} rounding of large multipliers hides Neimark-Sacker bifurcations: they are not looked for there")
     ends = [f"end    {end.text}" for end in branch.ended]
-    return lines + list(dict.fromkeys(ends))
+    lines += dict.fromkeys(ends)
+    if isinstance(branch, ReleasedBranch):
+        lines += limit_lines(branch)
+    return lines
 
 
 def _event_row(branch: ForcedBranch, event: ForcedEvent, more: Sequence[str]) -> tuple[str, ...]:

@@ -147,12 +147,12 @@ def safe_step(f, slope, bend, curvature, jerk):
 
 
 @inlined
-def next_sign_change(track, floor, inside, edge, sign, before, f_before, t, steps):
+def next_sign_change(track, floor, inside, first, last, sign, before, f_before, t, steps):
     """Go on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
 
-    (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or `edge` at both ends of the flight, has
-    no sign. Steps are at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value, time of the
-    next one, steps made), or (False, ...) at the end, where the next time is infinite, and after STEP_LIMIT steps."""
+    (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or up to `first` and `last` at the ends of
+    the flight, has no sign. Steps are at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value,
+    time of the next one, steps made), or (False, ...) at the end, where the next time is infinite, and after STEP_LIMIT steps."""
     found = False
     here = before
     f = f_before
@@ -162,7 +162,8 @@ def next_sign_change(track, floor, inside, edge, sign, before, f_before, t, step
         here = t
         f, slope, bend = look(track, here)
         steps += 1
-        found = abs(f) > (edge if here == 0.0 or here >= track.duration else inside) and (sign == 0 or (f > 0.0) != (sign > 0))
+        least = first if here == 0.0 else last if here >= track.duration else inside
+        found = abs(f) > least and (sign == 0 or (f > 0.0) != (sign > 0))
         curvature, jerk, until = bounds_at(track, here)
         step = max(min(safe_step(f, slope, bend, curvature, jerk), until - here), floor)
         t = math.inf if here >= track.duration else min(track.duration, here + step)
@@ -193,15 +194,15 @@ def refine(track, low, f_low, high, f_high, tolerance):
 
 
 @inlined
-def mark_changes(track, floor, inside, edge, sign, upwards, tolerance, times):
+def mark_changes(track, floor, inside, first, last, sign, upwards, tolerance, times):
     """Times at which f changes sign after an earlier `sign` (0: none yet), to a `tolerance`, into `times` as far as there is room.
 
-    `upwards`: only those to a positive sign count. A change at the very beginning is at time 0. floor, inside, edge: of
+    `upwards`: only those to a positive sign count. A change at the very beginning is at time 0. floor, inside, first, last: of
     `next_sign_change`. Returns (their number, or -1 when the search gave up; last sign)."""
     count = 0
     here, f, t, steps = 0.0, 0.0, 0.0, 0
     while True:
-        found, before, f_before, here, f, t, steps = next_sign_change(track, floor, inside, edge, sign, here, f, t, steps)
+        found, before, f_before, here, f, t, steps = next_sign_change(track, floor, inside, first, last, sign, here, f, t, steps)
         if not found:
             return count if t == math.inf else -1, sign
         if sign != 0 and (f > 0.0 or not upwards):
@@ -212,12 +213,14 @@ def mark_changes(track, floor, inside, edge, sign, upwards, tolerance, times):
 
 
 @inlined
-def sign_changes(flight, value, rate, second, z, duration, sign, work):
+def sign_changes(flight, value, rate, second, z, duration, sign, begins_at_zero, ends_at_zero, work):
     """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
-    changes < 0 when the search gave up. Values within rounding of zero have no sign."""
+    changes < 0 when the search gave up. Values within rounding of zero have no sign, nor have ends that are known to be zero."""
     track = track_of(flight, value, rate, second, z, duration, work)
     level = 1e-13 * (track.level + 1e-300)
-    return mark_changes(track, 1e-13 * duration, level, level, sign, False, 0.0, work[:0])
+    first = math.inf if begins_at_zero else level
+    last = math.inf if ends_at_zero else level
+    return mark_changes(track, 1e-13 * duration, level, first, last, sign, False, 0.0, work[:0])
 
 
 @kernel
@@ -230,7 +233,7 @@ def crossing_times(flight, value, rate, second, z, duration, times, work):
     if abs(f) <= level:
         f = inner(rate, z)
     sign = int64(1) if f >= 0.0 else int64(-1)
-    return mark_changes(track, 1e-12 * duration, 0.0, level, sign, False, 1e-13 * duration, times)[0]
+    return mark_changes(track, 1e-12 * duration, 0.0, level, level, sign, False, 1e-13 * duration, times)[0]
 
 
 @kernel
@@ -241,7 +244,7 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
     Returns (count, last sign); count is -1 where the search gave up or there is no room."""
     track = track_of(flight, value, rate, second, z, duration, work)
     level = 1e-13 * (track.level + 1e-300)
-    count, sign = mark_changes(track, 1e-13 * duration, level, level, sign, True, 1e-16 * duration, times)
+    count, sign = mark_changes(track, 1e-13 * duration, level, level, level, sign, True, 1e-16 * duration, times)
     return count if count <= times.shape[0] else -1, sign
 
 
@@ -258,7 +261,7 @@ def nearest_turn(flight, observed, stop, z, duration, sign, steps, work):
     best_time = 0.0
     here, f, t = 0.0, 0.0, 0.0
     while True:
-        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
+        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, 0.0, sign, here, f, t, steps)
         if not found:
             return best if t == math.inf else math.nan, best_side, best_time, sign, steps
         if sign != 0:

@@ -94,6 +94,19 @@ def linear_rate(flight, z, out):
 
 
 @chosen
+def velocity_unit(flight, end, velocity, duration):
+    """The unit of residuals of velocities at the end of a flight: a typical velocity; or the change of the velocities there in a typical
+    duration, if the forces are so large that this is more. A duration is known to a part eps, so no residual is below eps of that."""
+
+
+@velocity_unit.of(Flight)
+@inlined
+def linear_velocity_unit(flight, end, velocity, duration):
+    """See `velocity_unit`: forces are no larger than displacements."""
+    return velocity
+
+
+@chosen
 def twice_energy(flight, weights, z):
     """2 H. weights (N,): those of the quadratic part, sum(weights z^2)."""
 

@@ -22,6 +22,7 @@ from numpy import int64
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
+from bvp.kernels.flights import velocity_unit
 from bvp.kernels.forced_sticking import AnyFlight, contact_gap, load_modes, modal_load, orbit_flight
 from bvp.kernels.free_closure import (
     ends_residuals,
@@ -289,14 +290,18 @@ def loaded_residual_level(segment):
 
 @scaled_residual.of(LoadedSegment)
 @inlined
-def scaled_loaded_residual(segment, residual, displacement, velocity):
+def scaled_loaded_residual(segment, residual, before, displacement, velocity, longest):
     """See `scaled_residual`."""
     width = segment.gap.shape[1]
     n = segment.flight.enter.shape[0] // 2
     closing = segment.shape[0] * (width + 1)
     worst = 0.0
+    unit = velocity
     for row in range(residual.shape[0]):
         r = row % (width + 1)
+        if r == 0 and row <= closing:
+            i = row // (width + 1)
+            unit = velocity_unit(orbit_flight(segment, i), before[i], velocity, longest)
         value = abs(residual[row])
         if row >= closing + first_kept(segment):
             value /= kept_size(segment, row - closing - first_kept(segment))
@@ -304,11 +309,11 @@ def scaled_loaded_residual(segment, residual, displacement, velocity):
             total = 0.0
             for c in range(n):
                 total += abs(segment.end_map[r, c])
-            value /= displacement if total > 0.0 else velocity
+            value /= displacement if total > 0.0 else unit
         elif r < n or r == width:
             value /= displacement
         elif r < 2 * n:
-            value /= velocity
+            value /= unit
         elif r == 2 * n + 1 and row >= closing and segment.contact[segment.shape[0], 0] >= 0:
             value /= displacement
         if not value <= worst:

@@ -31,6 +31,7 @@ from bvp.kernels.flight import (
     set_2,
     times_matrix,
 )
+from bvp.kernels.flights import velocity_unit
 
 NEAR_RESONANCE = 30.0
 """Size of a particular solution, beside that far from resonance, above which the integral takes its place."""
@@ -357,6 +358,13 @@ def advance_time(loads, z, t, out, jacobian):
 @chosen
 def loaded_rate(flight, z, out):
     """out (N,) = z' of a node in flight."""
+
+
+@velocity_unit.of(LoadedFlight)
+@inlined
+def loaded_velocity_unit(flight, end, velocity, duration):
+    """See `velocity_unit`: forces are no larger than displacements."""
+    return velocity
 
 
 @loaded_rate.of(LoadedFlight)

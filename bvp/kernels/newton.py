@@ -26,7 +26,7 @@ from numpy import int64, uint64
 
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.flight import copy_1, inner
-from bvp.kernels.flights import twice_energy
+from bvp.kernels.flights import twice_energy, velocity_unit
 from bvp.kernels.multipoint import ORIGIN, Segment, evaluate, fill, start_state
 
 LINEARISED = -1
@@ -338,13 +338,15 @@ def free_residual_level(segment):
 
 
 @chosen
-def scaled_residual(segment, residual, displacement, velocity):
-    """Largest residual, displacements and velocities each by their own scale."""
+def scaled_residual(segment, residual, before, displacement, velocity, longest):
+    """Largest residual, displacements and velocities each by their own scale: see `bvp.kernels.flights.velocity_unit`.
+
+    before: the states at the ends of the flights."""
 
 
 @scaled_residual.of(Segment)
 @inlined
-def scaled_free_residual(segment, residual, displacement, velocity):
+def scaled_free_residual(segment, residual, before, displacement, velocity, longest):
     """See `scaled_residual`."""
     size = segment.gap.shape[1]
     half = size // 2
@@ -353,15 +355,17 @@ def scaled_free_residual(segment, residual, displacement, velocity):
     worst = 0.0
     full = k + 1 if segment.shape[1] == 1 else k
     for i in range(full):
+        unit = velocity_unit(segment.flight, before[i], velocity, longest)
         for r in range(rows):
-            value = abs(residual[i * rows + r]) / (velocity if half <= r < size else displacement)
+            value = abs(residual[i * rows + r]) / (unit if half <= r < size else displacement)
             if not value <= worst:
                 worst = value
+    unit = velocity_unit(segment.flight, before[k], velocity, longest)
     for e in range(residual.shape[0] - full * rows):
         total = 0.0
         for c in range(half):
             total += abs(segment.end_map[e, c])
-        value = abs(residual[full * rows + e]) / (displacement if total > 0.0 else velocity)
+        value = abs(residual[full * rows + e]) / (displacement if total > 0.0 else unit)
         if not value <= worst:
             worst = value
     return worst
@@ -400,6 +404,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     smallest = 0.0
     displacement = 1.0
     velocity = 1.0
+    longest = 1.0
     fresh = True
     good = False
     ended = False
@@ -408,7 +413,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
         evaluate(segment, y, factor.before, factor.flights, z[:size], residual)
         if iteration > 0:
             noise = worst <= RESIDUAL_ROUNDING and length < SHORT_UPDATE
-            worst = scaled_residual(segment, residual, displacement, velocity)
+            worst = scaled_residual(segment, residual, factor.before, displacement, velocity, longest)
             ratio = length / previous
             fresh = False
             if length <= rounding:
@@ -434,9 +439,9 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
             if ended and not good:
                 break
         if maximum != LINEARISED and (fresh or ended):
-            displacement, velocity, _ = set_scale(segment, y, factor)
+            displacement, velocity, longest = set_scale(segment, y, factor)
         if maximum == 0:
-            worst = scaled_residual(segment, residual, displacement, velocity)
+            worst = scaled_residual(segment, residual, factor.before, displacement, velocity, longest)
             good = worst < 1e-12
             ended = True
         if fresh or ended:

@@ -211,7 +211,7 @@ def find_clearance(flow, row, longest, work):
     sign = 0
     here, f, t, steps = 0.0, 0.0, 0.0, 0
     while True:
-        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, sign, here, f, t, steps)
+        found, before, f_before, here, f, t, steps = next_sign_change(track, 1e-13 * duration, 0.0, 0.0, 0.0, sign, here, f, t, steps)
         if not found:
             break
         if sign != 0:

@@ -13,9 +13,20 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.expressions import run
 from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
-from bvp.kernels.flights import add_bend, energy_slope, flight_end, flight_map, flow_product, path_state, rate, slope_times, twice_energy
+from bvp.kernels.flights import (
+    add_bend,
+    energy_slope,
+    flight_end,
+    flight_map,
+    flow_product,
+    path_state,
+    rate,
+    slope_times,
+    twice_energy,
+    velocity_unit,
+)
 from bvp.kernels.sources import ORDER
-from bvp.kernels.taylor import SmoothFlight, find_path, horner, smooth_rate, step_at
+from bvp.kernels.taylor import SmoothFlight, find_path, horner, largest_change, smooth_rate, step_at
 
 
 @flight_end.of(SmoothFlight)
@@ -71,6 +82,14 @@ def taylor_path_state(flight, z, t, out):
 def smooth_state_rate(flight, z, out):
     """See `rate`."""
     smooth_rate(flight, z, 0.0, 0.0, out)
+
+
+@velocity_unit.of(SmoothFlight)
+@inlined
+def smooth_velocity_unit(flight, end, velocity, duration):
+    """See `velocity_unit`."""
+    smooth_rate(flight, end, 0.0, 0.0, flight.slope)
+    return largest_change(flight, velocity, duration)
 
 
 @twice_energy.of(SmoothFlight)

@@ -13,9 +13,10 @@ from numpy import int64
 from bvp.kernels.compiled import chosen, inlined
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import set_1, set_2, times_matrix
+from bvp.kernels.flights import velocity_unit
 from bvp.kernels.loads import LoadedFlight, Loads, advance_time, loaded_flight, loaded_rate
 from bvp.kernels.sources import begin_sources
-from bvp.kernels.taylor import SmoothFlight, find_path, smooth_rate
+from bvp.kernels.taylor import SmoothFlight, find_path, largest_change, smooth_rate
 
 
 class SmoothLoadedFlight(NamedTuple):
@@ -57,6 +58,15 @@ def smooth_loaded_rate(flight, z, out):
     smooth_rate(flight.taylor, z, 0.0, 0.0, out)
     set_1(out[size:], 0.0)
     out[size] = loads.clock[0] / (2.0 * math.pi * loads.load_periods)
+
+
+@velocity_unit.of(SmoothLoadedFlight)
+@inlined
+def smooth_loaded_velocity_unit(flight, end, velocity, duration):
+    """See `velocity_unit`."""
+    begin_sources(flight.taylor.sources, end)
+    smooth_rate(flight.taylor, end, 0.0, 0.0, flight.taylor.slope)
+    return largest_change(flight.taylor, velocity, duration)
 
 
 @chosen

@@ -251,16 +251,21 @@ def bends(segment, observed, stop, i, end):
 
 @inlined
 def half_waves(segment, rows, y, work, result):
-    """Sign changes along the orbit at y of the velocity with the given rows. A search that gives up is noted in `result`."""
+    """Sign changes along the orbit at y of the velocity with the given rows. A search that gives up is noted in `result`.
+
+    Velocities are zero at rest. After a flight with large accelerations they are so to more than their rounding."""
     size = segment.flight.matrix.shape[1]
+    k = segment.shape[0]
     start = work[0, :size]
     start_state(segment.start_map, segment.start_offset, y, start)
     changes = 0
     sign = int64(0)
     at = segment.start_map.shape[1]
-    for i in range(segment.shape[0] + 1):
+    for i in range(k + 1):
         z = start if i == 0 else y[at - size : at]
-        found, sign = sign_changes(segment.flight, rows[0], rows[1], rows[2], z, y[at], sign, work[1, :size])
+        from_rest = i == 0 and segment.shape[3] == REST
+        to_rest = i == k and segment.shape[4] == REST
+        found, sign = sign_changes(segment.flight, rows[0], rows[1], rows[2], z, y[at], sign, from_rest, to_rest, work[1, :size])
         if found < 0:
             result[entry.GAVE_UP] = 1.0
         changes += found

@@ -39,6 +39,9 @@ TRUNCATION = 2e-17
 DEFECT = 4e-16
 """Largest change of the velocity by the defect, as a part of that speed: rounding."""
 
+ROUNDING = 4e-16
+"""Relative rounding of an input of the forces."""
+
 NONE_LEFT = 1e-19
 """Part of the accelerations, over the largest factor of a force, below which a power of small inputs is left out."""
 
@@ -128,6 +131,15 @@ def smooth_rate(flight, z, at, least, out):
         for f in range(flight.push.shape[1]):
             total += flight.push[r, f] * flight.probe[flight.program.forces[f], 0]
         out[n + r] = plus_source_now(flight.sources, total, r)
+
+
+@inlined
+def largest_change(flight, velocity, duration):
+    """A velocity, or the change by the largest acceleration of the rate in `flight.slope` in a duration, if that is more."""
+    size = flight.slope.shape[0]
+    for r in range(size // 2, size):
+        velocity = max(velocity, abs(flight.slope[r]) * duration)
+    return velocity
 
 
 @kernel
@@ -265,8 +277,10 @@ def step_at(times, steps, t):
 
 @kernel
 def _defect(flight, at, h, least, state, change, slope):
-    """How far the acceleration along the polynomial is from that of the forces, at the time h in the step that begins at a time."""
-    states = flight.states
+    """How far the acceleration along the polynomial is from that of the forces, at the time h in the step that begins at a time.
+
+    What the rounding of the state changes in the forces is left out: it is no error of the step."""
+    states, slopes = flight.states, flight.program.slopes
     size = states.shape[1]
     n = size // 2
     horner(states, h, state)
@@ -276,11 +290,19 @@ def _defect(flight, at, h, least, state, change, slope):
     for k in range(ORDER - 1, 0, -1):
         for r in range(size):
             slope[r] = slope[r] * h + k * states[k, r]
+    for r in range(n, size):
+        slope[r] = abs(slope[r] - change[r])
+    for d in range(slopes.shape[0]):
+        rounding = 0.0
+        for r in range(size):
+            rounding += abs(flight.rows[slopes[d, 1], r] * state[r])
+        rounding *= ROUNDING * abs(flight.probe[slopes[d, 2], 0])
+        for r in range(n, size):
+            slope[r] -= rounding * abs(flight.push[r - n, slopes[d, 0]])
     worst = 0.0
     for r in range(n, size):
-        distance = abs(slope[r] - change[r])
-        if not distance <= worst:
-            worst = distance
+        if not slope[r] <= worst:
+            worst = slope[r]
     return worst
 
 

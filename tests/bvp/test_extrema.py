@@ -78,7 +78,7 @@ def test_sign_changes_against_dense_samples(n, damped, velocity, duration, seed)
     _, values = dense(modes, value, z, duration)
     assume(resolved(values))
     expected = int(np.sum(values[:-1] * values[1:] < 0.0))
-    found, sign = sign_changes(modes.flight, value, rate, second, z, duration, 0, np.empty(2 * n))
+    found, sign = sign_changes(modes.flight, value, rate, second, z, duration, 0, False, False, np.empty(2 * n))
     assert found == expected
     assert sign == np.sign(values[-1])
 
@@ -117,9 +117,9 @@ def test_polynomial_flight_has_its_exact_turning_points():
     modes, value, rate, second = arrays(system, np.array([1.0, -1.0, 0.0, 0.0]))
     z = modes.from_state @ np.array([-0.3, 0.0, 1.0, 0.0])
     work = np.empty(4)
-    assert sign_changes(modes.flight, value, rate, second, z, 0.9, 0, work) == (1, 1)
-    assert sign_changes(modes.flight, value, rate, second, z, 0.29, 0, work) == (0, -1)
-    assert sign_changes(modes.flight, value, rate, second, z, 0.29, 1, work) == (1, -1)
+    assert sign_changes(modes.flight, value, rate, second, z, 0.9, 0, False, False, work) == (1, 1)
+    assert sign_changes(modes.flight, value, rate, second, z, 0.29, 0, False, False, work) == (0, -1)
+    assert sign_changes(modes.flight, value, rate, second, z, 0.29, 1, False, False, work) == (1, -1)
     distance, _, _ = clearance(modes.flight, observed_of(system), 0, z, 0.9, np.empty((2, 4)))
     assert np.isinf(distance)
 
@@ -130,7 +130,7 @@ def test_nearly_double_roots_are_separate():
     modes, value, rate, second = arrays(system, np.array([1.0, 1.0, 0.0, 0.0]))
     for excess, changes in ((-1e-9, 2), (1e-9, 0)):
         z = modes.from_state @ np.array([1.0, 1.0 + excess, 0.0, 0.0])
-        assert sign_changes(modes.flight, value, rate, second, z, 3.0, 0, np.empty(4))[0] == changes
+        assert sign_changes(modes.flight, value, rate, second, z, 3.0, 0, False, False, np.empty(4))[0] == changes
 
 
 def test_clearance_of_a_grazing_flight_to_rounding():

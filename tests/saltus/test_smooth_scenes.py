@@ -78,3 +78,32 @@ def test_an_orbit_is_shown_without_impacts(capsys, folder):
 def test_what_cannot_be_done_is_refused_in_one_line(capsys, arguments, message):
     """Oracle: the line, and the exit code 2."""
     refused(run(capsys, *arguments), message)
+
+
+def test_a_family_is_followed_to_its_impacts(capsys, folder):
+    """Oracle: the impacting orbit of the reference scene with this energy, by the command that follows it."""
+    arguments = ("--scene", "smooth_wall", "--in", "1/n", "--range", "0:0.12")
+    code, out, _ = run(capsys, "continue", "S13+@h=5", *arguments, "--json", "a.json", "--csv", "a.csv", "--plot", "a.svg")
+    assert code == 0 and "note   of 2 orbits" in out and "limit  1/n = 0: S13O00+, origin-stop+, sequence (none), h = 5" in out
+    branch = read_branch("a.json")
+    (limit,) = branch["limits"]
+    assert run(capsys, "orbit", "S13O00+", "--energy", "5", "--json", "b.json")[0] == 0
+    assert abs(limit["orbit"]["orbit"]["alpha"] / read_json("b.json")["orbit"]["alpha"] - 1.0) < 1e-11
+    assert abs(min(point["1/n"] for point in branch["points"]) / 0.005 - 1.0) < 1e-9
+    assert "1/n" in (folder / "a.csv").read_text().splitlines()[0] and 'id="response-limits"' in (folder / "a.svg").read_text()
+    # The file shows the same again.
+    code, again, _ = run(capsys, "show", "a.json")
+    assert code == 0 and out[out.index("branch 1") : out.index("wrote")] == again
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("S13+@h=5", "--in", "1/m", "--range", "0:1"), "--in 1/m: no such parameter; expected one of mu, sigma, n"),
+        (("S13+", "--in", "1/n", "--range", "0:1"), "need 1 equation --keep"),
+        (("S13+@h=5", "--in", "1/n", "--range", "0.2:1"), "has not the start's value 1/n = 0.1"),
+    ],
+)
+def test_a_reciprocal_that_cannot_be_followed_is_refused(capsys, arguments, message):
+    """Oracle: the line, and the exit code 2."""
+    refused(run(capsys, "continue", *arguments, "--scene", "smooth_wall"), message)

@@ -13,11 +13,15 @@ from branches.figures import style
 from branches.figures.curves import curve_runs, draw_events
 from branches.figures.harmonics import draw_harmonics
 from branches.harmonics import amplitudes_along
+from branches.released.branch import ReleasedBranch
+from branches.released.impact_limit import ImpactLimit, impact_limits
 from bvp.texts import listed
 from transitions.response.measures import column_names, column_of
+from transitions.response.released import limit_values
 from transitions.sweep.figure import Curve
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from branches.forced.branch import ForcedBranch
@@ -32,6 +36,10 @@ _LINES: dict[int, dict[str, Any]] = {
     -1: {"label": "undecided", "color": style.GREY, "linewidth": 1.1, "linestyle": ":"},
 }
 _BACKBONE: dict[str, Any] = {"label": "backbone", "color": style.BLACK, "linewidth": 0.9, "linestyle": (0, (6, 1.5, 1, 1.5))}
+_LIMIT: dict[str, Any] = {
+    "label": "with impacts", "marker": "*", "markersize": 10.0, "markerfacecolor": style.YELLOW, "markeredgecolor": style.BLACK,
+    "markeredgewidth": 0.6, "linestyle": "none",
+}  # fmt: skip
 _WORDS = {"NS": "NS Neimark-Sacker"}
 """Names of events that differ from those of conservative families."""
 
@@ -134,7 +142,10 @@ def response_figure(
         if places:
             draw_events(panel, kinds, np.array(places), "response")
         values = np.concatenate([abscissa[:, 0] for abscissa in abscissas]) if interval is None or x else np.array(interval)
-        heights = np.concatenate([*(column.ravel() for column in columns), *(one.y for one in backbones)])
+        limits = _draw_limits(panel, branches, name) if across == first.name else np.zeros(0)
+        if limits.size:
+            values = np.append(values, 0.0)
+        heights = np.concatenate([limits, *(column.ravel() for column in columns), *(one.y for one in backbones)])
         style.set_axis(panel, "y", style.limits_of(heights), 6, words, symbol)
         style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, x_words, x_symbol)
         for c, coordinate in enumerate(shown):
@@ -148,8 +159,25 @@ def response_figure(
         for kind, look in style.EVENT_LOOKS.items():
             if kind in kinds:
                 handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
+        if limits.size:
+            handles.append(Line2D([], [], **_LIMIT))
         style.legend_below(figure, handles, 6)
     return figure
+
+
+def _draw_limits(panel: Axes, branches: Sequence[ForcedBranch], name: str) -> np.ndarray:
+    """Draw what the impacting orbits have of a column to which branches lead, at the parameter's limit 0; the values."""
+    found = [
+        limit_values(limit.orbit, name)
+        for branch in branches
+        if isinstance(branch, ReleasedBranch)
+        for limit in impact_limits(branch)
+        if isinstance(limit, ImpactLimit)
+    ]
+    values: np.ndarray = np.concatenate([np.zeros(0), *found])
+    if values.size:
+        panel.plot(np.zeros_like(values), values, gid="response-limits", zorder=4.5, clip_on=False, **_LIMIT)
+    return values
 
 
 _RETRACED = 2e-3

@@ -13,7 +13,9 @@ from branches.events import Ended
 from branches.files import one_line, write_text
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.reading import RecordError, check_pattern, load_json
-from branches.released.branch import branch_in_parameter
+from branches.record import orbit_to_record
+from branches.released.branch import ReleasedBranch, branch_in_parameter
+from branches.released.impact_limit import ImpactLimit, impact_limits
 from branches.tables import csv_text, dataframe, plain, plain_columns
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -105,8 +107,27 @@ def _branch_record(branch: ForcedBranch, harmonics: int | None) -> dict[str, Any
         "start": branch.start,
         "ended": [{"reason": end.reason, "text": end.text} for end in branch.ended],
         "events": events,
+        **_limits(branch),
         "points": points,
     }
+
+
+def _limits(branch: ForcedBranch) -> dict[str, Any]:
+    """The impacting orbits to which a branch leads: they follow from it, so a reader takes them as they are."""
+    limits = [limit for limit in impact_limits(branch) if isinstance(limit, ImpactLimit)] if isinstance(branch, ReleasedBranch) else []
+    found = [
+        {
+            "parameter": limit.name,
+            "value": 0.0,
+            "from": limit.value,
+            "contacts": [contact._asdict() for contact in limit.contacts],
+            "clearance": limit.clearance,
+            "scaled": {"h": limit.scaled.h, "alpha": limit.scaled.alpha},
+            "orbit": orbit_to_record(limit.orbit),
+        }
+        for limit in limits
+    ]
+    return {"limits": plain(found)} if found else {}
 
 
 def save_responses(branches: Sequence[ForcedBranch], path: str | os.PathLike[str]) -> None:

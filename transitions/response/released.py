@@ -11,10 +11,11 @@ from branches.harmonics import harmonic_columns
 from bvp.parameters import ParametricSystem
 
 if TYPE_CHECKING:
+    from branches.orbit import Orbit
     from branches.released.branch import ReleasedBranch
     from branches.tables import Table
 
-__all__ = ["free_column", "free_names", "free_table"]
+__all__ = ["free_column", "free_names", "free_table", "limit_values"]
 
 _NAMES = {
     "h": ("energy", "h"),
@@ -57,6 +58,16 @@ def free_column(branch: ReleasedBranch, name: str) -> np.ndarray:
         k = branch.problem.system.coordinates.index(part.rstrip("'"))
         return columns["start_v" if part.endswith("'") else "start_u"][:, k : k + 1]
     return columns[name][:, None]
+
+
+def limit_values(orbit: Orbit, name: str) -> np.ndarray:
+    """The values (c,) of a column at one orbit, such as the impacting one to which a family leads. Parameters have none there."""
+    columns = orbit.columns
+    if name == "period":
+        return np.array([orbit.period])
+    if name == "multiplier":
+        return np.abs(columns["multipliers"]).max(axis=1, initial=0.0)
+    return np.ravel(columns[{"speed": "impact_speeds"}.get(name, name)][0]) if name in (*columns, "speed") else np.zeros(0)
 
 
 def free_table(branches: Sequence[ReleasedBranch], harmonics: int | None = None) -> Table:
