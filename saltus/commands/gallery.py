@@ -43,7 +43,7 @@ def load_gallery(name: str) -> dict[str, Any]:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="the gallery: paper or absorber")
+    parser.add_argument("name", metavar="NAME", help="the gallery: paper, absorber or limit")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder of the figures; made if there is none")
     parser.add_argument("--figure", metavar="FIG", action="append", help="this figure only, by the name of its files; can be repeated")
     parser.add_argument("--format", metavar="KIND", choices=("png", "pdf", "svg"), default="png", help="png (default), pdf or svg")
