@@ -1,0 +1,21 @@
+"""The benchmark of smooth families: what it compares is the same orbit."""
+
+import pytest
+
+from benchmarks import smooth
+from benchmarks.peers import auto
+
+
+def test_shooting_and_the_family_have_one_orbit():
+    """Oracle: two integrators, from a start that is a thousandth away."""
+    orbit = smooth._orbit("cubic_nes", {}, "mode:2", 0.1)
+    velocities, time = smooth.shot_quarter(orbit.system, orbit.velocities * 1.001, orbit.alpha * 1.001, orbit.h)
+    assert abs(time / orbit.alpha - 1.0) < 1e-12 and velocities == pytest.approx(orbit.velocities, rel=1e-12)
+
+
+@pytest.mark.skipif(auto.missing() is not None, reason="AUTO-07p is not installed")
+def test_auto_follows_the_same_quarter():
+    """Oracle: AUTO-07p's quarter period, to the digits of its table."""
+    orbit = smooth._orbit("cubic_nes", {}, "mode:2", 0.1)
+    error = float(smooth._beside_auto(orbit, 20, 1e-4, True)[1])
+    assert error < 1e-9
