@@ -157,8 +157,12 @@ def test_a_doubled_family_ends_at_an_orbit_of_the_single_period():
         (event,) = (one for one in branch.events if one.type == "GR")
     symmetric, grazing = of_row(["GR", "yes", "4", "0.965116377128"])
     assert event.values["w"] == pytest.approx(grazing.values["w"], abs=1e-12)
-    ((problem, step),) = switch_response(branch, event)
-    assert (problem.load_periods, problem.half, len(problem.sequence)) == (1, True, 2)
+    # The orbit grazes at each of four images of one place. Rounding chooses the nearest touch: it can be that of another impact, too,
+    # which gives the family of the single period with five impacts beside the symmetric one.
+    found = switch_response(branch, event)
+    assert {(problem.load_periods, len(problem.sequence) * (1 + problem.half)) for problem, _ in found} <= {(1, 4), (1, 5)}
+    ((problem, step),) = (one for one in found if one[0].half)
+    assert len(problem.sequence) == 2
     ahead = follow_response(problem, step, RANGE, direction="along")
     bifurcations = [(one.type, one.values["w"]) for one in symmetric.events if one.type in ("SN", "NS", "SB")]
     found = [(one.type, pytest.approx(one.values["w"], abs=1e-12)) for one in ahead.events if one.type in ("SN", "NS", "SB")]

@@ -77,6 +77,7 @@ def test_light_damping_over_a_flight_without_end():
         assert c * compiled(one(c, 1.0), v, v, v, 1e18 if c < 1.0 else 1e6) == pytest.approx(0.5, rel=1e-13)
 
 
+@pytest.mark.rounding
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 3), st.integers(0, 2**31), st.floats(-3, 1.0), st.floats(1e-3, 10.0))
 @example(3, 29, -2.0, 1.0)
@@ -97,10 +98,12 @@ def test_random_systems_and_unequal_rows(n, seed, size, t):
     rows = [np.array([row]) @ modes.to_state for row in (a, b)]
     products = Products(*rows, np.ones(1))
     start, fastest = modes.from_state @ z, fastest_rate(modes.flight)
+    # The integrand is a sum over modes, whose parts are larger than it where modes are nearly parallel. Each part rounds by itself.
+    parts = np.finfo(float).eps * t * np.prod([np.linalg.norm(row) * np.linalg.norm(start) for row in rows])
     for way in ("series", "doubled"):
         out = np.zeros(1)
         if way == "series":
             series_integrals(modes.flight, products, start, t, fastest, int(fastest * t) + 1, integral_work(2 * n, 1), out)
         else:
             doubled_integrals(modes.flight, products, start, t, fastest, out)
-        assert abs(out[0] - expected) <= 1e-12 * size
+        assert abs(out[0] - expected) <= 1e-12 * size + parts
