@@ -25,6 +25,7 @@ import math
 from numpy import int64, uint64
 
 from bvp.kernels.compiled import chosen, inlined, kernel
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import copy_1, inner
 from bvp.kernels.flights import twice_energy
 from bvp.kernels.multipoint import ORIGIN, Segment, evaluate, fill, start_state
@@ -355,6 +356,8 @@ def scaled_free_residual(segment, residual, displacement, velocity):
     for i in range(full):
         for r in range(rows):
             value = abs(residual[i * rows + r]) / (velocity if half <= r < size else displacement)
+            if r == size and i < k and is_cut(segment.flight, segment.side, i):
+                value = 0.0  # each update fulfils equation (39), which is linear
             if not value <= worst:
                 worst = value
     for e in range(residual.shape[0] - full * rows):

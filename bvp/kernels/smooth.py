@@ -13,7 +13,18 @@ from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.expressions import run
 from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
-from bvp.kernels.flights import add_bend, energy_slope, flight_end, flight_map, flow_product, path_state, rate, slope_times, twice_energy
+from bvp.kernels.flights import (
+    add_bend,
+    energy_slope,
+    flight_end,
+    flight_map,
+    flow_product,
+    path_state,
+    rate,
+    slope_times,
+    squared_speed,
+    twice_energy,
+)
 from bvp.kernels.sources import ORDER
 from bvp.kernels.taylor import SmoothFlight, find_path, horner, smooth_rate, step_at
 
@@ -83,6 +94,13 @@ def twice_smooth_energy(flight, weights, z):
     times_matrix(flight.rows, z, flight.parts)
     run(flight.potential, flight.parts, flight.scratch, flight.value)
     return total + 2.0 * flight.value[0]
+
+
+@squared_speed.of(SmoothFlight)
+@inlined
+def smooth_squared_speed(flight, weights, z):
+    """See `squared_speed`."""
+    return twice_smooth_energy(flight, weights, z)
 
 
 class SmoothSlope(NamedTuple):
