@@ -421,8 +421,11 @@ def same_orbit(
 def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    if problem.is_smooth and not problem.inner and STOP not in problem.kinds:
-        return _cover_without_impacts(problem, solution)
+    if problem.is_smooth and not problem.sequence and STOP not in problem.kinds:
+        if problem.inner == 0 and not problem.periodic:
+            return _cover_without_impacts(problem, solution)
+        cover, half = covers(cycle_of(problem, solution.y), SAME)
+        return 2 if cover == 1 and problem.quarters == 2 and half else cover
     if not _may_repeat(problem.ends, problem.sequence):
         return 1
     cycle = cycle_of(problem, solution.y)

@@ -1,6 +1,6 @@
 """Cuts: nodes inside smooth flights, or at the start of a closed orbit without impacts, where nothing is hit.
 
-A flight along which perturbations grow loses as many digits of its end. So it is solved in pieces of equal time, equation (39), and the
+A flight along which perturbations grow loses as many digits of its end. So it is solved in pieces of equal time, equation (45), and the
 states at the cuts between them are unknowns.
 """
 

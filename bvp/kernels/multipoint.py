@@ -345,7 +345,7 @@ def evaluate_free(segment, y, before, flights, z, residual):
                 residual[row + r] -= target
                 gap += segment.gap[i, r] * target
             if i < k and is_cut(segment.flight, segment.side, i):
-                gap = y[at - 1] - y[at + size]  # equation (39)
+                gap = y[at - 1] - y[at + size]  # equation (45)
             if i == k:
                 slope = energy_slope(segment.flight, segment.weights, y[:size], 1.0)
                 for r in range(size):

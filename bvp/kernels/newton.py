@@ -357,7 +357,7 @@ def scaled_free_residual(segment, residual, displacement, velocity):
         for r in range(rows):
             value = abs(residual[i * rows + r]) / (velocity if half <= r < size else displacement)
             if r == size and i < k and is_cut(segment.flight, segment.side, i):
-                value = 0.0  # each update fulfils equation (39), which is linear
+                value = 0.0  # each update fulfils equation (45), which is linear
             if not value <= worst:
                 worst = value
     for e in range(residual.shape[0] - full * rows):

@@ -18,8 +18,10 @@ from branches.switching import switch
 from branches.tracing import follow_family
 from bvp.closures import EndsError, cycle_of
 from bvp.multipoint import MultipointProblem
+from bvp.released import ReleasedProblem
 from bvp.springs import Spring
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from saltus.scene import load_scene
 
 BOUNDS = {"energy": (1e-2, 0.5), "points": 60}
 
@@ -155,3 +157,10 @@ def test_linear_systems_still_need_an_impact_to_close():
     """Oracle: contract. The period of a linear mode does not depend on its energy, so nothing holds an orbit of it."""
     with pytest.raises(EndsError, match="at least one impact, where the orbit starts"):
         MultipointProblem(vibro_impact_nes(), ("periodic", "periodic"), ())
+
+
+def test_a_closed_orbit_is_not_followed_in_a_parameter():
+    """Oracle: contract."""
+    parametric = load_scene("smooth_wall").parametric
+    with pytest.raises(EndsError, match="without impacts and without a reversal is followed in the energy only; expected an orbit with a"):
+        ReleasedProblem(parametric, ("periodic", "periodic"), (), ["n"], ["energy"])

@@ -170,3 +170,14 @@ def test_cuts_between_impacts_are_no_impacts(ends):
     assert [impact.stop for impact in one.impacts] == [impact.stop for impact in other.impacts]
     for name in ("clearance", "speed", "first_quarter", "second_quarter"):
         assert one.solution[name] == pytest.approx(other.solution[name], rel=1e-10)
+
+
+def test_a_strongly_unstable_orbit_is_read_from_a_point_without_its_pieces():
+    """Oracle: equality of paths. A file of a family without the number of pieces, too, gives orbits to rounding."""
+    problem, y = closed_problem(quarter(4.0, 1.0), 6)
+    branch = follow_family(problem, y, energy=(0.5, 2.0), points=3)
+    record = to_record(branch)
+    del record["branch"]["pieces"]
+    orbit = branch_of_record(json.loads(json.dumps(record))).orbit(1)
+    assert orbit.residual < 1e-14 and orbit.problem.pieces > 1
+    assert orbit.alpha == pytest.approx(branch.orbit(1).alpha, rel=1e-14)
