@@ -43,7 +43,8 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
         flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
-        where = f"flight {flight + 1} of {inner + 1} touches stop {letter} at {time:.6g} after its start"
+        flight, time, flights = _whole_flight(problem, solution)
+        where = f"flight {flight + 1} of {flights} touches stop {letter} at {time:.6g} after its start"
         events = getattr(problem, "events", ())
         pulled = pulled_open(problem.system, events[flight].closed, modes.contact_letters.index(letter)) if events else None
         if pulled is not None:
@@ -52,15 +53,25 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
     if verb == "vanishes":
         node = int(solution["speed_node"])
         letter = problem.modes.contact_letters[problem.contacts[node]]
-        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{node + 1} of {inner}"
+        pieces = getattr(problem, "pieces", 1)
+        number = f"{(node + 1) // pieces} of {(inner + 1) // pieces - 1}"
+        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else number
         note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
         return {"stop": letter, "note": note}
-    flight = int(solution["flight_index"])
+    flight = int(solution["flight_index"]) // getattr(problem, "pieces", 1)
     if any(event.is_release for event in getattr(problem, "events", ())):
         return _merging_events(problem, flight)
     here = f"impact {flight}" if flight else "the start"
-    there = f"impact {flight + 1}" if flight < inner else "the far end"
+    there = f"impact {flight + 1}" if flight + 1 < (inner + 1) // getattr(problem, "pieces", 1) else "the far end"
     return {"note": f"{here} and {there} merge: the flight between them has no duration"}
+
+
+def _whole_flight(problem: MultipointProblem | ForcedProblem, solution: Solution) -> tuple[int, float, int]:
+    """The flight in which the clearance is least, the time from its start, and the number of flights: cuts are no impacts."""
+    flight, time, pieces = int(solution["clearance_flight"]), float(solution["clearance_time"]), getattr(problem, "pieces", 1)
+    if pieces > 1:
+        time += flight % pieces * float(problem.flight_times(solution.y)[flight])
+    return flight // pieces, time, (problem.inner + 1) // pieces
 
 
 class ForceEvent(NamedTuple):
@@ -133,9 +144,12 @@ def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, t
         force = force_event(problem, solution)
         if force is not None:
             return f"{force.wrong}: the force is {solution['clearance']:.2g} in units of length"
-        letter, time = describe_grazing(problem, solution, "touches")["stop"], solution["clearance_time"]
-        flight, depth = int(solution["clearance_flight"]) + 1, -solution["clearance"]
-        return f"flight {flight} of {inner + 1} passes beyond stop {letter} by {depth:.2g} at {time:.6g} after its start"
+        letter = describe_grazing(problem, solution, "touches")["stop"]
+        flight, time, flights = _whole_flight(problem, solution)
+        depth = -solution["clearance"]
+        return f"flight {flight + 1} of {flights} passes beyond stop {letter} by {depth:.2g} at {time:.6g} after its start"
+    if solution["speed"] <= -tolerance * problem.speed(solution) and not problem.contacts[int(solution["speed_node"])] >= 0:
+        return "it starts where the sum of the modal displacements is least; an orbit without impacts starts where it is largest"
     if solution["speed"] <= -tolerance * problem.speed(solution):
         impact = describe_grazing(problem, solution, "vanishes")["note"].partition(" vanishes")[0]
         return f"{impact} would have to pull: its speed of approach is {solution['speed']:.2g}"

@@ -188,9 +188,11 @@ class Branch:
         # The saved orbit is taken as it stands where its residual allows: at a branch point the equations are singular, and Newton
         # would move it. Where the nodes of a long unstable segment have lost digits by propagation, they are corrected.
         saved = self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0)
-        solution = self.problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved
+        problem = self.problem.in_enough_pieces(y) if saved is None else self.problem
+        y = self.problem.in_pieces_of(problem, y)
+        solution = problem.solve(y, energy=float(self.points["h"][i])) if saved is None else saved
         stable = int(self.points["stable"][i])
-        return Orbit(self.problem, solution, on_family=bool(stable) if stable >= 0 else None)
+        return Orbit(problem, solution, on_family=bool(stable) if stable >= 0 else None)
 
     def orbit_between(self, i: int, part: float, **asked: float) -> Orbit | None:
         """The orbit between points i and i + 1 at an energy or a quarter period; None where the corrector fails.

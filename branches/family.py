@@ -111,6 +111,8 @@ class Family(SolvedFamily):
             TestFunction("IO", "crossing", False, "impulsive orbit at the half period", False, ("LB",)),
             TestFunction("LB", "change", False, "the label changes"),
         ]
+        if problem.periodic and not problem.sequence:
+            tests[3] = TestFunction("EP", "guard", True, "the maximum at which the orbit starts vanishes; start from another one")
         self._two_dof = problem._two_dof
         if problem.quarters == 1:
             tests += [

@@ -15,6 +15,7 @@ import numpy as np
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import call_at, chosen, inlined, kernel
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
 from bvp.kernels.monodromy import (
@@ -200,7 +201,7 @@ class PairsWork(NamedTuple):
 def make_pairs_work(problem):
     """Scratch for the orbits of a `MultipointProblem`."""
     nodes = problem.inner + 1 if problem.periodic else 0
-    impacts, linearised = make_impacts(nodes, problem.size), make_linearised_orbit(nodes, problem.size, len(problem.modes.flight.pairs))
+    impacts, linearised = make_impacts(nodes, problem.size), make_linearised_orbit(nodes, problem.size, problem.segment.flight)
     reduction = make_reduction(problem.free, problem.segment.weights, True)
     return PairsWork(make_half_map(problem.held), impacts, reduction, linearised, make_eigenvalue_work(2 * problem.pairs))
 
@@ -278,6 +279,9 @@ def periodic_tests(packed, y, ends, work, result, targets, out):
         return
     segment = unpack(packed)
     unfold_impacts(segment, y, ends, work.impacts, work.half_map.rows)
+    for i in range(work.impacts.row.shape[0]):
+        if is_cut(segment.flight, segment.side, work.impacts.row[i]):
+            work.impacts.row[i] = -1
     contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
     orbit = ClosedOrbit(work.impacts.before, work.impacts.after, work.impacts.duration, work.impacts.row)
     found, norm, _, _, _ = formed_multipliers(

@@ -248,7 +248,7 @@ def orbit_columns(
         "start_u": physical[:, :n],
         "start_v": physical[:, n:],
         "velocities": physical[:, n:].copy() if problem.kinds[0] == kernel.ORIGIN else np.full((count, n), np.nan),
-        "flight_times": rows.y[:, problem.parameters : last : size + 1],
+        "flight_times": rows.y[:, problem.parameters : last : size + 1].reshape(count, -1, problem.pieces).sum(axis=2),
         "impact_speeds": speeds,
     }
     if n == 2:
@@ -261,7 +261,7 @@ def impact_speeds(problem: MultipointProblem, starts: np.ndarray, ends: np.ndarr
     (N, 2 n) and at the end of each flight (N, k + 1, 2 n)."""
     side, rate = problem.segment.side, problem.segment.gap_rate
     hits = problem.inner + (problem.kinds[1] in (kernel.STOP, kernel.PERIODIC))
-    speeds = [side[i] * (ends[:, i] @ rate[i]) for i in range(hits)]
+    speeds = [side[i] * (ends[:, i] @ rate[i]) for i in range(hits) if problem.contacts[i] >= 0]
     if problem.kinds[0] == kernel.STOP:
         speeds.insert(0, -side[problem.inner + 1] * (starts @ rate[problem.inner + 1]))
     return np.array(speeds).reshape(-1, len(ends)).T
@@ -319,7 +319,7 @@ def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.n
     columns["reliable"] = np.full(count, problem.pairs == 0)
     for i in np.flatnonzero(~grazing):
         solution = Solution(rows.y[i], rows.tangent[i], rows.position[i], rows.ends[i], rows.result[i])
-        if problem.is_smooth:
+        if problem.is_smooth and not problem.periodic:
             values, defect = half_map_multipliers(problem, solution)
             pairing = float(np.max(np.abs(values * values[::-1] - 1.0), initial=0.0))
             found: tuple[Any, ...] = values, defect, pairing, defect < TRIVIAL_LIMIT and pairing < PAIRING_LIMIT

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
+from branches.smooth_cycles import covers, is_without_impacts, reversal_instants, start_instants, states_at
 from bvp.closures import Cycle, cycle_of
 from bvp.kernels.multipoint import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, Solution
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Presentation", "Symmetries", "all_presentations", "canonical_orbit", "closed_presentation", "closed_presentations", "cover_of",
     "embed", "first_of", "is_solved_as_it_is", "pattern_of", "presentation_of", "presentations", "run_backwards", "same_orbit",
-    "segment_images", "solved", "symmetries", "with_canonical_sequence",
+    "segment_images", "solved", "starts_of", "symmetries", "with_canonical_sequence",
 ]  # fmt: skip
 
 SLACK = 1e-9
@@ -78,7 +79,7 @@ class Presentation(NamedTuple):
 
 def presentation_of(problem: MultipointProblem, y: np.ndarray) -> Presentation:
     """The presentation that the unknowns of a problem are."""
-    return Presentation(problem.ends, problem.sequence, problem.start(y), problem.nodes(y), problem.flight_times(y))
+    return Presentation(problem.ends, problem.sequence, problem.start(y), problem.impact_states(y), problem.whole_flight_times(y))
 
 
 def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[str, str]) -> Presentation:
@@ -111,15 +112,29 @@ def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[s
     return Presentation((ends[0], ends[1]), sequence, start, after[[i % count for i in inner]], np.diff(stamps))
 
 
-def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, backwards: bool = False) -> Presentation:
-    """The full period as it closes on itself from one of its impacts: a cover of it, or backwards in time."""
+def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, *, backwards: bool = False, mirrored: bool = False) -> Presentation:
+    """The full period as it closes on itself from one of its impacts: a cover of it, backwards in time, or the mirror image.
+
+    Without impacts it begins at one of the maxima that `branches.smooth_cycles` finds."""
+    if is_without_impacts(cycle):
+        sign = -1.0 if mirrored else 1.0
+        start = sign * states_at(cycle, start_instants(cycle, sign)[first : first + 1])[0]
+        if backwards:
+            start[len(start) // 2 :] *= -1.0
+        return Presentation(PERIODIC, (), start, np.empty((0, len(start))), np.array([cover * cycle.period]))
     after, duration, letters = cycle.after, cycle.duration, cycle.letters
     if backwards:
         flip = np.repeat([1.0, -1.0], after.shape[1] // 2)
         after, duration, letters = (cycle.before * flip)[::-1], _from(duration[::-1], 1), letters[::-1]
     nodes = np.concatenate([_from(after, first)] * cover)
     sequence = (letters[first:] + letters[:first]) * cover
-    return Presentation(PERIODIC, sequence, nodes[0], nodes[1:], np.concatenate([_from(duration, first)] * cover))
+    image = Presentation(PERIODIC, sequence, nodes[0], nodes[1:], np.concatenate([_from(duration, first)] * cover))
+    return image.mirrored() if mirrored else image
+
+
+def starts_of(cycle: Cycle, sign: float = 1.0) -> int:
+    """The number of instants at which a closed orbit, or with sign -1 its mirror image, can start: its impacts or its maxima."""
+    return len(cycle.letters) or len(start_instants(cycle, sign))
 
 
 def _from(rows: np.ndarray, first: int) -> np.ndarray:
@@ -197,6 +212,10 @@ def symmetries(cycle: Cycle, tolerance: float = SAME) -> Symmetries:
     tolerance : float
         Relative difference of states and flight times that counts as none.
     """
+    if is_without_impacts(cycle):
+        cover, half = covers(cycle, tolerance)
+        primitive = (1.0 - SLACK) * cycle.period / cover
+        return Symmetries(cover, half, tuple(pair for pair in reversal_instants(cycle, tolerance) if pair[0] < primitive))
     count, dof = len(cycle.duration), cycle.after.shape[1] // 2
     length, half = _shifts(cycle, tolerance)
     time, state = _differences(cycle, tolerance)
@@ -262,7 +281,10 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray, *, canonical: b
     """
     cycle = cycle_of(problem, y)
     found = symmetries(cycle)
-    if found.cover > 1:
+    if found.cover > 1 and is_without_impacts(cycle):
+        start = states_at(cycle, np.zeros(1))
+        cycle = Cycle(cycle.system, start, start, np.array([cycle.period / found.cover]), np.array([-1]), 0.0)
+    elif found.cover > 1:
         once = slice(len(cycle.duration) // found.cover)
         cycle = Cycle(cycle.system, cycle.before[once], cycle.after[once], cycle.duration[once], cycle.contact[once], cycle.lead)
     if not found.reversals:
@@ -270,8 +292,8 @@ def all_presentations(problem: MultipointProblem, y: np.ndarray, *, canonical: b
         return closed_presentations(cycle, canonical_sequence(cycle.letters, PERIODIC, odd_symmetry=odd)[0] if canonical else None)
     kinds = []
     for instant, e in found.reversals:
-        distance = np.abs((cycle.times - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
-        kinds.append((instant, "origin" if e < 0 else "stop" if np.min(distance) <= SLACK * cycle.period else "rest"))
+        distance = np.abs((cycle.times[cycle.contact >= 0] - instant + 0.5 * cycle.period) % cycle.period - 0.5 * cycle.period)
+        kinds.append((instant, "origin" if e < 0 else "stop" if np.min(distance, initial=np.inf) <= SLACK * cycle.period else "rest"))
     images = []
     for (first, kind), (last, other) in itertools.pairwise([*kinds, (kinds[0][0] + cycle.period, kinds[0][1])]):
         forward = presentation_between(cycle, first, last, (kind, other))
@@ -286,10 +308,9 @@ def closed_presentations(cycle: Cycle, sequence: ImpactSequence | None = None) -
     for mirrored, back in itertools.product((False, True)[: 1 + cycle.system.has_odd_symmetry], (False, True)):
         letters = cycle.letters[::-1] if back else cycle.letters
         letters = mirror(letters) if mirrored else letters
-        for i in range(len(letters)):
+        for i in range(starts_of(cycle, -1.0 if mirrored else 1.0)):
             if sequence is None or letters[i:] + letters[:i] == sequence:
-                image = closed_presentation(cycle, first=i, backwards=back)
-                images.append(image.mirrored() if mirrored else image)
+                images.append(closed_presentation(cycle, first=i, backwards=back, mirrored=mirrored))
     return images
 
 
@@ -343,7 +364,7 @@ def canonical_orbit(problem: MultipointProblem, y: np.ndarray) -> tuple[Multipoi
     ('origin', 'stop+')
     """
     best = first_of(presentations(problem, y))
-    found = MultipointProblem(problem.system, best.ends, best.sequence)
+    found = MultipointProblem(problem.system, best.ends, best.sequence, problem.pieces)
     return found, solved(found, best.unknowns(found)).y
 
 
@@ -400,8 +421,11 @@ def same_orbit(
 def cover_of(problem: MultipointProblem, solution: Solution) -> int:
     """How often the solved orbit repeats itself: k for the k-fold cover of its primitive orbit, with k = 2 also if the solved half is half
     a period of an orbit with half-period symmetry (a quarter problem solves that one)."""
-    if problem.is_smooth and not problem.inner and STOP not in problem.kinds:
-        return _cover_without_impacts(problem, solution)
+    if problem.is_smooth and not problem.sequence and STOP not in problem.kinds:
+        if problem.inner == 0 and not problem.periodic:
+            return _cover_without_impacts(problem, solution)
+        cover, half = covers(cycle_of(problem, solution.y), SAME)
+        return 2 if cover == 1 and problem.quarters == 2 and half else cover
     if not _may_repeat(problem.ends, problem.sequence):
         return 1
     cycle = cycle_of(problem, solution.y)

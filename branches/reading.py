@@ -68,6 +68,7 @@ BRANCH = {
         "aliases": [{"label": "a string", "from": "a number", "to": "a number"}],
         "ends": ["a string", 2],
         "sequence": "a string",
+        "pieces?": "an integer",
         "energy?": [NUMBER, 2],
         "others?": [{"from": PLACE, "to": PLACE}],
     },
@@ -114,10 +115,10 @@ def _check_points(problem: MultipointProblem, points: Mapping[str, np.ndarray]) 
     u, v = points["start_u"], points["start_v"]
     if u.shape[1] != system.degrees_of_freedom:
         raise RecordError(f"points[0].start.u has {u.shape[1]} entries, but the system has {system.degrees_of_freedom} coordinates")
-    flights = points["flight_times"].shape[1]
-    if flights != problem.inner + 1:
+    flights, expected = points["flight_times"].shape[1], (problem.inner + 1) // problem.pieces
+    if flights != expected:
         raise RecordError(
-            f"the impact sequence {''.join(problem.sequence)!r} between the ends {', '.join(problem.ends)} makes {problem.inner + 1} "
+            f"the impact sequence {''.join(problem.sequence)!r} between the ends {', '.join(problem.ends)} makes {expected} "
             f"flights; the points have {flights} flight_times"
         )
     # The sizes of the terms, not their sum, bound the rounding of the sum.
@@ -200,7 +201,9 @@ def _orbit_of_file(path: str | os.PathLike[str], record: Any) -> Orbit:
         if len(inner) != problem.inner:
             raise ValueError(f"{len(inner)} impacts lie inside the solved segment; its sequence has {problem.inner}")
         start = system.modes.from_state @ np.concatenate([orbit["start"]["u"], orbit["start"]["v"]])
-        return Orbit(problem, problem.solve(problem.pack(start, None, np.diff([0.0, *inner, segment])), energy=orbit["h"]))
+        y = problem.pack(start, None, np.diff([0.0, *inner, segment]))
+        finer = problem.in_enough_pieces(y)
+        return Orbit(finer, finer.solve(problem.in_pieces_of(finer, y), energy=orbit["h"]))
     except KeyError as error:
         raise RecordError(f"{path} is not a readable orbit file: it lacks {error}") from error
     except (LookupError, TypeError, ValueError, NotConverged) as error:
@@ -249,7 +252,10 @@ def branch_of_record(record: Any) -> Branch:
         if not 0 <= event["point"] < len(points["h"]):
             raise RecordError(f"events[{i}].point is {event['point']}, expected 0 to {len(points['h']) - 1}")
     system = ImpactSystem.from_description(record["system"])
-    problem = MultipointProblem(system, (head["ends"][0], head["ends"][1]), parse_sequence(head["sequence"]))
+    pieces = head.get("pieces", 1)
+    if pieces < 1:
+        raise RecordError(f"branch.pieces is {pieces}, expected 1 or more")
+    problem = MultipointProblem(system, (head["ends"][0], head["ends"][1]), parse_sequence(head["sequence"]), pieces)
     _check_points(problem, points)
     events = [BranchEvent(**{name: item[name] for name in EVENT} | {"bracket": tuple(item["bracket"])}) for item in record["events"]]
     first, last = (Ended(item["reason"], item["text"]) for item in record["ended"])

@@ -86,6 +86,7 @@ def to_record(branch: Branch) -> dict[str, Any]:
             "aliases": plain(branch.aliases),
             "ends": list(branch.ends),
             "sequence": branch.sequence,
+            **({"pieces": branch.problem.pieces} if branch.problem.pieces > 1 else {}),
             "energy": plain(branch.energy),
             "others": [{"from": _place(piece.first), "to": _place(piece.last)} for piece in branch.others],
         },

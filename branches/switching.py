@@ -30,6 +30,7 @@ from branches.presentation import (
     presentation_of,
     run_backwards,
     solved,
+    starts_of,
     symmetries,
 )
 from branches.tracing import follow_family
@@ -65,11 +66,10 @@ class Image(NamedTuple):
         """The image of an orbit; `cycle`, if it is at hand, is that of the orbit."""
         if problem.periodic:
             cycle = cycle_of(problem, y) if cycle is None else cycle
-            presentation = closed_presentation(cycle, first=self.first, backwards=self.backwards)
-        else:
-            presentation = presentation_of(problem, y)
-            if self.backwards:
-                presentation = run_backwards(problem.system, presentation, problem)
+            return closed_presentation(cycle, first=self.first, backwards=self.backwards, mirrored=self.mirrored)
+        presentation = presentation_of(problem, y)
+        if self.backwards:
+            presentation = run_backwards(problem.system, presentation, problem)
         return presentation.mirrored() if self.mirrored else presentation
 
     def is_the_same_orbit(self, problem: MultipointProblem) -> bool:
@@ -96,9 +96,9 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
         Those first that give the same orbit started elsewhere, then those that change least.
     """
     odd = problem.system.has_odd_symmetry
-    count = len(problem.sequence) if problem.periodic else 1
-    every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
     cycles = [cycle_of(problem, y) if problem.periodic else None for y in (middle, side)]
+    count = min(starts_of(cycle) if cycle else 1 for cycle in cycles)
+    every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
     found = []
     for image in every:
         presentation = image.of(problem, middle, cycles[0])
@@ -115,11 +115,12 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
 def image_of(branch: Branch, image: Image) -> Branch:
     """The branch of the images of a branch's orbits."""
     system = branch.system
-    # The mirror image needs no new solution but at the events: the start changes its sign, and no number else changes.
-    turned = image.backwards or image.first
+    # The mirror image needs no new solution but at the events: the start changes its sign, and no number else changes. Without impacts a
+    # closed orbit starts at another instant.
+    turned = image.backwards or image.first or (branch.problem.periodic and not branch.problem.sequence)
     wanted = range(len(branch)) if turned else sorted({0, *(event.point for event in branch.events)})
     presentations = {i: image.of(branch.problem, branch.orbit(i).solution.y) for i in wanted}
-    problem = MultipointProblem(system, presentations[0].ends, presentations[0].sequence)
+    problem = MultipointProblem(system, presentations[0].ends, presentations[0].sequence, branch.problem.pieces)
     solutions = {i: solved(problem, presentation.unknowns(problem)) for i, presentation in presentations.items()}
     if turned:
         columns = orbit_columns(problem, list(solutions.values()), branch.points["arclength"])
@@ -225,6 +226,7 @@ def emanating_families(branch: Branch, event: BranchEvent) -> list[EmanatingFami
         for window in _windows(problem, event, here):
             presentation = embed(problem, here.y, window)
             wide = MultipointProblem(problem.system, presentation.ends, presentation.sequence)
+            wide = wide.in_enough_pieces(presentation.unknowns(wide))
             nudge = 1e-6 * here.tangent[: problem.unknowns]
             ahead, behind = (embed(problem, here.y + sign * nudge, window).unknowns(wide) for sign in (1.0, -1.0))
             y = presentation.unknowns(wide)

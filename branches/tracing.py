@@ -37,6 +37,9 @@ HIGHEST = 1e12
 UNDECIDED_AT = ("SN", "BP", "SB", "PD")
 """Events at which a multiplier is at its bound. Only the location error would decide stability there, so it is not given."""
 
+GROWTH_EVERY = 16
+"""Points of a smooth family from one to the next of which the growth of perturbations is looked at."""
+
 _SIGNS = {"up": 1, "both": 1, "down": -1, "along": 0}
 
 Condition = Callable[[Orbit], "bool | str"]
@@ -103,29 +106,43 @@ def follow_family(
             raise ValueError(f"points = {shown(points)}: expected an integer, at least 1")
         settings = replace(settings, maximum_points=points)
     problem.refuse_drift()
-    family = Family(problem, energy, quarter_period)
     if not isinstance(start, Step):
         start = np.array(start, dtype=float)
-    begin = start if isinstance(start, Step) else family.begin(start)
-    beyond = unphysical(problem, begin.extra) if begin.converged else None
-    if beyond is not None:
-        raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
-    collector = _Collector(problem, energy, on_event, on_point, sign)
-    try:
-        run = follow_both_ways(
-            family,
-            start,
-            settings,
-            both=direction == "both",
-            direction=sign,
-            stop_when=None if stop_when is None else lambda point: stop_when(Orbit(problem, point.step.extra)),
-            stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
-            on_points=collector.points,
-            on_event=None if on_event is None else collector.event,
-        )
-    except (KeyboardInterrupt, RuntimeError) as error:
-        raise with_computed(error, lambda run: _branch_of(problem, run, energy)) from None
+
+    def follow(problem: MultipointProblem, start: np.ndarray | Step, known: tuple[int, int]) -> tuple[Run, tuple[int, int]]:
+        """A run, and the points and events that were reported; `known` were reported before."""
+        family = Family(problem, energy, quarter_period)
+        begin = start if isinstance(start, Step) else family.begin(start)
+        beyond = unphysical(problem, begin.extra) if begin.converged else None
+        if beyond is not None:
+            raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
+        collector = _Collector(problem, energy, on_event, on_point, sign, known)
+        try:
+            run = follow_both_ways(
+                family,
+                start,
+                settings,
+                both=direction == "both",
+                direction=sign,
+                stop_when=None if stop_when is None else lambda point: stop_when(Orbit(problem, point.step.extra)),
+                stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
+                on_points=collector.points,
+                on_event=None if on_event is None else collector.event,
+            )
+        except (KeyboardInterrupt, RuntimeError) as error:
+            raise with_computed(error, lambda run: _branch_of(problem, run, energy)) from None
+        return run, (max(known[0], collector.count), max(known[1], sum(collector.types.values())))
+
+    known = 0, 0
+    finer = problem.in_enough_pieces(start.y if isinstance(start, Step) else start)
+    while True:
+        if finer is not problem:
+            problem, start = finer, _start_in(problem, finer, start)
+        run, known = follow(problem, start, known)
+        finer = _pieces_for(problem, run)
+        if finer is problem:
+            break
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     with defer_interrupts() as interrupt:
@@ -136,6 +153,25 @@ def follow_family(
     if interrupt.came:  # it had to wait until the branch was finished
         raise with_branch(KeyboardInterrupt(), branch)
     return branch
+
+
+def _pieces_for(problem: MultipointProblem, run: Run) -> MultipointProblem:
+    """The problem in as many pieces as the orbits of a run need: perturbations can grow along a family."""
+    if not problem.is_smooth or not run.points:
+        return problem
+    unknowns = [run.points[i].step.y for i in (*range(0, len(run.points), GROWTH_EVERY), len(run.points) - 1)]
+    return problem.in_enough_pieces(max(unknowns, key=problem.growth))
+
+
+def _start_in(problem: MultipointProblem, other: MultipointProblem, start: np.ndarray | Step) -> np.ndarray | Step:
+    """The start of a run in another number of pieces."""
+    if not isinstance(start, Step):
+        return problem.in_pieces_of(other, start)
+    family = Family(other)
+    step = family.begin(problem.in_pieces_of(other, start.y))
+    scale = problem.scales(start.y)[: problem.parameters + 1]
+    ahead = (step.tangent[: scale.size] / scale) @ (start.tangent[: scale.size] / scale) if step.converged else 1.0
+    return family.step(step.y, -step.tangent, 0.0) if ahead < 0.0 else step
 
 
 def report(
@@ -253,6 +289,8 @@ class _Collector:
     on_event: Callable[[BranchEvent], object] | None
     on_point: Callable[[int], object] | None
     direction: int
+    reported: tuple[int, int] = (0, 0)
+    """Points and events that an earlier run along the same family reported."""
     lasts: dict[int, int] = field(default_factory=lambda: {1: 0, -1: 0})
     """Index of the last point of each half."""
     sign: int = 1
@@ -274,12 +312,14 @@ class _Collector:
                 elif not self.lasts[self.sign] or self.lasts[self.sign] + 1 != point.index:
                     self.sign = -self.sign
                 self.lasts[self.sign] = part[-1].index
-            if self.on_point is not None:
+            if self.on_point is not None and self.count > self.reported[0]:
                 self.on_point(self.count)
 
     def event(self, event: Event) -> None:
         assert self.on_event is not None
         self.types[event.code] += 1
+        if sum(self.types.values()) <= self.reported[1]:
+            return
         number = self.sign * event.index
         columns = Orbit(self.problem, event.point.extra).columns
         self.on_event(record_of_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))

@@ -30,6 +30,7 @@ from bvp.kernels.monodromy import (
     make_reduction,
     order_multipliers,
 )  # fmt: skip
+from bvp.kernels.paths import motion_at
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, landings, pencil, trivial_directions
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.sweeps import SweepWork, make_sweep_work
@@ -112,7 +113,7 @@ class _SystemData(NamedTuple):
         found = self.passages.get(nodes)
         if found is None:
             self.passages.clear()
-            found = self.passages[nodes] = make_linearised_orbit(nodes, len(self.work.scale), len(self.flight.pairs))
+            found = self.passages[nodes] = make_linearised_orbit(nodes, len(self.work.scale), self.flight)
         return found
 
 
@@ -137,9 +138,9 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     Raises
     ------
     ValueError
-        For a cycle without impacts.
+        For a cycle of a linear system without impacts.
     """
-    if cycle.system.smooth_forces is not None:
+    if cycle.system.smooth_forces is not None or not np.any(cycle.contact >= 0):
         return saddle_point_multipliers(cycle)
     data = _data_of(cycle.system)
     spectrum = make_eigenvalue_work(data.multipliers)
@@ -180,19 +181,22 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
 
     Small multipliers keep their digits beside large ones, and nothing divides by the speed of an impact before the last step.
 
-    Plain cuts of flights (contact -1) are allowed anywhere, and left out.
+    Plain cuts of flights (contact -1) are allowed anywhere. Those of linear flights are left out. At those of smooth flights the map goes
+    from section to section, each across the flow.
 
     Raises
     ------
     ValueError
-        For a cycle without impacts.
+        For a cycle of a linear system without impacts.
 
     Notes
     -----
     Fairgrieve & Jepson, SIAM J. Numer. Anal. 28 (1991) 1446; Lust, Int. J. Bifurcation Chaos 11 (2001) 2389. See
     `bvp.kernels.periodic_qr`.
     """
-    cycle = _without_cuts(cycle)
+    smooth = cycle.system.smooth_forces is not None
+    if not smooth:
+        cycle = _without_cuts(cycle)
     modes, flight = cycle.system.modes, flight_of(cycle.system)
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
@@ -206,6 +210,8 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
         note = f"impact {graze + 1} of {nodes} grazes (sine of its angle {sine:.1e}): the multipliers are unbounded"
         return Multipliers(unbounded, math.nan, unpaired, False, np.full((dimension, dimension), math.nan), 0, note)
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
+    if smooth:
+        contacts, scaled = _with_sections(contacts, scaled, flight)
     linear = Linearised(np.empty((nodes, size, size)), np.empty((nodes, size)))
     factors = Factors(np.zeros((nodes, size, size)), np.zeros((nodes, size, size)))
     landings(flight, contacts, scaled, linear)
@@ -226,6 +232,20 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     values = found[0] + 1j * found[1]
     pairing = pairing if conservative else None
     return _judged(cycle, values, trivial, pairing, matrix, steps)
+
+
+def _with_sections(contacts: ContactRows, nodes: Nodes, flight: Any) -> tuple[ContactRows, Nodes]:
+    """The contacts and the nodes of a cycle, each cut at a contact of its own: the section across the flow, at which nothing is hit."""
+    cuts = np.flatnonzero(nodes.row < 0)
+    row, known = nodes.row.copy(), len(contacts.jump)
+    row[cuts] = known + np.arange(len(cuts))
+    added = np.zeros((len(cuts), nodes.after.shape[1]))
+    for section, i in zip(added, cuts, strict=True):
+        motion_at(flight, nodes.after[i], 0.0, np.empty_like(section), section)
+        section /= nodes.scale**2
+    none = np.zeros_like(added)
+    parts = ((contacts.gap, added), (contacts.rate, none), (contacts.push, none), (contacts.jump, np.zeros(len(cuts))))
+    return ContactRows(*(np.concatenate(pair) for pair in parts)), nodes._replace(row=row)
 
 
 def _without_cuts(cycle: Cycle) -> Cycle:
@@ -262,9 +282,12 @@ def scaled_nodes(cycle: Cycle) -> Nodes:
 
 
 def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
-    """The impact nearest to grazing among those that are no cuts, and |g . f| / (|g| |f|) there, f the physical velocity."""
+    """The impact nearest to grazing among those that are no cuts, and |g . f| / (|g| |f|) there, f the physical velocity; (-1, 1) without
+    impacts."""
     system, modes = cycle.system, cycle.system.modes
     hit = np.flatnonzero(cycle.contact >= 0)
+    if not hit.size:
+        return -1, 1.0
     contact = cycle.contact[hit]
     n = system.degrees_of_freedom
     velocity = cycle.before[hit] @ modes.to_state[n:].T

@@ -48,6 +48,9 @@ _KERNELS = {True: (two_dof_orbit_step, two_dof_orbit_observe), False: (orbit_ste
 """The kernels that take a step and that observe an orbit: the fast path for two degrees of freedom (True), and the general ones, also for
 smooth flights, which take longer than all that a compiler can unroll."""
 
+GROWTH = 1e4
+"""Growth of perturbations along a flight beyond which it is solved in pieces: it leaves 12 digits of the end."""
+
 _COMPILED: dict[tuple[bool, bool, int], tuple[Any, int]] = {}
 """Each kernel with its address in memory."""
 
@@ -96,7 +99,10 @@ class MultipointProblem:
         Each "origin", "rest", "stop+", "stop-" ("stopa+" with several stops); or ("periodic", "periodic").
     sequence : sequence of str
         Contact letters of the inner impacts in order of time, e.g. ("+", "-"). For periodic orbits it is that of the full period, and its
-        first impact is the start.
+        first impact is the start. A smooth periodic orbit without impacts starts where the sum of its modal displacements is largest.
+    pieces : int
+        Number of pieces of equal time in which each flight is solved; 1 for linear flights. More pieces keep the digits of flights along
+        which perturbations grow.
 
     Raises
     ------
@@ -121,7 +127,7 @@ class MultipointProblem:
     The unknowns are y = (s, t_0, z_1, t_1, ..., z_k, t_k [, xi]) (see `bvp.kernels.multipoint`); N = 2 n modal coordinates a state.
     """
 
-    def __init__(self, system: ImpactSystem, ends: tuple[str, str], sequence: Sequence[str]):
+    def __init__(self, system: ImpactSystem, ends: tuple[str, str], sequence: Sequence[str], pieces: int = 1):
         reason = system.why_not_conservative()
         if reason is not None:
             raise EndsError(f"families of periodic orbits need a conservative system: {reason}")
@@ -138,14 +144,15 @@ class MultipointProblem:
         contacts = [contact_of(system, letter) for letter in self.sequence]
         self.is_smooth = system.smooth_forces is not None
         if periodic:
-            if self.is_smooth and self.half != 2:
-                reason = system.why_not_linear()
-                raise EndsError(f"{reason}: periodic ends beside it are for two degrees of freedom; expected origin, rest or stop ends")
-            if not contacts:
+            if not contacts and not self.is_smooth:
                 raise EndsError("periodic ends need at least one impact, where the orbit starts; received an empty sequence")
-            inner, closing, opening = contacts[1:], contacts[0], contacts[0]
+            closing = opening = contacts[0] if contacts else -1
+            inner = contacts[1:]
         else:
             inner, closing, opening = contacts, kinds[1][1], kinds[0][1]
+        self.pieces = pieces
+        cuts = [-1] * (pieces - 1)
+        inner = [node for impact in inner for node in (*cuts, impact)] + cuts
         self.inner = len(inner)
         self.periodic = periodic
         self.kinds = (kinds[0][0], kinds[1][0])
@@ -163,6 +170,8 @@ class MultipointProblem:
             *end_maps(modes, self.kinds[1], closing)[2:],
             np.concatenate([modes.squares, np.ones(self.half)]),
         )
+        if periodic and not contacts:
+            arrays[0][self.inner, self.half :] = 1.0
         shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
         flight = smooth_flight(system, self.inner + 3) if self.is_smooth else modes.flight
         self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
@@ -170,7 +179,7 @@ class MultipointProblem:
         self.unknowns = self.parameters + 1 + self.inner * (size + 1) + int(periodic)
         self._factor = make_factor(self.segment)
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
-        self._period = make_period(4 * (self.inner + 1))
+        self._period = make_period(4 * (self.inner + 1), self.is_smooth)
         self._zero = np.zeros(2 * self.unknowns)
         self._packed = self.segment if self.is_smooth else pack(self.segment)
         self.coordinates = size + 2
@@ -182,7 +191,7 @@ class MultipointProblem:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The arrays that it works with follow from these, and are most of its size.
-        return MultipointProblem, (self.system, self.ends, self.sequence)
+        return MultipointProblem, (self.system, self.ends, self.sequence, self.pieces)
 
     def refuse_drift(self) -> None:
         """Refuse ends that do not hold the place of a system that can drift: an orbit between them is not determined.
@@ -205,16 +214,55 @@ class MultipointProblem:
     # -- unknowns -------------------------------------------------------------------------------------------------------------
 
     def pack(self, start: ArrayLike, nodes: ArrayLike | None, flight_times: ArrayLike) -> np.ndarray:
-        """Unknowns y (u,) from the start state (N,), the node states (k, N) - None: by exact flight - and the flight times (k + 1,)."""
+        """Unknowns y (u,) from the start state (N,), the states after the inner impacts - None: by exact flight - and the flight times.
+
+        With all nodes, the cuts of flights too, there are (k, N) states and (k + 1,) times."""
         start, times = np.array(start, float), np.array(flight_times, float)
+        if len(times) != self.inner + 1:
+            times = np.repeat(times / self.pieces, self.pieces)
         if nodes is None:
             nodes = np.empty((self.inner, self.size))
             nodes_by_flight(self.segment, start, times, self._work[0, : self.size].copy(), nodes)
+        elif self.pieces > 1:
+            nodes = self._with_cuts(start, np.asarray(nodes, float), times)
         y = np.zeros(self.unknowns)
         y[: self.parameters] = self.segment.start_map.T @ (start - self.segment.start_offset)
         self.flight_times(y)[:] = times[: self.inner + 1]
         self.nodes(y)[:] = np.asarray(nodes, float)[: self.inner].reshape(self.inner, self.size)
         return y
+
+    def _with_cuts(self, start: np.ndarray, impacts: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """All nodes (k, N), also from the states after the inner impacts alone: then the cuts are found by exact flight."""
+        if len(impacts) == self.inner:
+            return impacts
+        nodes = np.empty((self.inner, self.size))
+        for i in range(self.inner):
+            if (i + 1) % self.pieces:
+                state_at(self.segment.flight, nodes[i - 1] if i else start, float(times[i]), nodes[i])
+            else:
+                nodes[i] = impacts[i // self.pieces]
+        return nodes
+
+    def in_pieces_of(self, other: MultipointProblem, y: np.ndarray) -> np.ndarray:
+        """The unknowns y (u,) of this problem in those of another one, which differs in its pieces."""
+        if self.pieces == other.pieces:
+            return np.array(y, float)
+        return other.pack(self.start(y), self.impact_states(y), self.whole_flight_times(y))
+
+    def in_enough_pieces(self, y: np.ndarray) -> MultipointProblem:
+        """The problem in as many pieces as the flights from y need, so that perturbations grow by less than `GROWTH` along each."""
+        growth = self.growth(y) if self.is_smooth else 1.0
+        if not GROWTH < growth < math.inf:
+            return self
+        more = math.ceil(math.log(growth) / math.log(0.01 * GROWTH))
+        return MultipointProblem(self.system, self.ends, self.sequence, more * self.pieces)
+
+    def growth(self, y: np.ndarray) -> float:
+        """The largest factor by which perturbations, relative to the size of the state, grow along a flight or a piece of one."""
+        self.residual(y)
+        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
+        sizes = np.repeat([displacement, velocity], self.half)
+        return float(np.max(np.abs(self._factor.flights) * sizes / sizes[:, None]))
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
         """Flight times (k + 1,)."""
@@ -225,6 +273,14 @@ class MultipointProblem:
         """States after each inner impact, (k, N)."""
         inner = y[self.parameters + 1 : self.parameters + 1 + self.inner * (self.size + 1)]
         return inner.reshape(self.inner, self.size + 1)[:, : self.size]
+
+    def whole_flight_times(self, y: np.ndarray) -> np.ndarray:
+        """Flight times between impacts and ends, without cuts."""
+        return self.flight_times(y) if self.pieces == 1 else self.flight_times(y).reshape(-1, self.pieces).sum(axis=1)
+
+    def impact_states(self, y: np.ndarray) -> np.ndarray:
+        """States after the inner impacts, without cuts."""
+        return self.nodes(y)[self.pieces - 1 :: self.pieces]
 
     def start(self, y: np.ndarray) -> np.ndarray:
         """Start state (N,)."""

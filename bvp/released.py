@@ -77,6 +77,9 @@ class ReleasedProblem(ForcedProblem):
         system = parametric.system(values)
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence)
+        if self.structure.periodic and not sequence:
+            words = "a closed orbit without impacts and without a reversal is followed in the energy only"
+            raise EndsError(f"{words}; expected an orbit with a reversal or with impacts")
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
         super().__init__(parametric, sequence, released, keep=keep, values=values)
         if not self.structure.periodic:
@@ -138,7 +141,7 @@ class ReleasedProblem(ForcedProblem):
         cycle = cycle_of(problem, at)
         if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * math.sqrt(2.0 * problem.energy(at)):
             return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
-        if problem.is_smooth:
+        if problem.is_smooth and not problem.periodic:
             found = half_map_multipliers(problem, problem.orbit_at(at))[0] if problem.pairs else np.zeros(0)
         else:
             found = floquet_multipliers(cycle).values
@@ -150,9 +153,9 @@ class ReleasedProblem(ForcedProblem):
 
     def of_orbit(self, problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
         """The unknowns (u,) of an orbit, a solution y of the problem of the system at these values of the parameters."""
-        states = np.vstack([problem.start(y), problem.nodes(y)]) @ problem.modes.to_state.T
+        states = np.vstack([problem.start(y), problem.impact_states(y)]) @ problem.modes.to_state.T
         parameters = [self.values[name] for name in self.released]
-        return self.pack(states, np.zeros(len(states)), parameters, problem.flight_times(y))
+        return self.pack(states, np.zeros(len(states)), parameters, problem.whole_flight_times(y))
 
     def orbit_problem(self, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
         """The problem of the system at the parameters of y, with the orbit in its unknowns.

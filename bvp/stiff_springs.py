@@ -51,7 +51,7 @@ class StiffSpring:
 
 
 def effective_clearance(power: float, stiffness: float, mass: float, speed: float) -> float:
-    """The distance d of the rigid wall that a motion against a spring k w^p turns at as late: theory, equations (45) and (46).
+    """The distance d of the rigid wall that a motion against a spring k w^p turns at as late: theory, equations (46) and (47).
 
     Parameters
     ----------

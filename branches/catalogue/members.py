@@ -117,7 +117,7 @@ class _Curve:
         problem = self.branch.problem
         ends = self.branch.unknowns(i), self.branch.unknowns(i + 1)
         found = problem.family_orbit_at(ends[j - i], ends[1] - ends[0], position, ON, _STEPS)
-        return None if found is None else problem.flight_times(found)
+        return None if found is None else problem.whole_flight_times(found)
 
 
 class KnownFamilies:

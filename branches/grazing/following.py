@@ -340,11 +340,11 @@ def merged(problem: MultipointProblem, y: np.ndarray) -> tuple[MultipointProblem
 
     None if no flight has vanished between impacts at different contacts. Raises `CannotMerge` if the order matters, because the impulse of
     one stop changes the speed at the other, or if an impact comes to an end of the segment."""
-    times = problem.flight_times(y)
+    times = problem.whole_flight_times(y)
     flight = int(np.argmin(times))
     if times[flight] > _SHORT * float(np.sum(times)):
         return None
-    sequence, states, start = list(problem.sequence), problem.nodes(y), problem.start(y)
+    sequence, states, start = list(problem.sequence), problem.impact_states(y), problem.start(y)
     if problem.periodic:
         # Impacts are numbered from the start, and turned so that the start is another one than the two.
         turned = [(i + flight - 1) % len(sequence) for i in range(len(sequence))]

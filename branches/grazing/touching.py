@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.presentation import pattern_of
+from branches.presentation import closed_presentation, pattern_of
 from branches.sequences import PERIODIC, Ends, ImpactSequence
-from bvp.closures import cycle_of
+from bvp.closures import Cycle, cycle_of
 from bvp.kernels.paths import motion_at, state_at, turning_times
 from bvp.multipoint import MultipointProblem
 from bvp.smooth_flights import flight_of, modal_energies
@@ -308,7 +308,7 @@ class Candidate(NamedTuple):
 def candidate(orbit: Touching, mask: int) -> Candidate:
     """The problem in which the instants of a set count as impacts, on the shortest segment that its symmetries leave.
 
-    Raises ValueError for an orbit without impacts and without reversals."""
+    Raises ValueError for a linear orbit without impacts and without reversals."""
     kept = tuple(symmetry for symmetry in orbit.symmetries if symmetry.move(mask) == mask)
     cover = sum(symmetry.axis is None and not symmetry.mirrored for symmetry in kept)
     impacts = bin(mask).count("1") // cover
@@ -317,8 +317,13 @@ def candidate(orbit: Touching, mask: int) -> Candidate:
     if axes:
         return _segment(orbit, mask, axes, impacts, cover)
     inside = [i for i in range(len(orbit.times)) if mask >> i & 1]
+    if not inside and orbit.system.smooth_forces is None:
+        raise ValueError("a linear orbit without impacts and without a reversal is not a solution of a multipoint problem")
     if not inside:
-        raise ValueError("an orbit without impacts and without a reversal is not a solution of a multipoint problem")
+        gaps = np.diff(np.append(orbit.times, orbit.times[0] + orbit.period))
+        cycle = Cycle(orbit.system, orbit.before, orbit.after, gaps, np.full(len(gaps), -1), float(orbit.times[0]))
+        image = closed_presentation(cycle)
+        return Candidate(PERIODIC, (), image.start, image.nodes, image.times / cover, 0, cover)
     # A hard impact is the better start.
     begin = next((i for i in inside if not orbit.grazing[i]), inside[0])
     at = inside.index(begin)

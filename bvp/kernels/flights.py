@@ -133,6 +133,21 @@ def no_potential_energy(flight, z):
     return 0.0
 
 
+@chosen
+def squared_speed(flight, weights, z):
+    """2 H at a state: the square of a size of velocities."""
+
+
+@squared_speed.of(Flight)
+@inlined
+def quadratic_squared_speed(flight, weights, z):
+    """See `squared_speed`."""
+    total = 0.0
+    for r in range(z.shape[0]):
+        total += weights[r] * z[r] ** 2
+    return total
+
+
 class QuadraticSlope(NamedTuple):
     """grad H of a quadratic energy at the state z scale."""
 

@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.dense import eigenvalues
-from bvp.kernels.flight import block_matrix, block_product, copy_1, flow_pair, inner, set_1, set_2
+from bvp.kernels.flight import Flight, block_matrix, copy_1, flow_pair, inner, set_1, set_2
+from bvp.kernels.flights import energy_slope, flight_map, rate, slope_times, squared_speed
 from bvp.kernels.newton import reflector
+from bvp.kernels.smooth import SmoothFlight
 
 _EQUAL = 1e9
 """Two moduli are equal whose logarithms agree, in units of 1/_EQUAL, rounded."""
@@ -80,19 +82,39 @@ class ClosedOrbit(NamedTuple):
 class LinearisedOrbit(NamedTuple):
     """Flights and impacts of a closed orbit in numbers that each walk round it uses: P nodes, B blocks."""
 
-    flight: np.ndarray  # (P, 4, B) the entries of exp(B t) of each pair, row by row
+    flight: np.ndarray  # (P, 4, B) the entries of exp(B t) of each pair, row by row; of smooth flights (P, N, N) their maps
     late: np.ndarray  # (P, N) of `arrival_sensitivity`, for the impact at its end
 
 
-def make_linearised_orbit(nodes, size, blocks):
-    """Arrays for the orbits with this number of nodes."""
-    return LinearisedOrbit(np.zeros((nodes, 4, blocks)), np.zeros((nodes, size)))
+def make_linearised_orbit(nodes, size, flight):
+    """Arrays for the orbits with this number of nodes, and flights of this kind."""
+    shape = (4, len(flight.pairs)) if isinstance(flight, Flight) else (size, size)
+    return LinearisedOrbit(np.zeros((nodes, *shape)), np.zeros((nodes, size)))
 
 
+@chosen
+def set_flight(flight, orbit, i, linearised):
+    """Fill the entries of the flight after node i."""
+
+
+@set_flight.of(SmoothFlight)
 @inlined
-def set_flight(flight, t, entries):
-    """entries (4, B) <- those of exp(B t), for each pair and each index alone."""
+def set_smooth_flight(flight, orbit, i, linearised):
+    """See `set_flight`."""
+    flight_map(flight, orbit.after[i], orbit.duration[i], linearised[i])
+
+
+@set_flight.of(Flight)
+@inlined
+def set_linear_flight(flight, orbit, i, linearised):
+    """See `set_flight`: (4, B) those of exp(B t), for each pair and each index alone."""
     pairs, mean, delta, matrix = flight
+    t = orbit.duration[i]
+    entries = linearised[i]
+    if i > 0 and t == orbit.duration[i - 1]:
+        for k in range(4):
+            copy_1(linearised[i - 1, k], entries[k])
+        return
     # Equation (23) for each block.
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -107,9 +129,27 @@ def set_flight(flight, t, entries):
             entries[0, k] = math.exp(mean[k] * t)
 
 
-@inlined
+@chosen
 def linearised_flight(flight, t, entries, x, columns, square, line):
-    """x <- exp(B t) x, the first columns of x (N, N) at once. entries: of `set_flight`. Scratch: square (N, N), line (N,)."""
+    """The first columns of x (N, N) after a flight. entries: of `set_flight`. Scratch: square (N, N), line (N,)."""
+
+
+@linearised_flight.of(SmoothFlight)
+@inlined
+def linearised_smooth_flight(flight, t, entries, x, columns, square, line):
+    """See `linearised_flight`."""
+    size = entries.shape[0]
+    for c in range(columns):
+        for r in range(size):
+            line[r] = x[r, c]
+        for r in range(size):
+            x[r, c] = inner(entries[r], line[:size])
+
+
+@linearised_flight.of(Flight)
+@inlined
+def linearised_linear_flight(flight, t, entries, x, columns, square, line):
+    """See `linearised_flight`: x <- exp(B t) x."""
     pairs, mean, _, matrix = flight
     for k in range(pairs.shape[0]):
         i = pairs[k, 0]
@@ -143,8 +183,8 @@ def arrival_sensitivity(flight, contacts, contact, before, after, coming, late):
     """late <- (f+ - R f-)/(g . f-) of an impact: its change of a perturbation that arrives late. coming (N,): scratch."""
     size = late.shape[0]
     jump = contacts.jump[contact]
-    block_product(flight.pairs, flight.matrix, before, coming)
-    block_product(flight.pairs, flight.matrix, after, late)
+    rate(flight, before, coming)
+    rate(flight, after, late)
     speed = 0.0
     turned = 0.0
     for r in range(size):
@@ -180,7 +220,7 @@ def linearised_impact(contacts, contact, late, x, columns, lines):
 
 
 @inlined
-def _set_scale(orbit, conservative, weights, scale):
+def _set_scale(flight, orbit, conservative, weights, scale):
     """Sizes of displacements and velocities, the latter of a conservative system by sqrt(2 h): an impact may be its only slow part."""
     size = scale.shape[0]
     half = size // 2
@@ -190,10 +230,7 @@ def _set_scale(orbit, conservative, weights, scale):
             for r in range(first, first + half):
                 largest = max(largest, abs(orbit.before[i, r]))
         if first > 0 and conservative:
-            largest = 0.0
-            for r in range(size):
-                largest += weights[r] * orbit.after[0, r] ** 2
-            largest = math.sqrt(largest)
+            largest = math.sqrt(squared_speed(flight, weights, orbit.after[0]))
         for r in range(first, first + half):
             scale[r] = largest if largest > 0.0 else 1.0
 
@@ -205,12 +242,13 @@ def trivial_rows(flight, orbit, conservative, work):
     free, vectors, scale, weights = work.free, work.vectors, work.scale, work.weights
     size = scale.shape[0]
     half = size // 2
-    block_product(flight.pairs, flight.matrix, orbit.after[0], vectors[0])
+    rate(flight, orbit.after[0], vectors[0])
     for r in range(size):
         vectors[0, r] /= scale[r]
     if conservative:
+        slope = energy_slope(flight, weights, orbit.after[0], 1.0)
         for r in range(size):
-            vectors[1, r] = weights[r] * orbit.after[0, r] * scale[r]
+            vectors[1, r] = slope_times(slope, r, 1.0) * scale[r]
         for f in range(free.shape[0]):
             for part_of_state in range(2):
                 row = vectors[2 + 2 * f + part_of_state]
@@ -327,24 +365,17 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, line
     size = x.shape[0]
     nodes = orbit.after.shape[0]
     if scaled:
-        _set_scale(orbit, conservative, weights, scale)
+        _set_scale(flight, orbit, conservative, weights, scale)
     set_2(x, 0.0)
     for r in range(size):
         x[r, r] = scale[r]
-    impacts = 0
     for i in range(nodes):
         j = i + 1 if i + 1 < nodes else 0
         t = orbit.duration[i]
-        entries = linearised.flight[i]
-        if i > 0 and t == orbit.duration[i - 1]:
-            for k in range(4):
-                copy_1(linearised.flight[i - 1, k], entries[k])
-        else:
-            set_flight(flight, t, entries)
-        linearised_flight(flight, t, entries, x, size, square, lines[0])
+        set_flight(flight, orbit, i, linearised.flight)
+        linearised_flight(flight, t, linearised.flight[i], x, size, square, lines[0])
         contact = orbit.contact[j]
         if contact >= 0:
-            impacts += 1
             arrival_sensitivity(flight, contacts, contact, orbit.before[j], orbit.after[j], lines[0], linearised.late[i])
             linearised_impact(contacts, contact, linearised.late[i], x, size, lines[2:])
         else:
@@ -382,7 +413,7 @@ def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, line
         for c in range(matrix.shape[0]):
             norm += matrix[r, c] ** 2
     norm = math.sqrt(norm)
-    if impacts == 0 or not norm < math.inf or not eigenvalues(again, values[0], values[1]):
+    if not norm < math.inf or not eigenvalues(again, values[0], values[1]):
         return LOST, norm, flow, level, math.inf
     pairing = order_multipliers(values, sums, conservative)
     last = values.shape[1] - 1

@@ -5,7 +5,10 @@ Equations  R exp(B t_i) z_i - z_{i+1} = 0,  g . z_{i+1} - bound = 0   for each i
            two ends   L exp(B t_k) z_k = L0                      (n equations; z_0 = Z s + c)
            periodic   R exp(B t_k) z_k + xi grad H(z_0) - z_0 = 0,  g . z_0 - bound = 0
 
-The start of a periodic orbit is an impact, which is its phase condition; xi is the unfolding parameter of the conserved energy
+The start of a periodic orbit is an impact, which is its phase condition. Without impacts it is where the sum of the modal displacements is
+largest, g being the row of its rate. At a cut (`bvp.kernels.cuts`) t_i - t_{i+1} = 0 takes the place of the gap.
+
+xi is the unfolding parameter of the conserved energy
 (Munoz-Almaraz et al., Physica D 181 (2003) 1), given as a kick along grad H at the closure: H(z_0) = H(z_0 - xi grad H) forces
 xi = 0 on every solution (the other root is of order one, far from any start). There is one unknown more than equations: a family.
 """
@@ -17,6 +20,7 @@ from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, land
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import Flight, copy_1, inner, row_dot, set_2
 from bvp.kernels.flights import add_bend, energy_slope, flight_end, path_state, slope_times
 from bvp.kernels.smooth import SmoothFlight
@@ -29,8 +33,10 @@ OPEN, UNFOLDED, CLOSED = 0, 1, 2
 
 
 class Segment(NamedTuple):
-    """What the kernels know of a problem. N = 2 n entries a state, k inner impacts. Row k of the node arrays is the
-    impact at the far end or, for a periodic orbit, the closing one; row k + 1 is the impact at the start (zero where there is none)."""
+    """What the kernels know of a problem. N = 2 n entries a state, k inner nodes: impacts, and cuts (of side 0).
+
+    Row k of the node arrays is the impact at the far end or, for a periodic orbit, the closing node. Row k + 1 is the impact at the start
+    (zero where there is none)."""
 
     flight: Flight | SmoothFlight
     gap: np.ndarray  # (k + 2, N) rows g of the contacts hit
@@ -38,13 +44,13 @@ class Segment(NamedTuple):
     push: np.ndarray  # (k + 2, N) directions of the impulses
     jump: np.ndarray  # (k + 2,) 1 + restitution
     bound: np.ndarray  # (k + 2,)
-    side: np.ndarray  # (k + 2,) +1 upper, -1 lower
+    side: np.ndarray  # (k + 2,) +1 upper, -1 lower, 0 a cut
     start_map: np.ndarray  # (N, s) Z
     start_offset: np.ndarray  # (N,) c
     end_map: np.ndarray  # (c, N) L
     end_offset: np.ndarray  # (c,) l
     weights: np.ndarray  # (N,) H = sum(weights z^2)/2
-    shape: np.ndarray  # (5,) int64: inner impacts k; OPEN, UNFOLDED or CLOSED; quarter periods solved 1, 2 or 4; kind of start; kind of end
+    shape: np.ndarray  # (5,) int64: inner nodes k; OPEN, UNFOLDED or CLOSED; quarter periods solved 1, 2 or 4; kind of start; kind of end
 
 
 @inlined
@@ -166,7 +172,7 @@ RESULT = tuple(
 
 @inlined
 def count_impacts(shape):
-    """Impacts in the full period."""
+    """Nodes in the full period: impacts, and cuts."""
     k = shape[0]
     if shape[1] == 1:
         return k + 1
@@ -175,7 +181,7 @@ def count_impacts(shape):
 
 
 class ImpactList(NamedTuple):
-    """The P impacts of an orbit over its period, in order of time."""
+    """The P nodes of an orbit over its period, impacts and cuts, in order of time."""
 
     before: np.ndarray  # (P, N) states
     after: np.ndarray  # (P, N)
@@ -338,6 +344,8 @@ def evaluate_free(segment, y, before, flights, z, residual):
                     target = y[r]
                 residual[row + r] -= target
                 gap += segment.gap[i, r] * target
+            if i < k and is_cut(segment.flight, segment.side, i):
+                gap = y[at - 1] - y[at + size]  # equation (45)
             if i == k:
                 slope = energy_slope(segment.flight, segment.weights, y[:size], 1.0)
                 for r in range(size):
@@ -403,6 +411,9 @@ def fill_free(segment, y, factor):
             column = window[i * rows + size]
             for c in range(size):
                 column[after - base + c] = segment.gap[i, c] * scale[after + c]
+            if is_cut(segment.flight, segment.side, i):
+                column[at - base + states] = scale[at + states]
+                column[after - base + size] = -scale[after + size]
         else:
             if i == 0 and not periodic:
                 # landing <- landing Z, once for all closing equations

@@ -22,6 +22,7 @@ from bvp.kernels.flights import (
     path_state,
     rate,
     slope_times,
+    squared_speed,
     twice_energy,
     velocity_unit,
 )
@@ -102,6 +103,13 @@ def twice_smooth_energy(flight, weights, z):
     times_matrix(flight.rows, z, flight.parts)
     run(flight.potential, flight.parts, flight.scratch, flight.value)
     return total + 2.0 * flight.value[0]
+
+
+@squared_speed.of(SmoothFlight)
+@inlined
+def smooth_squared_speed(flight, weights, z):
+    """See `squared_speed`."""
+    return twice_smooth_energy(flight, weights, z)
 
 
 class SmoothSlope(NamedTuple):

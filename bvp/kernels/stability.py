@@ -8,15 +8,16 @@ the reversal, of det a or det d a doubling. Motions that no spring and no stop r
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel, sized
 from bvp.kernels.contact_mode import apply_impact, arrive
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import Flight, copy_1, row_dot, set_1, set_2, times_matrix
-from bvp.kernels.flights import energy_slope, flight_map, flow_product, rate, slope_times, twice_energy
+from bvp.kernels.flights import energy_slope, flight_map, flow_product, rate, slope_times, squared_speed, twice_energy
 from bvp.kernels.multipoint import ORIGIN, REST, STOP, ImpactList, count_impacts, start_state, two_dof_segment, unfold_impacts
 from bvp.kernels.newton import reflector
 from bvp.kernels.pencil import ContactRows, Factors, Linearised, Nodes, departure, landings, orthogonal_sweep, pencil, trivial_directions
@@ -144,12 +145,12 @@ def half_map(segment, y, ends, held, work, square, small, phi):
         # Equation (27): each perturbation over the flight and the impact.
         flight_map(segment.flight, z if i == 0 else y[at - size : at], y[at], flow)
         at += size + 1
-        hit = i < k or final_kind == STOP
+        hit = (i < k and not is_cut(segment.flight, segment.side, i)) or (i == k and final_kind == STOP)
         jump = segment.jump[i] if i < k else 0.0  # at the far end the orbit is cut, not reflected
         if hit:
             rate(segment.flight, ends[i], field)
             apply_impact(segment.gap_rate, segment.push, i, jump, field, field)
-        if i < k:
+        if i < k and hit:
             magnified = max(magnified, magnification(segment, i, ends[i], reach))
         for column in range(columns):
             v = work[5 + column]
@@ -222,8 +223,40 @@ def smooth_without_impacts(flight, segment, y, ends, result, rows):
     result[entry.SINGULAR] = 0.0
 
 
+@chosen
+def sections(flight, segment, impacts, nodes, scale, rows):
+    """The contacts that the first nodes of a period count in `impacts.row`, with a section across the flow at each cut.
+
+    scale (N,): sizes of the states' entries. rows: `ContactRows`, a row for each node of smooth flights."""
+
+
+@sections.of(Flight)
+@inlined
+def contacts_alone(flight, segment, impacts, nodes, scale, rows):
+    """See `sections`: there are no cuts."""
+    return ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
+
+
+@sections.of(SmoothFlight)
+@inlined
+def contacts_and_sections(flight, segment, impacts, nodes, scale, rows):
+    """See `sections`: each node has a row of its own."""
+    for i in range(nodes):
+        node = impacts.row[i]
+        copy_1(segment.gap[node], rows.gap[i])
+        copy_1(segment.gap_rate[node], rows.rate[i])
+        copy_1(segment.push[node], rows.push[i])
+        rows.jump[i] = segment.jump[node]
+        if is_cut(flight, segment.side, node):
+            rate(flight, impacts.after[i], rows.gap[i])
+            for r in range(scale.shape[0]):
+                rows.gap[i, r] /= scale[r] * scale[r]
+        impacts.row[i] = i
+    return rows
+
+
 class Period(NamedTuple):
-    """Scratch for the P impacts of a full period, n = 2, N = 4."""
+    """Scratch for the P nodes of a full period, n = 2, N = 4."""
 
     impacts: ImpactList
     maps: np.ndarray  # (P, N, N)
@@ -233,20 +266,22 @@ class Period(NamedTuple):
     rows: np.ndarray  # (N + 3, N)
     square: np.ndarray  # (5, N, N)
     plane: np.ndarray  # (4, 2, 2)
+    rows_of_nodes: Any  # `ContactRows` with P rows for smooth flights, else empty
 
 
-def make_period(impacts):
-    """Scratch for the given number of impacts."""
-    square = (impacts, 4, 4)
+def make_period(nodes, smooth):
+    """Scratch for the given number of nodes, of smooth flights or of linear ones."""
+    square, row = (nodes, 4, 4), (nodes, 4)
     return Period(
-        make_impacts(impacts, 4),
+        make_impacts(nodes, 4),
         np.zeros(square),
         np.zeros(square),
         np.zeros(square),
-        np.zeros((impacts, 4)),
+        np.zeros(row),
         np.zeros((7, 4)),
         np.zeros((5, 4, 4)),
         np.zeros((4, 2, 2)),
+        ContactRows(np.zeros(row), np.zeros(row), np.zeros(row), np.zeros(nodes)) if smooth else (),
     )
 
 
@@ -257,7 +292,7 @@ def sized_period(period):
     return Period(
         ImpactList(sized(impacts.before, 4), sized(impacts.after, 4), impacts.duration, impacts.row), sized(period.maps, 4),
         sized(period.left, 4), sized(period.right, 4), sized(period.along, 4), sized(period.rows, 4), sized(period.square, 4),
-        sized(period.plane, 2),
+        sized(period.plane, 2), period.rows_of_nodes,
     )  # fmt: skip
 
 
@@ -295,16 +330,14 @@ def orbit_stability(packed, y, ends, period, result):
     scale = scratch.rows[0]
     # velocities by sqrt(2 h), not by those at the impacts: an impact may be the only slow part of an orbit
     displacement = 0.0
-    energy = 0.0
-    for r in range(size):
-        energy += segment.weights[r] * cycle_after[0, r] ** 2
+    energy = squared_speed(segment.flight, segment.weights, cycle_after[0])
     for i in range(nodes):
         for r in range(size // 2):
             displacement = max(displacement, abs(cycle_after[i, r]))
     for r in range(size // 2):
         scale[r] = displacement if displacement > 0.0 else 1.0
         scale[size // 2 + r] = math.sqrt(energy)
-    contacts = ContactRows(segment.gap, segment.gap_rate, segment.push, segment.jump)
+    contacts = sections(segment.flight, segment, scratch.impacts, nodes, scale, scratch.rows_of_nodes)
     cycle = Nodes(cycle_before, cycle_after, cycle_time, cycle_row, scale, segment.weights)
     linear = Linearised(maps, along)
     factors = Factors(left, right)

@@ -11,9 +11,10 @@ from numpy import int64
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel, sized
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import inner, row_dot, set_1
-from bvp.kernels.flights import energy_slope, path_state, slope_times, twice_energy
+from bvp.kernels.flights import energy_slope, path_state, rate, slope_times, twice_energy
 from bvp.kernels.multipoint import (
     ORIGIN,
     PERIODIC,
@@ -239,7 +240,7 @@ def bends(segment, observed, stop, i, end):
     else:
         node = i
         hit = i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC
-    if not hit:
+    if not hit or is_cut(segment.flight, segment.side, node):
         return False
     apart = 0.0
     size = 0.0
@@ -294,6 +295,7 @@ def observe(segment, observed, y, ends, work, result):
     middle = 0.5 * total if segment.shape[2] == 2 else total
     elapsed = 0.0
     early = 0
+    impacts = 0
     at = segment.start_map.shape[1]
     reach = math.sqrt(twice_energy(segment.flight, segment.weights, start))
     speeds = 1.0
@@ -308,9 +310,17 @@ def observe(segment, observed, y, ends, work, result):
             shortest = duration
             shortest_index = i
         elapsed += duration
-        if i < k and elapsed < middle:
-            early += 1
-        if i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC:
+        cut = is_cut(segment.flight, segment.side, i)
+        if i < k and not cut:
+            impacts += 1
+            if elapsed < middle:
+                early += 1
+        if cut and i == k and segment.shape[4] == PERIODIC:
+            # The start of a closed orbit without impacts is a maximum as long as this is above 0.
+            rate(segment.flight, start, work[1, :size])
+            slowest = -row_dot(segment.gap, k, work[1, :size])
+            slowest_node = k
+        if not cut and (i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC):
             speed = segment.side[i] * row_dot(segment.gap_rate, i, ends[i])
             speeds *= speed / reach
             if speed < slowest:
@@ -345,8 +355,8 @@ def observe(segment, observed, y, ends, work, result):
     result[entry.SPEEDS] = speeds
     result[entry.FLIGHT] = shortest
     result[entry.FLIGHT_INDEX] = shortest_index
-    result[entry.FIRST_QUARTER] = k if segment.shape[2] == 1 else early
-    result[entry.SECOND_QUARTER] = k if segment.shape[2] == 1 else k - early
+    result[entry.FIRST_QUARTER] = impacts if segment.shape[2] == 1 else early
+    result[entry.SECOND_QUARTER] = impacts if segment.shape[2] == 1 else impacts - early
     result[entry.ABSORBER_START] = math.nan
     result[entry.ABSORBER_END] = math.nan
     result[entry.IN_PHASE] = -1.0

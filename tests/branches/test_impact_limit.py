@@ -1,5 +1,5 @@
 """The impact as the limit of smooth families. Oracles: the closed form of orbits with one impact a half period, the order of convergence
-of theory, equation (47), and impacting families that are found without smooth ones."""
+of theory, equation (48), and impacting families that are found without smooth ones."""
 
 from __future__ import annotations
 

@@ -35,6 +35,7 @@ def made_of(points, events=()):
         others=(),
         points=points,
         events=list(events),
+        problem=SimpleNamespace(pieces=1),
         ended=(SimpleNamespace(reason="EVENT", text="it grazes"), SimpleNamespace(reason="POINTS", text="3 points")),
     )
 
@@ -166,6 +167,7 @@ def good(tmp_path):
             "3 entries, but the system has 2 coordinates",
         ),
         (lambda data: data["branch"].update(sequence="+"), "makes 2 flights"),
+        (lambda data: data["branch"].update(pieces=0), "branch.pieces is 0, expected 1 or more"),
         (lambda data: data["points"].clear(), "no points"),
         (lambda data: data["events"][0].update(point=3), "events[0].point is 3, expected 0 to 2"),
         (lambda data: data["ended"].pop(), "ended is [{"),

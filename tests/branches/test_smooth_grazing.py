@@ -9,7 +9,7 @@ from branches.naming.families import trace_named
 from branches.presentation import embed
 from branches.switching import emanating_families
 from branches.tracing import follow_family
-from bvp.closures import EndsError, cycle_of
+from bvp.closures import cycle_of
 from bvp.multipliers import floquet_multipliers
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.springs import Spring
@@ -80,17 +80,32 @@ def test_families_between_two_origins_begin_at_period_doublings():
         assert len(family) > 3 and np.max(family.points["residual"]) < 1e-12
 
 
-def test_a_closed_orbit_needs_an_impact_and_two_degrees_of_freedom():
-    with pytest.raises(EndsError, match="at least one impact"):
-        MultipointProblem(load_scene("cubic_nes").system, ("periodic", "periodic"), ())
-    springs = (Spring((1.0, -1.0, 0.0), stiffness=1.0, power=3.0),)
-    three = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.eye(3), (Stop((0.0, 1.0, -1.0), -1.0, 1.0),), springs=springs)
-    with pytest.raises(EndsError, match="is not linear: periodic ends beside it are for two degrees of freedom; expected origin, rest or"):
-        MultipointProblem(three, ("periodic", "periodic"), ("+",))
-
-
 def test_a_flight_at_its_limit_says_where_and_why():
     system = load_scene("smooth_wall", n=100.0).system
     problem = MultipointProblem(system, ("origin", "rest"), ())
     with pytest.raises(NotConverged, match=r"a flight of time 30 cannot be computed beyond the time [\d.]+: it takes more than 256 Taylor"):
         problem.solve(problem.pack(np.array([0.0, 0.0, 6.0, 8.0]), None, [30.0]), energy=50.0)
+
+
+def test_a_closed_orbit_without_impacts_meets_impacting_ones_at_a_touch():
+    """Oracle: equality of paths. Two oscillators that rotate about the origin touch a stop. The families with impacts that begin there lead
+    back to the family without, at the same energy."""
+    rows = (((1.0, 0.0), 1.0), ((0.0, 1.0), 1.2), ((1.0, -1.0), 0.4), ((1.0, 0.5), 0.6))
+    springs = tuple(Spring(row, stiffness=k, power=3.0) for row, k in rows)
+    system = ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 1.01]), (Stop((1.0, 0.0), -0.11, 0.11),), springs=springs)
+    problem = MultipointProblem(system, ("periodic", "periodic"), ())
+    start = problem.solve(problem.pack([0.097, 0.045, -0.047, 0.047], None, [6.22]), energy=0.008)
+    smooth = follow_family(problem, start.y, energy=(0.007, 0.1))
+    assert {event.type for event in smooth.events} == {"EP", "GR"}
+    touch = next(event for event in smooth.events if event.type == "GR")
+    cycle = smooth.orbit(touch.point).cycle
+    assert np.max(np.abs(cycle.sample(np.linspace(0.0, cycle.period, 4001))[0][:, 0])) == pytest.approx(0.11, abs=1e-7)
+    found = neighbours(smooth, touch, energy=(0.007, 0.1), points=40)
+    assert {(item.ends, item.sequence) for item in found} == {(("periodic", "periodic"), "-"), (("periodic", "periodic"), "-+")}
+    for item in found:
+        assert item.kind == "passage" and item.h == pytest.approx(touch.h, rel=1e-10)
+        first = next(event for event in item.branch.events if event.type == "GR")
+        back = neighbours(item.branch, first, energy=(0.007, 0.1), points=40)
+        own = next(other for other in back if not other.sequence)
+        assert own.kind == "passage" and own.branch.problem.periodic and own.h == pytest.approx(touch.h, rel=1e-10)
+        assert own.branch.orbit_at(energy=0.008).alpha == pytest.approx(smooth.orbit_at(energy=0.008).alpha, rel=1e-12)

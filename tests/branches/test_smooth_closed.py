@@ -1,0 +1,166 @@
+"""Closed smooth orbits without impacts. Oracles: another integrator, the half map of the same orbits, sequences of events."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from branches.naming.at_modes import orbit_at_mode
+from branches.orbit import Orbit
+from branches.presentation import all_presentations, canonical_orbit, closed_presentation, same_orbit, starts_of, symmetries
+from branches.reading import branch_of_record
+from branches.record import to_record
+from branches.smooth_cycles import start_instants, states_at
+from branches.switching import switch
+from branches.tracing import follow_family
+from bvp.closures import EndsError, cycle_of
+from bvp.multipoint import MultipointProblem
+from bvp.released import ReleasedProblem
+from bvp.springs import Spring
+from bvp.system import ImpactSystem, Stop, vibro_impact_nes
+from saltus.scene import load_scene
+
+BOUNDS = {"energy": (1e-2, 0.5), "points": 60}
+
+
+def sink() -> ImpactSystem:
+    """An oscillator with a sink of mass 0.1 on a spring 0.1 w + w^7."""
+    spring = Spring((1.0, -1.0), stiffness=1.0, power=7.0)
+    mass, stiffness = [[0.1, 0.0], [0.0, 1.0]], [[0.1, -0.1], [-0.1, 1.1]]
+    return ImpactSystem(mass, np.zeros((2, 2)), stiffness, (), absorber=0, primary=1, springs=(spring,))
+
+
+@pytest.fixture(scope="module")
+def doubled():
+    """The two families with doubled period, between two origins and between two instants of rest. Each loses its last reversal."""
+    mode = orbit_at_mode("mode:1", sink(), (1e-3, 1.0))
+    first = follow_family(mode.problem, mode.solution.y, energy=(1e-3, 0.06))
+    return {branch.ends: branch for branch in switch(first, "PD1", energy=(1e-2, 1.0), points=40)}
+
+
+@pytest.fixture(scope="module")
+def closed(doubled):
+    """The family without a reversal, from either of the two."""
+    return {ends: switch(branch, "SB1", **BOUNDS)[0] for ends, branch in doubled.items()}
+
+
+def test_a_family_without_a_reversal_leads_from_one_symmetry_breaking_to_the_other(doubled, closed):
+    """Oracle: the symmetry breakings of two families with different reversals, which one closed family connects: its branch points."""
+    assert len(closed) == 2
+    for ends, branch in closed.items():
+        assert branch.ends == ("periodic", "periodic") and branch.sequence == ""
+        other = next(half for half in doubled.values() if half.ends != ends)
+        broken = next(event for event in other.events if event.type == "SB")
+        crossed = next(event for event in branch.events if event.type == "BP")
+        # Where two families cross, an orbit is known as well as the square root of rounding.
+        assert abs(crossed.h / broken.h - 1.0) < 1e-7 and abs(crossed.alpha / broken.alpha - 1.0) < 1e-7
+        assert branch.points["residual"].max() < 1e-12 and branch.points["reliable"].all()
+    assert len({branch.id for branch in closed.values()}) == 1
+
+
+def right(_, y):
+    """The sink with its variation."""
+    w = y[0] - y[1]
+    force, slope = 0.1 * w + w**7, 0.1 + 7.0 * w**6
+    matrix = np.zeros((4, 4))
+    matrix[0, 2] = matrix[1, 3] = 1.0
+    matrix[2, :2], matrix[3, :2] = [-10.0 * slope, 10.0 * slope], [slope, -slope - 1.0]
+    return np.concatenate([[y[2], y[3], -10.0 * force, force - y[1]], (matrix @ y[4:].reshape(4, 4)).ravel()])
+
+
+def test_another_integrator_closes_an_orbit_without_a_reversal(closed):
+    """Oracle: DOP853 over the period, with the equation of variations."""
+    branch = closed["rest", "rest"]
+    orbit = branch.orbit(len(branch) // 4)
+    assert symmetries(orbit.cycle) == (1, False, ())
+    start = np.concatenate([*(part[0] for part in orbit.sample(np.zeros(1))), np.eye(4).ravel()])
+    end = solve_ivp(right, (0.0, orbit.period), start, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+    growth = np.abs(end[4:]).max()
+    assert np.abs(end[:4] - start[:4]).max() < 1e-12 * growth
+    assert abs(np.trace(end[4:].reshape(4, 4)) - 2.0 - orbit.tau) < 1e-10 * growth
+    assert orbit.impacts == [] and orbit.label == ""
+
+
+def test_a_closed_orbit_is_known_in_all_its_presentations(closed):
+    """Oracle: the group of the symmetries, in which an orbit begins at each maximum, forwards and backwards, and its mirror image likewise;
+    a file."""
+    branch = closed["rest", "rest"]
+    orbit = branch.orbit(len(branch) // 4)
+    images = all_presentations(orbit.problem, orbit.solution.y)
+    starts = starts_of(orbit.cycle)
+    assert starts == starts_of(orbit.cycle, -1.0) > 1 and len(images) == 4 * starts
+    for image in images:
+        y = image.unknowns(orbit.problem)
+        assert np.abs(orbit.problem.residual(y)).max() < 1e-10
+        assert same_orbit((orbit.problem, y), (orbit.problem, orbit.solution.y))
+    again = branch_of_record(json.loads(json.dumps(to_record(branch))))
+    assert again.id == branch.id and again.orbit(3).residual < 1e-12
+
+
+def test_an_orbit_that_starts_at_a_minimum_is_refused(closed):
+    """Oracle: contract."""
+    orbit = closed["rest", "rest"].orbit(10)
+    least = start_instants(orbit.cycle, -1.0)[:1]
+    y = orbit.problem.pack(states_at(orbit.cycle, least)[0], None, [orbit.period])
+    with pytest.raises(ValueError, match="starts where the sum of the modal displacements is least; an orbit without impacts starts where"):
+        follow_family(orbit.problem, y)
+
+
+def chain() -> ImpactSystem:
+    """Three unlike masses with springs w^3."""
+    rows = (((1.0, 0.0, 0.0), 1.0), ((0.0, 1.0, 0.0), 0.7), ((0.0, 0.0, 1.0), 1.3), ((1.0, -1.0, 0.0), 0.5))
+    springs = tuple(Spring(row, stiffness=k, power=3.0) for row, k in rows)
+    stiffness = [[2.0, -0.5, 0.0], [-0.5, 2.3, -0.4], [0.0, -0.4, 2.9]]
+    return ImpactSystem(np.diag([1.0, 1.2, 0.8]), np.zeros((3, 3)), stiffness, (), springs=springs)
+
+
+def test_three_degrees_of_freedom_close_with_the_multipliers_of_the_half_map():
+    """Oracle: the half map between origin and rest, for multipliers and for the energies of the Krein collisions."""
+    system = chain()
+    mode = orbit_at_mode("mode:2", system, (1e-3, 30.0))
+    family = follow_family(mode.problem, mode.solution.y, energy=(1e-3, 0.3))
+    orbit = family.orbit_at(energy=0.15)
+    image = closed_presentation(orbit.cycle)
+    problem = MultipointProblem(system, image.ends, image.sequence)
+    closed = Orbit(problem, problem.solve(image.unknowns(problem), energy=orbit.h))
+    assert abs(closed.alpha / orbit.alpha - 1.0) < 1e-14
+    assert np.abs(closed.multipliers - orbit.multipliers).max() < 1e-12
+    assert closed.stable is orbit.stable is True and closed.quality["reliable"]
+    assert canonical_orbit(problem, closed.solution.y)[0].ends == ("origin", "rest")
+    assert symmetries(cycle_of(problem, closed.solution.y)).half
+    around = follow_family(problem, closed.solution.y, energy=(0.1, 0.2))
+    collisions = [event.h for event in family.events if event.type == "NS"]
+    assert len(collisions) == 2
+    assert np.allclose([event.h for event in around.events if event.type == "NS"], collisions, rtol=1e-9)
+
+
+def test_closed_impacting_orbits_with_smooth_forces_have_any_number_of_degrees_of_freedom():
+    """Oracle: the half map between the reversals of the same orbit."""
+    base = chain()
+    stop = Stop((1.0, 0.0, -1.0), -0.4, 0.4)
+    system = ImpactSystem(base.mass, np.zeros((3, 3)), base.stiffness, (stop,), springs=base.springs)
+    first = MultipointProblem(system, ("origin", "stop+"), ())
+    orbit = Orbit(first, first.solve(first.pack(system.modes.from_state @ [0, 0, 0, 0.6, 0.1, -0.6], [], [0.7]), quarter_period=0.7))
+    assert orbit.impact_speeds[0] > 0.0
+    image = closed_presentation(orbit.cycle)
+    problem = MultipointProblem(system, image.ends, image.sequence)
+    closed = Orbit(problem, problem.solve(image.unknowns(problem), energy=orbit.h))
+    assert len(closed.impacts) == 2
+    size = np.abs(orbit.multipliers).max()
+    assert np.abs(closed.multipliers - orbit.multipliers).max() < 1e-11 * size**2
+
+
+def test_linear_systems_still_need_an_impact_to_close():
+    """Oracle: contract. The period of a linear mode does not depend on its energy, so nothing holds an orbit of it."""
+    with pytest.raises(EndsError, match="at least one impact, where the orbit starts"):
+        MultipointProblem(vibro_impact_nes(), ("periodic", "periodic"), ())
+
+
+def test_a_closed_orbit_is_not_followed_in_a_parameter():
+    """Oracle: contract."""
+    parametric = load_scene("smooth_wall").parametric
+    with pytest.raises(EndsError, match="without impacts and without a reversal is followed in the energy only; expected an orbit with a"):
+        ReleasedProblem(parametric, ("periodic", "periodic"), (), ["n"], ["energy"])

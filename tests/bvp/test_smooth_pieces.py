@@ -1,0 +1,183 @@
+"""Smooth flights in pieces. Oracles: the Taylor series of the motion and of its variation in fifty digits; equality of paths."""
+
+from __future__ import annotations
+
+import json
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+
+from branches.branch import Branch
+from branches.orbit import Orbit
+from branches.presentation import closed_presentation, presentation_of
+from branches.reading import branch_of_record
+from branches.record import to_record
+from branches.tracing import follow_family
+from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.springs import Spring
+from bvp.system import ImpactSystem, Stop
+
+COUPLING = 0.3
+DIGITS = 50
+
+
+def saddle(rate: float) -> ImpactSystem:
+    """x'' + x + c (x - y)^3 = 0, y'' - rate^2 y + c (y - x)^3 = 0: a family of unstable oscillations about a saddle of the potential."""
+    spring = Spring((1.0, -1.0), stiffness=COUPLING, power=3.0)
+    return ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, -rate * rate]), (), springs=(spring,))
+
+
+def advanced(columns, rate: float, time, steps: int):
+    """The state [x, y, x', y'] and columns of its variation after a time, by Taylor series of order 40."""
+    order, h = 40, time / steps
+    for _ in range(steps):
+        series = [[[entry] for entry in column] for column in columns]
+        w, square = [], []
+        for k in range(order):
+            state = series[0]
+            w.append(state[0][k] - state[1][k])
+            square.append(sum(w[j] * w[k - j] for j in range(k + 1)))
+            for i, column in enumerate(series):
+                own = w if i == 0 else [column[0][j] - column[1][j] for j in range(k + 1)]
+                force = (1 if i == 0 else 3) * mpf(COUPLING) * sum(square[j] * own[k - j] for j in range(k + 1))
+                rates = (column[2][k], column[3][k], -column[0][k] - force, mpf(rate) ** 2 * column[1][k] + force)
+                for r in range(4):
+                    column[r].append(rates[r] / (k + 1))
+        columns = [[mpmath.polyval(entry[::-1], h) for entry in column] for column in series]
+    return columns
+
+
+def exact(rate: float, energy: float, guess):
+    """(quarter period, largest multiplier) of the orbit between origin and rest."""
+    velocities, time = [mpf(float(v)) for v in guess.velocities], mpf(float(guess.alpha))
+    for _ in range(5):
+        end, first, second = advanced([[0, 0, *velocities], [0, 0, 1, 0], [0, 0, 0, 1]], rate, time, 8)
+        x, y, *speeds = end
+        force = mpf(COUPLING) * (x - y) ** 3
+        rates = -x - force, mpf(rate) ** 2 * y + force
+        residual = mp.matrix([*speeds, (velocities[0] ** 2 + velocities[1] ** 2) / 2 - mpf(energy)])
+        jacobian = mp.matrix([[first[2], second[2], rates[0]], [first[3], second[3], rates[1]], [*velocities, 0]])
+        change = mp.lu_solve(jacobian, residual)
+        velocities, time = [velocities[0] - change[0], velocities[1] - change[1]], time - change[2]
+    _, *columns = advanced([[0, 0, *velocities], *([mpf(r == c) for r in range(4)] for c in range(4))], rate, 4 * time, 32)
+    tau = sum(columns[c][c] for c in range(4)) - 2
+    return time, tau / 2 + mp.sqrt(tau * tau / 4 - 1)
+
+
+def quarter(rate: float, energy: float) -> Orbit:
+    """The orbit between origin and rest at an energy, along the family of the linear mode."""
+    system = saddle(rate)
+    problem = MultipointProblem(system, ("origin", "rest"), ())
+    mode = int(np.argmax(system.modes.squares))
+    start = np.zeros(4)
+    start[2 + mode] = np.sqrt(2e-4) * np.sign(system.modes.shapes[0, mode])
+    y = problem.pack(start, None, [np.pi / 2.0])
+    return follow_family(problem, y, energy=(1e-4, 1.1 * energy)).orbit_at(energy=energy)
+
+
+def read_branch_of(branch: Branch) -> Branch:
+    """A branch, written and read."""
+    return branch_of_record(json.loads(json.dumps(to_record(branch))))
+
+
+def closed_problem(orbit: Orbit, pieces: int) -> tuple[MultipointProblem, np.ndarray]:
+    """The problem of the same orbit, closed on itself, and the unknowns there."""
+    image = closed_presentation(orbit.cycle)
+    problem = MultipointProblem(orbit.system, image.ends, image.sequence, pieces)
+    return problem, image.unknowns(problem)
+
+
+@pytest.mark.parametrize("rate", [4.0, 8.0])
+def test_pieces_keep_the_digits_of_strongly_unstable_orbits(rate):
+    """Oracle: the orbit and its largest multiplier, 1.2e9 and 3.9e18, in fifty digits; the product of a pair is 1. Along the whole period
+    perturbations grow by the multiplier, so that of the end 7 digits, or none, are left."""
+    orbit = quarter(rate, 1.0)
+    with mp.workdps(DIGITS):
+        time, multiplier = exact(rate, 1.0, orbit)
+        assert abs(orbit.alpha / time - 1) < 1e-15 * 4 and orbit.residual < 1e-14
+        alone = closed_problem(orbit, 1)
+        if rate == 4.0:
+            assert Orbit(alone[0], alone[0].solve(alone[1], energy=1.0)).residual > 1e-11
+        else:
+            with pytest.raises(NotConverged):
+                alone[0].solve(alone[1], energy=1.0)
+        problem = alone[0].in_enough_pieces(alone[1])
+        assert problem.pieces > 1
+        y = alone[0].in_pieces_of(problem, alone[1])
+        found = Orbit(problem, problem.solve(y, energy=1.0))
+        # Each piece leaves the digits that its growth, 200 at most, takes.
+        assert problem.growth(found.solution.y) < 1e3
+        assert found.residual < 1e-14 and abs(found.alpha / time - 1) < 1e-14
+        for one in (orbit, found):
+            assert abs(one.multipliers[0] / multiplier - 1) < 1e-12
+            assert abs(one.multipliers[1] * multiplier - 1) < 1e-9
+            assert one.quality["reliable"] and not one.stable
+
+
+def test_a_family_that_grows_unstable_is_followed_again_in_pieces():
+    """Oracle: the family ends at the energy asked for; points and events are reported once, as those of the branch; its file keeps the
+    pieces."""
+    seen, events = [], []
+    orbit = quarter(6.0, 2.0)
+    problem = MultipointProblem(orbit.system, orbit.ends, ())
+    start = orbit.problem.in_pieces_of(problem, orbit.solution.y)
+    assert problem.in_enough_pieces(start) is problem
+    branch = follow_family(problem, start, energy=(1e-3, 2.1), on_point=seen.append, on_event=events.append)
+    assert branch.problem.pieces > 1
+    assert {end.text.split(": ")[1] for end in branch.ended} == {"lowest energy asked for", "highest energy asked for"}
+    assert seen == sorted(set(seen)) and seen[-1] == len(branch)
+    assert sorted(event.id for event in events) == sorted(event.id for event in branch.events)
+    assert read_branch_of(branch).orbit(0).residual < 1e-14
+
+
+@pytest.mark.parametrize("pieces", [2, 5])
+def test_a_family_does_not_see_its_cuts(pieces):
+    """Oracle: equality of paths. In pieces a family has the labels, events and multipliers of its whole flights."""
+    spring = Spring((1.0, -1.0), stiffness=1.0, power=3.0)
+    mass, stiffness = [[0.05, 0.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 1.0]]
+    system = ImpactSystem(mass, np.zeros((2, 2)), stiffness, (), absorber=0, primary=1, springs=(spring,))
+    whole = MultipointProblem(system, ("origin", "rest"), ())
+    start = whole.pack([0.0, 0.0, 0.0, np.sqrt(2e-4)], None, [np.pi / 2.0])
+    cut = MultipointProblem(system, ("origin", "rest"), (), pieces)
+    one, other = (follow_family(problem, whole.in_pieces_of(problem, start), energy=(1e-4, 0.5)) for problem in (whole, cut))
+    assert other.problem.pieces == pieces and len(one.events) > 10
+    assert [(event.type, event.label) for event in one.events] == [(event.type, event.label) for event in other.events]
+    assert np.allclose([event.h for event in one.events], [event.h for event in other.events], rtol=1e-9)
+    assert one.id == other.id and one.points["flight_times"].shape[1] == other.points["flight_times"].shape[1] == 1
+    a, b = (branch.orbit_at(energy=0.3) for branch in (one, other))
+    assert abs(a.alpha / b.alpha - 1.0) < 1e-13 and np.allclose(a.multipliers, b.multipliers, rtol=1e-11) and a.label == b.label
+    times = np.linspace(0.0, a.period, 9)
+    assert np.allclose(a.sample(times), b.sample(times), atol=1e-11)
+
+
+@pytest.mark.parametrize("ends", [("origin", "stop+"), ("periodic", "periodic")])
+def test_cuts_between_impacts_are_no_impacts(ends):
+    """Oracle: equality of paths. An orbit with impacts has their speeds, its clearance and its multipliers in pieces, too."""
+    springs = (Spring((1.0, -1.0), stiffness=0.4, power=3.0),)
+    stiffness = [[0.1, -0.1], [-0.1, 1.1]]
+    stop = Stop((-1.0, 1.0), -1.0, 1.0)
+    system = ImpactSystem([[0.1, 0.0], [0.0, 1.0]], np.zeros((2, 2)), stiffness, (stop,), absorber=0, primary=1, springs=springs)
+    first = MultipointProblem(system, ("origin", "stop+"), ())
+    orbit = Orbit(first, first.solve(first.pack([0.0, 0.0, 0.9, 0.6], [], [1.6]), quarter_period=1.6))
+    sequence = orbit.cycle.letters if ends[0] == "periodic" else ()
+    problems = [MultipointProblem(system, ends, sequence, pieces) for pieces in (1, 3)]
+    image = closed_presentation(orbit.cycle) if ends[0] == "periodic" else presentation_of(first, orbit.solution.y)
+    one, other = (Orbit(problem, problem.solve(image.unknowns(problem), energy=orbit.h)) for problem in problems)
+    assert np.allclose(one.impact_speeds, other.impact_speeds, rtol=1e-12) and one.label == other.label
+    assert np.allclose(one.multipliers, other.multipliers, rtol=1e-10) and one.stable == other.stable
+    assert [impact.stop for impact in one.impacts] == [impact.stop for impact in other.impacts]
+    for name in ("clearance", "speed", "first_quarter", "second_quarter"):
+        assert one.solution[name] == pytest.approx(other.solution[name], rel=1e-10)
+
+
+def test_a_strongly_unstable_orbit_is_read_from_a_point_without_its_pieces():
+    """Oracle: equality of paths. A file of a family without the number of pieces, too, gives orbits to rounding."""
+    problem, y = closed_problem(quarter(4.0, 1.0), 6)
+    branch = follow_family(problem, y, energy=(0.5, 2.0), points=3)
+    record = to_record(branch)
+    del record["branch"]["pieces"]
+    orbit = branch_of_record(json.loads(json.dumps(record))).orbit(1)
+    assert orbit.residual < 1e-14 and orbit.problem.pieces > 1
+    assert orbit.alpha == pytest.approx(branch.orbit(1).alpha, rel=1e-14)
