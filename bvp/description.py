@@ -19,8 +19,8 @@ from bvp.system import MODELS, ImpactSystem
 from bvp.texts import shown
 
 __all__ = [
-    "BASE", "FORCE", "RESERVED", "elements_from", "force_from", "in_reciprocal", "leaves", "mapped", "names_in", "ordered_by_dependence",
-    "own_parameters", "parts_from", "reciprocals", "replaced_values", "require_name", "require_used",
+    "BASE", "FORCE", "RESERVED", "elements_from", "force_from", "in_reciprocal", "leaves", "load_entries", "mapped", "names_in",
+    "ordered_by_dependence", "own_parameters", "parts_from", "reciprocals", "replaced_values", "require_name", "require_used",
 ]  # fmt: skip
 
 BASE = "w"
@@ -119,6 +119,38 @@ def force_from(load: Mapping[str, Any], system: ImpactSystem) -> Force:
     amplitude, phase = load["amplitude"], load.get("phase", 0.0)
     cosine, sine = amplitude * math.cos(phase) * row, -amplitude * math.sin(phase) * row
     return Harmonic(load["frequency"], cosine.tolist(), sine.tolist())
+
+
+def load_entries(
+    forces: Sequence[Mapping[str, Any]], values: Sequence[Mapping[str, Any]], mass: Sequence[Sequence[Any]]
+) -> list[dict[str, Any]]:
+    """The loads of a description as `bvp.entries.entries_of` takes them. values: the same loads, with expressions for their texts."""
+    from sympy import cos, sin
+
+    loads: list[dict[str, Any]] = []
+    for force, given in zip(forces, values, strict=True):
+        if "times" in force:
+            raise ValueError("a load is a record, which has no period; expected harmonic and constant loads")
+        if "cosine" in given:
+            loads.append({**given, "text": str(force["frequency"])})
+            continue
+        if "ground" in given:
+            row = [-sum(exact(m) * exact(r) for m, r in zip(masses, given["ground"], strict=True)) for masses in mass]
+        else:
+            row = [exact(entry) for entry in given["load"]]
+        if "constant" in given:
+            loads.append({"constant": [exact(given["constant"]) * entry for entry in row]})
+            continue
+        amplitude, phase = exact(given["amplitude"]), exact(given.get("phase", 0.0))
+        loads.append(
+            {
+                "cosine": [amplitude * cos(phase) * entry for entry in row],
+                "sine": [-amplitude * sin(phase) * entry for entry in row],
+                "frequency": given["frequency"],
+                "text": str(force["frequency"]),
+            }
+        )
+    return loads
 
 
 def leaves(node: Any, where: str) -> Iterator[tuple[str, str]]:

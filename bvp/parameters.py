@@ -466,9 +466,7 @@ class ParametricSystem:
 
     @cached_property
     def _entries(self) -> tuple[EntryLayout, list[Any]]:
-        from sympy import cos, sin
-
-        from bvp.description import parts_from
+        from bvp.description import load_entries, parts_from
 
         read = self._expressions.__getitem__
         content = mapped(self._system, read)
@@ -478,29 +476,7 @@ class ParametricSystem:
             parts = model.parts(**{name: exact(content.get(name, default[name])) for name in model.domains})
         else:
             parts = parts_from(content, self.system().coordinates)
-        loads = []
-        for force, given in zip(self._forces, (mapped(force, read) for force in self._forces), strict=True):
-            if "times" in force:
-                raise ValueError("a load is a record, which has no period; expected harmonic and constant loads")
-            if "cosine" in given:
-                loads.append({**given, "text": str(force["frequency"])})
-                continue
-            if "ground" in given:
-                row = [-sum(exact(m) * exact(r) for m, r in zip(masses, given["ground"], strict=True)) for masses in parts["mass"]]
-            else:
-                row = [exact(entry) for entry in given["load"]]
-            if "constant" in given:
-                loads.append({"constant": [exact(given["constant"]) * entry for entry in row]})
-                continue
-            amplitude, phase = exact(given["amplitude"]), exact(given.get("phase", 0.0))
-            loads.append(
-                {
-                    "cosine": [amplitude * cos(phase) * entry for entry in row],
-                    "sine": [-amplitude * sin(phase) * entry for entry in row],
-                    "frequency": given["frequency"],
-                    "text": str(force["frequency"]),
-                }
-            )
+        loads = load_entries(self._forces, [mapped(force, read) for force in self._forces], parts["mass"])
         return entries_of(parts, loads)
 
     @cached_property

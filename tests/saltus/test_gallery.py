@@ -29,7 +29,8 @@ def test_galleries_are_installed():
     configuration = configparser.ConfigParser()
     configuration.read(ROOT / "setup.cfg", encoding="utf-8")
     assert "galleries/*.toml" in configuration["options.package_data"]["catalogues"]
-    assert sorted(entry.name for entry in (resources.files("catalogues") / "galleries").iterdir()) == ["absorber.toml", "limit.toml", "paper.toml"]
+    shipped = (entry.name for entry in (resources.files("catalogues") / "galleries").iterdir())
+    assert sorted(shipped) == ["absorber.toml", "limit.toml", "paper.toml"]
 
 
 def test_figures_with_their_data(capsys, tmp_path):
