@@ -24,6 +24,12 @@ _CONVERGED = 1e-5
 """Largest last Newton correction of a first orbit, relative to its distance from the bifurcation. It is loose because rounding is large
 near a singular point; following the family corrects the orbit again."""
 
+_CROSSING = 1e-4
+"""Slope of the parameter at the event beside that of a chord, below which it is rounding: the families do not cross at an angle."""
+
+_NUDGE = 1e-7
+"""Part of the orbit's size by which the slope there is measured: the residual beside is its square, which is rounding."""
+
 _BEND = 0.1
 """How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
 
@@ -63,6 +69,8 @@ def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray) -> Step |
     scale = problem.scales(y)
     way = direction / scale / np.linalg.norm(direction / scale)
     ds = DISTANCE
+    value, slope = _parameter(family, y, way * scale)
+    found = None
     for _ in range(12):
         there, half = (_beside(problem, y, way, scale, distance) for distance in (ds, 0.5 * ds))
         # On a smooth family from here the orbit at half the distance is about half way; another family nearby has none there.
@@ -73,9 +81,20 @@ def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray) -> Step |
             if begin.converged:
                 solution = begin.extra
                 if solution["clearance"] > 0.0 and solution["speed"] > 0.0 and solution["flight"] > 0.0:
-                    return begin
+                    found = begin
+                    chord = (begin.parameter - value) / ds
+                    if slope * begin.slope >= 0.0 or abs(slope) < _CROSSING * abs(chord):
+                        return begin
+                    # The family folds before this orbit, near the extremum of a parabola: half way to it is the next try.
+                    ds *= min(1.0, 0.5 * abs(slope / (slope - chord)))
         ds *= 0.5
-    return None
+    return found
+
+
+def _parameter(family: SolvedFamily, y: np.ndarray, way: np.ndarray) -> tuple[float, float]:
+    """The reported parameter at an orbit, and its derivative along a way."""
+    here, *beside = (family.uncorrected(y + part * way).parameter for part in (0.0, _NUDGE, -_NUDGE))
+    return here, (beside[0] - beside[1]) / (2.0 * _NUDGE)
 
 
 def _beside(problem: Any, y: np.ndarray, way: np.ndarray, scale: np.ndarray, distance: float) -> np.ndarray | None:

@@ -57,7 +57,7 @@ PIVOT_NOISE = 5e-14
 """Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
 rounding over the pivot, in the direction of the other family."""
 
-TANGENT_NOISE = 2e-13
+TANGENT_NOISE = 2e-14
 """Noise of the slope times the square of the smallest pivot over the steepness: the direction of the tangent is uncertain by as much. The
 steepness is the change of the scaled unknowns for a unit of arclength."""
 

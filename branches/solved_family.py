@@ -100,6 +100,10 @@ class SolvedFamily:
         # the prediction is y + ds (tangent + ds/2 curvature)
         return self.step(y, np.concatenate([along, 2.0 * (guess - y - ds * along) / (ds * ds)]), ds)
 
+    def uncorrected(self, y: np.ndarray) -> Step:
+        """A solution as it stands: near a singular point Newton's method would move it."""
+        return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0, maximum=0))
+
     def residual(self, y: np.ndarray) -> np.ndarray:
         """F(y), for switching."""
         return self.problem.residual(y)
