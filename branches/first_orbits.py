@@ -25,7 +25,7 @@ _CONVERGED = 1e-5
 near a singular point; following the family corrects the orbit again."""
 
 _CROSSING = 1e-4
-"""Slope of the parameter at the event beside that of a chord, below which it is rounding: the families do not cross at an angle."""
+"""Slope of the parameter at the event beside that of a chord, below which it is rounding."""
 
 _NUDGE = 1e-7
 """Part of the orbit's size by which the slope there is measured: the residual beside is its square, which is rounding."""
@@ -55,21 +55,22 @@ def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str)
     return direction
 
 
-def first_orbits(family: SolvedFamily, y: np.ndarray, direction: np.ndarray) -> Iterator[Step]:
-    """The first orbits on both sides, where there are any."""
+def first_orbits(family: SolvedFamily, y: np.ndarray, direction: np.ndarray, *, at_an_angle: bool = False) -> Iterator[Step]:
+    """The first orbits on both sides, where there are any. at_an_angle: the families cross so, and the new one can fold at any distance
+    from there. Else its parameter has an extremum there, by symmetry."""
     for side in (direction, -direction):
-        step = _first(family, y, side)
+        step = _first(family, y, side, at_an_angle)
         if step is not None:
             yield step
 
 
-def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray) -> Step | None:
+def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray, at_an_angle: bool) -> Step | None:
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
     scale = problem.scales(y)
     way = direction / scale / np.linalg.norm(direction / scale)
     ds = DISTANCE
-    value, slope = _parameter(family, y, way * scale)
+    value, slope = _parameter(family, y, way * scale) if at_an_angle else (0.0, 0.0)
     found = None
     for _ in range(12):
         there, half = (_beside(problem, y, way, scale, distance) for distance in (ds, 0.5 * ds))

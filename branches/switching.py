@@ -230,7 +230,7 @@ def emanating_families(branch: Branch, event: BranchEvent) -> list[EmanatingFami
             nudge = 1e-6 * here.tangent[: problem.unknowns]
             ahead, behind = (embed(problem, here.y + sign * nudge, window).unknowns(wide) for sign in (1.0, -1.0))
             y = presentation.unknowns(wide)
-            found = _sides(wide, y, _across(wide, y, ahead - behind, event))
+            found = _sides(wide, y, _across(wide, y, ahead - behind, event), at_an_angle=_is_tripling(event))
             if not found:
                 missing = f"{event.id}: no orbit found of a family between the ends {wide.ends[0]}, {wide.ends[1]}"
                 warnings.warn(missing, RuntimeWarning, stacklevel=3)
@@ -255,7 +255,7 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
             direction = branch_directions(family, y, known)[0]
         except SwitchError as still:
             raise RuntimeError(f"no second family at {event.id}: {still}") from error
-    for step in first_orbits(family, y, direction):
+    for step in first_orbits(family, y, direction, at_an_angle=True):
         found = symmetries(cycle_of(problem, step.y))
         quarter = len({e for _, e in found.reversals}) == 2 and problem.quarters == 2
         if found.cover > 1 or quarter or (found.reversals and problem.periodic):
@@ -263,12 +263,12 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
             begin = Family(primitive).begin(orbit)
             if begin.converged:
                 return [EmanatingFamily(*_printed(primitive, orbit, begin), cover=found.cover)]
-    return _sides(problem, y, direction)
+    return _sides(problem, y, direction, at_an_angle=True)
 
 
-def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray) -> list[EmanatingFamily]:
+def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray, *, at_an_angle: bool) -> list[EmanatingFamily]:
     """Both sides of a family that leaves an orbit in a direction, as one where they are images of each other."""
-    steps = list(first_orbits(Family(problem), middle, direction))
+    steps = list(first_orbits(Family(problem), middle, direction, at_an_angle=at_an_angle))
     images = images_between(problem, middle, steps[0].y) if steps else []
     if images:
         # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
@@ -335,6 +335,10 @@ def _resonant_windows(problem: MultipointProblem, event: BranchEvent, here: Solu
     return [(0, s)] if s % 2 else [(0, s), (1, 1 + s)]
 
 
+def _is_tripling(event: BranchEvent) -> bool:
+    return event.type == "RT" and event.p_q is not None and event.p_q[1] == 3
+
+
 def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: BranchEvent) -> np.ndarray:
     """The direction of the new family in the null space of the Jacobian."""
     scale = wide.scales(y)
@@ -343,8 +347,8 @@ def _across(wide: MultipointProblem, y: np.ndarray, known: np.ndarray, event: Br
             return tripling_direction(Family(wide), y, known, scale)
         except SwitchError as error:
             raise RuntimeError(f"no family of 3-fold orbits at {event.id}: {error}") from error
-    if event.type == "RT" and event.p_q is not None and event.p_q[1] == 3:
-        # At a tripling the two families cross at an angle; else the new one leaves at right angles.
+    if _is_tripling(event):
+        # The two families cross at an angle; else the new one leaves at right angles.
         try:
             return branch_directions(Family(wide), y, known)[0]
         except SwitchError as error:

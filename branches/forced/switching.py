@@ -63,7 +63,7 @@ def emanating_orbits(problem: ForcedProblem, y: np.ndarray, tangent: np.ndarray,
     """
     if code == "BP":
         direction = branch_directions(ForcedFamily(problem), y, tangent)[0]
-        return [_primitive(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction)]
+        return [_primitive(problem, step) for step in first_orbits(ForcedFamily(problem), y, direction, at_an_angle=True)]
     wide, repeated = (twice if code == "PD" else full_period)(problem, y)
     embed = twice if code == "PD" else full_period
     known = embed(problem, y + 1e-6 * tangent)[1] - embed(problem, y - 1e-6 * tangent)[1]

@@ -72,7 +72,7 @@ def fail(*arguments):
         ("S13O00+", "SB", {"point": 8}, {}, "SB1 is no bifurcation of the wider problem: its smallest singular value is 9.0e-03"),
         ("S73O33-", "BP", {"point": 8}, {}, "no second family at BP1: no branch point"),
         ("S73O33-", "BP", {}, {"branch_directions": fail}, "no second family at BP1: made to fail"),
-        ("S73O33-", "BP", {}, {"first_orbits": lambda *arguments: ()}, "no orbit of a new family was found next to BP1"),
+        ("S73O33-", "BP", {}, {"first_orbits": lambda *arguments, **options: ()}, "no orbit of a new family was found next to BP1"),
         ("S11O00-", "RT", {}, {"branch_directions": fail}, "no family of 3-fold orbits at RT.*: made to fail"),
     ],
 )
@@ -92,7 +92,7 @@ def test_sides_that_are_not_found_are_reported(monkeypatch):
     event = next(e for e in branch.events if e.type == "SB")
     with pytest.raises(ValueError, match="SB1: its p/q is not known"):
         emanating_families(branch, event._replace(type="RT"))
-    monkeypatch.setattr(switching, "first_orbits", lambda *arguments: ())
+    monkeypatch.setattr(switching, "first_orbits", lambda *arguments, **options: ())
     with (
         pytest.raises(RuntimeError, match="no orbit of a new family was found next to SB1"),
         pytest.warns(RuntimeWarning, match="SB1: no orbit found of a family between the ends origin, origin"),
