@@ -42,7 +42,6 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         modes = problem.modes
         stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
-        flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
         flight, time, flights = _whole_flight(problem, solution)
         where = f"flight {flight + 1} of {flights} touches stop {letter} at {time:.6g} after its start"
         events = getattr(problem, "events", ())

@@ -15,6 +15,7 @@ from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.springs import Spring
 from bvp.system import ImpactSystem, Stop
 from saltus.scene import load_scene
+from tests.branches.test_smooth_agreement import second
 
 BOUNDS = {"energy": (0.02, 2.0), "quarter_period": 4.0}
 
@@ -45,6 +46,35 @@ def test_a_smooth_family_and_an_impacting_one_meet_at_a_touch(smooth, impacting)
     assert abs(there.alpha - back.alpha) < 1e-11 * there.alpha
     met = [item for item in neighbours(impacting, back) if item.beside is not None]
     assert [(item.kind, item.ends, item.sequence) for item in met] == [("fold", ("origin", "rest"), "")]
+
+
+def test_a_second_integrator_agrees_on_orbits_with_impacts(impacting):
+    """Oracle: DOP853 at 1e-13 up to the impact, where Newton's method solves its equations: the gap is closed, the impulse turns all
+    momentum, the energy is given. The trace is that of the product of flights and of saltation matrices."""
+    other, mass, gap = second(impacting.system), np.array(impacting.system.mass), np.array([1.0, -1.0])
+    reflection = np.eye(4)
+    reflection[2:, 2:] -= 2.0 * np.outer(np.linalg.solve(mass, gap), gap) / (gap @ np.linalg.solve(mass, gap))
+    for energy in (0.15, 0.2, 0.6, 1.0, 1.9):
+        orbit = impacting.orbit_at(energy=energy)
+        velocities, time = np.array(orbit.velocities), orbit.alpha
+        for _ in range(3):
+            end, columns = other.flown(np.append([0.0, 0.0], velocities), time)
+            rows = np.zeros((3, 4))
+            rows[0, :2], rows[1, 2:] = gap, mass.sum(axis=0)
+            jacobian = np.column_stack([rows @ columns[:, 2:], rows @ other.rate(end)])
+            jacobian[2, :2] = mass @ velocities
+            residual = [gap @ end[:2] + 1.0, mass.sum(axis=0) @ end[2:], 0.5 * velocities @ mass @ velocities - energy]
+            change = np.linalg.solve(jacobian, residual)
+            velocities, time = velocities - change[:2], time - float(change[2])
+        assert abs(time / orbit.alpha - 1.0) < 1e-12 and np.abs(velocities / orbit.velocities - 1.0).max() < 1e-11
+        first = other.flown(np.append([0.0, 0.0], velocities), time)
+        before, after = first[0], reflection @ first[0]
+        row = np.append(gap, [0.0, 0.0])
+        late = other.rate(after) - reflection @ other.rate(before)
+        saltation = reflection + np.outer(late, row) / (row @ other.rate(before))
+        middle, last = other.flown(after, 2.0 * time), other.flown(-after, time)  # the other impact mirrors this one
+        whole = last[1] @ saltation @ middle[1] @ saltation @ first[1]
+        assert abs((np.trace(whole) - 2.0) / orbit.tau - 1.0) < 1e-9
 
 
 def test_an_orbit_closed_on_itself_has_the_multipliers_of_its_quarter(impacting):
