@@ -1,4 +1,4 @@
-"""Smooth families that take long by a second method: steep walls at high energies, a beam. Oracle: DOP853 with the equation of variations."""
+"""Smooth families that take long by a second method: steep walls at high energies, a beam. Oracle: DOP853, with variations."""
 
 import math
 

@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from bvp.motion import MotionStatus
-from bvp.simulate import simulate
 from bvp.springs import Damper, Spring
 from bvp.system import ImpactSystem
 from saltus import load_scene
-from tests.transitions.test_sweep_tangents import AGREE, differences, random_chain, within_the_stops
-from transitions.sweep.forced import Carried, ForcedMotion
+from tests.transitions.test_sweep_tangents import compared_period, random_chain
 from transitions.sweep.settle import SettledKind, settle
 
 
@@ -31,34 +28,9 @@ def smooth_chain(rng):
 def test_the_tangent_vector_of_a_period_is_that_of_differences():
     """Oracle: central differences of `simulate`, through impacts, sticking and release."""
     rng = np.random.default_rng(3)
-    compared = stuck = hit = 0
-    for _ in range(40):
-        system, forces = smooth_chain(rng)
-        n = system.degrees_of_freedom
-        motion = ForcedMotion(system, forces, Carried(np.concatenate([np.zeros(n), rng.normal(size=n)])))
-        change = rng.normal(size=2 * n)
-        if motion.advance(5).status is not MotionStatus.DURATION_REACHED:
-            continue
-        begin = motion.carried
-        change = within_the_stops(system, begin.sticking, change)
-        motion._forced.tangent[:] = change
-        record = motion.advance(1)
-        with np.errstate(invalid="ignore"):
-            tangent = motion._forced.tangent * math.exp(record.growths[0])
-        other = simulate(system, begin.state[:n], begin.state[n:], motion.period, forces=forces)
-        assert np.abs(other.final - record.states[0]).max() < 1e-9
-        found = differences(system, forces, begin.state, change, motion.period)
-        if found is None:
-            continue
-        size = max(float(np.abs(found[1]).max()), 1e-3)
-        if np.abs(found[0] - found[1]).max() > AGREE * size:
-            continue
-        # The error of the difference over the step of 1e-6, as in the test of linear chains.
-        assert np.abs(tangent - found[1]).max() < 2e-5 * size
-        compared += 1
-        stuck += record.sticking_time > 0.0
-        hit += record.count > 0
-    assert compared > 25 and stuck > 5 and hit > 10
+    records = [record for _ in range(40) if (record := compared_period(rng, *smooth_chain(rng), 5))]
+    assert len(records) > 25
+    assert sum(record.sticking_time > 0.0 for record in records) > 5 and sum(record.count > 0 for record in records) > 10
 
 
 @pytest.mark.parametrize(("load", "period"), [(0.3, 1), (3.0, 1)])
