@@ -66,6 +66,10 @@ EXAMPLES: dict[str, list[str]] = {
         "continue S11- --scene cubic_nes --energy 1e-4:1 --points 60 --plot a.png",
         "continue --scene beam_on_cubic_spring --from mode:1 --points 20",
     ],
+    "smooth discover": [
+        "discover --scene cubic_nes --energy 1 --max-quarter-period 3 --max-starts 64",
+        "discover --scene cubic_and_stops --energy 2 --max-quarter-period 2 --max-impacts 4 --max-starts 64",
+    ],
     "smooth run": [
         "run --scene cubic_nes --impulse 0.8 --lam 0.01 --set lam_nes=0.01 --duration 20 --stages --plot a.png",
         "run --scene cubic_and_stops --impulse 2 --set rho=0.7 --lam 0.01 --duration 20",

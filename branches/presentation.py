@@ -437,7 +437,9 @@ def cover_of(problem: MultipointProblem, solution: Solution) -> int:
 def _cover_without_impacts(problem: MultipointProblem, solution: Solution) -> int:
     """The same for a smooth orbit without impacts: its motion is at an end of the segment's kind after a k-th part of the time, too."""
     time, half = float(problem.flight_times(solution.y)[0]), problem.half
-    size = np.max(np.abs([problem.start(solution.y), solution.ends[0]]), axis=0)
+    # Both ends can be at the origin, so what counts as none is measured along the way.
+    along = [problem.path_state(solution.y, time * part) for part in (0.0871, 0.1913, 0.3171, 0.4379)]
+    size = np.max(np.abs([problem.start(solution.y), solution.ends[0], *along]), axis=0)
     between_origins = problem.kinds == (ORIGIN, ORIGIN)
     parts = 1 + int(max(solution["waves_absorber"], solution["waves_primary"]))
     for k in range(parts, 1, -1):

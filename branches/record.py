@@ -208,6 +208,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
             "bounds": {"quarter_period": found.quarter_period, "impacts": found.impacts, "ends": list(found.ends)},
             "complete": found.complete,
             "counts": found.counts,
+            **({"angles": list(found.angles), "added": found.added} if found.angles else {}),
             "orbits": [_discovered(orbit, family) for orbit, family in zip(found.orbits, ids, strict=True)],
             "unpolished": [
                 {

@@ -66,10 +66,6 @@ class Search:
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
         self.name = name if system.stops else label_without_stops(name)
-        if system.smooth_forces is not None and system.stops:
-            raise NameNotFound(
-                f"{name} has impacts between smooth flights, and no search finds such orbits; expected --from mode:K or --from FILE"
-            )
         self.limits = limits
         self.followed = followed
         # The range may go beyond the limits. Above HIGHEST orbits are lost in rounding.
@@ -96,7 +92,7 @@ class Search:
             self.impacts = [len(sequence)]
         self.samplers: list[Sampler] | list[SmoothSampler] = (
             [Sampler(system, kind, self.longest, self.impacts) for kind in kinds] if system.smooth_forces is None
-            else [SmoothSampler(system, kind, self.longest) for kind in kinds]
+            else [SmoothSampler(system, kind, self.longest, self.impacts) for kind in kinds]
         )  # fmt: skip
         self.problems: Problems = {}
         self.seen: dict[str, tuple[float, float]] = {}

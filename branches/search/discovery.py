@@ -204,7 +204,9 @@ class OrbitSearch:
             pairs = (((problem, solution.y), (other.problem, other.solution.y)) for other in near)
             if any(same_orbit(*pair, SAME_STATE, between_reversals=True) for pair in pairs):
                 self.counts["duplicates"] += 1
-                if not any(_has_start(other, problem, segment.start) for other in images):
+                # A segment that is only near an orbit does not show where it starts.
+                start = segment.start if must_stay else problem.start(solution.y)
+                if not any(_has_start(other, problem, start) for other in images):
                     images.append(orbit)
                 return orbit
         same.append([orbit])
@@ -324,6 +326,10 @@ class Discovery:
         ``orbits``.
     families : tuple of (str or None)
         The id of each orbit's family in a catalogue, None if it has none there. Empty without a catalogue.
+    angles : (int, int) or ()
+        With smooth forces: starts over half a turn of the two scans that compare neighbouring starts. They prove nothing.
+    added : int
+        Orbits that the second of these scans found, and the first one did not.
     """
 
     system: ImpactSystem
@@ -336,6 +342,8 @@ class Discovery:
     open: list[Opening]
     counts: dict[str, int]
     families: tuple[str | None, ...] = ()
+    angles: tuple[int, ...] = ()
+    added: int = 0
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         closed = "complete" if self.complete else "not complete"
@@ -344,10 +352,11 @@ class Discovery:
 
     @property
     def complete(self) -> bool:
-        """Whether the scan decided all intervals, all segments were solved, and each orbit was found from both its ends.
+        """Whether the scan decided all intervals, all segments were solved, and each orbit was found from both its ends. Never with smooth
+        forces.
 
         Whether families followed from other energies add nothing can only be checked with a catalogue."""
-        return is_complete(self.counts)
+        return not self.angles and is_complete(self.counts)
 
 
 def discover_orbits(
@@ -388,10 +397,16 @@ def discover_orbits(
     check(system, energy, quarter_period, impacts, ends)
     if ends is None:
         ends = ("origin-origin",) if system.has_odd_symmetry else WITHOUT_ORIGIN
-    if budget is None:
+    smooth = system.smooth_forces is not None
+    if budget is None and not smooth:
         budget = default_budget(system, quarter_period)
-    if isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63:
+    if budget is not None and (isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63):
         raise ValueError(f"the most starts is {shown(budget)}, expected an integer above 0 and below 2^63")
+    if smooth:
+        from branches.search.smooth_discovery import STARTS, discover_smooth
+
+        return discover_smooth(system, energy, quarter_period, impacts, ends, budget or STARTS, _kept_problems(system))
+    assert budget is not None
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     if known and impacts is not None:
         counts = nothing_new(system, energy, wanted, quarter_period, impacts, known)
@@ -443,7 +458,11 @@ def check_bounds(system: ImpactSystem, quarter_period: float, impacts: int | Non
 
 def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str] | None) -> None:
     """Raise ValueError if the system or the bounds of `discover_orbits` cannot be searched."""
-    require_system(system, conservative="families of periodic orbits", two_dof="orbits are discovered for", advice=FROM_LINEAR_MODES)
+    smooth = getattr(system, "smooth_forces", None) is not None
+    stops = "orbits are discovered for" if not smooth or system.stops else ""
+    require_system(system, conservative="families of periodic orbits", two_dof=stops, advice=FROM_LINEAR_MODES, smooth=True)
+    if smooth:
+        _check_smooth(system, ends)
     _check_positive(energy, "energy")
     check_bounds(system, quarter_period, impacts)
     if ends is not None and (not ends or isinstance(ends, str)):
@@ -457,3 +476,20 @@ def check(system: ImpactSystem, energy: float, quarter_period: float, impacts: i
                 f"the ends {name} need odd symmetry (a two-sided stop with equal gaps and no constant load), which this system lacks: "
                 "ask for rest-rest, rest-stop or stop-stop"
             )
+
+
+def _check_smooth(system: ImpactSystem, ends: Sequence[str] | None) -> None:
+    """Raise ValueError for smooth forces or ends that the scan of starts at the origin does not cover."""
+    n = system.degrees_of_freedom
+    if n != 2:
+        raise ValueError(f"orbits are discovered for two degrees of freedom; this system has {n}: {FROM_LINEAR_MODES}")
+    if not system.has_odd_symmetry:
+        raise ValueError(
+            f"with smooth forces orbits are discovered from the origin, and this system has no odd symmetry ({system.why_not_odd()}): "
+            f"{FROM_LINEAR_MODES}"
+        )
+    if "origin-stop" in (ends or ()) and not system.stops:
+        raise ValueError("the ends origin-stop need a stop, which this system lacks; expected origin-origin or origin-rest")
+    others = [name for name in ends or () if name in WITHOUT_ORIGIN]
+    if others:
+        raise ValueError(f"with smooth forces orbits are discovered from the origin; received the ends {others[0]}, expected origin-origin")

@@ -1,8 +1,9 @@
-"""A scan of starts at the origin for orbits of smooth systems without impacts, two degrees of freedom.
+"""A scan of starts at the origin for orbits of systems with smooth forces, two degrees of freedom, with one stop or none.
 
 On its way from the origin a motion is slowest where the modal velocity is perpendicular to the acceleration. From start to start the
 velocity along that perpendicular changes its sign where it is zero. There the motion reaches rest, and is a quarter of an orbit. The
-distance from the origin does the same for half an orbit between two origins.
+distance from the origin does the same for half an orbit between two origins, and the velocity along the stop at an impact. Motions are
+compared after the same impacts, which a simulation finds.
 
 The scan compares neighbouring angles. It proves nothing.
 """
@@ -10,8 +11,8 @@ The scan compares neighbouring angles. It proves nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,7 @@ SAMPLES = 4
 """Parts of a Taylor step in which an extremum is looked for."""
 
 MOST = 2000
-"""Most extrema of a motion."""
+"""Most extrema of a flight, and most impacts of a motion."""
 
 PIECES = 40
 """Most pieces in which a long motion is computed."""
@@ -44,16 +45,37 @@ APART = 0.25
 """Largest change of an extremum's time between neighbouring starts, beside the time to the nearest other one."""
 
 
-class SmoothSampler:
-    """Scans one system from the origin to a far end of one kind: "origin" or "rest".
+class Passed(NamedTuple):
+    """A motion from the origin: its impacts, and its extrema in the flights before, between and after them.
 
-    quarter_period: the longest.
+    contacts (k,), instants (k,): of the impacts. nodes (k, 4): states after them. times, values: of the extrema of each flight, and what
+    changes its sign at an orbit there; of a flight that is not asked for, there are none.
     """
 
-    def __init__(self, system: ImpactSystem, end: str, quarter_period: float):
+    contacts: list[int]
+    instants: np.ndarray
+    nodes: np.ndarray
+    times: list[np.ndarray]
+    values: list[np.ndarray]
+
+
+class SmoothSampler:
+    """Scans one system from the origin to a far end of one kind: "origin", "rest" or "stop".
+
+    quarter_period: the longest. impacts: numbers of impacts inside the segment; None: all.
+    """
+
+    def __init__(self, system: ImpactSystem, end: str, quarter_period: float, impacts: Collection[int] | None = None):
         self.end = end
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
+        self.impacts = impacts
+        self.modes = system.modes
         self.flight = smooth_flight(system, 1)
+        self.simulator = None
+        if system.stops:
+            from bvp.simulate import Simulator
+
+            self.simulator = Simulator(system)
         self.found = np.zeros(MOST), np.zeros(MOST)
 
     def segments(self, energy: float, angles: int, part: float = 1.0) -> Iterator[ScannedSegment]:
@@ -61,17 +83,69 @@ class SmoothSampler:
         turn is the mirror image. part: of the longest quarter period."""
         grid = (np.arange(angles + 1) + 0.5) * (math.pi / angles)
         longest = part * self.longest
-        before = self.extrema(energy, grid[0], longest)
+        before = self.passed(energy, grid[0], longest)
         for low, high in zip(grid[:-1], grid[1:], strict=True):
-            after = self.extrema(energy, high, longest)
-            for i, j in _pairs(before[0], after[0]):
-                if before[1][i] * after[1][j] <= 0.0:
-                    yield self._narrowed(energy, (low, before[0][i], before[1][i]), (high, after[0][j], after[1][j]))
+            after = self.passed(energy, high, longest)
+            for k in range(min(len(before.times), len(after.times))):
+                if before.contacts[: k + self.hits] != after.contacts[: k + self.hits]:
+                    break
+                for i, j in _pairs(before.times[k], after.times[k]):
+                    if before.values[k][i] * after.values[k][j] <= 0.0:
+                        ends = ((one, p.times[k][m], p.values[k][m]) for one, p, m in ((low, before, i), (high, after, j)))
+                        segment = self._narrowed(energy, before.contacts[: k + self.hits], k, *ends)
+                        if segment is not None:
+                            yield segment
             before = after
 
-    def extrema(self, energy: float, angle: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
-        """The times (k,) at which a start's motion is slowest, or nearest to the origin, and what changes its sign at an orbit (k,)."""
+    @property
+    def hits(self) -> int:
+        """Impacts at the far end: 1 or 0."""
+        return int(self.end == "stop")
+
+    def passed(self, energy: float, angle: float, longest: float) -> Passed:
+        """The motion of a start for a time: where it is slowest (nearest to the origin, for the far end "origin"; at a stop), and what
+        changes its sign at an orbit."""
         state = math.sqrt(2.0 * energy) * np.array([0.0, 0.0, math.cos(angle), math.sin(angle)])
+        contacts, instants, before, nodes, until = self._impacts(state, longest)
+        times, values = [], []
+        if self.end == "stop":
+            for k, contact in enumerate(contacts):
+                row, (_, _, v, w) = self.modes.contacts.gap[contact], before[k]
+                wanted = self.impacts is None or k in self.impacts
+                times.append(instants[k : k + wanted])
+                values.append(np.full(int(wanted), (row[0] * w - row[1] * v) / math.hypot(row[0], row[1])))
+            return Passed(contacts, instants, nodes, times, values)
+        begins = np.append(0.0, instants)
+        for k, (begin, end, start) in enumerate(zip(begins, np.append(instants, until), [state, *nodes], strict=True)):
+            if self.impacts is None or k in self.impacts:
+                found = self._extrema(start, end - begin)
+                times.append(begin + found[0])
+                values.append(found[1])
+            else:
+                times.append(np.zeros(0))
+                values.append(np.zeros(0))
+        return Passed(contacts, instants, nodes, times, values)
+
+    def _impacts(self, state: np.ndarray, longest: float) -> tuple[list[int], np.ndarray, np.ndarray, np.ndarray, float]:
+        """The contacts, instants, states before and after of the impacts of a motion, and the time up to which it is known. A motion that
+        is pressed against a stop is known up to there."""
+        if self.simulator is None:
+            return [], np.zeros(0), np.zeros((0, 4)), np.zeros((0, 4)), longest
+        from bvp.motion import EventKind
+
+        most = MOST if self.impacts is None else max(self.impacts) + 1
+        u, v = np.split(self.modes.to_state @ state, 2)
+        motion = self.simulator.run(u, v, longest, most)
+        kinds = motion.kinds[1:]
+        others = np.flatnonzero(~np.isin(kinds, [kind.value for kind in (EventKind.IMPACT, EventKind.TOUCH, EventKind.PIECE)]))
+        count = int(others[0]) if len(others) else len(kinds)
+        until = float(motion.times[1 + count]) if len(others) else motion.duration
+        rows = 1 + np.flatnonzero(kinds[:count] == EventKind.IMPACT.value)
+        before, after = (states[rows] @ self.modes.from_state.T for states in (motion.before, motion.after))
+        return motion.contacts[rows].tolist(), motion.times[rows], before, after, until
+
+    def _extrema(self, state: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray]:
+        """The times (k,) at which a flight is slowest, or nearest to the origin, and what changes its sign at an orbit (k,)."""
         times: list[np.ndarray] = []
         values: list[np.ndarray] = []
         gone = 0.0
@@ -91,25 +165,34 @@ class SmoothSampler:
             state = path.ends[0].copy()
         return np.concatenate(times), np.concatenate(values)
 
-    def _narrowed(self, energy: float, first: tuple[float, ...], last: tuple[float, ...]) -> ScannedSegment:
-        """The segment between two starts (angle, time, value), by some steps of the rule of false position."""
+    def _narrowed(
+        self, energy: float, contacts: list[int], k: int, first: tuple[float, ...], last: tuple[float, ...]
+    ) -> ScannedSegment | None:
+        """The segment after k impacts between two starts (angle, time, value), by some steps of the rule of false position; None if the
+        start that it leads to has other impacts."""
         low, high = first[0], last[0]
         middle = first
         for _ in range(NARROWED):
             part = first[2] / (first[2] - last[2]) if first[2] != last[2] else 0.5
-            angle, guess = (first[k] + part * (last[k] - first[k]) for k in range(2))
-            times, values = self.extrema(energy, angle, BEYOND * guess)
-            if not len(times):
+            angle, guess = (first[m] + part * (last[m] - first[m]) for m in range(2))
+            passed = self.passed(energy, angle, BEYOND * guess)
+            if passed.contacts[: len(contacts)] != contacts or k >= len(passed.times) or not len(passed.times[k]):
                 break
-            k = int(np.argmin(np.abs(times - guess)))
-            middle = angle, float(times[k]), float(values[k])
+            m = int(np.argmin(np.abs(passed.times[k] - guess)))
+            middle = angle, float(passed.times[k][m]), float(passed.values[k][m])
             if middle[2] * first[2] > 0.0:
                 first = middle
             else:
                 last = middle
         angle, time, value = min((first, last, middle), key=lambda one: abs(one[2]))
         start = math.sqrt(2.0 * energy) * np.array([0.0, 0.0, math.cos(angle), math.sin(angle)])
-        return ScannedSegment(("origin", self.end), (), start, np.zeros((0, 4)), np.array([time]), angle, low, high, value)
+        found, instants, _, nodes, _ = self._impacts(start, BEYOND * time)
+        if found[: len(contacts)] != contacts:
+            return None
+        letters = tuple(self.modes.contact_letters[contact] for contact in contacts)
+        durations = np.diff([0.0, *instants[:k], time])
+        end = "stop" + letters[k] if self.hits else self.end
+        return ScannedSegment(("origin", end), letters[:k], start, nodes[:k], durations, angle, low, high, abs(value))
 
 
 def _pairs(first: np.ndarray, second: np.ndarray) -> Iterator[tuple[int, int]]:

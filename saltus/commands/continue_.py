@@ -138,8 +138,10 @@ def _follow(
     """Trace the family and print its special points; what an interrupted or failed run has computed is kept."""
     from saltus.families import trace
 
-    smooth = scene.system.smooth_forces is not None
-    compiling.prepare("smooth" if smooth else "continue" if scene.system.degrees_of_freedom == 2 else "modes")
+    if scene.system.smooth_forces is not None:
+        compiling.prepare("smooth", *(("smooth discover",) if scene.system.stops else ()))
+    else:
+        compiling.prepare("continue" if scene.system.degrees_of_freedom == 2 else "modes")
     with ProgressBar(arguments.points) as bar:
         report = partial(bar.line, stream=files.words)
 

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat")
     parser.add_argument("--catalogue", metavar="FILE", help="report which family of this catalogue each orbit lies on")
-    options.add_scene(parser)
+    options.add_scene(parser, uses=("springs",))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     from saltus.families import discover
 
     with catalogues.given(arguments, scene) as catalogue:
-        compiling.prepare("discover")
+        compiling.prepare("discover" if scene.system.smooth_forces is None else "smooth discover")
         with ProgressBar():
             found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
     families, code = _families(found, files.words)
@@ -83,7 +83,7 @@ def _families(found: Discovery, stream: Any) -> tuple[Sequence[str | None], int]
     if not unnamed:
         return found.families, DONE
     try:
-        compiling.prepare("continue")
+        compiling.prepare("continue" if found.system.smooth_forces is None else "smooth")
         with ProgressBar(len(unnamed), "orbits without a label") as bar:
             for count, k in enumerate(unnamed, 1):
                 orbit = found.orbits[k]
@@ -110,7 +110,8 @@ def _table(found: Discovery, families: Sequence[str | None], width: int | None) 
         rows.append(
             (
                 orbit.label, " ".join(orbit.ends), orbit.sequence, f"{half_period_impacts(orbit):g}", f"{orbit.alpha:.8g}",
-                "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities), f"{min(orbit.impact_speeds):.4g}",
+                "" if velocities is None else " ".join(f"{v:.6g}" for v in velocities),
+                f"{min(orbit.impact_speeds):.4g}" if len(orbit.impact_speeds) else "-",
                 f"{orbit.tau:.6g}", stability_word(orbit.stable), *([family or "-"] if families else []),
             )
         )  # fmt: skip
@@ -125,7 +126,8 @@ def summary(found: Discovery) -> list[str]:
     lines = [
         f"{counted(len(found.orbits), 'orbit')} at h = {found.energy:.10g}, quarter period up to {found.quarter_period:g}, {bound}, "
         f"between the ends {', '.join(found.ends)}",
-        f"scan     {counted(counts['starts'], 'start')}, "
+        f"scan     {counted(counts['starts'], 'start')}: {' and '.join(map(str, found.angles))} angles over half a turn for each far end; "
+        f"{found.added} of the orbits are of the second scan alone" if found.angles else f"scan     {counted(counts['starts'], 'start')}, "
         f"intervals: {counts['split']} split, {counts['closed']} closed, {counts['open']} open, "
         f"{counts['resumed']} resumed, {counts['at_grazing']} as narrow as rounding at a grazing; {counted(counts['grazings'], 'grazing')}",
         f"orbits   {counted(counts['crossings'], 'crossing')}, {counts['repeated'] + counts['covers']} of them k-fold covers, "
@@ -144,7 +146,7 @@ def summary(found: Discovery) -> list[str]:
     if found.complete:
         lines.append("complete  within these bounds the scan leaves nothing undecided")
         return lines
-    why = []
+    why = ["neighbouring starts are compared, which proves nothing (--max-starts)"] if found.angles else []
     if counts["over_budget"]:
         why.append(f"the starts were used up with {counts['over_budget']} intervals left (--max-starts)")
     if counts["open"] > counts["over_budget"]:

@@ -67,17 +67,35 @@ def test_an_orbit_is_shown_without_impacts(capsys, folder):
     ("arguments", "message"),
     [
         (("continue", "S13O11+", "--scene", "cubic_nes"), "S13O11+ has impacts, and this system has no stops; expected a label"),
-        (("continue", "S11-", "--scene", "cubic_and_stops"), "has impacts between smooth flights, and no search finds such orbits"),
         (("continue", "--scene", "cubic_nes", "--from", "mode:1"), "mode 1 does not oscillate without the smooth forces; expected m"),
         (("continue", "--scene", "duffing_pair", "--from", "mode:7"), "the system has 2 modes without the smooth forces"),
         (("continue", "--scene", "smooth_wall", "--n", "0", "--from", "mode:1"), "are mode:1 1.654138767, mode:2 0.4497503101; e"),
-        (("discover", "--scene", "cubic_nes", "--energy", "0.1"), "the spring between u1 and u2 is not linear"),
+        (("discover", "--scene", "beam_on_cubic_spring", "--energy", "1"), "for two degrees of freedom; this system has 10"),
+        (("discover", "--scene", "cubic_nes", "--energy", "1", "--ends", "rest-rest"), "received the ends rest-rest, expected origin-or"),
+        (("discover", "--scene", "cubic_nes", "--energy", "1", "--ends", "origin-stop"), "the ends origin-stop need a stop"),
         (("build", "--scene", "cubic_nes"), "the spring between u1 and u2 is not linear"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line(capsys, arguments, message):
     """Oracle: the line, and the exit code 2."""
     refused(run(capsys, *arguments), message)
+
+
+def test_all_orbits_of_an_energy_are_listed(capsys):
+    """Oracle: the two families of the modes; the words, and the file."""
+    arguments = ("--scene", "duffing_pair", "--energy", "1", "--max-quarter-period", "2", "--max-starts", "32")
+    code, out, _ = run(capsys, "discover", *arguments, "--json", "a.json")
+    assert code == 0 and "S11-" in out and "S11+" in out
+    assert "2 orbits at h = 1" in out and "not complete: neighbouring starts are compared, which proves nothing" in out
+    found = read_json("a.json")
+    assert [orbit["label"] for orbit in found["orbits"]] == ["S11-", "S11+"]
+    assert not found["complete"] and found["angles"] == [16, 32] and found["added"] == 0
+
+
+def test_a_family_with_impacts_and_smooth_forces_is_found_by_its_label(capsys):
+    """Oracle: the orbit lies on the family, at the energy of its file."""
+    code, out, _ = run(capsys, "continue", "S11O00-", "--scene", "cubic_and_stops", "--energy", "1:2", "--points", "5")
+    assert code == 0 and "start  S11O00-: ends origin, stop-" in out
 
 
 def test_a_family_is_followed_to_its_impacts(capsys, folder):
