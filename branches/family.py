@@ -197,9 +197,13 @@ class Family(SolvedFamily):
             tests[COMMON:] = values[COMMON:].tolist()
         return tests
 
+    def why_not_flown(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
+        """Why a step along the family fails where a flight cannot be computed; empty where it does not fail, or for another reason."""
+        return "" if not self.problem.is_smooth or self.step(y, tangent, ds).converged else why_not_flown(self.problem.segment.flight)
+
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the energy and the quarter period reached; why a flight cannot be computed."""
-        limit = why_not_flown(self.problem.segment.flight)
+        limit = self.why_not_flown(y, tangent, ds)
         return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}" + (f": {limit}" if limit else "")
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

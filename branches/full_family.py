@@ -51,6 +51,9 @@ FINER = 4
 PARTS = (0.5, 0.3, 0.8)
 """Points from which a family is followed again, as parts of its length."""
 
+WIDE = replace(SETTINGS, maximum_step=0.05)
+"""Settings for smooth families without impacts. They end where their flights do, not where they graze, and their points are not drawn."""
+
 WINDOW = (1e-3, 1e5)
 """Energies, in units of `energy_scale`, at which a family's ends are looked for."""
 
@@ -62,6 +65,9 @@ DIGITS = 6
 
 BORDER = 1e-9
 """Relative distance from a border of rounding within which both roundings name the family."""
+
+ORDERS = {1: 8, 2: 2, 4: 1}
+"""How many symmetries an orbit has at least, by the quarters of its period that are solved."""
 
 _FOLD, _GUARDS = (0,), (2, 3, 4)
 """Places of the tests for folds and for grazing among the tests of a `Family`."""
@@ -194,7 +200,7 @@ def longest_course(
         last = len(course.arclength) - 1
         if last <= 2:
             return False
-        first, final = (symmetries(cycle_of(problem, course.unknowns(i))).order for i in (1, last - 1))
+        first, final = (_order(problem, course.unknowns(i)) for i in (1, last - 1))
         return first != final
 
     def fine(start: np.ndarray) -> tuple[Course[Result], bool]:
@@ -216,6 +222,12 @@ def longest_course(
         if (-1.0 if other_failed else other.length) > (-1.0 if failed else best.length):
             best, failed = other, other_failed
     return best
+
+
+def _order(problem: MultipointProblem, y: np.ndarray) -> int:
+    """How many symmetries an orbit has. A long smooth flight loses digits, but the symmetries of its ends remain."""
+    found = symmetries(cycle_of(problem, y)).order
+    return max(found, ORDERS[problem.quarters]) if problem.is_smooth else found
 
 
 def solutions_of(points: Sequence[Point]) -> Solution:
@@ -307,10 +319,15 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
 
     def follow(start: np.ndarray, settings: Settings) -> Course[Run]:
         run = follow_both_ways(family, start, settings)
-        stuck = bool(run.points) and any(end.reason is EndReason.MINIMUM_STEP for end in run.ends)
+        outwards = -2.0 * settings.minimum_step, 2.0 * settings.minimum_step
+        stuck = bool(run.points) and any(
+            end.reason is EndReason.MINIMUM_STEP and not family.why_not_flown(*run.points[place].step[1:3], ds)
+            for place, ds, end in zip((0, -1), outwards, run.ends, strict=True)
+        )
         return Course(run, run.points.arclengths(), lambda i: run.points[i].step.y, stuck)
 
-    run = longest_course(problem, follow, y, SETTINGS).result  # with the settings of branches, so that both have the same ends
+    # Impacting families have the settings of branches, so that both have the same ends.
+    run = longest_course(problem, follow, y, WIDE if problem.is_smooth and not problem.system.stops else SETTINGS).result
     if not run.points:
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []

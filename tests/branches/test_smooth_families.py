@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,13 +12,19 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
+from branches import full_family
 from branches.naming.at_modes import orbit_at_mode
 from branches.naming.families import trace_named
 from branches.naming.matching import NameNotFound
 from branches.tracing import follow_family
+from bvp import smooth_flights
+from bvp.kernels.taylor import make_smooth_flight
 from bvp.multipoint import MultipointProblem
 from bvp.springs import Spring
 from bvp.system import ImpactSystem
+
+STEPS = 7
+"""Taylor steps that the flights of S11- take between its two folds, and a little above."""
 
 
 def duffing(cubic: float = 1.0) -> ImpactSystem:
@@ -111,3 +119,23 @@ def test_each_linear_mode_begins_a_family(mode):
         assert np.abs(branch.points["alpha"] / (ellipk(square / (2.0 * frequency**2)) / frequency) - 1.0).max() < 1e-13
     with pytest.raises(NameNotFound, match="expected mode:1 or mode:2"):
         orbit_at_mode("mode:3", system)
+
+
+def test_a_family_that_leaves_what_can_be_flown_is_followed_once(monkeypatch):
+    """Oracle: the lower one of the two folds identifies the family, as with flights of any length. No other way leads beyond the limit of
+    a flight, and the reason is named."""
+    branch = trace_named("S11-", sink(3, 0.05, 0.0), bounds={"energy": (1.5e-3, 2e-3), "quarter_period": 4.0})
+    expected = branch.full_family.marks
+    runs, follow = [], full_family.follow_both_ways
+
+    def counted(*arguments):
+        runs.append(follow(*arguments))
+        return runs[-1]
+
+    monkeypatch.setattr(smooth_flights, "make_smooth_flight", partial(make_smooth_flight, steps=STEPS))
+    monkeypatch.setattr(full_family, "follow_both_ways", counted)
+    found = full_family.full_family(replace(branch, problem=MultipointProblem(branch.system, branch.ends, ())))
+    assert found.ids == branch.full_family.ids and abs(found.marks[0].h / expected[0].h - 1.0) < 1e-12
+    (run,) = runs
+    assert sum(f"it takes more than {STEPS} Taylor steps" in end.text for end in run.ends) == 1
+    assert found.h.max() < 0.0052
