@@ -1,8 +1,8 @@
 """`python -m benchmarks smooth`: a point of a smooth family with multipliers, beside AUTO-07p and shooting by scipy.
 
 A point here is predicted, corrected, and has its multipliers and test functions. AUTO-07p follows the same quarter from the origin to rest
-by collocation, without multipliers. Shooting solves the same quarter by Newton's method on flights of DOP853 with the equation of
-variations, from an orbit that is 1e-3 away.
+by collocation, without multipliers; and the closed orbit, with them. Shooting solves the same quarter by Newton's method on flights of
+DOP853 with the equation of variations, from an orbit that is 1e-3 away.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from benchmarks.report import Table, machine, number, show
 from branches.family import Family
 from branches.naming.at_modes import orbit_at_mode
 from branches.orbit import Orbit
-from branches.tracing import follow_family
+from branches.tracing import SETTINGS, follow_family
 from saltus.errors import DONE
 from saltus.scene import load_scene
 
@@ -45,7 +46,7 @@ LOWEST = 0.01
 MESHES = (20, 50)
 """NTST of AUTO-07p."""
 
-EQUATIONS = "smooth_quarter"
+EQUATIONS = "smooth_orbit"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -118,55 +119,69 @@ def points_table(quick: bool) -> Table:
         error = abs(orbit.alpha / time - 1.0)
         name = scene + "".join(f", {key} = {value:g}" for key, value in values.items())
         ours = name, f"{h:g}", f"{1e6 * seconds:.0f}", f"{aim:g}", number(error), f"{1e3 * shooting:.0f}", f"{shooting / seconds:.0f}"
-        for mesh in MESHES:
-            rows.append((*ours, str(mesh), *_beside_auto(orbit, mesh, seconds, quick)))
+        for closed in (False, True):
+            for mesh in MESHES:
+                form = "period" if closed else "quarter"
+                rows.append((*ours, form, str(mesh), *_beside_auto(orbit, mesh, quick, closed=closed)))
     return Table(
         "Points of smooth families",
         (
-            "family", "h", "us a point", "aim", "distance from shooting", "ms, shooting", "ratio", "NTST", "AUTO-07p, us a point",
-            "its error", "ratio",
+            "family", "h", "us a point", "aim", "distance from shooting", "ms, shooting", "ratio", "AUTO-07p", "NTST", "us a point",
+            "its error", "here, same step", "ratio",
         ),
         rows,
         (
-            "Least of runs of 40 points, with multipliers and test functions. Distances and errors: of the quarter period, relative.",
-            "The error of AUTO-07p is its distance from the quarter period here at the same energy; its table has eleven digits.",
+            "Least of runs of 40 points, with multipliers and test functions. Distances and errors: of the quarter period, relative. Steps",
+            "are those of the program's own control; in the last two columns those of AUTO-07p, which are shorter.",
+            "AUTO-07p computes multipliers of the period, none of the quarter. Its error is the distance from the quarter period here at",
+            "the same energy; its table has eleven digits.",
         ),
     )  # fmt: skip
 
 
-def _beside_auto(orbit: Orbit, mesh: int, seconds: float, quick: bool) -> tuple[str, str, str]:
-    """The entries of AUTO-07p: microseconds a point, error, ratio."""
+def _beside_auto(orbit: Orbit, mesh: int, quick: bool, *, closed: bool) -> tuple[str, ...]:
+    """The entries of AUTO-07p: microseconds a point and error; microseconds here with its step, and the ratio."""
     if auto.missing() is not None:
-        return ("-",) * 3
+        return ("-",) * 4
     short, long = (20, 120) if quick else (50, 450)
     with tempfile.TemporaryDirectory(prefix="saltus-auto-") as place:
         folder = Path(place)
         shutil.copy(Path(__file__).parent / "peers" / f"{EQUATIONS}.f90", folder)
-        _write_start(folder, orbit)
-        _follow(folder, mesh, 2)  # compiles the equations
-        few, many = ([_follow(folder, mesh, count) for _ in range(2)] for count in (short, long))
+        _write_start(folder, orbit, closed)
+        _follow(folder, mesh, 2, closed)  # compiles the equations
+        few, many = ([_follow(folder, mesh, count, closed) for _ in range(2)] for count in (short, long))
         table = many[0][1]
+    if len(table) <= len(few[0][1]):
+        return "-", "no convergence", "-", "-"
     time = (min(used for used, _ in many) - min(used for used, _ in few)) / (len(table) - len(few[0][1]))
-    h, alpha = table[len(few[0][1]) // 2]
+    h, duration = table[len(few[0][1]) // 2]
+    alpha = duration / 4.0 if closed else duration
     exact = orbit.problem.solve(orbit.solution.y, energy=float(h))["quarter_period"]
-    return f"{1e6 * time:.0f}", number(abs(alpha / exact - 1.0)), f"{time / seconds:.1f}"
+    family = Family(orbit.problem)
+    step = float(abs((table[-1, 0] - table[0, 0]) / (len(table) - 1) / family.begin(orbit.solution.y).slope))
+    settings = replace(SETTINGS, initial_step=step, maximum_step=step)
+    runs = timed_runs(family, np.array(orbit.solution.y), short, 3 if quick else 15, settings)
+    seconds = min(run.clean_point for run in runs)
+    return f"{1e6 * time:.0f}", number(abs(alpha / exact - 1.0)), f"{1e6 * seconds:.0f}", f"{time / seconds:.1f}"
 
 
-def _write_start(folder: Path, orbit: Orbit) -> None:
+def _write_start(folder: Path, orbit: Orbit, closed: bool) -> None:
     """The parameters and the first orbit, as the equations read them."""
     system = orbit.system
     (spring,) = system.describe()["springs"]
-    numbers = orbit.h, system.mass[0, 0], -system.stiffness[0, 1], spring["power"], orbit.alpha
+    duration = orbit.period if closed else orbit.alpha
+    numbers = orbit.h, system.mass[0, 0], -system.stiffness[0, 1], spring["power"], 0.0, float(closed), duration
     (folder / f"{EQUATIONS}.start").write_text(" ".join(repr(float(x)) for x in numbers), encoding="ascii")
     places = np.linspace(0.0, 1.0, 401)
-    u, v = orbit.sample(places * orbit.alpha)
+    u, v = orbit.sample(places * duration)
     np.savetxt(folder / f"{EQUATIONS}.dat", np.column_stack([places, u, v]), fmt="%.17g")
 
 
-def _follow(folder: Path, mesh: int, points: int) -> tuple[float, np.ndarray]:
-    """Processor seconds of a run of AUTO-07p, and energy and quarter period of its points, (N, 2)."""
+def _follow(folder: Path, mesh: int, points: int, closed: bool) -> tuple[float, np.ndarray]:
+    """Processor seconds of a run of AUTO-07p; energies of its points with their quarter periods, or periods if closed: (N, 2)."""
+    form = "IPS=2, ISP=2, ICP=[5, 11, 1]" if closed else "IPS=4, ISP=0, ICP=[1, 11], NBC=5, NINT=0"
     (folder / f"c.{EQUATIONS}").write_text(
-        f"dat='{EQUATIONS}', NDIM=4, IPS=4, IRS=0, ILP=0, ICP=[1, 11], NTST={mesh}, NCOL=4, IAD=3, ISP=0, ISW=1, IPLT=0, NBC=5, NINT=0\n"
+        f"dat='{EQUATIONS}', NDIM=4, {form}, IRS=0, ILP=0, NTST={mesh}, NCOL=4, IAD=3, ISW=1, IPLT=0\n"
         f"NMX={points}, NPR=0, MXBF=0, IID=0, ITMX=9, ITNW=7, NWTN=3, JAC=1, EPSL=1e-10, EPSU=1e-10, EPSS=1e-10\n"
         "DS=0.001, DSMIN=1e-6, DSMAX=0.001, IADS=0, NPAR=11\n",
         encoding="ascii",
@@ -187,5 +202,5 @@ def _follow(folder: Path, mesh: int, points: int) -> tuple[float, np.ndarray]:
         if words[:4] == ["0", "PT", "TY", "LAB"]:
             columns = words
         elif words and words[0] != "0":
-            rows.append([float(words[columns.index("PAR(1)")]), float(words[columns.index("PAR(11)")])])
+            rows.append([float(words[columns.index("PAR(1)")]), float(words[columns.index("PERIOD" if closed else "PAR(11)")])])
     return used, np.array(rows)

@@ -1,7 +1,9 @@
-!  A quarter of an orbit of an oscillator with a sink on a spring w^p beside a linear one, from the origin to rest, for AUTO-07p (IPS = 4).
+!  An orbit of an oscillator with a sink on a spring w^p beside a linear one, for AUTO-07p: a quarter of it, from the origin to rest
+!  (IPS = 4), or the closed orbit (IPS = 2). The energy of the latter is conserved; PAR(5), which multiplies the velocities, unfolds it.
 !
-!  U = u1, u2, u1', u2' on [0, 1]; PAR(1) is the energy h, PAR(2) mu, PAR(3) sigma, PAR(4) the odd power p, PAR(11) the quarter period.
-!  smooth_quarter.start holds these five numbers; the first orbit is in smooth_quarter.dat.
+!  U = u1, u2, u1', u2' on [0, 1]; PAR(1) is the energy h, PAR(2) mu, PAR(3) sigma, PAR(4) the odd power p, PAR(11) the time from 0 to 1.
+!  PAR(6) is 0 for a quarter; 1 for a closed orbit, where AUTO scales the time itself. smooth_orbit.start holds these numbers; the first orbit
+!  is in smooth_orbit.dat.
 
       SUBROUTINE FUNC(NDIM,U,ICP,PAR,IJAC,F,DFDU,DFDP)
       IMPLICIT NONE
@@ -13,13 +15,15 @@
       INTEGER P
 
       P = NINT(PAR(4))
-      T = PAR(11)
+      T = 1.D0
+      IF (PAR(6) == 0.D0) T = PAR(11)
       W = U(1) - U(2)
       STEEP = W**(P-1)
       FORCE = PAR(3)*W + STEEP*W
-      F = (/ U(3), U(4), -FORCE/PAR(2), FORCE - U(2) /)
+      F = (/ U(3), U(4), -FORCE/PAR(2) + PAR(5)*U(3), FORCE - U(2) + PAR(5)*U(4) /)
       IF (IJAC == 2) THEN
         DFDP(1:4,1) = 0.D0
+        DFDP(1:4,5) = (/ 0.D0, 0.D0, U(3), U(4) /)
         DFDP(1:4,11) = F
       ENDIF
       F = T*F
@@ -32,6 +36,8 @@
       DFDU(3,2) = T*STEEP/PAR(2)
       DFDU(4,1) = T*STEEP
       DFDU(4,2) = -T*(1.D0 + STEEP)
+      DFDU(3,3) = T*PAR(5)
+      DFDU(4,4) = T*PAR(5)
       END SUBROUTINE FUNC
 
       SUBROUTINE BCND(NDIM,PAR,ICP,NBC,U0,U1,FB,IJAC,DBC)
@@ -61,8 +67,8 @@
       INTEGER, INTENT(IN) :: NDIM
       DOUBLE PRECISION, INTENT(INOUT) :: U(NDIM), PAR(*)
       DOUBLE PRECISION, INTENT(IN) :: T
-      OPEN(UNIT=77, FILE='smooth_quarter.start', STATUS='OLD')
-      READ(77,*) PAR(1:4), PAR(11)
+      OPEN(UNIT=77, FILE='smooth_orbit.start', STATUS='OLD')
+      READ(77,*) PAR(1:6), PAR(11)
       CLOSE(77)
       END SUBROUTINE STPNT
 
@@ -72,5 +78,16 @@
       SUBROUTINE FOPT
       END SUBROUTINE FOPT
 
-      SUBROUTINE PVLS
+      SUBROUTINE PVLS(NDIM,U,PAR)
+      IMPLICIT NONE
+      INTEGER, INTENT(IN) :: NDIM
+      DOUBLE PRECISION, INTENT(IN) :: U(NDIM)
+      DOUBLE PRECISION, INTENT(INOUT) :: PAR(*)
+      DOUBLE PRECISION, EXTERNAL :: GETP
+      DOUBLE PRECISION W
+
+      IF (PAR(6) == 0.D0) RETURN
+      W = GETP('BV0',1,U) - GETP('BV0',2,U)
+      PAR(1) = (PAR(2)*GETP('BV0',3,U)**2 + GETP('BV0',4,U)**2 + GETP('BV0',2,U)**2 + PAR(3)*W**2)/2.D0
+      PAR(1) = PAR(1) + ABS(W)**(NINT(PAR(4)) + 1)/(PAR(4) + 1.D0)
       END SUBROUTINE PVLS
