@@ -98,8 +98,8 @@ def signed_power(base: Any, exponent: Any) -> Any:
     --------
     >>> import sympy
     >>> w, p = sympy.symbols("w p", real=True)
-    >>> signed_power(w, 3), signed_power(w, p).diff(w)
-    (w**3, p*EvenPower(w, p - 1))
+    >>> signed_power(w, 3), signed_power(w, p).diff(w), signed_power(-w, p)
+    (w**3, p*EvenPower(w, p - 1), -SignedPower(w, p))
     """
     return _powers()[0](base, exponent)
 
@@ -138,7 +138,9 @@ def _powers() -> tuple[Any, Any, Any]:
         @classmethod
         def eval(cls, base: Any, exponent: Any) -> Any:
             p = _integer(exponent)
-            return base**p if p is not None and p % 2 == 1 else None
+            if p is not None and p % 2 == 1:
+                return base**p
+            return -cls(-base, exponent) if (-base).is_Symbol else None
 
         def fdiff(self, argindex: int = 1) -> Any:
             base, exponent = _arguments(self)
@@ -148,7 +150,9 @@ def _powers() -> tuple[Any, Any, Any]:
         @classmethod
         def eval(cls, base: Any, exponent: Any) -> Any:
             p = _integer(exponent)
-            return base**p if p is not None and p % 2 == 0 else None
+            if p is not None and p % 2 == 0:
+                return base**p
+            return cls(-base, exponent) if (-base).is_Symbol else None
 
         def fdiff(self, argindex: int = 1) -> Any:
             base, exponent = _arguments(self)
