@@ -7,7 +7,7 @@ once: common subexpressions, and the products of integer powers, of which a lowe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,14 +18,19 @@ from bvp.kernels.expressions import Program
 from bvp.kernels.jets import JetProgram
 from bvp.programs import derivative, evaluate_program, program_of
 
-__all__ = ["even_power", "jet_program", "plain_powers", "signed_power"]
+__all__ = ["even_power", "jet_program", "plain_jet_program", "plain_powers", "signed_power"]
 
 TINY = 1e-300
 """Added to a power, or to a modulus, before its logarithm is taken: a power that is left out as too small is 0."""
 
 
 def jet_program(
-    forces: Sequence[Any], inputs: Sequence[Any], parameters: Sequence[Any] = (), values: Sequence[float] = ()
+    forces: Sequence[Any],
+    inputs: Sequence[Any],
+    parameters: Sequence[Any] = (),
+    values: Sequence[float] = (),
+    *,
+    changes: bool = True,
 ) -> tuple[JetProgram, Program]:
     """The program that computes the jets of forces, of their derivatives by the inputs, and of those by parameters.
 
@@ -39,6 +44,8 @@ def jet_program(
         Released parameters. A coefficient, and the exponent of a power, can depend on them.
     values : sequence of P floats
         Values of the parameters, for the numbers of the program.
+    changes : bool
+        Whether derivatives by the parameters are computed.
 
     Returns
     -------
@@ -74,12 +81,12 @@ def jet_program(
             raise ExpressionError(f"force {k} has the symbol {unknown[0]}, which is neither an input nor a parameter ({known})")
     with not_too_deep("a force"):
         slopes = _derivatives(forces, inputs)
-        changes = _derivatives(forces, parameters)
-        wanted = [*forces, *(slope for _, _, slope in slopes), *(change for _, _, change in changes)]
+        moved = _derivatives(forces, parameters) if changes else []
+        wanted = [*forces, *(slope for _, _, slope in slopes), *(change for _, _, change in moved)]
         writer = _Writer(inputs)
         registers = writer.write(wanted)
     numbers = program_of(list(writer.numbers), parameters)
-    kept = [(row, column, register) for (row, column, _), register in zip([*slopes, *changes], registers[len(forces) :], strict=True)]
+    kept = [(row, column, register) for (row, column, _), register in zip([*slopes, *moved], registers[len(forces) :], strict=True)]
     program = JetProgram(
         np.array(writer.code, dtype=np.int64).reshape(-1, 4),
         evaluate_program(numbers, values),
@@ -89,6 +96,40 @@ def jet_program(
         writer.registers,
     )
     return program, numbers
+
+
+def plain_jet_program(forces: tuple[Any, ...], inputs: tuple[Any, ...]) -> JetProgram:
+    """The program of forces in which no parameter is released.
+
+    Forces that differ in the exponents of `signed_power` and `even_power` only have one program with other numbers, which is made once.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> w = sympy.Symbol("w", real=True)
+    >>> first, second = (plain_jet_program((signed_power(w, p),), (w,)) for p in (2.5, 4.25))
+    >>> first.code is second.code, first.numbers.tolist(), second.numbers.tolist()
+    (True, [1.5, 2.5], [3.25, 4.25])
+    """
+    powers = {power for force in forces for power in force.atoms(*_powers()[:2]) if power.args[1].is_number}
+    values = sorted({power.args[1] for power in powers}, key=float)
+    symbols = dict(zip(values, _exponents(len(values)), strict=True))
+    named = {power: power.func(power.args[0], symbols[power.args[1]]) for power in powers}
+    program, numbers = _made_once(tuple(force.xreplace(named) for force in forces), inputs, tuple(symbols.values()))
+    return program._replace(numbers=evaluate_program(numbers, [float(value) for value in values]))
+
+
+@cache
+def _exponents(count: int) -> tuple[Any, ...]:
+    """Symbols that stand for exponents. No input and no parameter has such a name."""
+    import sympy
+
+    return tuple(sympy.Symbol(f"^{k}", real=True) for k in range(count))
+
+
+@lru_cache(maxsize=64)
+def _made_once(forces: tuple[Any, ...], inputs: tuple[Any, ...], exponents: tuple[Any, ...]) -> tuple[JetProgram, Program]:
+    return jet_program(forces, inputs, exponents, [2.5] * len(exponents), changes=False)
 
 
 def signed_power(base: Any, exponent: Any) -> Any:

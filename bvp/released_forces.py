@@ -39,7 +39,7 @@ def released_forces(parametric: ParametricSystem, values: Mapping[str, float], r
     """The smooth forces of a system, at values of the parameters of which some are released."""
     forces, symbols = parametric.smooth_forces(values, released)
     assert forces is not None
-    program, numbers = forces.program(symbols, [values[name] for name in released])
+    program, numbers = forces.program_in(symbols, [values[name] for name in released])
     known = [*forces.symbols, *symbols]
     energy = [] if forces.potential is None else [forces.potential, *(derivative(forces.potential, symbol) for symbol in known)]
     return ReleasedForces(

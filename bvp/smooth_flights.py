@@ -32,7 +32,7 @@ def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
     n = system.degrees_of_freedom
     inputs = np.hstack([forces.inputs[:, :n] @ modes.shapes, forces.inputs[:, n:] @ modes.shapes])
     push = np.ascontiguousarray(-(forces.directions @ modes.shapes).T)
-    return make_smooth_flight(modes.matrix, inputs, push, forces.program()[0], forces.energy_program(), flights)
+    return make_smooth_flight(modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
 
 
 @lru_cache(maxsize=8)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from bvp.checks import InvalidSystem
 from bvp.entries import exact
 from bvp.expressions import ExpressionError, not_too_deep, parsed
-from bvp.jet_programs import even_power, jet_program, plain_powers, signed_power
+from bvp.jet_programs import even_power, jet_program, plain_jet_program, plain_powers, signed_power
 from bvp.kernels.expressions import Program
 from bvp.kernels.jets import JetProgram
 from bvp.programs import program_of
@@ -82,13 +82,17 @@ class SmoothForces:
         """The accelerations (n, F) of unit forces."""
         return -np.linalg.solve(mass, self.directions.T)
 
-    def program(self, parameters: Sequence[Any] = (), values: Sequence[float] = ()) -> tuple[JetProgram, Program]:
-        """The program of the forces' jets (`bvp.jet_programs.jet_program`). `parameters` are the sympy symbols in the forces."""
+    def program(self) -> JetProgram:
+        """The program of the forces' jets (`bvp.jet_programs`)."""
+        return plain_jet_program(self.forces, self.symbols)
+
+    def program_in(self, parameters: Sequence[Any], values: Sequence[float]) -> tuple[JetProgram, Program]:
+        """The same where parameters are released: sympy symbols in the forces, and their values (`bvp.jet_programs.jet_program`)."""
         return jet_program(self.forces, self.symbols, parameters, values)
 
-    def energy_program(self, parameters: Sequence[Any] = ()) -> Program:
-        """The program (`bvp.kernels.expressions`) of the potential, of the inputs and then the parameters."""
-        return program_of([plain_powers(self._potential)], [*self.symbols, *parameters])
+    def energy_program(self) -> Program:
+        """The program (`bvp.kernels.expressions`) of the potential, of the inputs."""
+        return _energy_program(self._potential, self.symbols)
 
     def energy(self, u: np.ndarray) -> Any:
         """The potential at displacements (..., n), without the linear springs. A ValueError if there is none."""
@@ -119,6 +123,11 @@ class SmoothForces:
     @cached_property
     def _functions(self) -> list[Callable[..., Any]]:
         return [_function(self.symbols, force) for force in self.forces]
+
+
+@lru_cache(maxsize=64)
+def _energy_program(potential: Any, symbols: tuple[Any, ...]) -> Program:
+    return program_of([plain_powers(potential)], symbols)
 
 
 def smooth_forces(springs: Sequence[Spring], dampers: Sequence[Damper], coordinates: Sequence[str]) -> SmoothForces | None:

@@ -59,7 +59,7 @@ class SmoothModeTable:
             np.zeros(1, dtype=np.int64),
         )  # fmt: skip
         taylor = make_smooth_flight(
-            np.zeros((2 * n, 2 * n)), inputs, np.zeros((n, count)), forces.program()[0], forces.energy_program(), PATHS, sources, ROOM
+            np.zeros((2 * n, 2 * n)), inputs, np.zeros((n, count)), forces.program(), forces.energy_program(), PATHS, sources, ROOM
         )
         coefficients = np.zeros((PATHS, ROOM, ORDER + 1, 2 * n + loads + 3 * count))
         return taylor._replace(paths=taylor.paths._replace(coefficients=coefficients, begins=np.zeros((PATHS, 2 * n + loads + 1))))

@@ -197,7 +197,7 @@ def test_push_and_program_are_those_of_the_forces():
     """Oracle: M^-1 applied to the forces; their values in the first coefficients of the jets."""
     found = system([SPRINGS[0][0], SPRINGS[2][0], Spring(ON, stiffness=1.5, power=5)], [DAMPERS[3][0]])
     smooth = found.smooth_forces
-    program, _ = smooth.program()
+    program = smooth.program()
     for u, v in zip(U, V, strict=True):
         jets = np.zeros((program.registers, 1))
         jets[: len(smooth.inputs), 0] = smooth.inputs @ [*u, *v]
@@ -216,7 +216,7 @@ def test_released_parameters_stay_symbols():
     k, p = sympy.symbols("k p", real=True)
     springs = [Spring(BETWEEN, stiffness=k, power=p), Spring(BETWEEN, potential="c*w**4/4", parameters={"c": 2 * k})]
     found = smooth_forces(springs, [], NAMES)
-    program, _ = found.program([k, p], [2.0, 3.5])
+    program, _ = found.program_in([k, p], [2.0, 3.5])
     assert program.changes[:, :2].tolist() == [[0, 0], [0, 1]]
     w = found.symbols[0]
     assert sympy.expand(plain_powers(found.forces[0]) - k * sympy.sign(w) * sympy.Abs(w) ** p - 2 * k * w**3) == 0
@@ -306,7 +306,7 @@ def test_released_parameters_of_a_description():
     """Oracle: central differences of the forces at values on both sides."""
     parametric = ParametricSystem.from_description(DESCRIPTION)
     smooth, symbols = parametric.smooth_forces({"n": 1.6}, ["n", "c"])
-    program, _ = smooth.program(symbols, [1.6, 0.3])
+    program, _ = smooth.program_in(symbols, [1.6, 0.3])
     jets = np.zeros((program.registers, 1))
     jets[: len(smooth.inputs), 0] = smooth.inputs @ [*U[0], *V[0]]
     extend_jets(program, jets, np.int64(0), 0.0)
