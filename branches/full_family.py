@@ -304,7 +304,7 @@ def _known(branch: Branch, orbit: tuple[float, float], window: tuple[float, floa
         elif at == border and not closed:
             return None
     folds = [branch.orbit(event.point).solution.y for event in events if event.type == "SN"]
-    if outside.size and not grazing and not folds:
+    if (outside.size or closed) and not grazing and not folds:
         return None
     part = slice(first, last + 1)
     return _Curve(h[part], alpha[part], grazing, folds, [], closed, start - first)
@@ -339,6 +339,10 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
     folds = [event.point.y for event in run.events if event.code == "SN"]
     found = solutions_of(run.points).result
     h, alpha = found[:, ENERGY], found[:, QUARTER_PERIOD]
+    if run.closed and not folds:
+        # It turns around in h at orbits of higher symmetry, and is its own image beyond them.
+        met = [event.point.y for event in run.events] or [run.points[int(np.argmin(h))].step.y]
+        cuts = [min(met, key=problem.energy)]
     return _Curve(h, alpha, grazing, folds, cuts, run.closed, run.start)
 
 

@@ -222,6 +222,8 @@ class _Build:
                 self.catalogue.add_node(Node(mode.name, "linear mode", mode.name, mode.energies, mode.alpha))
             most = [min(MOST_COVERS, math.floor(plan.bounds.quarter_period / mode.alpha * (1.0 + 1e-12))) for mode in modes]
             covers = [(mode.index, cover) for mode, last in zip(modes, most, strict=True) for cover in range(1, last + 1)]
+            if self.system.smooth_forces is not None:
+                covers = [(k, 1) for k, frequency in enumerate(self.system.modes.frequencies) if frequency > 0.0]
             self._extend([Seed("name", name, plan) for name in plan.names] + [Seed("mode", cover, plan) for cover in covers] + saved)
 
     def _take_up(self) -> bool:

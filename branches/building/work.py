@@ -57,6 +57,9 @@ _TUPLED = 3
 NEARLY = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5, 1e-6)
 """Relative differences of states and flight times up to which an orbit nearly has a symmetry."""
 
+SMOOTH_STARTS = 192
+"""Angles of the second scan of an energy with smooth forces: other energies meet the same families."""
+
 _BEYOND = "what meets the family here lies beyond the bounds"
 
 _OTHER = "what was found next to the event is no family that has its orbit, but"
@@ -96,13 +99,15 @@ def work(description: str, seed: Seed) -> Answer:
 def _at_energy(system: ImpactSystem, energy: float, plan: BuildPlan, known: Boxes | None = None) -> Answer:
     bounds, ends = plan.bounds, ends_of(system)
     seeds = []
-    for beside in (energy * (1.0 + place) for place in BESIDE):
+    smooth = system.smooth_forces is not None
+    for beside in (energy * (1.0 + place) for place in (BESIDE[:1] if smooth else BESIDE)):
         if not bounds.energy[0] <= beside <= bounds.energy[1]:
             continue
         there = known if beside == energy else None
         found = discover_orbits(
-            system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends, known=there
-        )
+            system, beside, quarter_period=bounds.quarter_period, impacts=bounds.impacts, ends=ends, known=there,
+            budget=SMOOTH_STARTS if smooth else None,
+        )  # fmt: skip
         # What is found is primitive, and between its own reversals.
         images = [with_canonical_sequence(system, segment_images(orbit.problem, orbit.solution.y)) for orbit in found.orbits]
         seeds += [_seed_of(system, some, plan) for some in images]
@@ -125,16 +130,22 @@ def _of_name(system: ImpactSystem, name: str, plan: BuildPlan) -> Answer:
 
 def ends_of(system: ImpactSystem) -> tuple[str, ...]:
     """All pairs of ends between which a system's symmetric orbits are searched."""
+    if system.smooth_forces is not None:
+        return ("origin-origin",)
     return ("origin-origin", *WITHOUT_ORIGIN) if system.has_odd_symmetry else WITHOUT_ORIGIN
 
 
 def is_searched(system: ImpactSystem) -> bool:
     """Whether the orbits at an energy can be searched. If not, a build has the families of the linear modes, and those that they meet."""
+    if system.smooth_forces is not None:
+        return system.degrees_of_freedom == 2 and len(system.stops) < 2 and system.has_odd_symmetry
     return system.degrees_of_freedom == 2 and len(system.stops) == 1
 
 
 def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
     (index, cover), plan = source.value, source.plan
+    if system.smooth_forces is not None:
+        return _at_smooth_mode(system, index, plan)
     mode = next(mode for mode in linear_modes(system) if mode.index == index)
     seeds: list[Seed] = []
     failed: list[str] = []
@@ -158,6 +169,24 @@ def _at_mode(system: ImpactSystem, source: Seed) -> Answer:
         seed = _seed(found.beside.problem, found.beside.y, plan)
         seeds.append(_reached(seed, link, source, found.there.problem, found.there.y))
     return Answer(tuple(seeds), failed=tuple(failed))
+
+
+def _at_smooth_mode(system: ImpactSystem, index: int, plan: BuildPlan) -> Answer:
+    """The family of smooth motion that begins at a linear mode, from its first orbit inside the plan's energies."""
+    from branches.naming.at_modes import orbit_at_mode
+    from branches.naming.matching import NameNotFound
+
+    # Where it reaches a stop is not known before: it is followed from a low energy.
+    low, high = plan.bounds.energy
+    try:
+        orbit = orbit_at_mode(f"mode:{index + 1}", system, (0.0 if system.stops else low, high))
+        if orbit.h < low:
+            return Answer(tuple(_inside(SolvedProblem(orbit.problem, orbit.solution.y, orbit.residual), plan)))
+    except (NameNotFound, RuntimeError, NotConverged) as error:
+        return Answer((), failed=(str(error),))
+    if orbit.alpha > plan.bounds.quarter_period:
+        return Answer((), beyond=1)
+    return Answer((_seed(orbit.problem, orbit.solution.y, plan),))
 
 
 def _inside(beside: SolvedProblem, plan: BuildPlan) -> list[Seed]:

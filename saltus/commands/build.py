@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     response_catalogues.add_arguments(parser)
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     outputs.add_arguments(parser, "json")
-    options.add_scene(parser)
+    options.add_scene(parser, uses=("springs",))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,13 +44,16 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.building.plan import Bounds, BuildPlan
 
     limits, complete = scene.bounds, scene.complete
+    # Without stops there are no impacts to bound.
+    least = int(not scene.system.stops)
     bounds = Bounds(
         arguments.energy or complete["energy"],
         arguments.max_quarter_period or complete["quarter_period"],
-        arguments.max_impacts or complete["impacts"],
+        arguments.max_impacts or complete["impacts"] or least,
     )
     if arguments.energy is None and arguments.max_quarter_period is None and arguments.max_impacts is None:
-        plan = BuildPlan(bounds, Bounds(bounds.energy, limits["quarter_period"], limits["impacts"]), scene.names, scene.reference_points)
+        named = Bounds(bounds.energy, limits["quarter_period"], limits["impacts"] or least)
+        plan = BuildPlan(bounds, named, scene.names, scene.reference_points)
     else:
         plan = BuildPlan.within(bounds)
     _check(scene, plan)
@@ -68,8 +71,10 @@ def _check(scene: Scene, plan: BuildPlan) -> None:
         check(scene.system, plan.bounds.energy[0], plan.bounds.quarter_period, plan.bounds.impacts, ends_of(scene.system))
         return
     from branches.linear_modes import linear_modes
+    from bvp.checks import require_system
 
-    if not linear_modes(scene.system):
+    require_system(scene.system, conservative="families of periodic orbits", smooth=True)
+    if scene.system.smooth_forces is None and not linear_modes(scene.system):
         raise BadInput("no linear mode of the system reaches a stop, so no family begins at one; expected a system with such a mode")
     if plan.names:
         raise BadInput(f"the scene names {plan.names[0]}; names are searched for two degrees of freedom and one stop: expected no [names]")
@@ -86,9 +91,13 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue:
         refuse_other_plan(catalogue, plan)
         energies = f"h {bounds.energy[0]:g} to {bounds.energy[1]:g}"
-        impacts = f"up to {catalogues.impacts_text(bounds.impacts)}" + (f", and {len(plan.names)} names" if plan.names else "")
+        impacts = f"up to {catalogues.impacts_text(bounds.impacts)}" if scene.system.stops else "no stops"
+        impacts += f", and {len(plan.names)} names" if plan.names else ""
         files.report([f"build  {place}: {energies}, quarter period up to {bounds.quarter_period:g}, {impacts}"])
-        compiling.prepare("build" if is_searched(catalogue.system) else "build modes")
+        if scene.system.smooth_forces is not None:
+            compiling.prepare("smooth", "smooth discover")
+        else:
+            compiling.prepare("build" if is_searched(catalogue.system) else "build modes")
         try:
             with ProgressBar(None, "families") as bar:
 
@@ -110,10 +119,10 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     lines = [
         f"done   {counted(report['families'], 'family')}, {counted(report['points'], 'point')}, {counted(report['events'], 'event')}, "
         f"{counted(report['edges'], 'edge')}; {counted(report['beyond'], 'neighbour')} beyond the bounds",
-        f"       {_completeness(report)}",
+        f"       {_completeness(report, scene)}",
         "       families without a reversal are found only where they meet one with a reversal",
     ]
-    if report["incomplete"]:
+    if report["incomplete"] and scene.system.smooth_forces is None:
         energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["incomplete"]))
         lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")
     if report["halves"]:
@@ -132,12 +141,15 @@ def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     return lines
 
 
-def _completeness(report: dict[str, Any]) -> str:
+def _completeness(report: dict[str, Any], scene: Scene) -> str:
     """The energies that a build searched, and whether it is complete."""
     if not any(level["energies"] for level in report["levels"]):
-        return "families that begin at linear modes, and those that they meet; others are searched for two degrees of freedom and one stop"
+        others = "and one stop" if scene.system.smooth_forces is None else "with odd symmetry, and one stop or none"
+        return f"families that begin at linear modes, and those that they meet; others are searched for two degrees of freedom {others}"
     searched = ", ".join(f"{level['energies']} ({level['new']} new)" for level in report["levels"])
     new = report["levels"][-1]["new"]
+    if scene.system.smooth_forces is not None:
+        return f"energies searched: {searched}; not complete: neighbouring starts at the origin were compared, which proves nothing"
     complete = "not complete" if new else "complete"
     complete += f": the last energies gave {counted(new, 'new family') if new else 'no new family'}"
     if report["open"]:

@@ -244,7 +244,6 @@ def test_springs_go_with_matrices(tmp_path, capsys):
 @pytest.mark.parametrize(
     "words",
     [
-        ("build",),
         ("impulsive", "--energy", "1:2"),
     ],
 )

@@ -73,7 +73,8 @@ def test_an_orbit_is_shown_without_impacts(capsys, folder):
         (("discover", "--scene", "beam_on_cubic_spring", "--energy", "1"), "for two degrees of freedom; this system has 10"),
         (("discover", "--scene", "cubic_nes", "--energy", "1", "--ends", "rest-rest"), "received the ends rest-rest, expected origin-or"),
         (("discover", "--scene", "cubic_nes", "--energy", "1", "--ends", "origin-stop"), "the ends origin-stop need a stop"),
-        (("build", "--scene", "cubic_nes"), "the spring between u1 and u2 is not linear"),
+        (("build", "--scene", "ueda_oscillator"), "the scene has"),
+        (("build", "--scene", "cubic_nes", "--lam", "0.1"), "families of periodic orbits need a conservative system"),
     ],
 )
 def test_what_cannot_be_done_is_refused_in_one_line(capsys, arguments, message):
@@ -90,6 +91,29 @@ def test_all_orbits_of_an_energy_are_listed(capsys):
     found = read_json("a.json")
     assert [orbit["label"] for orbit in found["orbits"]] == ["S11-", "S11+"]
     assert not found["complete"] and found["angles"] == [16, 32] and found["added"] == 0
+
+
+@pytest.mark.parametrize(
+    ("scene", "bounds", "orbits"),
+    [
+        ("duffing_pair", ("--energy", "0.8:1", "--max-quarter-period", "1.6"), 2),
+        ("cubic_and_stops", ("--energy", "1.9:2", "--max-quarter-period", "1", "--max-impacts", "1"), 1),
+    ],
+)
+def test_a_catalogue_is_built_of_smooth_families(capsys, scene, bounds, orbits):
+    """Oracle: the check of the catalogue, which computes each point anew; each orbit of an energy between lies on one of its families."""
+    code, out, err = run(capsys, "build", "--scene", scene, *bounds, "--catalogue", "c.sqlite", "--json", "c.json")
+    assert code == 0 and "not complete: neighbouring starts at the origin were compared" in out, err
+    assert not read_json("c.json")["complete"]
+    code, out, _ = run(capsys, "check", "--catalogue", "c.sqlite")
+    assert code == 0 and "all hold" in out
+    others = [*bounds[2:], "--max-starts", "128", "--energy", "0.9" if scene == "duffing_pair" else "1.95"]
+    code, out, _ = run(capsys, "discover", "--scene", scene, *others, "--catalogue", "c.sqlite")
+    assert code == 0 and "0 orbits lie on none of it" in out and f"{orbits} orbit" in out
+    label = out.splitlines()[1].split()[0]
+    for words in (("list",), ("tree", label), ("show", label), ("export", "graph", "--json", "g.json")):
+        code, out, err = run(capsys, *words, "--catalogue", "c.sqlite")
+        assert code == 0, err
 
 
 def test_a_family_with_impacts_and_smooth_forces_is_found_by_its_label(capsys):
