@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from branches.branch import Branch
     from branches.orbit import Orbit
-    from branches.search.discovery import Discovery
+    from branches.search.orbit_search import Discovery
 
 __all__ = [
     "EVENT", "HARMONIC", "SCALARS", "SCHEMA", "discovery_to_json", "half_period_impacts", "orbit_to_csv", "orbit_to_json", "save", "to_csv",
@@ -196,7 +196,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
 
     Parameters
     ----------
-    found : branches.search.discovery.Discovery
+    found : branches.search.orbit_search.Discovery
     families : sequence of (str or None), optional
         Of each orbit; by default those of the catalogue.
     """

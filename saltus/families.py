@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from branches.catalogue.find import NameMatch
     from branches.naming.labels import Name
     from branches.orbit import Orbit
-    from branches.search.discovery import Discovery
+    from branches.search.orbit_search import Discovery
     from bvp.system import ImpactSystem
     from continuation.control import Settings
 
@@ -206,7 +206,7 @@ def discover(
 
     Returns
     -------
-    branches.search.discovery.Discovery
+    branches.search.orbit_search.Discovery
 
     Raises
     ------

@@ -29,7 +29,8 @@ from branches.grazing.touching import touching
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.search import Limits
 from branches.presentation import first_of, presentations, segment_images, symmetries, with_canonical_sequence
-from branches.search.discovery import WITHOUT_ORIGIN, discover_orbits
+from branches.search.discovery import discover_orbits
+from branches.search.orbit_search import WITHOUT_ORIGIN
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, emanating_families
 from branches.tracing import SETTINGS, follow_family

@@ -35,7 +35,8 @@ from branches.naming.search import (
     label_without_stops,
     search_bounds,
 )
-from branches.search.discovery import Found, discover_orbits, judged
+from branches.search.discovery import discover_orbits
+from branches.search.orbit_search import Found, judged
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
 from bvp.closures import EndsError, parse_end

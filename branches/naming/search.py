@@ -13,7 +13,8 @@ import numpy as np
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.presentation import embed, same_orbit
-from branches.search.discovery import LONGEST, Found, OrbitSearch, Problems, discover_orbits, fastest_turn, judged
+from branches.search.discovery import LONGEST, discover_orbits, fastest_turn
+from branches.search.orbit_search import Found, OrbitSearch, Problems, judged
 from branches.search.smooth_starts import SmoothSampler
 from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.orbit import Orbit, label_at
-from branches.search.discovery import OrbitSearch, Unpolished, check_bounds, default_budget, is_complete
+from branches.search.discovery import check_bounds, default_budget
 from branches.search.impulsive_motions import check_system, impulsive_state
 from branches.search.intervals import segment_limits
+from branches.search.orbit_search import OrbitSearch, Unpolished, is_complete
 from branches.search.starts import curve_over_energy
 from bvp.checks import checked_energy_range, require_system
 from bvp.multipoint import MultipointProblem, NotConverged, Solution

@@ -71,7 +71,7 @@ def met_segments(
 ) -> tuple[list[ScannedSegment] | None, Counter[str]]:
     """All segments with impacts between pairs of ends at an energy, within bounds, without k-fold covers.
 
-    wanted: the pairs, among them those of the more symmetric orbits (`branches.search.discovery.CLASSES`).
+    wanted: the pairs, among them those of the more symmetric orbits (`branches.search.orbit_search.CLASSES`).
 
     Returns
     -------

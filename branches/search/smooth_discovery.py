@@ -9,15 +9,15 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from branches.orbit import Orbit
-from branches.search.discovery import CLASSES, STAGES, Discovery, OrbitSearch
 from branches.search.intervals import segment_limits
+from branches.search.orbit_search import CLASSES, STAGES, Discovery, OrbitSearch
 from branches.search.smooth_starts import SmoothSampler
 from bvp.multipoint import MultipointProblem
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from branches.search.discovery import Problems
+    from branches.search.orbit_search import Problems
     from bvp.system import ImpactSystem
 
 __all__ = ["STARTS", "discover_smooth"]

@@ -13,7 +13,7 @@ from saltus.options import positive, whole_above_zero
 from saltus.terminal import ProgressBar, counted, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
-    from branches.search.discovery import Discovery
+    from branches.search.orbit_search import Discovery
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from branches.search.discovery import OrbitSearch
+from branches.search.orbit_search import OrbitSearch
 from branches.search.starts import Sampler
 
 

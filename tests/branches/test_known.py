@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from branches.catalogue.members import KnownFamilies
-from branches.search.discovery import WITHOUT_ORIGIN, discover_orbits
+from branches.search.discovery import discover_orbits
 from branches.search.known import boxes_between, recognised
+from branches.search.orbit_search import WITHOUT_ORIGIN
 from branches.search.starts import ScannedSegment
 from branches.tracing import follow_family
 from bvp.system import vibro_impact_nes

@@ -7,8 +7,9 @@ import pytest
 
 from branches.catalogue.members import KnownFamilies
 from branches.search import discovery, meetings
-from branches.search.discovery import CLASSES, WITHOUT_ORIGIN, OrbitSearch, discover_orbits
+from branches.search.discovery import discover_orbits
 from branches.search.meetings import met_segments, nothing_new
+from branches.search.orbit_search import CLASSES, WITHOUT_ORIGIN, OrbitSearch
 from branches.sequences import canonical_sequence
 from branches.tracing import follow_family
 from bvp.kernels import arcs as at

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.search.discovery import CLASSES, discover_orbits
+from branches.search.discovery import discover_orbits
 from branches.search.intervals import resumed, scan, segment_limits
+from branches.search.orbit_search import CLASSES
 from branches.search.starts import curves
 from branches.sequences import mirror, unfolded_sequence
 from tests.bvp.high_precision import DIGITS, Exact

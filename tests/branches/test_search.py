@@ -17,9 +17,10 @@ from branches.naming.labels import parse
 from branches.orbit import Orbit
 from branches.presentation import cover_of
 from branches.record import discovery_to_json
-from branches.search import discovery
-from branches.search.discovery import CLASSES, Found, OrbitSearch, _strayed, discover_orbits, in_order, judged
+from branches.search import orbit_search
+from branches.search.discovery import discover_orbits
 from branches.search.intervals import EndCrossing, first_crossings, follow_start, scan
+from branches.search.orbit_search import CLASSES, Found, OrbitSearch, _strayed, in_order, judged
 from branches.search.starts import ScannedSegment, curves
 from branches.sequences import impacts_per_period
 from bvp.kernels.verdict import GRAZED
@@ -332,7 +333,7 @@ def test_segments_that_are_not_solved_are_set_aside(monkeypatch, moved, changes,
     parts = problem.start(y) + moved, problem.nodes(y), problem.flight_times(y)
     segment = ScannedSegment(problem.ends, problem.sequence, *parts, 0.5, 0.4, 0.6, 0.0)
     assert _strayed(segment, problem, made) == reason
-    monkeypatch.setattr(discovery, "segments", lambda *arguments: [(segment, False)])
+    monkeypatch.setattr(orbit_search, "segments", lambda *arguments: [(segment, False)])
     search = OrbitSearch(SYSTEM)
     search.scan([], {}, 1, MultipointProblem.solve)
     assert [found.reason for found in search.unpolished] == ["its impacts were not found again"] and not search.found

@@ -74,7 +74,7 @@ def test_families_of_a_catalogue(catalogue, capsys, tmp_path):
 
 def test_all_kinds_of_ends(capsys):
     """Oracle: the words of the command and of the search are the same."""
-    from branches.search.discovery import CLASSES
+    from branches.search.orbit_search import CLASSES
 
     words = ["discover", "--energy", "0.3", "--max-quarter-period", "2", "--max-impacts", "3", "--ends", ",".join(CLASSES), "--model"]
     assert main(words) == 0
