@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -38,10 +38,13 @@ class ReleasedForces(NamedTuple):
 def released_forces(parametric: ParametricSystem, values: Mapping[str, float], released: Sequence[str]) -> ReleasedForces:
     """The smooth forces of a system, at values of the parameters of which some are released."""
     forces, symbols = parametric.smooth_forces(values, released)
+    from sympy import sympify
+
     assert forces is not None
     program, numbers = forces.program_in(symbols, [values[name] for name in released])
     known = [*forces.symbols, *symbols]
-    energy = [] if forces.potential is None else [forces.potential, *(derivative(forces.potential, symbol) for symbol in known)]
+    potential: Any = 0 if forces.is_called else forces.potential  # that of a Python function is in the program of the forces
+    energy = [] if forces.potential is None else [potential, *(derivative(sympify(potential), symbol) for symbol in known)]
     return ReleasedForces(
         np.ascontiguousarray(forces.inputs), forces.directions, program, numbers, program_of([plain_powers(e) for e in energy], known)
     )
@@ -57,5 +60,9 @@ def released_flight(
     taylor = make_smooth_flight(
         matrix, forces.rows, push, forces.program, forces.energy, flights + 1, make_load_sources(loads, change, slope), steps
     )
+    if forces.program.called.address != 0:
+        from bvp.kernels.collocation import collocated
+
+        taylor = collocated(taylor)
     scratch = np.zeros(scratch_size(forces.numbers, len(loads.clock) - 1))
     return SmoothLoadedFlight(taylor, enter, loads, forces.numbers, scratch)

@@ -32,7 +32,13 @@ def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
     n = system.degrees_of_freedom
     inputs = np.hstack([forces.inputs[:, :n] @ modes.shapes, forces.inputs[:, n:] @ modes.shapes])
     push = np.ascontiguousarray(-(forces.directions @ modes.shapes).T)
-    return make_smooth_flight(modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
+    flight: SmoothFlight = make_smooth_flight(modes.matrix, inputs, push, forces.program(), forces.energy_program(), flights)
+    if not forces.is_called:
+        return flight
+    from bvp.kernels.collocation import collocated
+
+    steps: SmoothFlight = collocated(flight)
+    return steps
 
 
 @lru_cache(maxsize=8)
@@ -51,7 +57,9 @@ def why_not_flown(flight: Any) -> str:
     if steps >= 0:
         return ""
     full = count == paths.coefficients.shape[1]
-    why = f"it takes more than {count} Taylor steps" if full else "the forces are too large or not smooth there"
+    called = flight.stages.address != 0
+    wrong = "the forces are no numbers, too large or not smooth there" if called else "the forces are too large or not smooth there"
+    why = f"it takes more than {count} {'steps' if called else 'Taylor steps'}" if full else wrong
     return f"a flight of time {paths.begins[slot, -1]:.4g} cannot be computed beyond the time {paths.times[slot, count]:.4g}: {why}"
 
 

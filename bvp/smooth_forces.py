@@ -56,6 +56,8 @@ class SmoothForces:
     coordinates : tuple of n str
     dampers : tuple of F str
         Which damper each force is of; empty for springs.
+    called : tuple of str
+        The springs and dampers whose force is a Python function of which no formula is known.
     """
 
     symbols: tuple[Any, ...]
@@ -67,16 +69,26 @@ class SmoothForces:
     why_dissipative: str | None
     coordinates: tuple[str, ...]
     dampers: tuple[str, ...]
+    called: tuple[str, ...] = ()
 
     @cached_property
     def why_not_odd(self) -> str | None:
         """A force that does not change its sign with the state, or None."""
         mirrored = {symbol: -symbol for symbol in self.symbols}
-        for force, direction in zip(self.forces, self.directions, strict=True):
-            if not _vanishes(force + force.xreplace(mirrored)):
+        for k, (force, direction) in enumerate(zip(self.forces, self.directions, strict=True)):
+            if not (self._is_odd(k) if self.is_called else _vanishes(force + force.xreplace(mirrored))):
                 names = [name for name, entry in zip(self.coordinates, direction, strict=True) if entry]
                 return f"a spring or damper on {' and '.join(names)} whose force is not odd"
         return None
+
+    def _is_odd(self, k: int) -> bool:
+        """Whether a force that is called is odd to rounding at elongations of several sizes, where it is a number."""
+        from bvp.called_forces import tried
+
+        at = np.geomspace(1e-3, 10.0, 40) * np.linspace(1.0, 0.3, len(self.symbols))[:, None]
+        with np.errstate(all="ignore"):
+            plus, minus = tried(self._functions[k], *at), tried(self._functions[k], *-at)
+        return not np.any(np.abs(plus + minus) > 1e-12 * (np.abs(plus) + np.max(np.abs(at), axis=0)))
 
     def push(self, mass: np.ndarray) -> np.ndarray:
         """The accelerations (n, F) of unit forces."""
@@ -84,15 +96,26 @@ class SmoothForces:
 
     def program(self) -> JetProgram:
         """The program of the forces' jets (`bvp.jet_programs`)."""
-        return plain_jet_program(self.forces, self.symbols)
+        return self._called_program()[0] if self.is_called else plain_jet_program(self.forces, self.symbols)
 
     def program_in(self, parameters: Sequence[Any], values: Sequence[float]) -> tuple[JetProgram, Program]:
         """The same where parameters are released: sympy symbols in the forces, and their values (`bvp.jet_programs.jet_program`)."""
-        return jet_program(self.forces, self.symbols, parameters, values)
+        return self._called_program(parameters, values) if self.is_called else jet_program(self.forces, self.symbols, parameters, values)
 
     def energy_program(self) -> Program:
-        """The program (`bvp.kernels.expressions`) of the potential, of the inputs."""
-        return _energy_program(self._potential, self.symbols)
+        """The program (`bvp.kernels.expressions`) of the potential, of the inputs; zero of forces that are called, whose energy is in the
+        program of the forces."""
+        return program_of([0], self.symbols) if self.is_called else _energy_program(self._potential, self.symbols)
+
+    def _called_program(self, parameters: Sequence[Any] = (), values: Sequence[float] = ()) -> tuple[JetProgram, Program]:
+        from bvp.called_forces import called_program
+
+        return called_program(self.forces, self.symbols, self.potential, parameters, values, _function)
+
+    @cached_property
+    def is_called(self) -> bool:
+        """Whether a force is a Python function of which no formula is known."""
+        return bool(self.called)
 
     def energy(self, u: np.ndarray) -> Any:
         """The potential at displacements (..., n), without the linear springs. A ValueError if there is none."""
@@ -217,6 +240,7 @@ class _Collected:
         self.potential: Any = 0
         self.unknown: str | None = None
         self.dissipative: str | None = None
+        self.called: list[str] = []
         self.coupled: list[Any] = [0] * len(coordinates)
         """Forces of the coordinates whose potential is not known."""
 
@@ -275,7 +299,11 @@ class _Collected:
             if any(rest != 0 for rest in rests):
                 self.dissipative = self.dissipative or place
         elif local:
-            self._integrate(rests[0], symbols[0], place)
+            if element.called is None:
+                self._integrate(rests[0], symbols[0], place)
+            else:
+                stored, w = element.called.stored, symbols[0]
+                self.potential += stored(w) - stored(0) - _at_rest(forces[0].diff(w), place) * w**2 / 2
         else:
             for k, rest in zip(used, rests, strict=True):
                 self.coupled[k] += rest
@@ -331,6 +359,9 @@ class _Collected:
         import sympy
 
         place = element.place(self.coordinates)
+        if element.called is not None:
+            self.called.append(place)
+            return element.called.symbol(*(self.input(element.row, k) for k in range(element.called.arguments))), True
         law = "potential" if isinstance(element, Spring) and element.potential else "force"
         what = f"the {law} of {place}"
         found = _CALLED.search(element.text)
@@ -413,6 +444,7 @@ class _Collected:
             self.dissipative and f"{self.dissipative} loses energy",
             self.coordinates,
             tuple(damper for _, damper in forces),
+            tuple(self.called),
         )
 
 
@@ -484,4 +516,6 @@ def _function(symbols: Sequence[Any], expression: Any) -> Callable[..., Any]:
 
     # With names of its own, numbered by the process, sympy would sort the terms of a sum differently each time.
     named = {symbol: sympy.Symbol(f"input_{k:03}", real=True) for k, symbol in enumerate(symbols)}
-    return sympy.lambdify(list(named.values()), plain_powers(sympy.sympify(expression)).xreplace(named), "numpy", cse=True)
+    plain = plain_powers(sympy.sympify(expression)).xreplace(named)
+    calls = {part.func.__name__: part.func.called for part in plain.atoms(sympy.Function) if hasattr(part.func, "called")}
+    return sympy.lambdify(list(named.values()), plain, [calls, "numpy"] if calls else "numpy", cse=True)

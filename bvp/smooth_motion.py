@@ -34,6 +34,9 @@ class SmoothModeTable:
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
         assert system.smooth_forces is not None
+        if system.smooth_forces.called:
+            place = system.smooth_forces.called[0]
+            raise ValueError(f"the force of {place} is a Python function, which only orbits take; a simulation expects a formula")
         self.system, self.forcing, self.terms, self.forces = system, forcing, terms, system.smooth_forces
         self.modes = {0: _mode(system, self.forces, 0, forcing, terms)}
 

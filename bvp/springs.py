@@ -5,10 +5,10 @@ Their linear parts belong to the matrices K and C of the system. What is left ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, fields
 from difflib import get_close_matches
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -31,10 +31,13 @@ class Element:
     row: tuple[float, ...] = field(default=(), kw_only=False)
     power: Any = 1.0
     polynomial: tuple[Any, ...] = ()
-    force: str = ""
+    force: str | Callable[..., Any] = ""
+    slope: Any = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     nonlinear_only: bool = False
     coordinates: InitVar[Sequence[str]] = ()
+    called: Any = field(default=None, init=False, repr=False, compare=False)
+    """The force that is a Python function, if no formula is known of it (`bvp.called_forces.CalledForce`)."""
 
     kind: ClassVar[str]
     factor: ClassVar[str]
@@ -50,9 +53,13 @@ class Element:
         given = [law for law in self.laws if getattr(self, law) not in (None, (), [], "")]
         if len(given) != 1:
             raise InvalidSystem(f"{place} has one of {', '.join(self.laws)}; received {' and '.join(given) or 'none'}")
+        if callable(self.force):
+            self._take_function(place)
+        elif self.slope is not None or getattr(self, "energy", None) is not None:
+            raise InvalidSystem(f"slope and energy of {place} go with a force that is a Python function; received {' and '.join(given)}")
         for law in ("potential", "force"):
             text = getattr(self, law, "")
-            if not isinstance(text, str):
+            if not isinstance(text, str) and self.called is None:
                 raise InvalidSystem(f"the {law} of {place} is a text; received {shown(text)}")
         if not row and given != ["potential"]:
             raise InvalidSystem(f"a {self.kind} with {given[0]} acts between two coordinates or on one; received neither")
@@ -77,9 +84,26 @@ class Element:
             value = _number(getattr(self, self.factor), f"{self.factor} of {place}")
             object.__setattr__(self, self.factor, value)
 
+    def _take_function(self, place: str) -> None:
+        """Take a force that is a Python function: as a formula where it is one, else as it is."""
+        from bvp.called_forces import CalledForce, formula_of
+
+        names = ["w", "w_dot"][: 1 if self.kind == "spring" else 2]
+        if not self.row:
+            raise InvalidSystem(f"a {self.kind} whose force is a Python function acts between two coordinates or on one; received neither")
+        formula = formula_of(self.force, names) if callable(self.force) else ""
+        if formula:
+            for name in ("force", "slope", "energy"):
+                if hasattr(self, name):
+                    object.__setattr__(self, name, formula if name == "force" else None)
+            return
+        slopes = () if self.slope is None else tuple(self.slope) if isinstance(self.slope, Sequence) else (self.slope,)
+        energy = getattr(self, "energy", None)
+        object.__setattr__(self, "called", CalledForce(cast(Any, self.force), slopes, energy, place, len(names)))
+
     @property
-    def text(self) -> str:
-        """The expression of the law, or an empty one."""
+    def text(self) -> Any:
+        """The expression of the law, or the Python function, or an empty text."""
         return self.force
 
     def coefficients(self) -> dict[int, Any]:
@@ -108,7 +132,7 @@ class Element:
             found["parameters"] = dict(self.parameters)
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name not in ("row", "parameters") and value != item.default:
+            if item.name not in ("row", "parameters", "called") and value != item.default:
                 found[item.name] = list(value) if isinstance(value, tuple) else value
         return found
 
@@ -131,8 +155,12 @@ class Spring(Element):
         c_1, c_2, .. of the force c_1 w + c_2 w^2 + ..
     potential : str
         Expression in w, or in the coordinates if there is no row. The force is its derivative.
-    force : str
-        Expression in w, or in the coordinates. The spring may then have no potential.
+    force : str or callable
+        Expression in w, or in the coordinates. The spring may then have no potential. Or a Python function of w, which may take arrays.
+    slope : callable, optional
+        Derivative of a force that is a Python function. If it is not given, the function must take complex numbers.
+    energy : callable, optional
+        Integral of such a force. If it is not given, it is computed by Gauss quadrature.
     parameters : mapping of str to float
         Values of the other names in an expression.
     nonlinear_only : bool
@@ -156,13 +184,14 @@ class Spring(Element):
 
     stiffness: Any = None
     potential: str = ""
+    energy: Any = None
 
     kind = "spring"
     factor = "stiffness"
     laws = ("stiffness", "polynomial", "potential", "force")
 
     @property
-    def text(self) -> str:
+    def text(self) -> Any:
         return self.potential or self.force
 
 
@@ -182,8 +211,10 @@ class Damper(Element):
         p, real, from 1; default 1.
     polynomial : sequence of floats
         c_1, c_2, .. of the force c_1 w' + c_2 w'^2 + ..
-    force : str
-        Expression in w and its rate w_dot, or in coordinates and their rates, such as u1_dot.
+    force : str or callable
+        Expression in w and its rate w_dot, or in coordinates and their rates, such as u1_dot. Or a Python function of w and w_dot.
+    slope : sequence of two callables, optional
+        Derivatives of such a function by w and by w_dot. If they are not given, it must take complex numbers.
     parameters : mapping of str to float
         Values of the other names in the expression.
     nonlinear_only : bool
@@ -231,7 +262,7 @@ def element_from(cls: type[Element], entry: Any, coordinates: Sequence[str]) -> 
     """
     if not isinstance(entry, Mapping):
         raise InvalidSystem(f"a {cls.kind} is a table of keys and values; received {shown(entry)}")
-    own = [item.name for item in fields(cls) if item.name != "row"]
+    own = [item.name for item in fields(cls) if item.name not in ("row", "called")]
     refuse_unknown(entry, ("between", "on", "c", *own), f"a {cls.kind}")
     places = [key for key in ("between", "on", "c") if key in entry]
     if len(places) > 1:

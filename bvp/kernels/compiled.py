@@ -11,6 +11,8 @@ from bvp.kernels import hook
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.stored import Entry, entry_of, folder_of, keep, load, sealed, symbol, types_of
 
+failures = hook.failures
+
 
 class Kernel(Declared):
     """A function that runs as machine code. Its first call with arguments of some types loads it, or compiles it.
@@ -29,8 +31,12 @@ class Kernel(Declared):
         for call, _ in self.entries.values():
             result = call(*arguments)
             if result is not NotImplemented:
-                return result
-        return self.entry(*arguments).call(*arguments)
+                break
+        else:
+            result = self.entry(*arguments).call(*arguments)
+        if failures:
+            raise failures.pop()
+        return result
 
     def entry(self, *arguments: Any) -> Entry:
         """The kernel for arguments of these types, from a file or else compiled."""

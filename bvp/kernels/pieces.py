@@ -12,7 +12,6 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import inlined, kernel, shared
-from bvp.kernels.expressions import run
 from bvp.kernels.flight import fastest_rate, inner, row_dot, times_matrix
 from bvp.kernels.flights import (
     NEAR_REACH,
@@ -46,7 +45,7 @@ from bvp.kernels.sources import (
     sources_at,
     state_rows,
 )
-from bvp.kernels.taylor import SmoothFlight, fly_smooth, horner, step_at
+from bvp.kernels.taylor import SmoothFlight, evaluate_energy, fly_smooth, horner, step_at
 
 PIECE = 8
 """Most steps of a flight: where an impact ends it early, the rest was computed in vain."""
@@ -333,7 +332,7 @@ def piece_energy(flight, z):
     """See `potential_energy`."""
     taylor = flight.taylor
     times_matrix(taylor.rows, z[: taylor.matrix.shape[0]], taylor.parts)
-    run(taylor.potential, taylor.parts, taylor.scratch, taylor.value)
+    evaluate_energy(taylor)
     return taylor.value[0]
 
 

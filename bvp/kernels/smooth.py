@@ -10,7 +10,6 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.expressions import run
 from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
 from bvp.kernels.flights import (
@@ -27,7 +26,7 @@ from bvp.kernels.flights import (
     velocity_unit,
 )
 from bvp.kernels.sources import ORDER
-from bvp.kernels.taylor import SmoothFlight, find_path, horner, largest_change, smooth_rate, step_at
+from bvp.kernels.taylor import SmoothFlight, evaluate_energy, find_path, horner, largest_change, smooth_rate, step_at
 
 
 @flight_end.of(SmoothFlight)
@@ -101,7 +100,7 @@ def twice_smooth_energy(flight, weights, z):
     for r in range(z.shape[0]):
         total += weights[r] * z[r] * z[r]
     times_matrix(flight.rows, z, flight.parts)
-    run(flight.potential, flight.parts, flight.scratch, flight.value)
+    evaluate_energy(flight)
     return total + 2.0 * flight.value[0]
 
 

@@ -16,7 +16,7 @@ from bvp.kernels.flight import set_1, set_2, times_matrix
 from bvp.kernels.flights import velocity_unit
 from bvp.kernels.loads import LoadedFlight, Loads, advance_time, loaded_flight, loaded_rate
 from bvp.kernels.sources import begin_sources
-from bvp.kernels.taylor import SmoothFlight, find_path, largest_change, smooth_rate
+from bvp.kernels.taylor import SmoothFlight, evaluate_energy, find_path, largest_change, smooth_rate
 
 
 class SmoothLoadedFlight(NamedTuple):
@@ -108,7 +108,7 @@ def evaluate_potential(flight, node):
     times_matrix(taylor.rows, node, taylor.parts)
     for j in range(taylor.parts.shape[0] - inputs):
         taylor.parts[inputs + j] = node[size + 1 + j]
-    run(taylor.potential, taylor.parts, taylor.scratch, taylor.value)
+    evaluate_energy(taylor)
 
 
 @chosen

@@ -15,6 +15,7 @@ from branches.catalogue.database import CatalogueError
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.kernels.compiled import Kernel
+from bvp.multipoint import MultipointProblem
 from bvp.simulate import Simulator
 from bvp.stability import stability
 
@@ -41,7 +42,35 @@ def branch():
     return saltus.trace("S13O00+", system(), energy=(0.3, 0.5))
 
 
+def on_spring(force, **known):
+    """A system whose spring has a Python function."""
+    return saltus.ImpactSystem([[1.0]], [[0.0]], [[1.0]], (), springs=(saltus.Spring((1.0,), force=force, **known),))
+
+
+def opaque(w):
+    """w^3, of which no formula is known."""
+    w = np.asarray(w)
+    return w * w * w
+
+
 CALLS = [
+    # forces that are Python functions
+    (lambda branch: on_spring(lambda w: math.nan), "the force of the spring on u1 is nan at rest, w = 0; expected a finite number"),
+    (lambda branch: on_spring(lambda w: [1, 2]), "is one number for one elongation; received an array of shape (2,)"),
+    (lambda branch: on_spring(lambda w: math.sin(w) / 0), "the force of the spring on u1 fails at rest, w = 0: ZeroDivisionError"),
+    (lambda branch: on_spring(lambda w: math.sin(w)), "the derivative of the force of the spring on u1 is not known"),
+    (lambda branch: on_spring(lambda w: math.sin(w), slope=math.sin), "the slope of the spring on u1 is -0.841471 at w = -1"),
+    (lambda branch: on_spring(opaque, slope=3.0), "the slope of the spring on u1 is a function; received 3.0"),
+    (lambda branch: on_spring(opaque, energy=opaque), "the force of the spring on u1 is -1 at w = -1, where differences of the energy"),
+    (lambda branch: on_spring(lambda w: opaque(w) + 1.0), "the force of the spring on u1 is 1"),
+    (lambda branch: on_spring(abs), "the force of the spring on u1 is not smooth, in Abs(..); expected smooth functions"),
+    (lambda branch: saltus.Spring((1.0,), stiffness=1.0, slope=opaque), "slope and energy of the spring on u1 go with a force"),
+    (lambda branch: saltus.Spring(force=opaque), "a spring whose force is a Python function acts between two coordinates or on one"),
+    (
+        lambda branch: MultipointProblem(on_spring(lambda w: opaque(w) * np.asarray(w)), ("origin", "rest"), ()),
+        "a spring or damper on u1 whose force is not odd",
+    ),
+    (lambda branch: saltus.simulate(on_spring(opaque), [0], [1], 1.0), "of the spring on u1 is a Python function, which only orbits"),
     # numbers beyond floats
     (lambda branch: system(mu=HUGE), f"mu, the mass ratio, is a number; received {BEYOND}"),
     (lambda branch: saltus.load_scene(mu=HUGE), BEYOND),
