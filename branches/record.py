@@ -297,11 +297,17 @@ def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
+def _unwritten(value: object) -> object:
+    if callable(value):
+        raise ValueError("a force that is a Python function is not written to files; expected a formula")
+    raise TypeError(f"no JSON of {value!r}")
+
+
 def _json(record: Mapping[str, Any]) -> str:
     """Return JSON with one line a point and event, so that files can be compared by line."""
     lines = []
     for key, value in record.items():
-        text = json.dumps(value, allow_nan=False)
+        text = json.dumps(value, allow_nan=False, default=_unwritten)
         if isinstance(value, list) and value:
             text = "[\n    " + ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in value) + "\n  ]"
         lines.append(f"  {json.dumps(key)}: {text}")

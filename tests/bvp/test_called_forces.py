@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import ellipj, ellipk
 
 from branches.orbit import Orbit
+from branches.record import orbit_to_json
 from branches.tracing import follow_family
 from bvp.called_forces import FailedForce, formula_of
 from bvp.kernels.taylor import fly_smooth
@@ -84,7 +85,7 @@ def test_steps_by_collocation_and_taylor_series_agree(time):
 
 
 def test_a_family_is_that_of_the_formula():
-    """Oracle: the same family by Taylor series: points, events, quarter periods and multipliers."""
+    """Oracle: the same family by Taylor series: events, quarter periods and multipliers. A file has no place for the function."""
     branches = []
     for force in (cube, lambda w: w**3):
         problem = MultipointProblem(sink(force), ("origin", "rest"), ())
@@ -95,6 +96,8 @@ def test_a_family_is_that_of_the_formula():
         one, other = (branch.orbit_at(energy=h) for branch in branches)
         assert abs(one.alpha / other.alpha - 1.0) < 1e-13
         assert np.abs(one.multipliers - other.multipliers).max() < 1e-9 * np.abs(other.multipliers).max()
+    with pytest.raises(ValueError, match="a force that is a Python function is not written to files; expected a formula"):
+        orbit_to_json(branches[0].orbit(0))
 
 
 @pytest.mark.parametrize("pieces", [1, 3])
