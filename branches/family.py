@@ -17,6 +17,8 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.kernels import (
     COMMON,
+    SMOOTH_TANGENT_NOISE,
+    TANGENT_NOISE,
     TestedPoint,
     WatchedTests,
     advance_block,
@@ -143,7 +145,7 @@ class Family(SolvedFamily):
         self.advance: Callable[..., Advance] | None = self._advance
         bounds = (*energy, quarter_period)
         low, high, longest = (math.log(bound) if 0.0 < bound < math.inf else math.copysign(math.inf, bound - 1.0) for bound in bounds)
-        self._limits = low, high, longest
+        self._limits = low, high, longest, SMOOTH_TANGENT_NOISE if problem.is_smooth else TANGENT_NOISE
         self._targets = [level for _, _, level in self._resonant]
         self._work = make_pairs_work(problem)
         self._metric = np.empty((4, problem.coordinates))

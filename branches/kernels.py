@@ -36,7 +36,8 @@ from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
 
 __all__ = [
-    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "TestedPoint", "WatchedTests", "advance", "advance_block",
+    "Beginning", "Block", "COMMON", "GoalPlane", "NOISE", "PIVOT_NOISE", "SMOOTH_TANGENT_NOISE", "TANGENT_NOISE",
+    "TestedPoint", "WatchedTests", "advance", "advance_block",
     "common_tests", "first_tests", "general_tests", "is_orbit", "make_pairs_work", "periodic_tests", "tested_step", "two_dof_tests",
 ]  # fmt: skip
 
@@ -57,9 +58,12 @@ PIVOT_NOISE = 5e-14
 """Noise of the half map's entries, as a part of the largest one, times the smallest pivot: near a branch point an orbit is uncertain by
 rounding over the pivot, in the direction of the other family."""
 
-TANGENT_NOISE = 2e-14
+TANGENT_NOISE = 2e-13
 """Noise of the slope times the square of the smallest pivot over the steepness: the direction of the tangent is uncertain by as much. The
 steepness is the change of the scaled unknowns for a unit of arclength."""
+
+SMOOTH_TANGENT_NOISE = 2e-14
+"""The same for smooth flights. Long sequences of impacts, which magnify rounding, are rare among them. Measured: 2e-16."""
 
 CONDITION_NOISE = 5e-17
 """Noise of the slope, as a part of the energy, times the square of the conditioning over the steepness, at most."""
@@ -77,15 +81,15 @@ def is_orbit(result: Any) -> bool:
     return result[entry.CONVERGED] == 1.0 and result[entry.RESIDUAL] < _ACCURATE and not result[entry.GAVE_UP] == 1.0
 
 
-def common_tests(result: Any, low: Any, high: Any, longest: Any, out: Any) -> None:
+def common_tests(result: Any, low: Any, high: Any, longest: Any, tangent_noise: Any, out: Any) -> None:
     """The first `COMMON` entries of `out`: fold, branch point, grazing in its three ways, the bounds of the energy's logarithm (low, high)
-    and of the quarter period's, impulsive orbits, and a number that identifies the label."""
+    and of the quarter period's, impulsive orbits, and a number that identifies the label. tangent_noise: see `TANGENT_NOISE`."""
     level = math.log(result[entry.ENERGY])
     pivot = result[entry.BRANCHING]
     slope = abs(result[entry.SLOPE])
     square = result[entry.CONDITIONING] * result[entry.CONDITIONING]
     error = CONDITION_NOISE * result[entry.STEEPNESS]
-    certain = slope * pivot * pivot > TANGENT_NOISE * result[entry.STEEPNESS]
+    certain = slope * pivot * pivot > tangent_noise * result[entry.STEEPNESS]
     certain = certain and (error < _CLEAR_SLOPE * square or slope * square > error * result[entry.ENERGY])
     out[0] = result[entry.SLOPE] if certain else math.nan
     out[1] = pivot
@@ -333,7 +337,7 @@ class WatchedTests(NamedTuple):
 
     kinds: np.ndarray  # of `continuation.control.kinds_of`
     singular: np.ndarray  # size below which a sign is rounding
-    limits: np.ndarray  # of `first_tests`: (3,) bounds of the energy's logarithm, and of the quarter period's
+    limits: np.ndarray  # of `first_tests`: (4,) bounds of the energy's logarithm, and of the quarter period's; noise of the tangent
     targets: np.ndarray  # traces at which periods multiply
     general: int  # address of `general_tests`, `periodic_tests` or `branches.forced.kernels.forced_tests`; 0: two degrees of freedom
     work: Any  # what it needs
@@ -388,7 +392,7 @@ def first_tests(packed, result, limits, out):
 @inlined
 def first_conservative_tests(packed, result, limits, out):
     """See `common_tests`."""
-    _common_tests(result, limits[0], limits[1], limits[2], out)
+    _common_tests(result, limits[0], limits[1], limits[2], limits[3], out)
 
 
 @kernel

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from branches.family import RESONANCES, multiplication
-from branches.kernels import COMMON, common_tests, two_dof_tests
+from branches.kernels import COMMON, TANGENT_NOISE, common_tests, two_dof_tests
 from bvp.kernels.multipoint import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
@@ -61,8 +61,8 @@ def test_bounds_are_left_where_they_are_passed():
         result = np.zeros(len(RESULT))
         result[[ENERGY, QUARTER_PERIOD]] = h, alpha
         out = np.zeros(COMMON)
-        common_tests(result, math.log(0.2), math.log(8.0), math.log(5.0), out)
+        common_tests(result, math.log(0.2), math.log(8.0), math.log(5.0), TANGENT_NOISE, out)
         np.testing.assert_allclose(out[5:8], [math.log(h / 0.2), math.log(8.0 / h), math.log(5.0 / alpha)], rtol=0, atol=1e-14)
         assert tuple(np.sign(out[5:8])) == signs
-        common_tests(result, -math.inf, math.inf, math.inf, out)
+        common_tests(result, -math.inf, math.inf, math.inf, TANGENT_NOISE, out)
         assert (out[5:8] > 0.0).all()
