@@ -43,8 +43,8 @@ def released_forces(parametric: ParametricSystem, values: Mapping[str, float], r
     assert forces is not None
     program, numbers = forces.program_in(symbols, [values[name] for name in released])
     known = [*forces.symbols, *symbols]
-    potential: Any = 0 if forces.is_called else forces.potential  # that of a Python function is in the program of the forces
-    energy = [] if forces.potential is None else [potential, *(derivative(sympify(potential), symbol) for symbol in known)]
+    potential: Any = sympify(0 if forces.is_called else forces.potential)  # that of a Python function is in the program of the forces
+    energy = [] if forces.potential is None else [potential, *(derivative(potential, symbol) for symbol in known)]
     return ReleasedForces(
         np.ascontiguousarray(forces.inputs), forces.directions, program, numbers, program_of([plain_powers(e) for e in energy], known)
     )

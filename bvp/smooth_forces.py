@@ -237,7 +237,9 @@ class _Collected:
         self.coordinates = tuple(coordinates)
         self.symbols: dict[tuple[float, ...], Any] = {}
         self.forces: dict[tuple[tuple[float, ...], str], Any] = {}
-        self.potential: Any = 0
+        import sympy
+
+        self.potential: Any = sympy.Integer(0)
         self.unknown: str | None = None
         self.dissipative: str | None = None
         self.called: list[str] = []

@@ -69,7 +69,7 @@ class Element:
             raise InvalidSystem(f"nonlinear_only of {place} is true or false; received {shown(self.nonlinear_only)}")
         power = _number(self.power, f"the power of {place}")
         if not is_symbolic(power) and not 1.0 <= power <= LARGEST_POWER:
-            raise InvalidSystem(f"the power of {place} is from 1 to {LARGEST_POWER:g}; received {power:g}")
+            raise InvalidSystem(f"the power of {place} is from 1 to {LARGEST_POWER:g}; received {power:.12g}")
         if given != [self.factor] and (is_symbolic(power) or power != 1.0):
             raise InvalidSystem(f"the power of {place} goes with {self.factor}; received {given[0]}")
         polynomial = _numbers(self.polynomial, f"the polynomial of {place}")

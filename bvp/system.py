@@ -174,8 +174,8 @@ class ImpactSystem(Matrices):
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
         stops = (self.stops,) if isinstance(self.stops, Stop) else self.stops
-        if not isinstance(stops, Sequence) or not all(isinstance(stop, Stop) for stop in stops) or not (stops or self.springs):
-            raise InvalidSystem("stops is a list of at least one Stop, or springs one of at least one Spring")
+        if not isinstance(stops, Sequence) or not all(isinstance(stop, Stop) for stop in stops) or not (stops or self.springs or self.dampers):
+            raise InvalidSystem("stops is a list of at least one Stop, springs one of at least one Spring, or dampers one of at least one Damper")
         if len(stops) > 26:
             raise InvalidSystem(f"at most 26 stops can be named a to z; received {len(stops)}")
         taken = [stop.name for stop in stops if stop.name]
@@ -313,7 +313,9 @@ class ImpactSystem(Matrices):
             return self
         stops = tuple(replace(stop, restitution=1.0) for stop in self.stops)
         parameters = self.parameters and {**self.parameters, "lam": 0.0, "rho": 1.0}
-        return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters, dampers=())
+        # Without stops and springs a linear system is left, as one with a spring that has no stiffness.
+        springs = self.springs or (() if stops else (Spring(np.eye(self.degrees_of_freedom)[0].tolist(), stiffness=0.0),))
+        return replace(self, damping=np.zeros_like(self.damping), stops=stops, parameters=parameters, springs=springs, dampers=())
 
     modes = cached_property(system_modes)
     """The blocks of free flight, as arrays for the kernels (computed once)."""

@@ -1,5 +1,7 @@
 """`saltus continue --in NAME` with springs that are not linear: starts, files, impacts beside a spring, messages."""
 
+import math
+
 import pytest
 
 from tests.saltus.running import read_json, run
@@ -27,6 +29,30 @@ amplitude = "F"
 frequency = "w"
 """
 STOPPED = DUFFING + '[[stops]]\nc = [1.0]\nlower = -1.0\nupper = 1.0\nrestitution = 0.8\n'
+
+
+DAMPED = """
+title = "two dampers that are not linear, and no spring"
+[parameters]
+w = 2.0
+[system]
+mass = [[1.0, 0.0], [0.0, 1.0]]
+damping = [[0.1, 0.0], [0.0, 0.0]]
+stiffness = [[2.0, -1.0], [-1.0, 2.0]]
+[[dampers]]
+on = "x"
+damping = 0.5
+power = 3
+[[dampers]]
+on = "y"
+polynomial = [0.3, 0.0, 0.2]
+[coordinates]
+names = ["x", "y"]
+[[forces]]
+load = [1.0, 0.0]
+amplitude = 0.8
+frequency = "w"
+"""
 
 
 @pytest.fixture
@@ -67,6 +93,25 @@ def test_impacts_begin_where_the_response_grazes(capsys, scene):
     grazing = next(event for event in branches[0]["events"] if event["type"] == "GR")
     behind = next(branch for branch in branches if branch["sequence"])
     assert behind["points"][0]["w"] == pytest.approx(grazing["values"]["w"], abs=2e-3)
+
+
+@pytest.mark.parametrize("stops", ["", '[[stops]]\nc = [1.0, 0.0]\nlower = -0.3\nupper = 0.3\nrestitution = 0.8\n'])
+def test_each_damper_has_the_energy_that_it_takes(capsys, scene, stops):
+    """Oracle: the simulated motion, whose budget has a sum for each damper and stop; the work of the loads is all that they take."""
+    words = "--scene", scene(DAMPED + stops), "--in", "w", "--range", "2:2.1"
+    code, _, err = run(capsys, "continue", *words, "--from", "simulate", "--points", 1, "--json", "a.json")
+    assert code == 0, err
+    point = read_json("a.json")["branches"][0]["points"][0]
+    taken = {key: value for key, value in point.items() if key.startswith("dissipated.")}
+    assert sum(taken.values()) == pytest.approx(point["work"], rel=1e-12)
+    periods = 100
+    late = []
+    for count in (periods, periods + 1):
+        code, _, err = run(capsys, "run", "--scene", "scene.toml", "--duration", repr(count * math.pi), "--json", "r.json")
+        assert code == 0, err
+        late.append(read_json("r.json")["dissipated"])
+    found = {f"dissipated.{part.replace(' ', '_')}": late[1][part] - late[0][part] for part in late[0]}
+    assert found == pytest.approx(taken, abs=1e-9)
 
 
 def test_a_simulation_is_a_start(capsys, scene):

@@ -37,7 +37,7 @@ class Measures:
     peaks, rms : (N, n) ndarray
         Largest and root mean square of |u|.
     dissipated : (N, D + S) ndarray
-        Energy that each damper and stop takes in a period of the loads. The last damper contains those that are not linear.
+        Energy that each damper and stop takes in a period of the loads, in the order of `bvp.simulate.parts_of`.
     work : (N,) ndarray
         Work of the loads in such a period.
     states : (N, p, 2n) ndarray
@@ -95,18 +95,17 @@ class _OrbitMeasures:
         products[self.pairs] = products.T[self.pairs] = totals[n:-n]
         dampers = split_damping(problem.parametric.system(problem.parameters(y))).values() if self.damping_moves else self.dampers
         lost = [float(np.sum(damper * products)) for damper in dampers]
-        lost[-1] += more
         losses = problem.losses(y) @ self.stop_of_impact if problem.sequence else np.zeros(len(problem.system.stops))
         states = np.array([_state_at(problem, y, k / p, period) for k in range(p)])
-        dissipated = np.concatenate([lost, losses]) * (parts / p)
+        dissipated = np.concatenate([lost, more, losses]) * (parts / p)
         return peaks, np.sqrt(totals[:n] * parts / period), dissipated, float(totals[-n:].sum()) * parts / p, states
 
-    def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Peaks and integrals of an orbit with linear flights; nothing is lost in dampers that are not linear."""
+    def _linear(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Peaks and integrals of an orbit with linear flights, which has no dampers that are not linear."""
         peaks, totals = np.empty(self.problem.degrees_of_freedom), np.empty(len(self.measuring[0].out))
         if not orbit_measures(self.problem.segment, *self.measuring, np.ascontiguousarray(y), peaks, totals):
             raise RuntimeError("the search for the largest displacements of an orbit gave up")
-        return peaks, totals, 0.0
+        return peaks, totals, np.zeros(0)
 
 
 TESTS = ("SN", "BP", "touch", "speed", "flight", "PD", "NS")

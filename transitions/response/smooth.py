@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.kernels.sources import ORDER
+from bvp.simulate import smooth_dampers
 from bvp.smooth_flights import loaded_steps
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ _NONE_LEFT = 1e-18
 """Part of a polynomial below which a last coefficient is left out."""
 
 
-def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Peaks and integrals over the solved segment of an orbit.
 
     Parameters
@@ -40,8 +41,8 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
         Largest displacements, at the zeros of the velocities' polynomials.
     totals : (R,) ndarray
         Integrals as of `transitions.response.kernels.Measuring`.
-    lost : float
-        Energy that dampers take which are not linear.
+    lost : (S,) ndarray
+        Energies that the dampers take which are not linear, those of `bvp.simulate.smooth_dampers`.
 
     Raises
     ------
@@ -53,11 +54,9 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
     entries, layout = problem.parametric.entries(parameters), problem.parametric.layout
     base = float(entries[layout.frequency][0])
     harmonics = np.array(layout.harmonics, dtype=float)
-    forces = problem.system.smooth_forces
-    loses = forces is not None and forces.why_dissipative is not None
-    if loses:
-        forces = problem.parametric.system(parameters).smooth_forces
-    peaks, lost = np.zeros(n), 0.0
+    dampers = smooth_dampers(problem.system)
+    forces = problem.parametric.system(parameters).smooth_forces if dampers else None
+    peaks, lost = np.zeros(n), np.zeros(len(dampers))
     upper = np.triu_indices(n)
     totals = np.zeros(2 * n + len(upper[0]))
     for i, (node, duration) in enumerate(zip(problem.nodes(y), problem.flight_times(y).tolist(), strict=True)):
@@ -75,9 +74,9 @@ def smooth_measures(problem: ForcedProblem, y: np.ndarray) -> tuple[np.ndarray, 
         totals[:n] += np.sum(weights * u * u, axis=(0, 1))
         totals[n:-n] += np.sum(weights * v[..., upper[0]] * v[..., upper[1]], axis=(0, 1))
         totals[-n:] += np.sum(weights * load * v, axis=(0, 1))
-        if loses and forces is not None:
-            # What springs take in they give back within the period.
-            lost += float(np.sum(weights * forces.acting(u, v) * v))
+        if forces is not None:
+            taken = np.sum(weights * forces.values(u, v) * (v @ forces.directions.T), axis=(0, 1))
+            lost += [sum(work for work, name in zip(taken, forces.dampers, strict=True) if name == damper) for damper in dampers]
         peaks = np.maximum(peaks, [_peak(scaled[:, :, c]) for c in range(n)])
     return peaks, totals, lost
 
