@@ -6,8 +6,8 @@ identifies the family, if it does not depend on how the family was reached. A fa
 several, that with the smallest quarter period) identifies it. A family without an end closes on itself, or its energy has no bound: its
 orbit of lowest energy identifies it.
 
-Ends are looked for at energies from 1e-3 to 1e5 times `energy_scale` of the system, whatever range was asked for: a family that leaves this
-window is known by what is inside. A branch all above it is followed down into it.
+Ends are looked for at energies from 1e-3 to 1e5 times `energy_scale` of the system, of smooth motion up to 1e3 times it, whatever range was
+asked for: a family that leaves this window is known by what is inside. A branch all above it is followed down into it.
 """
 
 from __future__ import annotations
@@ -56,6 +56,9 @@ WIDE = replace(SETTINGS, maximum_step=0.05)
 
 WINDOW = (1e-3, 1e5)
 """Energies, in units of `energy_scale`, at which a family's ends are looked for."""
+
+_SMOOTH_WINDOW = (1e-3, 1e3)
+"""The same for smooth motion without stops. No impact ends its families: they fold ever more often, the higher their energy."""
 
 TIE = 1e-8
 """Relative difference of energies, and of quarter periods, below which they are equal."""
@@ -264,7 +267,8 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     scale = energy_scale(branch.problem.system)
     lowest = float(branch.points["h"].min())
     # A branch that is all above the window is followed down into it.
-    window = (WINDOW[0] * scale, WINDOW[1] * scale if lowest < WINDOW[1] * scale else 2.0 * lowest)
+    low, high = (bound * scale for bound in (WINDOW if branch.problem.system.stops else _SMOOTH_WINDOW))
+    window = (low, high if lowest < high else 2.0 * lowest)
     located = {event.point for event in branch.events}
     plain = [i for i in range(len(branch.points["h"])) if i not in located] or range(len(branch.points["h"]))
     inside = [i for i in plain if branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
@@ -343,7 +347,9 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
         # It turns around in h at orbits of higher symmetry, and is its own image beyond them.
         met = [event.point.y for event in run.events] or [run.points[int(np.argmin(h))].step.y]
         cuts = [min(met, key=problem.energy)]
-    return _Curve(h, alpha, grazing, folds, cuts, run.closed, run.start)
+    # A run that got stuck was followed again from another orbit.
+    start = int(np.argmin(np.hypot(np.log(h / problem.energy(y)), np.log(alpha / problem.quarter_period(y)))))
+    return _Curve(h, alpha, grazing, folds, cuts, run.closed, start)
 
 
 def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
