@@ -174,8 +174,9 @@ class ImpactSystem(Matrices):
         for name, value in (("mass", mass), ("damping", damping), ("stiffness", stiffness)):
             object.__setattr__(self, name, read_only(value))
         stops = (self.stops,) if isinstance(self.stops, Stop) else self.stops
-        if not isinstance(stops, Sequence) or not all(isinstance(stop, Stop) for stop in stops) or not (stops or self.springs or self.dampers):
-            raise InvalidSystem("stops is a list of at least one Stop, springs one of at least one Spring, or dampers one of at least one Damper")
+        listed_stops = isinstance(stops, Sequence) and all(isinstance(stop, Stop) for stop in stops)
+        if not listed_stops or not (stops or self.springs or self.dampers):
+            raise InvalidSystem("stops is a list of at least one Stop, springs of at least one Spring, or dampers of at least one Damper")
         if len(stops) > 26:
             raise InvalidSystem(f"at most 26 stops can be named a to z; received {len(stops)}")
         taken = [stop.name for stop in stops if stop.name]

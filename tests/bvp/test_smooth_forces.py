@@ -237,7 +237,7 @@ REFUSED = [
     (lambda: Damper(ON), "the damper on u2 has one of damping, polynomial, force; received none"),
     (lambda: system([Spring((1.0,), stiffness=1.0)]), "the row of the spring on u1 has 1 entries; the system has 2 coordinates"),
     (lambda: system([Damper(ON, damping=1.0)]), "springs is a list of Spring; received"),
-    (lambda: system(), "stops is a list of at least one Stop, springs one of at least one Spring, or dampers one of at least one Damper"),
+    (lambda: system(), "stops is a list of at least one Stop, springs of at least one Spring, or dampers of at least one Damper"),
     (
         lambda: system([Spring(BETWEEN, potential="abs(w)**3")]),
         "the potential of the spring between x and y is not smooth, in abs(..); expected smooth functions: a contact is a table [[stops]], "
