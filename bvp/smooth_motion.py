@@ -13,7 +13,8 @@ import numpy as np
 
 from bvp.contact_modes import NEVER
 from bvp.forcing import BudgetTerms, Forcing
-from bvp.kernels.pieces import ROOM, DrivingSources
+from bvp.kernels.driving import DrivingSources
+from bvp.kernels.pieces import ROOM
 from bvp.kernels.smooth_motion import SmoothModes
 from bvp.kernels.sources import ORDER
 from bvp.kernels.taylor import SmoothFlight, make_smooth_flight

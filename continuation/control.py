@@ -25,7 +25,7 @@ ACCEPTED, NOT_CONVERGED, SLOW, TURNED, JUMPED = range(5)
 NEAR_BRANCH_POINT = 0.1
 """A test function for branch points falls below this part of its size before, if a branch point is near."""
 
-BLOCK = 64
+BLOCK = 256
 """Largest number of steps in one call of a problem's `advance`. An interrupt loses at most these steps."""
 
 NEAR_GOAL = 2.0

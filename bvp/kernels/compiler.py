@@ -198,7 +198,7 @@ class _Choice:
     def _kind(self, arguments: Any) -> Any:
         kernel = self._chosen.kinds[arguments[0].instance_class]
         require_imported(_compiling[-1], kernel.function.__module__)
-        return dispatcher(kernel)
+        return dispatcher(kernel) if kernel.result is None else _forwarding(kernel)
 
     def get_call_template(self, args, kws):
         return self._kind(args).get_call_template(args, kws)
@@ -360,6 +360,15 @@ def _shared(kernel: Declared) -> Any:
     context = inspect.Parameter("typing_context", inspect.Parameter.POSITIONAL_OR_KEYWORD)
     cast(Any, call).__signature__ = inspect.Signature([context, *parameters])
     return intrinsic(call)
+
+
+@cache
+def _forwarding(kernel: Declared) -> _Dispatcher:
+    """A kernel that calls a shared one: the form that a kind has for numba."""
+    names = ", ".join(inspect.signature(kernel.function).parameters)
+    space: dict[str, Any] = {"shared": _shared(kernel)}
+    exec(f"def forward({names}):\n    return shared({names})", space)
+    return _Dispatcher(space["forward"], error_model="numpy", forceinline=True, _nrt=False)
 
 
 _shared_kernels: dict[str, tuple[str, str, Any]] = {}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import kernel
+from bvp.kernels.compiled import shared
 
 ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, INTEGER_POWER = range(6)
 """Operations on two operands. The second one of the last is an integer itself, not a register."""
@@ -25,7 +25,7 @@ class Program(NamedTuple):
     outputs: np.ndarray  # (O,) int64: the register of each expression
 
 
-@kernel
+@shared("boolean")
 def run(program, parameters, scratch, out):
     """Evaluate expressions at parameters (N,) into out (O,). scratch: (>= N + C + L,). Returns whether all values are finite."""
     code, constants, outputs = program

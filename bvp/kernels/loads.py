@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import allocating, chosen, inlined, kernel
+from bvp.kernels.compiled import allocating, chosen, inlined, kernel, shared
 from bvp.kernels.flight import (
     Flight,
     block_product,
@@ -292,7 +292,7 @@ def loaded_flight(flight, z, t, out, jacobian):
 
 
 @loaded_flight.of(LoadedFlight)
-@inlined
+@shared("none")
 def exact_loaded_flight(flight, z, t, out, jacobian):
     """See `loaded_flight`."""
     free, enter, leave, loads, change, psi, lines, flow, columns = flight

@@ -12,10 +12,11 @@ from numpy import int64
 
 from bvp.kernels.compiled import inlined, shared
 from bvp.kernels.contact_mode import BREAK_INDEX, cannot_hit, flight_of, renew_loads, settle, write_loads
+from bvp.kernels.driving import DrivingSources
 from bvp.kernels.energy_budget import integrals
 from bvp.kernels.extrema import next_sign_change, peak_flight, refine, track_of
 from bvp.kernels.flight import copy_1, inner, row_dot
-from bvp.kernels.pieces import ROOM, DrivingSources, MotionFlight, find_piece, on_piece, project_step
+from bvp.kernels.pieces import ROOM, MotionFlight, find_piece, on_piece, project_step
 from bvp.kernels.smooth import track_along
 from bvp.kernels.sources import ORDER, begin_sources
 from bvp.kernels.taylor import SmoothFlight, expand

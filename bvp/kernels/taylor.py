@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import call_at, inlined, kernel, sized
+from bvp.kernels import driving  # noqa: F401  a kind of sources
+from bvp.kernels.compiled import call_at, inlined, kernel, shared, sized
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, set_2
 from bvp.kernels.jets import JetProgram, call_forces, extend_jets
@@ -117,7 +118,7 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
     )  # fmt: skip
 
 
-@inlined
+@shared("none")
 def smooth_rate(flight, z, at, least, out):
     """z' at a state z, at a time of the flight from the node that `begin_sources` was given last."""
     size = flight.matrix.shape[0]
@@ -367,7 +368,7 @@ def _step_length(states, columns, with_columns, left):
     return length, reached
 
 
-@kernel
+@shared("boolean")
 def fly_smooth(flight, slot, z, t, with_columns):
     """Compute a flight of time t from a node z, and keep it in a slot of the paths. Returns whether it could be computed.
 
@@ -451,7 +452,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
     return True
 
 
-@kernel
+@shared("integer")
 def find_path(flight, z, t, with_map):
     """The slot of the flight of time t from a node z, or of a longer one, which is computed where it is not kept. -1: it could not be."""
     paths = flight.paths

@@ -180,6 +180,34 @@ def test_a_shared_kernel_is_code_of_its_own(project, tmp_path):
     assert "returns float64, and integer is declared" in caught.value.stderr
 
 
+KINDS = """
+from typing import NamedTuple
+from bvp.kernels.compiled import chosen, shared
+
+class One(NamedTuple):
+    x: float
+
+@chosen
+def inner(one):
+    pass
+
+@inner.of(One)
+@shared("float")
+def inner_of_one(one):
+    return 2.0 * one.x
+"""
+
+
+def test_a_shared_kind_is_code_of_its_own(project, tmp_path):
+    """Oracle: the value by hand, and the files of machine code."""
+    copy, inner, run = project
+    inner.write_text(KINDS)
+    outer = copy / "bvp/kernels/outer.py"
+    outer.write_text(outer.read_text().replace("import inner", "import One, inner").replace("inner(x)", "inner(One(x))"))
+    assert run() == (7.0, False, "")
+    assert {file.name.split("-")[0] for file in (tmp_path / "kept").rglob("*-*") if file.is_file()} == {"inner_of_one", "outer"}
+
+
 FAR = """
 import ctypes, sys
 from bvp.kernels.inner import inner
