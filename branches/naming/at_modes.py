@@ -14,13 +14,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.family import Family
+from branches.full_family import WIDE
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
 from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
-from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from continuation.run import follow_both_ways
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
@@ -35,8 +38,14 @@ FORM = "mode:K, mode:K,cover=N or mode:K,cover=N,ENDS:SEQUENCE"
 LOWEST = 1e-8
 """Energy at which the family of a linear mode begins where no range is given."""
 
-ATTEMPTS = 6
+ATTEMPTS = 12
 """Energies that are tried there, each a tenth of the one before."""
+
+NEAR = 0.02
+"""Relative difference of periods, and square of that of states, up to which an orbit is near a linear mode."""
+
+SAME = 1e-9
+"""Relative difference of equal energies."""
 
 LISTED = 12
 """Most families that a message lists."""
@@ -171,19 +180,43 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
         raise NameNotFound(f"mode:{name.number}: {reason} without the smooth forces; expected {' or '.join(which) or 'a label'}")
     ends = ("origin", "rest") if system.has_odd_symmetry else ("rest", "rest")
     problem = MultipointProblem(system, ends, ())
-    w, n = float(frequencies[k]), len(frequencies)
-    lowest, last = energy[0] if energy[0] > 0.0 else LOWEST, NotConverged("nothing was tried")
+    lowest = energy[0] if energy[0] > 0.0 else LOWEST
+    tried, last = lowest, NotConverged("nothing was tried")
     for _ in range(ATTEMPTS):
-        start = np.zeros(2 * n)
-        speed = math.sqrt(2.0 * lowest)
-        start[n + k if ends[0] == "origin" else k] = speed if ends[0] == "origin" else speed / w
         try:
-            solution = problem.solve(problem.pack(start, None, [math.pi / w / (2.0 if ends[0] == "origin" else 1.0)]), energy=lowest)
+            solution = _beside_mode(problem, k, tried)
         except NotConverged as error:
-            lowest, last = 0.1 * lowest, error
+            tried, last = 0.1 * tried, error
             continue
-        return Orbit(problem, solution)
-    raise NameNotFound(f"mode:{name.number}: no orbit was found near the linear mode, down to h = {10.0 * lowest:.3g} ({last})")
+        return Orbit(problem, solution if tried == lowest else _risen(problem, solution, lowest, f"mode:{name.number}"))
+    raise NameNotFound(f"mode:{name.number}: no orbit was found near the linear mode, down to h = {10.0 * tried:.3g} ({last})")
+
+
+def _beside_mode(problem: MultipointProblem, k: int, energy: float) -> Solution:
+    """The orbit of an energy beside linear mode k. NotConverged if what the mode leads to is not near it, and may be of another family."""
+    w, n, origin = float(problem.system.modes.frequencies[k]), problem.system.degrees_of_freedom, problem.ends[0] == "origin"
+    start, place = np.zeros(2 * n), n + k if origin else k
+    start[place] = math.sqrt(2.0 * energy) * (1.0 if origin else 1.0 / w)
+    quarter = 0.5 * math.pi / w
+    solution = problem.solve(problem.pack(start, None, [quarter if origin else 2.0 * quarter]), energy=energy)
+    if abs(problem.quarter_period(solution.y) / quarter - 1.0) > NEAR:
+        raise NotConverged(f"the orbit of h = {energy:g} has another period than the mode")
+    if np.linalg.norm(problem.start(solution.y) - start) > math.sqrt(NEAR) * np.linalg.norm(start):
+        raise NotConverged(f"the orbit of h = {energy:g} has another shape than the mode")
+    return solution
+
+
+def _risen(problem: MultipointProblem, beside: Solution, energy: float, name: str) -> Solution:
+    """The first orbit of an energy on the family of an orbit with less energy."""
+    family = Family(problem, (0.5 * problem.energy(beside.y), energy), ends_only=True)
+    run = follow_both_ways(family, beside.y, WIDE, both=False)
+    if run.points:
+        y = run.points[-1].step.y
+        if problem.energy(y) > energy * (1.0 - SAME):
+            return problem.solve(y, energy=energy)
+    highest = max((problem.energy(point.step.y) for point in run.points), default=0.0)
+    why = run.ends[1].text
+    raise NameNotFound(f"{name}: the family of the mode comes up to h = {highest:.6g} ({why}), below {energy:g}; expected lower energies")
 
 
 def _mode(number: int, system: ImpactSystem) -> LinearMode:

@@ -22,6 +22,7 @@ from bvp.kernels.taylor import make_smooth_flight
 from bvp.multipoint import MultipointProblem
 from bvp.springs import Spring
 from bvp.system import ImpactSystem
+from saltus.scene import load_scene
 
 STEPS = 7
 """Taylor steps that the flights of S11- take between its two folds, and a little above."""
@@ -139,3 +140,13 @@ def test_a_family_that_leaves_what_can_be_flown_is_followed_once(monkeypatch):
     (run,) = runs
     assert sum(f"it takes more than {STEPS} Taylor steps" in end.text for end in run.ends) == 1
     assert found.h.max() < 0.0052
+
+
+@pytest.mark.parametrize(("scene", "mode", "low", "h"), [("duffing_pair", "mode:1", 0.1, 100.0), ("smooth_wall", "mode:2", 0.001, 1.0)])
+def test_a_mode_at_high_energy_is_that_of_its_family(scene, mode, low, h):
+    """Oracle: the family of the mode, followed up from an energy at which it is nearly linear."""
+    system = load_scene(scene).system
+    first = orbit_at_mode(mode, system, (low, h))
+    assert first.alpha == pytest.approx(0.5 * math.pi / system.modes.frequencies[int(mode[-1]) - 1], rel=0.01)
+    followed = follow_family(first.problem, first.solution.y, energy=(low, 2.0 * h), direction="up").orbits_at(energy=h)[0]
+    assert orbit_at_mode(mode, system, (h, 2.0 * h)).alpha == pytest.approx(followed.alpha, rel=1e-10)
