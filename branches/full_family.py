@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "Course", "FamilyMark", "FullFamily", "Piece", "connected_part", "digests", "energy_scale", "full_family", "longest_course",
+    "Course", "FamilyMark", "FullFamily", "Piece", "connected_part", "digests", "energy_scale", "full_family", "longest_course", "risen",
     "solutions_of",
 ]  # fmt: skip
 
@@ -59,6 +59,9 @@ WINDOW = (1e-3, 1e5)
 
 _SMOOTH_WINDOW = (1e-3, 1e3)
 """The same for smooth motion without stops. No impact ends its families: they fold ever more often, the higher their energy."""
+
+_INSIDE = 2.0
+"""Energy inside that window to which a family below it is followed, as a multiple of the lowest."""
 
 TIE = 1e-8
 """Relative difference of energies, and of quarter periods, below which they are equal."""
@@ -266,12 +269,20 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     """
     scale = energy_scale(branch.problem.system)
     lowest = float(branch.points["h"].min())
-    # A branch that is all above the window is followed down into it.
-    low, high = (bound * scale for bound in (WINDOW if branch.problem.system.stops else _SMOOTH_WINDOW))
+    smooth = not branch.problem.system.stops
+    # A branch that is all above the window is followed down into it. Smooth ones can be below it, too: they are followed up.
+    low, high = (bound * scale for bound in (_SMOOTH_WINDOW if smooth else WINDOW))
     window = (low, high if lowest < high else 2.0 * lowest)
+    beginning = low if smooth and branch.points["h"].max() > low else 0.0
     located = {event.point for event in branch.events}
     plain = [i for i in range(len(branch.points["h"])) if i not in located] or range(len(branch.points["h"]))
-    inside = [i for i in plain if branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
+    inside = [i for i in plain if beginning <= branch.points["h"][i] < window[1]] or [int(np.argmin(branch.points["h"]))]
+    if smooth:
+        # Of several pieces inside the window, that of lowest energy identifies the family.
+        outside = np.flatnonzero((branch.points["h"] < beginning) | (branch.points["h"] >= window[1]))
+        least = min(inside, key=lambda i: float(branch.points["h"][i]))
+        after, before = max(outside[outside < least], default=-1), min(outside[outside > least], default=len(branch))
+        inside = [i for i in inside if after < i < before]
     problem, length = branch.problem, branch.points["arclength"]
     middle = min(inside, key=lambda i: abs(float(length[i]) - 0.5 * float(length[inside[0]] + length[inside[-1]])))
     # Two orbits are tested, since one orbit at a bifurcation has more symmetry than its family.
@@ -279,6 +290,9 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     y = tested[1]
     if not any(is_solved_as_it_is(problem, y) for y in tested):
         problem, y = canonical_orbit(problem, y)
+    if smooth and problem.energy(y) < low:
+        above = risen(problem, y, _INSIDE * low)[0]
+        y = y if above is None else above
     orbit = float(branch.points["h"][branch.start]), float(branch.points["alpha"][branch.start])
     uncut = (_known(one, orbit, window) for one in (branch, wider) if one is not None and problem is one.problem)
     curve = next((one for one in uncut if one is not None), None)
@@ -289,6 +303,16 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     sequence, ends = canonical_sequence(problem.sequence, problem.ends, odd_symmetry=branch.problem.system.has_odd_symmetry)
     ids = tuple(f"{format_ends(ends)}:{''.join(sequence)}:{digest}" for digest in digests(marks))
     return FullFamily(ids, marks, curve.closed, _others(curve, branch.energy), read_only(curve.h), read_only(curve.alpha))
+
+
+def risen(problem: MultipointProblem, y: np.ndarray, energy: float) -> tuple[np.ndarray | None, str]:
+    """The first orbit of an energy on the family of an orbit with less, as the energy rises; None and the reason if there is none."""
+    run = follow_both_ways(Family(problem, (0.5 * problem.energy(y), energy), ends_only=True), y, WIDE, both=False)
+    last = run.points[-1].step.y if run.points else y
+    if problem.energy(last) > energy * (1.0 - TIE):
+        return last, ""
+    highest = max((problem.energy(point.step.y) for point in run.points), default=problem.energy(y))
+    return None, f"comes up to h = {highest:.6g} ({run.ends[1].text})"
 
 
 def _known(branch: Branch, orbit: tuple[float, float], window: tuple[float, float]) -> _Curve | None:

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from branches.family import Family
-from branches.full_family import WIDE
+from branches.full_family import risen
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
@@ -23,7 +22,6 @@ from branches.orbit import Orbit
 from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
-from continuation.run import follow_both_ways
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
@@ -43,9 +41,6 @@ ATTEMPTS = 12
 
 NEAR = 0.02
 """Relative difference of periods, and square of that of states, up to which an orbit is near a linear mode."""
-
-SAME = 1e-9
-"""Relative difference of equal energies."""
 
 LISTED = 12
 """Most families that a message lists."""
@@ -208,15 +203,10 @@ def _beside_mode(problem: MultipointProblem, k: int, energy: float) -> Solution:
 
 def _risen(problem: MultipointProblem, beside: Solution, energy: float, name: str) -> Solution:
     """The first orbit of an energy on the family of an orbit with less energy."""
-    family = Family(problem, (0.5 * problem.energy(beside.y), energy), ends_only=True)
-    run = follow_both_ways(family, beside.y, WIDE, both=False)
-    if run.points:
-        y = run.points[-1].step.y
-        if problem.energy(y) > energy * (1.0 - SAME):
-            return problem.solve(y, energy=energy)
-    highest = max((problem.energy(point.step.y) for point in run.points), default=0.0)
-    why = run.ends[1].text
-    raise NameNotFound(f"{name}: the family of the mode comes up to h = {highest:.6g} ({why}), below {energy:g}; expected lower energies")
+    y, why = risen(problem, beside.y, energy)
+    if y is None:
+        raise NameNotFound(f"{name}: the family of the mode {why}, below {energy:g}; expected lower energies")
+    return problem.solve(y, energy=energy)
 
 
 def _mode(number: int, system: ImpactSystem) -> LinearMode:

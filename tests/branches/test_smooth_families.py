@@ -150,3 +150,13 @@ def test_a_mode_at_high_energy_is_that_of_its_family(scene, mode, low, h):
     assert first.alpha == pytest.approx(0.5 * math.pi / system.modes.frequencies[int(mode[-1]) - 1], rel=0.01)
     followed = follow_family(first.problem, first.solution.y, energy=(low, 2.0 * h), direction="up").orbits_at(energy=h)[0]
     assert orbit_at_mode(mode, system, (h, 2.0 * h)).alpha == pytest.approx(followed.alpha, rel=1e-10)
+
+
+def test_an_id_does_not_depend_on_the_range_of_energies():
+    """Oracle: one family has one id, also of a range below those of its end, and where it leaves them and returns."""
+    system = load_scene("duffing_pair").system
+    ids = set()
+    for low, high in ((0.01, 1.0), (1e-6, 1e-4), (1e-4, 3e-3), (100.0, 1e4)):
+        first = orbit_at_mode("mode:1", system, (low, high))
+        ids.add(follow_family(first.problem, first.solution.y, energy=(low, high)).id)
+    assert len(ids) == 1
