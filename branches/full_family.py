@@ -30,6 +30,7 @@ from bvp.checks import read_only
 from bvp.closures import cycle_of
 from bvp.kernels.multipoint import ENERGY, QUARTER_PERIOD
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.saddles import approached
 from continuation.control import Settings
 from continuation.problem import EndReason, PlainPoints, Point, Points
 from continuation.run import Run, follow_both_ways
@@ -204,8 +205,8 @@ def longest_course(
 
     def jumped(course: Course[Result]) -> bool:
         last = len(course.arclength) - 1
-        if last <= 2:
-            return False
+        if last <= 2 or any(approached(problem, course.unknowns(i)) is not None for i in (1, last - 1)):
+            return False  # beside a saddle rounding decides the symmetries
         first, final = (_order(problem, course.unknowns(i)) for i in (1, last - 1))
         return first != final
 
@@ -312,7 +313,9 @@ def risen(problem: MultipointProblem, y: np.ndarray, energy: float) -> tuple[np.
     if problem.energy(last) > energy * (1.0 - TIE):
         return last, ""
     highest = max((problem.energy(point.step.y) for point in run.points), default=problem.energy(y))
-    return None, f"comes up to h = {highest:.6g} ({run.ends[1].text})"
+    saddle = approached(problem, last)
+    why = run.ends[1].text if saddle is None else f"there is no turning point beyond {saddle}"
+    return None, f"comes up to h = {highest:.6g} ({why})"
 
 
 def _known(branch: Branch, orbit: tuple[float, float], window: tuple[float, float]) -> _Curve | None:
@@ -349,7 +352,9 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
         run = follow_both_ways(family, start, settings)
         outwards = -2.0 * settings.minimum_step, 2.0 * settings.minimum_step
         stuck = bool(run.points) and any(
-            end.reason is EndReason.MINIMUM_STEP and not family.why_not_flown(*run.points[place].step[1:3], ds)
+            end.reason is EndReason.MINIMUM_STEP
+            and not family.why_not_flown(*run.points[place].step[1:3], ds)
+            and approached(problem, run.points[place].step.y) is None
             for place, ds, end in zip((0, -1), outwards, run.ends, strict=True)
         )
         return Course(run, run.points.arclengths(), lambda i: run.points[i].step.y, stuck)

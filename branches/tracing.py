@@ -21,9 +21,10 @@ from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
+from bvp.saddles import REACHED, Saddle, approached
 from bvp.texts import shown, takes_options_of
 from continuation.control import Settings
-from continuation.problem import EndReason, Event, PlainPoints, Point, Step
+from continuation.problem import End, EndReason, Event, PlainPoints, Point, Step
 from continuation.run import Run, follow_both_ways
 
 __all__ = ["SETTINGS", "cut_branch", "event_along", "extend", "follow_family", "record_of_event", "report"]
@@ -110,8 +111,16 @@ def follow_family(
         start = np.array(start, dtype=float)
     sign = _SIGNS[direction] * (1 if rising or direction != "both" else -1)
 
-    def follow(problem: MultipointProblem, start: np.ndarray | Step, known: tuple[int, int]) -> tuple[Run, tuple[int, int]]:
-        """A run, and the points and events that were reported; `known` were reported before."""
+    def follow(
+        problem: MultipointProblem, start: np.ndarray | Step, known: tuple[int, int], saddle: Saddle | None
+    ) -> tuple[Run, tuple[int, int]]:
+        """A run, and the points and events that were reported; `known` were reported before. It ends where it reaches the saddle."""
+
+        def stop(point: Point) -> bool | str:
+            if saddle is not None and saddle.distance(problem, point.step.y) < REACHED:
+                return str(saddle)
+            return stop_when is not None and stop_when(Orbit(problem, point.step.extra))
+
         family = Family(problem, energy, quarter_period)
         begin = start if isinstance(start, Step) else family.begin(start)
         beyond = unphysical(problem, begin.extra) if begin.converged else None
@@ -125,7 +134,7 @@ def follow_family(
                 settings,
                 both=direction == "both",
                 direction=sign,
-                stop_when=None if stop_when is None else lambda point: stop_when(Orbit(problem, point.step.extra)),
+                stop_when=None if stop_when is None and saddle is None else stop,
                 stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
                 on_points=collector.points,
                 on_event=None if on_event is None else collector.event,
@@ -134,15 +143,18 @@ def follow_family(
             raise with_computed(error, lambda run: _branch_of(problem, run, energy)) from None
         return run, (max(known[0], collector.count), max(known[1], sum(collector.types.values())))
 
-    known = 0, 0
+    known, saddle = (0, 0), None
     finer = problem.in_enough_pieces(start.y if isinstance(start, Step) else start)
     while True:
         if finer is not problem:
             problem, start = finer, _start_in(problem, finer, start)
-        run, known = follow(problem, start, known)
+        run, known = follow(problem, start, known, saddle)
         finer = _pieces_for(problem, run)
         if finer is problem:
             break
+        saddle = saddle or approached(problem, run.points[-1].step.y) or approached(problem, run.points[0].step.y)
+    if problem.is_smooth and run.points:
+        run = replace(run, ends=(_with_saddle(problem, run, 0), _with_saddle(problem, run, -1)))
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     with defer_interrupts() as interrupt:
@@ -161,6 +173,20 @@ def _pieces_for(problem: MultipointProblem, run: Run) -> MultipointProblem:
         return problem
     unknowns = [run.points[i].step.y for i in (*range(0, len(run.points), GROWTH_EVERY), len(run.points) - 1)]
     return problem.in_enough_pieces(max(unknowns, key=problem.growth))
+
+
+def _with_saddle(problem: MultipointProblem, run: Run, k: int) -> End:
+    """The end of a run at its first (0) or last (-1) point, with the saddle that the family approaches there."""
+    end = run.ends[k]
+    if end.reason not in (EndReason.MINIMUM_STEP, EndReason.STOP_WHEN, EndReason.POINTS):
+        return end
+    y = run.points[k].step.y
+    saddle = approached(problem, y)
+    if saddle is None:
+        return end
+    if saddle.distance(problem, y) < REACHED:
+        return end._replace(reason=EndReason.SADDLE, detail=str(saddle))
+    return end._replace(detail=f"{end.detail}; its orbits approach {saddle}".removeprefix("; "))
 
 
 def _start_in(problem: MultipointProblem, other: MultipointProblem, start: np.ndarray | Step) -> np.ndarray | Step:

@@ -51,6 +51,9 @@ smooth flights, which take longer than all that a compiler can unroll."""
 GROWTH = 1e4
 """Growth of perturbations along a flight beyond which it is solved in pieces: it leaves 12 digits of the end."""
 
+MOST_PIECES = 32
+"""Most pieces of a flight. Near a saddle of the potential, where it falls off, perturbations grow without bound along a family."""
+
 _COMPILED: dict[tuple[bool, bool, int], tuple[Any, int]] = {}
 """Each kernel with its address in memory."""
 
@@ -250,12 +253,13 @@ class MultipointProblem:
         return other.pack(self.start(y), self.impact_states(y), self.whole_flight_times(y))
 
     def in_enough_pieces(self, y: np.ndarray) -> MultipointProblem:
-        """The problem in as many pieces as the flights from y need, so that perturbations grow by less than `GROWTH` along each."""
+        """The problem in as many pieces as the flights from y need for perturbations to grow by less than `GROWTH` along each, or
+        `MOST_PIECES`."""
         growth = self.growth(y) if self.is_smooth else 1.0
         if not GROWTH < growth < math.inf:
             return self
-        more = math.ceil(math.log(growth) / math.log(0.01 * GROWTH))
-        return MultipointProblem(self.system, self.ends, self.sequence, more * self.pieces)
+        more = min(math.ceil(math.log(growth) / math.log(0.01 * GROWTH)) * self.pieces, MOST_PIECES)
+        return MultipointProblem(self.system, self.ends, self.sequence, more) if more > self.pieces else self
 
     def growth(self, y: np.ndarray) -> float:
         """The largest factor by which perturbations, relative to the size of the state, grow along a flight or a piece of one."""

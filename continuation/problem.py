@@ -369,6 +369,7 @@ class EndReason(Enum):
         "steps were refused down to the shortest allowed; the family may end here or turn sharply: "
         "look at the detail, then try a smaller minimum_step"
     )
+    SADDLE = "the family ends at an equilibrium, near which its orbits dwell ever longer; none of them turns beyond it"
     NO_START = "the start could not be corrected onto a family; give a start that is nearer to a solution"
 
     @property

@@ -8,8 +8,10 @@ import mpmath
 import numpy as np
 import pytest
 from mpmath import mp, mpf
+from scipy.special import ellipk
 
 from branches.branch import Branch
+from branches.naming.at_modes import orbit_at_mode
 from branches.orbit import Orbit
 from branches.presentation import closed_presentation, presentation_of
 from branches.reading import branch_of_record
@@ -181,3 +183,22 @@ def test_a_strongly_unstable_orbit_is_read_from_a_point_without_its_pieces():
     orbit = branch_of_record(json.loads(json.dumps(record))).orbit(1)
     assert orbit.residual < 1e-14 and orbit.problem.pieces > 1
     assert orbit.alpha == pytest.approx(branch.orbit(1).alpha, rel=1e-14)
+
+
+def test_a_family_that_approaches_a_saddle_of_its_potential_ends_there():
+    """Oracle: x'' + x - x^3 = 0 has saddles x = 1 and -1 of energy 1/4. Its orbit of turning point a, with h = a^2/2 - a^4/4, has the
+    quarter period K(m)/sqrt(1 - a^2/2) with m = a^2/(2 - a^2): the energies below 1/4 are all those that there are."""
+    spring = Spring((1.0,), stiffness=-1.0, power=3.0)
+    system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (), springs=(spring,))
+    problem = MultipointProblem(system, ("origin", "rest"), ())
+    y = problem.solve(problem.pack([0.0, np.sqrt(0.46)], None, [2.4]), energy=0.23).y
+    branch = follow_family(problem, y, energy=(0.22, 0.3))
+    h, alpha = branch.points["h"], branch.points["alpha"]
+    below = h < 0.2499
+    square = 1.0 - np.sqrt(1.0 - 4.0 * h[below])
+    assert alpha[below] == pytest.approx(ellipk(square / (2.0 - square)) / np.sqrt(1.0 - 0.5 * square), rel=1e-11)
+    assert h.max() == pytest.approx(0.25, abs=1e-13)
+    assert branch.ended[1].reason == "SADDLE" and "the equilibrium u1 = 1 of energy h = 0.25" in branch.ended[1].text
+    with pytest.raises(ValueError, match=r"mode:1: .* up to h = 0\.25 \(there is no turning point beyond the equilibrium u1 = 1 "):
+        orbit_at_mode("mode:1", system, (0.5, 1.0))
+    assert orbit_at_mode("mode:1", system, (0.2499, 1.0)).h == pytest.approx(0.2499, rel=1e-9)
