@@ -118,7 +118,10 @@ def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, *, backwar
     Without impacts it begins at one of the maxima that `branches.smooth_cycles` finds."""
     if is_without_impacts(cycle):
         sign = -1.0 if mirrored else 1.0
-        start = sign * states_at(cycle, start_instants(cycle, sign)[first : first + 1])[0]
+        instants = start_instants(cycle, sign)
+        if len(instants) <= first:
+            raise RuntimeError("no maximum of the sum of the modal displacements was found, at which the closed orbit would begin")
+        start = sign * states_at(cycle, instants[first : first + 1])[0]
         if backwards:
             start[len(start) // 2 :] *= -1.0
         return Presentation(PERIODIC, (), start, np.empty((0, len(start))), np.array([cover * cycle.period]))
