@@ -239,11 +239,15 @@ class MultipointProblem:
         if len(impacts) == self.inner:
             return impacts
         nodes = np.empty((self.inner, self.size))
-        for i in range(self.inner):
+        # An orbit without impacts also ends at its start: on the way back from there perturbations have grown for half the time only.
+        forwards = (self.inner + 1) // 2 if self.periodic and not self.sequence else self.inner
+        for i in range(forwards):
             if (i + 1) % self.pieces:
                 state_at(self.segment.flight, nodes[i - 1] if i else start, float(times[i]), nodes[i])
             else:
                 nodes[i] = impacts[i // self.pieces]
+        for i in range(self.inner - 1, forwards - 1, -1):
+            state_at(self.segment.flight, nodes[i + 1] if i + 1 < self.inner else start, -float(times[i + 1]), nodes[i])
         return nodes
 
     def in_pieces_of(self, other: MultipointProblem, y: np.ndarray) -> np.ndarray:

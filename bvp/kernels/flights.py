@@ -107,6 +107,18 @@ def linear_velocity_unit(flight, end, velocity, duration):
 
 
 @chosen
+def comes_with_map(flight):
+    """Whether the end of a flight takes so long that a new factorisation of its derivatives costs little beside it."""
+
+
+@comes_with_map.of(Flight)
+@inlined
+def comes_alone(flight):
+    """See `comes_with_map`."""
+    return False
+
+
+@chosen
 def twice_energy(flight, weights, z):
     """2 H. weights (N,): those of the quadratic part, sum(weights z^2)."""
 

@@ -31,7 +31,7 @@ from bvp.kernels.flight import (
     set_2,
     times_matrix,
 )
-from bvp.kernels.flights import velocity_unit
+from bvp.kernels.flights import comes_with_map, velocity_unit
 
 NEAR_RESONANCE = 30.0
 """Size of a particular solution, beside that far from resonance, above which the integral takes its place."""
@@ -365,6 +365,13 @@ def loaded_rate(flight, z, out):
 def loaded_velocity_unit(flight, end, velocity, duration):
     """See `velocity_unit`: forces are no larger than displacements."""
     return velocity
+
+
+@comes_with_map.of(LoadedFlight)
+@inlined
+def comes_alone(flight):
+    """See `comes_with_map`."""
+    return False
 
 
 @loaded_rate.of(LoadedFlight)

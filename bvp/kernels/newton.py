@@ -27,7 +27,7 @@ from numpy import int64, uint64
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import copy_1, inner
-from bvp.kernels.flights import twice_energy, velocity_unit
+from bvp.kernels.flights import comes_with_map, twice_energy, velocity_unit
 from bvp.kernels.multipoint import ORIGIN, Segment, evaluate, fill, start_state
 
 LINEARISED = -1
@@ -182,6 +182,10 @@ CONVERGED_RESIDUAL = 1e-15
 
 SHORT_UPDATE = 1e-6
 """Newton's update, in units of the unknowns' sizes, below which the next one is beyond double precision: its square."""
+
+
+NEAR = 1e-2
+"""The same, below which new derivatives shorten the next update more than those of the iterate before."""
 
 
 @chosen
@@ -379,11 +383,13 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     """Correct y in place by Newton's method, and factorise the Jacobian at the solution.
 
     y stays on row . y = target. With a row of zeros the corrections are of least norm. A factorisation is used again as long as each
-    update is a tenth of the one before. The iteration ends when
+    update is a tenth of the one before. Where flights come with their derivatives, it is renewed after each update below `NEAR`. The
+    iteration ends when
 
         the update no longer shrinks, and it or the residual is at rounding level (the update from a residual that is rounding is rounding,
             however badly the equations are conditioned);
         the residual is at rounding level, and by the last ratio the next update would be far below it;
+        the same after a short update by derivatives of its own iterate: what is left of the residual is rounding;
         the updates grow, or `maximum` is reached. With maximum = 0, y is only evaluated. With LINEARISED nothing is solved: the residual is
             in `residual`, and the Jacobian in the factor arrays, for the scales that are there.
 
@@ -394,6 +400,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
     update = factor.work[3]
     null = factor.work[4]
     size = segment.gap.shape[1]
+    always_fresh = comes_with_map(segment.flight)
     constrained = False
     for j in range(unknowns):
         if row[j] != 0.0:
@@ -418,8 +425,12 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
             noise = worst <= RESIDUAL_ROUNDING and length < SHORT_UPDATE
             worst = scaled_residual(segment, residual, factor.before, displacement, velocity, longest)
             ratio = length / previous
-            fresh = False
+            fresh = always_fresh and length < NEAR
             if length <= rounding:
+                good = True
+                ended = True
+            elif always_fresh and length < SHORT_UPDATE and worst <= residual_level(segment):
+                contraction = max(contraction, ratio)
                 good = True
                 ended = True
             elif iteration > 1:
@@ -434,7 +445,7 @@ def correct(segment, y, row, target, factor, residual, maximum, rounding):
                         ended = True
                     elif ratio > 2.0 and length > 1e-3:
                         ended = True
-                fresh = ratio > 0.1
+                fresh = fresh or ratio > 0.1
             previous = length
             if iteration == maximum and not ended:
                 good = worst < 1e-12 and (previous < 1e-9 or noise)

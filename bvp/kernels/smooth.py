@@ -14,6 +14,7 @@ from bvp.kernels.extrema import bounds_at, look, track_of
 from bvp.kernels.flight import copy_1, set_1, set_2, times_matrix
 from bvp.kernels.flights import (
     add_bend,
+    comes_with_map,
     energy_slope,
     flight_end,
     flight_map,
@@ -90,6 +91,13 @@ def smooth_velocity_unit(flight, end, velocity, duration):
     """See `velocity_unit`."""
     smooth_rate(flight, end, 0.0, 0.0, flight.slope)
     return largest_change(flight, velocity, duration)
+
+
+@comes_with_map.of(SmoothFlight)
+@inlined
+def comes_with_taylor_map(flight):
+    """See `comes_with_map`."""
+    return True
 
 
 @twice_energy.of(SmoothFlight)

@@ -13,7 +13,7 @@ from numpy import int64
 from bvp.kernels.compiled import chosen, inlined
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import set_1, set_2, times_matrix
-from bvp.kernels.flights import velocity_unit
+from bvp.kernels.flights import comes_with_map, velocity_unit
 from bvp.kernels.loads import LoadedFlight, Loads, advance_time, loaded_flight, loaded_rate
 from bvp.kernels.sources import begin_sources
 from bvp.kernels.taylor import SmoothFlight, evaluate_energy, find_path, largest_change, smooth_rate
@@ -58,6 +58,13 @@ def smooth_loaded_rate(flight, z, out):
     smooth_rate(flight.taylor, z, 0.0, 0.0, out)
     set_1(out[size:], 0.0)
     out[size] = loads.clock[0] / (2.0 * math.pi * loads.load_periods)
+
+
+@comes_with_map.of(SmoothLoadedFlight)
+@inlined
+def comes_with_taylor_map(flight):
+    """See `comes_with_map`."""
+    return True
 
 
 @velocity_unit.of(SmoothLoadedFlight)

@@ -108,6 +108,8 @@ def test_pieces_keep_the_digits_of_strongly_unstable_orbits(rate):
         problem = alone[0].in_enough_pieces(alone[1])
         assert problem.pieces > 1
         y = alone[0].in_pieces_of(problem, alone[1])
+        # In half the period a rounding error grows by the root of the multiplier.
+        assert np.abs(problem.residual(y)).max() < 100.0 * 1e-16 * float(mp.sqrt(multiplier))
         found = Orbit(problem, problem.solve(y, energy=1.0))
         # Each piece leaves the digits that its growth, 200 at most, takes.
         assert problem.growth(found.solution.y) < 1e3
