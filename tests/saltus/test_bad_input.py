@@ -27,6 +27,29 @@ impacts = 6
 UNEVEN = ONE_SIDED.replace("[[1.0]]", "[[1.0, 0.0], [0.0, 1.0]]").replace("c = [1.0]", "c = [1.0, -1.0]\nlower = -1.0")
 DAMPED = ONE_SIDED.replace("[system]", "[system]\ndamping = [[0.1]]").replace("upper", "lower = -0.5\nupper")
 
+SOFTENING = """
+title = "x'' + x - x^3 = 0"
+[system]
+mass = [[1.0]]
+stiffness = [[1.0]]
+[coordinates]
+names = ["x"]
+[[springs]]
+on = "x"
+stiffness = -1.0
+power = 3
+"""
+CURL = """
+title = "A force on x that y moves"
+[system]
+mass = [[1.0, 0.0], [0.0, 1.0]]
+stiffness = [[2.0, -1.0], [-1.0, 2.0]]
+[coordinates]
+names = ["x", "y"]
+[[springs]]
+on = "x"
+force = "y**3"
+"""
 TWO = ONE_SIDED.replace("[[1.0]]", "[[1.0, 0.0], [0.0, 1.0]]").replace("c = [1.0]", "c = [1.0, 0.0]\nlower = 0.3")
 MARKED = '[coordinates]\nLO = "u2"\n'
 
@@ -118,6 +141,8 @@ CASES = [
     ("continue S13O00+ --scene=", ["scene", "it is a directory"]),
     ("continue S13O00+ --scene {text}", ["cannot read scene", "as TOML", "line 1", "column"]),
     ("continue S13O00+ --scene {indefinite}", ["mass must be positive definite"]),
+    ("continue --scene {softening} --from mode:1 --energy 0.5:1", ["no turning point", "energy h = 0.25", "expected lower energies"]),
+    ("continue --scene {curl} --from mode:1", ["no potential", "on x changes with y unlike that on y with x"]),
     ("continue S13O00+ --scene {asymmetric}", ["mass must be symmetric", "(1, 2) is 2 and (2, 1) is 0.5"]),
     ("continue S13O00+ --scene {deep}", ["cannot read scene", "nested too deeply"]),
     ("continue S13O00+ --scene {here}", ["cannot read scene", "it is a directory"]),
@@ -361,6 +386,8 @@ def places(tmp_path_factory, catalogue):
         "one_sided": ONE_SIDED,
         "indefinite": UNEVEN.replace("mass = [[1.0, 0.0], [0.0, 1.0]]", "mass = [[1.0, 2.0], [2.0, 1.0]]"),
         "asymmetric": UNEVEN.replace("mass = [[1.0, 0.0], [0.0, 1.0]]", "mass = [[1.0, 2.0], [0.5, 1.0]]"),
+        "softening": SOFTENING,
+        "curl": CURL,
         "damped": DAMPED,
         "uneven": UNEVEN,
         "forced": FORCED,
