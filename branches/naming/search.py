@@ -40,6 +40,10 @@ SMOOTH_LEVELS = ((0.3, 96, 0.1), (0.3, 96, 0.4), (0.15, 384, 1.0))
 """The same for systems with smooth forces, and the part of the longest quarter period."""
 
 
+MORE = 2
+"""Half-waves beyond those of a label to which its motions are searched: orbits with other labels are named as the nearest ones."""
+
+
 Followed = dict["Branch", Found]
 """The families that searches followed, each with the orbit that it was followed from: no family is followed twice."""
 
@@ -76,8 +80,12 @@ class Search:
         self.range = energy
         self.system = system
         self.canonical: tuple[tuple[str, ...], tuple[str, str]] | None = None
+        half_waves = None
         if name.label is not None and not system.stops:
             kinds, self.impacts = ["rest" if name.label.kind == "S" else "origin"], [0]
+            # A quarter has half of them but one.
+            m, n = ((waves - 1) // 2 if name.label.kind == "S" else waves for waves in (name.label.m, name.label.n))
+            half_waves = m + MORE, n + MORE
         elif name.label is not None:
             label = name.label
             kinds = {"O": ["stop"], "E": ["rest"], None: ["stop", "rest"]}[label.parity] if label.kind == "S" else ["origin"]
@@ -93,7 +101,7 @@ class Search:
             self.impacts = [len(sequence)]
         self.samplers: list[Sampler] | list[SmoothSampler] = (
             [Sampler(system, kind, self.longest, self.impacts) for kind in kinds] if system.smooth_forces is None
-            else [SmoothSampler(system, kind, self.longest, self.impacts) for kind in kinds]
+            else [SmoothSampler(system, kind, self.longest, self.impacts, half_waves) for kind in kinds]
         )  # fmt: skip
         self.problems: Problems = {}
         self.seen: dict[str, tuple[float, float]] = {}

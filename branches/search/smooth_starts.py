@@ -17,8 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.search.starts import ScannedSegment
+from bvp.kernels.paths import turning_times
 from bvp.kernels.smooth import least_values
 from bvp.kernels.taylor import fly_smooth
+from bvp.multipoint import observed_of
 from bvp.smooth_flights import smooth_flight
 
 if TYPE_CHECKING:
@@ -34,6 +36,9 @@ MOST = 2000
 
 PIECES = 40
 """Most pieces in which a long motion is computed."""
+
+FIRST = 1.0 / 1024.0
+"""The first piece of a motion that ends after some half-waves. Each further one is twice as long."""
 
 NARROWED = 2
 """Steps in the angle of a start; Newton's method does the rest."""
@@ -62,10 +67,18 @@ class Passed(NamedTuple):
 class SmoothSampler:
     """Scans one system from the origin to a far end of one kind: "origin", "rest" or "stop".
 
-    quarter_period: the longest. impacts: numbers of impacts inside the segment; None: all.
+    quarter_period: the longest. impacts: numbers of impacts inside the segment; None: all. half_waves: of absorber and primary; a motion
+    without impacts is computed until one of their velocities has changed its sign more often.
     """
 
-    def __init__(self, system: ImpactSystem, end: str, quarter_period: float, impacts: Collection[int] | None = None):
+    def __init__(
+        self,
+        system: ImpactSystem,
+        end: str,
+        quarter_period: float,
+        impacts: Collection[int] | None = None,
+        half_waves: tuple[int, int] | None = None,
+    ):
         self.end = end
         self.longest = quarter_period * (2.0 if end == "origin" else 1.0)
         self.impacts = impacts
@@ -77,6 +90,8 @@ class SmoothSampler:
 
             self.simulator = Simulator(system)
         self.found = np.zeros(MOST), np.zeros(MOST)
+        self.half_waves = None if system.stops else half_waves
+        self.velocities = observed_of(system).rows[-2:, :3].copy()
 
     def segments(self, energy: float, angles: int, part: float = 1.0) -> Iterator[ScannedSegment]:
         """The segment of each change of sign between neighbouring angles, as many in half a turn, in order of the angles. The other half
@@ -150,8 +165,10 @@ class SmoothSampler:
         values: list[np.ndarray] = []
         gone = 0.0
         path = self.flight.paths
+        piece = longest if self.half_waves is None else longest * FIRST
+        waves = np.zeros(2)
         for _ in range(PIECES):
-            left = longest - gone
+            left = min(piece, longest - gone)
             while not fly_smooth(self.flight, 0, state, left, False):
                 left *= 0.5
                 if left < 1e-6 * longest:
@@ -162,6 +179,11 @@ class SmoothSampler:
             gone += left
             if gone >= longest * (1.0 - 1e-12):
                 break
+            if self.half_waves is not None:
+                waves += [turning_times(self.flight, rows, state, left, self.found[0], np.empty(4)) for rows in self.velocities]
+                if np.any(waves > self.half_waves):
+                    break
+                piece = 2.0 * left
             state = path.ends[0].copy()
         return np.concatenate(times), np.concatenate(values)
 

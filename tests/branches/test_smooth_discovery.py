@@ -6,8 +6,11 @@ from scipy.integrate import solve_ivp
 
 import saltus
 from branches.naming.at_modes import orbit_at_mode
+from branches.naming.search import MORE
 from branches.search.discovery import discover_orbits
+from branches.search.smooth_starts import SmoothSampler
 from branches.tracing import follow_family
+from bvp.smooth_flights import sample_path
 from bvp.system import ImpactSystem
 
 
@@ -83,3 +86,25 @@ def test_orbits_with_impacts_agree_with_another_integrator():
         assert abs(time / orbit.alpha - 1.0) < 1e-9
         # At the far end the momentum along the stop is zero.
         assert abs((mass @ before[2:]).sum()) < 1e-8
+
+
+@pytest.mark.parametrize("end", ["rest", "origin"])
+def test_motions_of_few_half_waves_are_searched_as_all_are(end):
+    """Oracle: the scan without a limit, and the sign changes of both velocities along its segments, by dense sampling."""
+    system = saltus.load_scene("cubic_nes").system
+    limit = np.array([3, 2])  # neighbouring motions can have more
+    every = list(SmoothSampler(system, end, 6.0, [0]).segments(1.0, 96))
+    few = list(SmoothSampler(system, end, 6.0, [0], tuple(limit + MORE)).segments(1.0, 96))
+    inside = []
+    for segment in every:
+        times = np.linspace(0.0, segment.flight_times.sum(), 2001)[:-2]
+        states = np.empty((len(times), 4))
+        sample_path(system, np.zeros(1), segment.start[None, :], times, states)
+        velocities = states @ system.modes.to_state[2:].T
+        waves = np.count_nonzero(np.diff(np.sign(velocities), axis=0), axis=0)
+        if np.all(waves[[system.absorber, system.primary]] <= limit):
+            inside.append(segment)
+    found = np.array([[segment.parameter, segment.flight_times.sum()] for segment in few])
+    assert 0 < len(inside) <= len(few) < len(every)
+    for segment in inside:
+        assert np.min(np.abs(found - [segment.parameter, segment.flight_times.sum()]).max(axis=1)) < 1e-3
