@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import call_at, chosen, inlined, kernel
+from bvp.kernels.compiled import call_at, chosen, inlined, kernel, short_loops
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
@@ -395,7 +395,7 @@ def first_conservative_tests(packed, result, limits, out):
     _common_tests(result, limits[0], limits[1], limits[2], limits[3], out)
 
 
-@kernel
+@short_loops
 def tested_step(compiled, most, watched, y, tangent, ds, metric, point):
     """See `land_tested`; metric (4, N + 2): scratch."""
     return land_tested(compiled, most, watched, y, tangent, ds, metric, point)
@@ -436,7 +436,7 @@ def land_tested(compiled, most, watched, y, tangent, ds, metric, point):
     return True
 
 
-@kernel
+@short_loops
 def advance_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
     """See `advance`."""
     return advance(compiled, most, control, watched, beginning, goal, ds, metric, block)

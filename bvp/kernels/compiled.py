@@ -23,8 +23,8 @@ class Kernel(Declared):
         What is loaded, by the types of the arguments.
     """
 
-    def __init__(self, function: Callable[..., Any], result: Any = None, **options: Any):
-        super().__init__(function, result, **options)
+    def __init__(self, function: Callable[..., Any], result: Any = None, vectorised: bool = True, **options: Any):
+        super().__init__(function, result, vectorised, **options)
         self.entries: dict[Any, Entry] = {}
 
     def __call__(self, *arguments: Any) -> Any:
@@ -70,6 +70,9 @@ kernel: Any = partial(Kernel, _nrt=False)
 """Compile a function of plain arrays and numbers, without Python objects, that makes and returns no arrays.
 
 Views of its arguments are not reference-counted, since the caller holds the arrays. Counting costs more than short sums."""
+
+short_loops: Any = partial(kernel, vectorised=False)
+"""A kernel of short loops. LLVM vectorises none of them: that would take more time than the loops do."""
 
 inlined: Any = partial(Kernel, forceinline=True, _nrt=False)
 """A kernel whose machine code becomes part of each caller.

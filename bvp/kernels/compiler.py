@@ -33,6 +33,7 @@ from numba.np.arrayobj import populate_array
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.entry_point import MEMORY, add_entry_points
 from bvp.kernels.lent import MODELS, keep_lent
+from bvp.kernels.passes import Options, Pipeline
 from bvp.kernels.stored import processor, require_imported, symbol
 
 nb: Any = numba
@@ -49,6 +50,7 @@ class _Library(AOTCodeLibrary):
     then optimised; the others are left as they are."""
 
     exported: tuple[str, ...] = ()
+    vectorised = True
     callees: Sequence[Any] = ()
 
     def add_ir_module(self, ir_module):
@@ -77,7 +79,7 @@ class _Library(AOTCodeLibrary):
         # functions all become one takes several times as long to optimise.
         _set_linkage(self._final_module.functions, "linkonce_odr", self.exported)
         _set_linkage(self._final_module.global_variables, "internal")
-        passes, builder = self._codegen._module_pass_manager(opt=LEVEL)
+        passes, builder = self._codegen._module_pass_manager(opt=LEVEL, loop_vectorize=self.vectorised, slp_vectorize=True)
         passes.run(self._final_module, builder)
         _set_linkage(self._final_module.functions, "internal", self.exported)
         self._final_module.verify()
@@ -170,7 +172,7 @@ class _Dispatcher(CPUDispatcher):
     def __init__(self, function: Any, **options: Any):
         # Numba lets what is not set pass on from the caller that is compiled first: one inlined kernel would inline all that it calls.
         options = {"nopython": True, "forceinline": False, **options, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        super().__init__(function, targetoptions=options)
+        super().__init__(function, targetoptions=options, pipeline_class=Pipeline)
         cast(Any, self)._compiler._customize_flags = _without_machine_code
 
     def get_call_template(self, args, kws):
@@ -212,6 +214,7 @@ _compiling: list[str] = []
 
 
 def _without_machine_code(flags: Any) -> Any:
+    flags = Options(flags)
     flags.no_compile = True
     return flags
 
@@ -302,6 +305,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
             library = context.codegen().create_library(name)
             module = context.create_module(name)
             library.exported = add_entry_points(context, module, result.fndesc, name)
+            library.vectorised = kernel.vectorised
             library.add_ir_module(module)
             library.add_llvm_module(llvm.parse_assembly(MEMORY))
             library.add_linking_library(intermediate_code(result))

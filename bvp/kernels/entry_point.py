@@ -115,7 +115,7 @@ class _Writer:
         shape, strides = ([builder.load(builder.gep(at, [_INT64(k)])) for k in range(kind.ndim)] for at in (lengths, steps))
         out = context.make_array(kind)(context, builder)
         item = context.get_data_type(kind.dtype)
-        size = context.get_abi_sizeof(item)
+        size = numpy_support.as_dtype(kind.dtype).itemsize
         populate_array(out, builder.bitcast(data, item.as_pointer()), shape, strides, _INT64(size), None)
         return out._getvalue()
 

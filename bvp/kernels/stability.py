@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import chosen, inlined, kernel, sized
+from bvp.kernels.compiled import chosen, inlined, short_loops, sized
 from bvp.kernels.contact_mode import apply_impact, arrive
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.flight import Flight, copy_1, row_dot, set_1, set_2, times_matrix
@@ -296,7 +296,7 @@ def sized_period(period):
     )  # fmt: skip
 
 
-@kernel
+@short_loops
 def orbit_stability(packed, y, ends, period, result):
     """Half map and multipliers of the orbit at y, n = 2: the entries of RESULT from `a` on."""
     segment, ends, scratch = two_dof_segment(packed), sized(ends, 4), sized_period(period)

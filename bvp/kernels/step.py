@@ -10,7 +10,7 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import chosen, inlined, kernel, sized
+from bvp.kernels.compiled import chosen, inlined, kernel, short_loops, sized
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import inner, row_dot, set_1
@@ -127,7 +127,7 @@ def orbit_step(packed, factor, y, tangent, request, metric, landing):
     take_step(unpack(packed), factor, y, tangent, request, metric, landing)
 
 
-@kernel
+@short_loops
 def two_dof_orbit_step(packed, factor, y, tangent, request, metric, landing):
     """See `take_step`; N = 4."""
     take_step(two_dof_segment(packed), sized_factor(factor), y, tangent, request, sized(metric, 6), landing)
@@ -383,7 +383,7 @@ def orbit_observe(packed, observed, y, ends, work, result):
     observe(unpack(packed), observed, y, ends, work, result)
 
 
-@kernel
+@short_loops
 def two_dof_orbit_observe(packed, observed, y, ends, work, result):
     """See `observe`; N = 4."""
     observe(two_dof_segment(packed), Observed(sized(observed.rows, 4), observed.bounds), y, sized(ends, 4), work, result)

@@ -44,7 +44,7 @@ def test_all_that_a_kernel_is_compiled_from_is_hashed(file):
     assert set(stored.sources(file)) == found
 
 
-@pytest.mark.parametrize("name", ["compiler.py", "entry_point.py", "lent.py"])
+@pytest.mark.parametrize("name", ["compiler.py", "entry_point.py", "lent.py", "passes.py"])
 def test_the_compiler_is_hashed(monkeypatch, name):
     """Oracle: another text of the compiler gives another folder."""
     before = stored._digest("bvp.kernels.flight", "")
