@@ -22,6 +22,7 @@ from bvp.kernels.monodromy import (
     EXACT,
     FOUND,
     ClosedOrbit,
+    EigenvalueWork,
     LinearisedOrbit,
     Reduction,
     formed_multipliers,
@@ -102,10 +103,10 @@ class _SystemData(NamedTuple):
     conservative: bool
     scaled: bool
     work: Reduction
-    multipliers: int
     deflates: bool
     sweeps: SweepWork
     square: np.ndarray
+    spectrum: EigenvalueWork
     passages: dict[int, LinearisedOrbit]
 
     def linearised(self, nodes: int) -> LinearisedOrbit:
@@ -126,8 +127,8 @@ def _data_of(system: Any) -> _SystemData:
     work = make_reduction(free, np.concatenate([modes.squares, np.ones(n)]) if conservative else np.ones(2 * n), conservative)
     m = 2 * n - len(work.vectors)
     return _SystemData(
-        modes.flight, contacts, conservative, modes.layout != "coupled", work, m, conservative and n > 2, make_sweep_work(m, 2 * n),
-        np.empty((m, m)), {},
+        modes.flight, contacts, conservative, modes.layout != "coupled", work, conservative and n > 2, make_sweep_work(m, 2 * n),
+        np.empty((m, m)), make_eigenvalue_work(m), {},
     )  # fmt: skip
 
 
@@ -140,10 +141,10 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     ValueError
         For a cycle of a linear system without impacts.
     """
-    if cycle.system.smooth_forces is not None or not np.any(cycle.contact >= 0):
+    if cycle.system.smooth_forces is not None or max(cycle.contact.tolist()) < 0:
         return saddle_point_multipliers(cycle)
     data = _data_of(cycle.system)
-    spectrum = make_eigenvalue_work(data.multipliers)
+    spectrum = EigenvalueWork(np.empty_like(data.spectrum.matrix), *data.spectrum[1:])  # the result keeps the matrix
     orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
     linearised = data.linearised(len(orbit.duration))
     found, _, flow, level, pairing = formed_multipliers(
