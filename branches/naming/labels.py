@@ -23,7 +23,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from branches.sequences import SequenceSyntaxError, split_family_id
 from bvp.texts import shown
@@ -193,12 +193,15 @@ class LabelSyntaxError(ValueError):
 
 @dataclass(frozen=True)
 class Name:
-    """A label or a family id, with what selects among several orbits: energy h > 0, quarter period alpha > 0, or None."""
+    """A label or a family id, with what selects among several orbits: energy h > 0, quarter period alpha > 0, or None.
+
+    is_short: whether the text of the label leaves its impacts out, as S13+ does, which is S13O00+ with stops and S13+ without."""
 
     label: Label | None = None
     family: str | None = None
     h: float | None = None
     alpha: float | None = None
+    is_short: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         """The name as `parse_name` reads it."""
@@ -243,9 +246,13 @@ def parse_printed(text: str) -> Label:
     ('S13O00+', 'S13+', 'S13O00+')
     """
     label = parse(text)
-    if label.kind == "S" and not {"O", "E"} & set(text):
+    if label.kind == "S" and _is_short(text):
         return Label(label.kind, label.m, label.n, sign=label.sign)
     return label
+
+
+def _is_short(text: str) -> bool:
+    return not {"O", "E"} & set(text)
 
 
 def parse_name(text: str) -> Name:
@@ -282,7 +289,7 @@ def parse_name(text: str) -> Name:
         fields = reader.fields()
         reader.after = reader.after.replace("the end of the label", "@ or the end of the name").replace("or @", "@")
     h, alpha = reader.suffix("@" if family else "[@,]")
-    return Name(Label(*fields) if fields else None, family, h, alpha)
+    return Name(Label(*fields) if fields else None, family, h, alpha, _is_short(head))
 
 
 def parse_suffix(text: str, at: int) -> tuple[float | None, float | None]:

@@ -211,7 +211,7 @@ def label_without_stops(name: Name) -> Name:
     label = name.label
     if label is None:
         return name
-    if label.p or label.q or label.parity == "E":
+    if label.p or label.q or label.parity == "E" or (label.parity == "O" and not name.is_short):
         raise NameNotFound(f"{label} has impacts, and this system has no stops; expected a label such as {label.kind}{label.m}{label.n}+")
     return replace(name, label=Label(label.kind, label.m, label.n, sign=label.sign))
 
