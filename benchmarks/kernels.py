@@ -23,7 +23,7 @@ from saltus.compiling import LIST, compile_kernels
 __all__ = ["EXAMPLES", "add_arguments", "recorded", "run"]
 
 EXAMPLES: dict[str, list[str]] = {
-    "continue": ["continue S13O00+ --points 40 --plot a.png", "orbit S13+ --alpha 1.7 --plot b.png"],
+    "continue": ["continue S13O00+ --points 40", "orbit S13+ --alpha 1.7 --plot b.png"],
     "discover": ["discover --energy 0.2 --max-quarter-period 2 --max-impacts 2", "continue S73O33- --points 40"],
     "build": ["build --energy 0.06:0.2 --max-quarter-period 1.9 --max-impacts 2 --catalogue a.sqlite"],
     "modes": [
@@ -31,7 +31,7 @@ EXAMPLES: dict[str, list[str]] = {
         "continue --scene gear_pair --from mode:3 --points 40",
     ],
     "build modes": [
-        "build --scene three_mass_chain --energy 0.1:0.45 --max-quarter-period 3.6 --max-impacts 1 --catalogue a.sqlite",
+        "build --scene three_mass_chain --energy 0.25:0.45 --max-quarter-period 3.6 --max-impacts 1 --catalogue a.sqlite",
     ],
     "run": [
         "run --on S13+ --energy 10 --rho 0.7 --lam 0.01 --duration 20 --stages --plot a.png",
@@ -45,10 +45,10 @@ EXAMPLES: dict[str, list[str]] = {
     "impulsive": ["impulsive --energy 0.1:0.3"],
     "response": [
         "continue --scene absorber --from rest --in w --range 0.7:2.2 --json b.json",
-        "continue --from b.json:GR1 --csv c.csv --plot c.png",
+        "continue --from b.json:GR1 --plot c.png",
     ],
     "simulated response": [
-        "continue --scene absorber --from simulate --in w --range 0.98:1.1 --points 40 --json a.json --plot a.png",
+        "continue --scene absorber --from simulate --in w --range 0.98:1.1 --points 40 --json a.json",
         "continue --scene impact_oscillator --set s=-0.2 --from simulate --start -0.66,0 --in s --range -1:0",
         "continue --scene absorber --from simulate --in mu --range 0.09:0.11 --points 20",
     ],
@@ -57,32 +57,28 @@ EXAMPLES: dict[str, list[str]] = {
         "--json d.json",
     ],
     "parameter": [
-        "continue S11- --in mu --range 0.09:0.11 --keep energy=0.8 --json a.json --plot a.png",
-        "continue --from a.json --in sigma --range 0.09:0.11 --keep quarter_period=0.25",
         "continue S13+ --in mu --range 0.09:0.12 --keep energy=0.8 --json b.json",
         "continue --from b.json:RT1 --points 20",
     ],
     "smooth": [
-        "continue S11- --scene cubic_nes --energy 1e-4:1 --points 60 --plot a.png",
-        "continue --scene beam_on_cubic_spring --from mode:1 --points 20",
+        "continue S11- --scene cubic_nes --energy 1e-2:0.1 --points 20",
+        "continue --scene beam_on_cubic_spring --from mode:2 --points 8",
     ],
     "smooth discover": [
         "discover --scene cubic_nes --energy 1 --max-quarter-period 3 --max-starts 64",
         "discover --scene cubic_and_stops --energy 2 --max-quarter-period 2 --max-impacts 4 --max-starts 64",
     ],
     "smooth run": [
-        "run --scene cubic_nes --impulse 0.8 --lam 0.01 --set lam_nes=0.01 --duration 20 --stages --plot a.png",
+        "run --scene cubic_nes --impulse 0.8 --lam 0.01 --set lam_nes=0.01 --duration 20 --stages",
         "run --scene cubic_and_stops --impulse 2 --set rho=0.7 --lam 0.01 --duration 20",
     ],
-    "smooth section": ["section --scene cubic_nes --energy 0.05 --orbits 3 --crossings 20 --plot a.png"],
-    "smooth sweep": ["sweep --scene ueda_oscillator --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
-    "smooth response": [
-        "continue --scene ueda_oscillator --set B=1 --from rest --in w --range 0.98:1.1 --points 10 --json a.json --plot a.png",
-    ],
+    "smooth section": ["section --scene cubic_nes --energy 0.05 --orbits 3 --crossings 20"],
+    "smooth sweep": ["sweep --scene ueda_oscillator --in w --range 0.9:1.1 --points 2 --transient 5 --record 5"],
+    "smooth response": ["continue --scene ueda_oscillator --set B=1 --from rest --in w --range 0.98:1.1 --points 10"],
     "smooth simulated response": [
-        "continue --scene ueda_oscillator --set B=1 --from simulate --in w --range 0.98:1.1 --points 10 --json a.json --plot a.png",
+        "continue --scene ueda_oscillator --set B=1 --from simulate --in w --range 0.98:1.1 --points 10 --csv a.csv",
     ],
-    "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5 --plot a.png"],
+    "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""
 

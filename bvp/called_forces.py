@@ -33,6 +33,9 @@ _AGREES = 1e-5
 _LONGEST = 300
 """Operations of a formula that a function is read as. The recurrence of a Chebyshev series would have millions."""
 
+_nodes, _weights = np.polynomial.legendre.leggauss(20)
+_points, _weights = 0.5 * (1.0 + _nodes), 0.5 * _weights
+
 _CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 _callbacks: dict[int, Any] = {}
 _numbers = count(1)
@@ -207,14 +210,12 @@ class CalledForce:
 
     def _integral(self, w: Any) -> np.ndarray:
         """The integral of the force from 0, by Gauss quadrature over parts that are halved until it stays."""
-        points, weights = np.polynomial.legendre.leggauss(20)
-        points, weights = 0.5 * (1.0 + points), 0.5 * weights
         w = np.asarray(w, dtype=float)
         before = None
         for parts in (1, 2, 4, 8, 16, 32, 64, 128, 256, 512):
-            x = ((np.arange(parts)[:, None] + points) / parts).ravel()
+            x = ((np.arange(parts)[:, None] + _points) / parts).ravel()
             values = self.function(w[..., None] * x)
-            total = w * (values @ np.tile(weights, parts)) / parts
+            total = w * (values @ np.tile(_weights, parts)) / parts
             size = np.abs(w) * np.max(np.abs(values), axis=-1, initial=0.0)
             if before is not None and not np.any(np.abs(total - before) > 4e-16 * math.sqrt(parts) * size):
                 return np.asarray(total)
