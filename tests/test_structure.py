@@ -24,10 +24,7 @@ def modules(root, packages):
 
 def imported(tree, known):
     """Names of the known modules that a module imports."""
-    hints = {id(node) for part in ast.walk(tree) if _is_for_hints(part) for child in part.body for node in ast.walk(child)}
-    for node in ast.walk(tree):
-        if id(node) in hints:
-            continue
+    for node in statements(tree):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -38,8 +35,13 @@ def imported(tree, known):
         yield from (name for name in names if name in known)
 
 
-def _is_for_hints(node):
-    return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+def statements(node):
+    """The statements inside a node, without those for type hints."""
+    hints = node.body if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING") else []
+    for child in ast.iter_child_nodes(node):
+        if not isinstance(child, ast.expr) and child not in hints:
+            yield child
+            yield from statements(child)
 
 
 def circles(root, packages):

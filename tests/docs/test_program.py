@@ -19,13 +19,11 @@ STEPS = [cells[1] for cells in table(page("program.md"), "The functions in order
 
 def entered(words):
     """The functions of ours that a command enters, as (file, name); a method counts for its class, too."""
-    found = set()
+    codes = set()
 
     def note(frame, event, _):
-        code = frame.f_code
-        if event == "call" and code.co_filename.startswith(str(ROOT)):
-            file = Path(code.co_filename).relative_to(ROOT).as_posix()
-            found.update((file, name) for name in code.co_qualname.split("."))
+        if event == "call":
+            codes.add(frame.f_code)
 
     before = sys.getprofile()
     sys.setprofile(note)
@@ -33,7 +31,8 @@ def entered(words):
         assert main(words) == 0
     finally:
         sys.setprofile(before)
-    return found
+    ours = [code for code in codes if code.co_filename.startswith(str(ROOT))]
+    return {(Path(code.co_filename).relative_to(ROOT).as_posix(), name) for code in ours for name in code.co_qualname.split(".")}
 
 
 def kernels(file):

@@ -77,6 +77,7 @@ def test_what_is_interrupted_lists_what_was_made(capsys, tmp_path, monkeypatch):
     def second_is_interrupted(arguments):
         if arguments.on == "S11O00-":
             raise KeyboardInterrupt
+        arguments.duration = 20.0
         return plain(arguments)
 
     monkeypatch.setattr(command, "run", second_is_interrupted)
