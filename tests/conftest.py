@@ -3,18 +3,16 @@
 import functools
 import gc
 import os
-import pickle
 import shutil
 import signal
 import sys
-import time
-from contextlib import contextmanager
 from pathlib import Path
 
 import hypothesis
 import pytest
 
 from saltus import processes
+from tests.building import built_once
 
 processes.one_thread()
 
@@ -75,30 +73,9 @@ def small_scene(tmp_path_factory):
     from branches.catalogue import Catalogue
     from saltus.processes import open_executor
 
-    # The first worker of a parallel run builds it, the others wait. Each has its own copy.
-    folder = tmp_path_factory.mktemp("scene")
-    shared = tmp_path_factory.getbasetemp().parent if "PYTEST_XDIST_WORKER" in os.environ else folder
-    built, kept = shared / "built.sqlite", shared / "built.report"
-    with alone(shared / "built.report"):
-        if not kept.exists():
-            with open_executor(2) as (executor, workers), Catalogue(built, "a", scene=saltus.load_scene()) as catalogue:
-                report = build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
-            kept.write_bytes(pickle.dumps(report))
-    return Path(shutil.copy(built, folder / "small.sqlite")), pickle.loads(kept.read_bytes())
+    def make(folder):
+        with open_executor(2) as (executor, workers), Catalogue(folder / "small.sqlite", "a", scene=saltus.load_scene()) as catalogue:
+            return build(catalogue, BuildPlan.within(Bounds((0.05, 100.0), 3.0, 6)), executor, workers)
 
-
-@contextmanager
-def alone(path):
-    """One process after the other. A lock ends with the process that holds it."""
-    from branches.catalogue.database import CatalogueInUse, WriterLock
-
-    lock = None
-    while lock is None:
-        try:
-            lock = WriterLock(path)
-        except CatalogueInUse:
-            time.sleep(0.05)
-    try:
-        yield
-    finally:
-        lock.release()
+    folder, report = built_once(tmp_path_factory, "scene", make)
+    return Path(shutil.copy(folder / "small.sqlite", tmp_path_factory.mktemp("own"))), report  # each worker has its own copy
