@@ -18,19 +18,24 @@ def absorber():
     return absorber_families()
 
 
-def test_an_id_depends_neither_on_the_start_nor_on_the_range(absorber):
+def require_id(branch, part, interval, direction):
+    """The same id of the family, followed again from a point of it, in a range around its parameter or in a given one."""
+    # At an event the equations can be singular.
+    located = np.array([event.values["w"] for event in branch.events])
+    plain = [k for k in range(len(branch)) if np.abs(located - branch.parameter[k]).min() > 1e-9]
+    k = plain[int(part * len(plain))]
+    at = float(branch.parameter[k])
+    low, high = {"whole": (0.7, 2.2), "near": (at - 1e-3, at + 1e-3), "beyond": (at, 3.0)}[interval]
+    assert follow_response(branch.problem, branch.unknowns[k], (low, high), direction=direction).id == branch.id
+
+
+@pytest.mark.parametrize(
+    ("part", "interval", "direction"), [(0.1, "whole", "along"), (0.35, "near", "both"), (0.6, "beyond", "both"), (0.9, "near", "along")]
+)
+def test_an_id_depends_neither_on_the_start_nor_on_the_range(absorber, part, interval, direction):
     """Oracle: the id of the family that is followed to both of its ends."""
     for branch in absorber:
-        # At an event the equations can be singular.
-        located = np.array([event.values["w"] for event in branch.events])
-        plain = [k for k in range(len(branch)) if np.abs(located - branch.parameter[k]).min() > 1e-9]
-        for part in (0.1, 0.35, 0.6, 0.9):
-            k = plain[int(part * len(plain))]
-            at = float(branch.parameter[k])
-            for interval in ((0.7, 2.2), (at - 1e-3, at + 1e-3), (at, 3.0)):
-                assert follow_response(branch.problem, branch.unknowns[k], interval).id == branch.id
-                one_way = follow_response(branch.problem, branch.unknowns[k], interval, direction="along")
-                assert one_way.id == branch.id
+        require_id(branch, part, interval, direction)
 
 
 def test_an_id_does_not_depend_on_the_steps(absorber, monkeypatch):
