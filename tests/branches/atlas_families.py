@@ -24,7 +24,7 @@ def families():
     """Both backbones, and the families through the impulsive orbits."""
     found = [traced("S13O00+"), traced("S11O00-")]
     for orbit in impulsive().orbits:
-        branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, energy=(0.05, 100.0))
+        branch = follow_family(orbit.orbit.problem, orbit.orbit.solution.y, energy=(0.05, ENERGY[1]))
         if branch.id not in {other.id for other in found}:
             found.append(branch)
     return tuple(found)

@@ -61,7 +61,7 @@ def test_the_contact_force_touches_zero_inside_sticking(restitution):
     """Oracles: the force is a known sum of harmonics, whose touch of zero is two equations. Behind it the stop opens where the force
     vanishes, and the simulation comes back."""
     amplitude, angle = touch()
-    branch = response(held(restitution), "B", (0.2, 0.9))
+    branch = response(held(restitution), "B", (0.29, 0.9))
     event = next(event for event in branch.events if event.type == "GR")
     assert event.point == len(branch) - 1 and "touches zero" in event.note and event.stop == "+"
     assert event.values["B"] == pytest.approx(amplitude, abs=1e-10)
@@ -72,7 +72,7 @@ def test_the_contact_force_touches_zero_inside_sticking(restitution):
     assert math.remainder(phase - angle, TURN) == pytest.approx(0.0, abs=1e-5)  # the note has six digits
     assert event.neighbours == ((branch.sequence + "+=" if branch.sequence.endswith("=") else "+=" + branch.sequence, True),)
     ((wide, step),) = switch_response(branch, event)
-    opened = follow_response(wide, step, (0.2, amplitude + 0.01))
+    opened = follow_response(wide, step, (0.2, amplitude + 0.005))
     # The flight has no duration at its beginning, which is the same event.
     first = opened.events[0]
     assert first.values["B"] == pytest.approx(amplitude, abs=1e-10) and "opens no more" in first.note
@@ -104,8 +104,13 @@ def table(restitution):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.1, 0.5])
+@pytest.mark.parametrize("restitution", [0.1, 0.5])
 def test_the_bouncing_ball_leaves_its_table_above_gravity(restitution):
+    """Oracle: see `require_leaving`. The ball without rebound is in tests/full."""
+    require_leaving(restitution)
+
+
+def require_leaving(restitution):
     """Oracle: the ball leaves if the acceleration of the table exceeds that of gravity, Gamma = 1 exactly. Below it there is no flight."""
     branch = response(table(restitution), "A", (0.5, 1.3))
     event = branch.events[0]

@@ -101,7 +101,7 @@ def test_arcs_stay_within_their_bounds(scanned):
     rng = np.random.default_rng(3)
     total, beyond, largest = 0, 0, 0.0
     for search, arcs in scanned:
-        for arc in arcs[rng.choice(len(arcs), 400)]:
+        for arc in arcs[rng.choice(len(arcs), 150)]:
             if search.gone[int(arc[at.CURVE])]:
                 continue
             for u in rng.uniform(-1.0, 1.0, 3).tolist():
@@ -120,7 +120,7 @@ def test_arcs_stay_within_their_bounds(scanned):
                     assert arc[at.BOX + 2 * c] <= out[at.VALUE + 3 * c] <= arc[at.BOX + 2 * c + 1]
                     part = abs(out[at.RATE + 3 * c] - parabola) / (arc[at.ERROR + c] + 1e-12)
                     total, beyond, largest = total + 1, beyond + (part > 1.0), max(largest, part)
-    assert total > 10_000 and beyond < 1e-3 * total and largest < 3.0
+    assert total > 3000 and beyond < 1e-3 * total and largest < 3.0
 
 
 def arc_of(polynomials):
@@ -152,7 +152,7 @@ def test_arcs_that_are_apart_do_not_cross_and_those_that_turn_apart_cross_once_a
     u = np.linspace(-1.0, 1.0, 120)
     mirror = np.array([1.0, -1.0, 1.0])
     verdicts, crossed = Counter(), 0
-    for _ in range(1500):
+    for _ in range(500):
         size = 10.0 ** rng.uniform(-1.5, 0.3)
         polynomials = rng.normal(size=(2, 3, 4)) * np.array([0.3 * size**2, 0.5 * size, 1.0, 0.8]) * size
         a, b = (arc_of(p) for p in polynomials)
@@ -170,7 +170,7 @@ def test_arcs_that_are_apart_do_not_cross_and_those_that_turn_apart_cross_once_a
         assert count <= 1 or turned == 0.0
         verdicts[apart, turned != 0.0] += 1
         crossed += count == 1 and turned != 0.0
-    assert min(verdicts.values()) > 50 and len(verdicts) == 4 and crossed > 50
+    assert min(verdicts.values()) > 15 and len(verdicts) == 4 and crossed > 15
 
 
 BOUNDS = {"quarter_period": 3.0, "impacts": 3}

@@ -22,6 +22,15 @@ def followed(branch, event, points=80):
     return [follow_response(problem, step, branch.interval, points=points) for problem, step in switch_released(branch, event)]
 
 
+@pytest.fixture(scope="module")
+def at_quarter_period():
+    """S13O00+ in mu at alpha = 1.7, where it grazes, and the families that meet it there."""
+    problem, y, _ = in_phase(("mu",), ["quarter_period = {alpha!r}"])
+    branch = follow_response(problem, y, (0.09, 0.25))
+    (event,) = events_of(branch, "GR")
+    return branch, event, followed(branch, event, points=12)
+
+
 def passes(branch, kind, value):
     """Whether a branch has an event of a type at a value of its parameter."""
     return any(event.type == kind and abs(event.values["mu"] / value - 1.0) < 1e-8 for event in branch.events)
@@ -56,13 +65,10 @@ def test_families_of_five_periods_begin_at_a_resonance():
     assert other.columns["alpha"].min() > 4.9 * branch.columns["alpha"].min()
 
 
-def test_grazing():
+def test_grazing(at_quarter_period):
     """Families meet the backbone where it touches a stop at a fixed quarter period. Those with ends begin there, at the same mu and energy.
     Along the others mu does not change, which makes no event."""
-    problem, y, _ = in_phase(("mu",), ["quarter_period = {alpha!r}"])
-    branch = follow_response(problem, y, (0.09, 0.25))
-    event = events_of(branch, "GR")[-1]
-    found = followed(branch, event, points=40)
+    _, event, found = at_quarter_period
     reversible = [one for one in found if one.problem.ends != ("periodic", "periodic")]
     assert {"".join(one.problem.sequence) for one in reversible} == {"+-", "-"}
     for one in found:
@@ -80,13 +86,12 @@ def test_events_where_nothing_begins(at_energy):
         switch_released(at_energy, events_of(at_energy, "GR")[0])
 
 
-def test_an_edge_at_a_grazing_is_a_fold_on_one_side():
+def test_an_edge_at_a_grazing_is_a_fold_on_one_side(at_quarter_period):
     """Oracle: the ranges of the families. Those below the grazing in mu, as the backbone is, meet it in a nonsmooth fold."""
-    problem, y, _ = in_phase(("mu",), ["quarter_period = {alpha!r}"])
-    branch = follow_response(problem, y, (0.09, 0.5)).known_as("origin-stop+::00000000")
-    (event,) = events_of(branch, "GR")
+    branch, event, found = at_quarter_period
+    branch = branch.known_as("origin-stop+::00000000")
     kinds = set()
-    for onward in followed(branch, event, points=12):
+    for onward in found:
         middle = 0.5 * (onward.parameter.min() + onward.parameter.max()) - event.values["mu"]
         if abs(middle) > 1e-6:  # along others mu does not change
             link = link_at(branch, event, onward.sequence, onward)

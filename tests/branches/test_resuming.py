@@ -122,6 +122,11 @@ def sequences_to_origin(found):
 
 @pytest.mark.parametrize("energy", [14.0, 14.2])
 def test_a_scan_in_forty_digits_adds_nothing(energy):
+    """Oracle: see `require_nothing_new`. More intervals are in tests/full."""
+    require_nothing_new(energy, 1, 50)
+
+
+def require_nothing_new(energy, intervals, steps):
     """Oracle: changes of sign, between starts in forty digits, over intervals as narrow as rounding that were resumed."""
     (curve,) = curves(SYSTEM, "origin", energy)
     _, opened, _ = scan(curve, LIMITS, 100000)
@@ -132,10 +137,10 @@ def test_a_scan_in_forty_digits_adds_nothing(energy):
     hits = 0
     with mp.workdps(40):
         digits = ManyDigits(energy)
-        for _, opening in most[:3]:
+        for _, opening in most[:intervals]:
             taken = {}
-            for j in range(101):
-                rows = digits.crossings(mp.mpf(opening.parameter) + mp.mpf(opening.width) * j / 100, 10, LONGEST)
+            for j in range(steps + 1):
+                rows = digits.crossings(mp.mpf(opening.parameter) + mp.mpf(opening.width) * j / steps, 10, LONGEST)
                 for sequence, number in rows.keys() & taken.keys():
                     (a, t_a), (b, t_b) = rows[sequence, number], taken[sequence, number]
                     if sequence and a * b < 0:

@@ -36,18 +36,18 @@ def family(scene: str, mode: str, low: float, high: float, **values: float) -> B
 
 
 FAMILIES = [
-    ("cubic_nes", {}, "mode:2", (1e-3, 2.0), (0.002, 0.01, 0.1, 0.5, 1.5)),
-    ("smooth_wall", {"n": 3}, "mode:1", (0.02, 4.0), (0.05, 0.3, 1.0, 2.0, 3.9)),
-    ("smooth_wall", {"n": 10}, "mode:1", (0.02, 4.0), (0.05, 0.3, 1.0, 2.0, 3.9)),
-    ("smooth_wall", {"n": 20}, "mode:1", (0.02, 4.0), (0.05, 0.3, 1.0, 2.0, 3.9)),
-    ("smooth_wall", {"n": 100}, "mode:1", (0.02, 4.0), (0.05, 0.3, 1.0, 2.0, 3.9)),
-    ("duffing_pair", {}, "mode:1", (1e-3, 20.0), (0.01, 0.1, 1.0, 5.0, 19.0)),
-    ("duffing_pair", {}, "mode:2", (1e-3, 20.0), (0.01, 0.1, 1.0, 5.0, 19.0)),
+    ("cubic_nes", {}, "mode:2", (1e-3, 2.0), (0.002, 0.1, 1.5)),
+    ("smooth_wall", {"n": 3}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
+    ("smooth_wall", {"n": 10}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
+    ("smooth_wall", {"n": 20}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
+    ("smooth_wall", {"n": 100}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
+    ("duffing_pair", {}, "mode:1", (1e-3, 20.0), (0.01, 1.0, 19.0)),
+    ("duffing_pair", {}, "mode:2", (1e-3, 20.0), (0.01, 1.0, 19.0)),
 ]
 
 
 @pytest.mark.parametrize(("scene", "values", "mode", "energy", "energies"), FAMILIES)
-def test_a_second_integrator_agrees_at_five_energies(scene, values, mode, energy, energies):
+def test_a_second_integrator_agrees_at_three_energies(scene, values, mode, energy, energies):
     """Oracle: DOP853 at 1e-13, whose orbit Newton's method solves. The quarter period has its error, times a condition of at most 30; the
     trace of the period's derivative, which grows by up to some hundred at n = 100, has five digits less."""
     branch = family(scene, mode, *energy, **values)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tests.branches.test_forced_chains import check
-from tests.branches.test_sticking_chains import check_sticking
+from tests.branches.test_sticking_chains import check_sticking, require_neighbours
 
 
 def test_two_hundred_settled_motions():
@@ -14,3 +14,8 @@ def test_two_hundred_settled_motions():
 def test_motions_that_stick():
     """Oracle: the simulation, and the number of multipliers that are zero."""
     assert sum(check_sticking(seed) for seed in range(500)) >= 75
+
+
+def test_each_grazing_of_a_chain_that_sticks_has_a_neighbour():
+    """Oracle: the other family ends at the same frequency."""
+    require_neighbours(397)

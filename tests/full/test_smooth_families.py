@@ -8,6 +8,13 @@ import pytest
 from branches.naming.at_modes import orbit_at_mode
 from saltus.scene import load_scene
 from tests.branches.test_smooth_agreement import family, second
+from tests.branches.test_smooth_events import FAMILIES, require_events
+
+
+@pytest.mark.parametrize(("scene", "values", "mode", "energy"), FAMILIES)
+def test_a_second_integrator_finds_the_same_events(scene, values, mode, energy):
+    """Oracle: DOP853. The trace of the half map is a simple function near its value at the event, and the energy near its fold."""
+    require_events(scene, values, mode, energy, 100)
 
 
 def test_walls_of_power_201_are_nearly_reached():
