@@ -16,7 +16,7 @@ PINS = {"S13O00+": {}, "S31O11+": {}}
 
 @cache
 def impulsive():
-    return impulsive_orbits(SYSTEM, (0.05, 5.0), quarter_period=5.1)
+    return impulsive_orbits(SYSTEM, (0.05, 2.4), quarter_period=5.1)
 
 
 @cache

@@ -60,7 +60,7 @@ def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
     path = tmp_path / "killed.sqlite"
     printed = []
     dice = random.Random(20)
-    for run, waited in enumerate((0, 3, 12, 1, 9)):
+    for run, waited in enumerate((0, 12, 3)):
         process = writer(branch_file, path, 100000 * run)
         # However slow the machine is, so many families are finished.
         printed += [process.stdout.readline().strip() for _ in range(waited)]
@@ -74,7 +74,7 @@ def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
             assert len(kept) <= len(printed) + run + 1
             for id in printed[-2:]:
                 assert same_columns(catalogue.points(id), real()[0].points)
-    assert len(printed) > 20
+    assert len(printed) >= 15
     with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
         assert catalogue._connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         assert {row.id for row in catalogue.families()}.issuperset(printed)
@@ -84,7 +84,7 @@ def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
 def test_a_writer_killed_while_it_makes_the_file(branch_file, tmp_path):
     """Oracle: either no file, an empty one that is refused in words, or a catalogue; the next writer makes one of each."""
     dice = random.Random(3)
-    for run in range(6):
+    for run in range(3):
         path = tmp_path / f"{run}.sqlite"
         script = f"import saltus, sys; s = saltus.vibro_impact_nes(); print(1, flush=True); saltus.Catalogue({str(path)!r}, 'a', scene=s)"
         process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, cwd=ROOT)
@@ -481,7 +481,7 @@ def test_flipped_bytes_are_noticed(good):
     data = good.read_bytes()
     dice = random.Random(7)
     noticed = 0
-    for _ in range(60):
+    for _ in range(30):
         at = dice.randrange(100, len(data))
         good.write_bytes(data[:at] + bytes([data[at] ^ (1 << dice.randrange(8))]) + data[at + 1 :])
         try:
@@ -493,7 +493,7 @@ def test_flipped_bytes_are_noticed(good):
         except (CatalogueError, sqlite3.DatabaseError) as error:
             assert isinstance(error, CatalogueError) or "malformed" in str(error), error
             noticed += 1
-    assert noticed > 30
+    assert noticed > 15
 
 
 def test_rows_that_a_family_left_are_damage(good):

@@ -109,7 +109,7 @@ def test_a_conversion_that_is_killed(path):
     """Oracle: what was read before, after processes that were killed at random moments; the next writer converts the file."""
     before, dice = content(path), random.Random(9)
     script = f"import saltus; c = saltus.Catalogue; c; print(1, flush=True); c({str(path)!r}, 'a').close()"
-    for _ in range(4):
+    for _ in range(2):
         process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, cwd=ROOT)
         process.stdout.readline()
         time.sleep(dice.uniform(0.0, 1.2))
