@@ -87,7 +87,7 @@ def test_the_response_grazes_where_the_formula_says():
         parametric = oscillator(m=0.4, c=0.9) if name == "c" else oscillator()
         problem = ForcedProblem(parametric, [], [name])
         begun = problem.solve(problem.pack([[0.0, 0.0]], [0.0], [begin])).y
-        run = follow_both_ways(ForcedFamily(problem, (0.01, 10.0)), begun, SETTINGS)
+        run = follow_both_ways(ForcedFamily(problem, (0.1, 3.0)), begun, SETTINGS)
         grazings = [event.point.parameter for event in run.events if event.code == "GR"]
         assert min(abs(value - exact) for value in grazings) < 1e-12
 
@@ -101,7 +101,7 @@ def test_orbits_along_the_family_are_motions(name):
     family = ForcedFamily(problem, (0.5 * value, 2.0 * value))
     run = follow_both_ways(family, problem.solve(y).y, replace(SETTINGS, maximum_points=24))
     assert len(run.points) >= 10
-    for point in run.points:
+    for point in run.points[::3]:
         at = point.step.y
         if point.event is None:
             require_motion(problem, at, periods=3)

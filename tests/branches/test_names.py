@@ -149,7 +149,7 @@ def test_orbits_without_impacts_are_no_answer():
     """Oracle: S13 leaves the parity open; the linear modes, which have no impact, are not among the matches."""
     for text in ("S13", "S11"):
         try:
-            orbit, _ = found(text, (0.05, 1.0))
+            orbit, _ = found(text, (0.05, 0.3))
         except AmbiguousName as error:
             assert "E00" not in str(error)
         else:
