@@ -33,7 +33,7 @@ def test_stops_that_are_not_reached_change_nothing():
     """Oracle: the scene without stops."""
     system = saltus.load_scene("cubic_nes").system
     far = {**system.describe(), "stops": [{"c": [1.0, -1.0], "lower": -100.0, "upper": 100.0}]}
-    bounds = {"quarter_period": 2.0, "budget": 128, "ends": ("origin-origin",)}
+    bounds = {"quarter_period": 2.0, "budget": 64, "ends": ("origin-origin",)}
     free = discover_orbits(system, 1.0, **bounds)
     stopped = discover_orbits(ImpactSystem.from_description(far), 1.0, **bounds)
     assert [orbit.ends for orbit in stopped.orbits] == [orbit.ends for orbit in free.orbits] and len(free.orbits) == 7
@@ -93,8 +93,8 @@ def test_motions_of_few_half_waves_are_searched_as_all_are(end):
     """Oracle: the scan without a limit, and the sign changes of both velocities along its segments, by dense sampling."""
     system = saltus.load_scene("cubic_nes").system
     limit = np.array([3, 2])  # neighbouring motions can have more
-    every = list(SmoothSampler(system, end, 6.0, [0]).segments(1.0, 96))
-    few = list(SmoothSampler(system, end, 6.0, [0], tuple(limit + MORE)).segments(1.0, 96))
+    every = list(SmoothSampler(system, end, 6.0, [0]).segments(1.0, 48))
+    few = list(SmoothSampler(system, end, 6.0, [0], tuple(limit + MORE)).segments(1.0, 48))
     inside = []
     for segment in every:
         times = np.linspace(0.0, segment.flight_times.sum(), 2001)[:-2]
