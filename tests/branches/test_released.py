@@ -57,7 +57,7 @@ def event_of(branch, kind, number=1):
 def in_mu():
     """S13O00+ in mu at the energy that it has at alpha = 1.7."""
     problem, y, h = in_phase(("mu",), ["energy = {h!r}"])
-    return follow_response(problem, y, (0.02, 1.0)), h
+    return follow_response(problem, y, (0.02, 0.5)), h
 
 
 def test_every_point_is_the_closed_form(in_mu):
@@ -70,7 +70,7 @@ def test_every_point_is_the_closed_form(in_mu):
             wanted = mp.findroot(lambda a, form=form: form.energy(a) - mp.mpf(h), mp.mpf(alpha))
         assert alpha == pytest.approx(float(wanted), rel=1e-12)
     assert np.abs(branch.columns["h"] / h - 1.0).max() < 1e-13
-    assert branch.parameter[-1] == pytest.approx(1.0, rel=1e-13)
+    assert branch.parameter[-1] == pytest.approx(0.5, rel=1e-13)
 
 
 def test_symmetry_breaks_where_the_trace_of_the_closed_form_is_minus_two(in_mu):
@@ -105,7 +105,7 @@ def test_the_impact_vanishes_at_the_grazing_of_the_linear_mode(in_mu):
 def test_fold_in_mu(in_mu):
     """At a fixed energy it is where the trace of the closed form is 2. The stability changes there."""
     problem, y, h = out_of_phase(("mu",), ["energy = {h!r}"], 1.2)
-    branch = follow_response(problem, y, (0.02, 0.4))
+    branch = follow_response(problem, y, (0.09, 0.4))
     event = event_of(branch, "SN")
 
     near = event.values["mu"], event.values["quarter_period"]
@@ -118,7 +118,7 @@ def test_fold_in_mu(in_mu):
 def test_stability_at_a_fixed_quarter_period_changes_at_a_fold_in_the_energy():
     """The family in mu has no fold there. It is the orbit at which the closed form has the trace 2."""
     problem, y, _ = out_of_phase(("mu",), ["quarter_period = {alpha!r}"], 1.12)
-    branch = follow_response(problem, y, (0.02, 0.4))
+    branch = follow_response(problem, y, (0.07, 0.12))
     event = next(event for event in branch.events if event.note == "fold in the energy, at these parameters")
     with mp.workdps(30):
         alpha, near = mp.mpf(event.values["quarter_period"]), mp.mpf(event.values["mu"])
@@ -249,7 +249,7 @@ def test_events_do_not_depend_on_the_start(in_mu):
     problem = ReleasedProblem(
         NES.replaced({"mu": float(branch.parameter[len(branch) // 2])}), ("origin", "stop+"), (), ("mu",), [f"energy = {h!r}"], energy=h
     )
-    other = follow_response(problem, problem.of_orbit(orbit.problem, orbit.solution.y), (0.02, 1.0))
+    other = follow_response(problem, problem.of_orbit(orbit.problem, orbit.solution.y), (0.02, 0.5))
     assert [event.type for event in other.events] == [event.type for event in branch.events]
     for one, two in zip(branch.events, other.events, strict=True):
         assert one.values["mu"] == pytest.approx(two.values["mu"], rel=1e-8)
