@@ -2,6 +2,7 @@
 
 import csv
 
+import mpmath as mp
 import numpy as np
 import pytest
 from scipy.io import loadmat
@@ -39,68 +40,76 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_a_backbone_in_mu(capsys):
+def grazing_in_sigma():
+    """Where the linear mode of the reference system grazes with energy 0.6: h = w^2/(2 b^2), in closed form."""
+
+    def beyond(sigma):
+        w, _, b = Backbone(0.1, sigma).modes[0]
+        return w**2 / (2 * b**2) - mp.mpf("0.6")
+
+    with mp.workdps(30):
+        return float(mp.findroot(beyond, mp.mpf("0.168")))
+
+
+def test_a_backbone_in_sigma(capsys):
     """Oracle: the closed form at each point, in each kind of file."""
-    words = "S11-", "--in", "mu", "--range", "0.02:1", "--keep", "energy=0.8"
+    words = "S13+", "--in", "sigma", "--range", "0.06:0.2", "--keep", "energy=0.6"
     files = [word for kind in ("json", "csv", "npz", "mat") for word in (f"--{kind}", f"a.{kind}")]
-    code, out, err = run(capsys, "continue", *words, *files, "--plot", "a.png", "--y", "start:u1'", "--uz", "0.5")
+    code, out, err = run(capsys, "continue", *words, *files, "--plot", "a.png", "--y", "start:u1'", "--uz", "0.15")
     assert code == 0, err
-    assert out.splitlines()[0] == "start  S11O00-: from h = 0.8, alpha = 0.2411533495"
-    assert "origin-stop-, sequence (none); energy=0.8" in out and "event" in out and "stable after" in out
+    assert out.splitlines()[0] == "start  S13O00+: from h = 0.6, alpha = 1.699237773"
+    assert "origin-stop+, sequence (none); energy=0.6" in out and "event" in out and "stable after" in out
     branch = read_json("a.json")["branches"][0]
-    assert branch["ends"] == ["origin", "stop-"] and branch["keep"] == ["energy=0.8"] and branch["released"] == ["mu"]
+    assert branch["ends"] == ["origin", "stop+"] and branch["keep"] == ["energy=0.6"] and branch["released"] == ["sigma"]
     points = branch["points"]
-    assert min(point["mu"] for point in points) == pytest.approx(0.02) and max(point["mu"] for point in points) == pytest.approx(1.0)
-    for point in points[::20]:
-        assert float(Backbone(point["mu"], 0.1).energy(point["alpha"])) == pytest.approx(0.8, rel=1e-12)
-        assert point["h"] == pytest.approx(0.8, rel=1e-13) and point["label"] == "S11O00-" and point["stable"] is True
+    assert points[0]["sigma"] == pytest.approx(0.06) and points[-1]["sigma"] == pytest.approx(grazing_in_sigma(), rel=1e-9)
+    for point in points[2:-2:8]:
+        form = Backbone(0.1, point["sigma"])
+        assert float(form.energy(point["alpha"])) == pytest.approx(0.6, rel=1e-12)
+        assert point["h"] == pytest.approx(0.6, rel=1e-13) and point["label"] == "S13O00+"
+        assert point["stable"] is form.stable(point["alpha"])
     marked = next(event for event in branch["events"] if event["type"] == "UZ")
-    assert marked["values"]["mu"] == pytest.approx(0.5) and set(marked["values"]) >= {"mu", "sigma", "energy", "quarter_period"}
+    assert marked["values"]["sigma"] == pytest.approx(0.15) and set(marked["values"]) >= {"mu", "sigma", "energy", "quarter_period"}
     rows = rows_of("a.csv")
     assert [float(row["alpha"]) for row in rows] == [point["alpha"] for point in points]
     with np.load("a.npz") as arrays:
         assert arrays["alpha"].tolist() == [point["alpha"] for point in points]
-    assert loadmat("a.mat")["mu"].ravel().tolist() == [point["mu"] for point in points]
+    assert loadmat("a.mat")["sigma"].ravel().tolist() == [point["sigma"] for point in points]
 
 
 def test_a_saved_family_is_shown_drawn_and_goes_on(capsys):
-    """Oracle: the file; the same end from both runs."""
-    code, _, err = run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.09:0.12", "--keep", "quarter_period=1.7", "--json", "a.json")
+    """Oracle: the file; the closed form of the end; the family that begins at an event has it at the same sigma."""
+    code, _, err = run(capsys, "continue", "S13+", "--in", "sigma", "--range", "0.09:0.13", "--keep", "energy=0.6", "--json", "a.json")
     assert code == 0, err
     shown = run(capsys, "show", "a.json")
-    assert shown[0] == 0 and "quarter_period=1.7" in shown[1] and "S" in shown[1]
+    assert shown[0] == 0 and "energy=0.6" in shown[1] and "S" in shown[1]
     assert run(capsys, "plot", "a.json", "--y", "tau_half", "--plot", "a.pdf")[0] == 0
-    code, out, _ = run(capsys, "continue", "--from", "a.json", "--range", "0.05:0.15", "--json", "b.json")
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--range", "0.06:0.2", "--json", "b.json")
     assert code == 0 and "GR1" in out
     first, last = (read_json(name)["branches"][0] for name in ("a.json", "b.json"))
     assert {event["type"] for event in first["events"]} == {"SB", "EP"}
-    assert min(point["mu"] for point in last["points"]) == pytest.approx(0.069558656117, rel=1e-9)
-    code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--range", "0.08:0.12", "--keep", "energy = 0.6*sigma/0.1")
-    assert code == 0 and "sigma = 0.08" in out
-
-
-def test_a_family_that_begins_at_an_event(capsys):
-    """Oracle: both pass the event at one mu."""
-    code, _, err = run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.04:0.1", "--keep", "energy=0.8", "--json", "a.json")
+    assert last["points"][-1]["sigma"] == pytest.approx(grazing_in_sigma(), rel=1e-9)
+    code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "mu", "--range", "0.09:0.11", "--keep", "energy = 0.6*mu/0.1")
+    assert code == 0 and "mu = 0.09" in out
+    code, _, err = run(capsys, "continue", "--from", "b.json:SB1", "--json", "c.json")
     assert code == 0, err
-    code, _, err = run(capsys, "continue", "--from", "a.json:SB", "--points", "60", "--json", "b.json")
-    assert code == 0, err
-    first, last = (read_json(name)["branches"][0]["events"] for name in ("a.json", "b.json"))
-    broken = next(event["values"]["mu"] for event in first if event["type"] == "SB")
-    assert next(event["values"]["mu"] for event in last if event["type"] == "BP") == pytest.approx(broken, rel=1e-9)
-    code, _, err = run(capsys, "continue", "--from", "a.json:GR1")
+    first, last = (read_json(name)["branches"][0]["events"] for name in ("b.json", "c.json"))
+    broken = next(event["values"]["sigma"] for event in first if event["type"] == "SB")
+    assert next(event["values"]["sigma"] for event in last if event["type"] == "BP") == pytest.approx(broken, rel=1e-9)
+    code, _, err = run(capsys, "continue", "--from", "b.json:GR1")
     assert code == 1 and "all impacts vanish at GR1: the linear mode L11+ remains" in err
 
 
 def test_two_parameters_and_an_equation_that_names_both(capsys):
     """Oracle: the closed form where energy = quarter_period/3 and sigma = mu."""
     keep = "--keep", "energy = quarter_period/3", "--keep", "sigma = mu"
-    words = "continue", "S13+", "--in", "mu,sigma", "--range", "0.05:0.3", *keep, "--points", "30", "--json", "a.json"
+    words = "continue", "S13+", "--in", "mu,sigma", "--range", "0.05:0.3", *keep, "--points", "30", "--csv", "a.csv"
     code, out, err = run(capsys, *words)
     assert code == 0, err
-    for point in read_json("a.json")["branches"][0]["points"][::5]:
-        assert point["sigma"] == pytest.approx(point["mu"], rel=1e-14)
-        assert float(Backbone(point["mu"], point["mu"]).energy(point["alpha"])) == pytest.approx(point["alpha"] / 3.0, rel=1e-12)
+    for point in rows_of("a.csv")[::5]:
+        mu, alpha = float(point["mu"]), float(point["alpha"])
+        assert float(point["sigma"]) == pytest.approx(mu, rel=1e-14)
+        assert float(Backbone(mu, mu).energy(alpha)) == pytest.approx(alpha / 3.0, rel=1e-12)
 
 
 def test_a_mode_and_a_file_of_an_orbit(capsys):
@@ -166,7 +175,7 @@ def test_bad_input(capsys, words, expected):
 
 
 def test_bad_input_with_a_file(capsys):
-    assert run(capsys, "continue", "S13+", "--in", "mu", "--range", "0.09:0.1", "--keep", "energy=0.5", "--json", "a.json")[0] == 0
+    assert run(capsys, "continue", "S13+", "--in", "sigma", "--range", "0.09:0.1", "--keep", "energy=0.5", "--json", "a.json")[0] == 0
     refused(run(capsys, "continue", "--from", "a.json:EP1"), "no other family begins at EP1", "BP, SB, PD, RT, GR")
     refused(run(capsys, "continue", "--from", "a.json:XX"), "no such event")
     refused(run(capsys, "continue", "--from", "a.json:EP1", "--in", "mu", "--keep", "energy=1"), "keeps energy=0.5", "expected no --in")

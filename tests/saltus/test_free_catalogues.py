@@ -14,8 +14,8 @@ from saltus.__main__ import main
 from tests.saltus.running import refused as check_refused
 from tests.saltus.running import run
 
-START = ("S13+", "--in", "mu", "--keep", "energy=0.6")
-BACKBONE, BROKEN = "origin-stop+::4bfea536", "origin-origin:+:39fc8dab"
+START = ("S13+", "--in", "sigma", "--keep", "energy=0.6")
+BACKBONE, BROKEN = "origin-stop+::0f85daa8", "stop+-stop-::040806a8"
 
 
 def refused(capsys, *words):
@@ -31,7 +31,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("free")
     place = str(folder / "free.sqlite")
     files = "--json", str(folder / "backbone.json"), "--catalogue", place
-    assert main(["continue", *START, "--range", "0.05:0.3", *files]) == 0
+    assert main(["continue", *START, "--range", "0.05:0.2", *files]) == 0
     assert main(["continue", "--from", f"{folder / 'backbone.json'}:SB1", "--catalogue", place]) == 0
     return folder
 
@@ -48,14 +48,14 @@ def test_the_backbone_is_identified_by_its_grazing(folder):
     with Catalogue(folder / "free.sqlite") as catalogue:
         (mark,) = catalogue.branch(BACKBONE).full_family.marks
 
-    def beyond(mu):
-        w, _, b = Backbone(mu, 0.1).modes[0]
+    def beyond(sigma):
+        w, _, b = Backbone(0.1, sigma).modes[0]
         return w**2 / (2 * b**2) - mp.mpf("0.6")
 
     with mp.workdps(30):
-        mu = mp.findroot(beyond, mp.mpf("0.054"))
-        period = 2 * mp.pi / Backbone(mu, 0.1).modes[0][0]
-    assert mark.h == pytest.approx(float(mu), rel=1e-9) and mark.alpha == pytest.approx(float(period), rel=1e-8)
+        sigma = mp.findroot(beyond, mp.mpf("0.168"))
+        period = 2 * mp.pi / Backbone(0.1, sigma).modes[0][0]
+    assert mark.h == pytest.approx(float(sigma), rel=1e-9) and mark.alpha == pytest.approx(float(period), rel=1e-8)
 
 
 def test_a_stored_family_is_the_branch_that_was_added(folder, place):
@@ -70,19 +70,22 @@ def test_a_stored_family_is_the_branch_that_was_added(folder, place):
 
 
 def test_the_commands_that_read_a_catalogue(place, capsys, tmp_path):
-    """Oracle: the symmetry breaks at mu = 0.0789388653969 (`tests/branches/test_released.py` compares it with the closed form)."""
+    """Oracle: the closed form of the symmetry breaking, where tau_half is -2."""
+    with mp.workdps(30):
+        equations = [lambda sigma, a: Backbone(0.1, sigma).tau_half(a) + 2, lambda sigma, a: Backbone(0.1, sigma).energy(a) - mp.mpf("0.6")]
+        breaks = float(mp.findroot(equations, (mp.mpf("0.0759"), mp.mpf("1.695")))[0])
     code, out, _ = run(capsys, "list", "--catalogue", place)
-    assert code == 0 and out.splitlines()[0].split() == ["id", "impacts", "mu", "period", "stable", "points", "events"]
+    assert code == 0 and out.splitlines()[0].split() == ["id", "impacts", "sigma", "period", "stable", "points", "events"]
     assert BACKBONE in out and BROKEN in out and out.splitlines()[-1] == "2 of 2 families"
     code, out, _ = run(capsys, "show", "origin-stop+", "--catalogue", place, "--plot", tmp_path / "a.png", "--json", tmp_path / "a.json")
     assert code == 0 and (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert "ends     origin-stop+  sequence (none)  2 impacts in a period\n" in out and "with energy=0.6" in out
     record = json.loads((tmp_path / "a.json").read_text())
-    assert record["family"]["ends"] == "origin-stop+" and record["path"] == {"names": ["mu"], "keep": ["energy=0.6"]}
+    assert record["family"]["ends"] == "origin-stop+" and record["path"] == {"names": ["sigma"], "keep": ["energy=0.6"]}
     code, out, _ = run(capsys, "tree", BACKBONE, "--catalogue", place)
-    assert code == 0 and f"└─ SB1 switch at mu 0.0789389: {BROKEN}" in out
+    assert code == 0 and f"└─ SB1 switch at sigma {breaks:.6g}: {BROKEN}" in out
     code, out, _ = run(capsys, "path", BACKBONE, BROKEN, "--catalogue", place)
-    assert code == 0 and "SB1 to BP1: switch at mu = 0.0789388654" in out
+    assert code == 0 and f"SB1 to BP1: switch at sigma = {breaks:.9f}" in out
     code, out, err = run(capsys, "check", "--catalogue", place)
     assert code == 0 and "all hold" in out, out
 
@@ -96,10 +99,10 @@ def test_export(place, capsys, tmp_path):
     with Catalogue(place) as catalogue:
         count = catalogue.counts()["points"]
     assert {branch["id"] for branch in json.loads(names["json"].read_text())["branches"]} == {BACKBONE, BROKEN}
-    assert len(np.load(names["npz"])["mu"]) == len(list(csv.DictReader(names["csv"].open()))) == count
-    assert loadmat(names["mat"])["mu"].size == count
+    assert len(np.load(names["npz"])["sigma"]) == len(list(csv.DictReader(names["csv"].open()))) == count
+    assert loadmat(names["mat"])["sigma"].size == count
     code, out, _ = run(capsys, "export", "graph", "--catalogue", place, "--json", "-")
-    assert code == 0 and {node.get("ends") for node in json.loads(out)["nodes"]} == {"origin-stop+", "origin-origin"}
+    assert code == 0 and {node.get("ends") for node in json.loads(out)["nodes"]} == {"origin-stop+", "stop+-stop-"}
 
 
 def test_a_part_of_a_known_family_is_joined(folder, capsys, tmp_path):
@@ -107,21 +110,21 @@ def test_a_part_of_a_known_family_is_joined(folder, capsys, tmp_path):
     place = str(tmp_path / "a.sqlite")
     words = "continue", *START[:-1], "energy = 0.6", "--catalogue", place, "--range"
     code, out, _ = run(capsys, *words, "0.09:0.12")
-    assert code == 0 and f"saved  {BACKBONE} in {place}, with mu = 0.09:0.12" in out
+    assert code == 0 and f"saved  {BACKBONE} in {place}, with sigma = 0.09:0.12" in out
     code, out, _ = run(capsys, *words, "0.08:0.11")
-    assert code == 0 and f"wider  {BACKBONE} in {place}, now with mu = 0.08:0.12; before with 0.09:0.12" in out
+    assert code == 0 and f"wider  {BACKBONE} in {place}, now with sigma = 0.08:0.12; before with 0.09:0.12" in out
     code, out, _ = run(capsys, *words, "0.09:0.11")
     assert code == 0 and f"known  {BACKBONE} in {place}" in out
     code, out, _ = run(capsys, "continue", "--from", f"{folder / 'backbone.json'}:SB1", "--points", "8", "--catalogue", place)
     assert code == 0 and f"edge   {BACKBONE} SB" not in out and "expected it saved, too" in out, "the stored part has not this event"
 
 
-def test_what_does_not_fit_is_refused(folder, place, capsys, tmp_path, scene=("--range", "0.05:0.3")):
+def test_what_does_not_fit_is_refused(folder, place, capsys, tmp_path, scene=("--range", "0.05:0.2")):
     """Oracle: one line that names what the catalogue holds."""
     line = refused(capsys, "continue", *START[:-1], "energy=0.7", *scene, "--catalogue", place)
-    assert "holds families of free orbits in mu, energy=0.6; received one in mu, energy=0.7" in line
+    assert "holds families of free orbits in sigma, energy=0.6; received one in sigma, energy=0.7" in line
     assert "--catalogue FILE is required" in refused(capsys, "continue", *START, *scene, "--save")
-    assert "holds families of free orbits in mu, and no families in the energy" in refused(
+    assert "holds families of free orbits in sigma, and no families in the energy" in refused(
         capsys, "continue", "S13+", "--save", "--catalogue", place
     )
     assert "no family 'S13+': the families of" in refused(capsys, "show", "S13+", "--catalogue", place)
@@ -144,11 +147,11 @@ impacts = 4
 
 
 def test_a_mass_that_vanishes_ends_the_family(capsys, tmp_path):
-    """Oracle: at a fixed energy the speeds grow as one over the root of the mass; that of the last point is a thousandth of the scene's."""
+    """Oracle: the speeds grow as the root of the energy over the mass; the mass of the last point is a thousandth of the scene's."""
     (tmp_path / "light.toml").write_text(LIGHT)
-    words = "continue", "S11-", "--scene", tmp_path / "light.toml", "--in", "a", "--range", "-1:0.16", "--keep", "energy=0.8"
-    code, out, err = run(capsys, *words, "--csv", tmp_path / "a.csv")
-    assert code == 0 and "a mass goes to 0, and the velocities grow without bound, at a = 0.0500998915" in out, out + err
+    words = "continue", "S11-", "--scene", tmp_path / "light.toml", "--in", "a", "--range", "-1:0.16"
+    code, out, err = run(capsys, *words, "--keep", "energy = 0.8*((a - 0.05)/0.1)**0.3", "--csv", tmp_path / "a.csv")
+    assert code == 0 and "a mass goes to 0, and the velocities grow without bound, at a = 0.0500996365" in out, out + err
     with (tmp_path / "a.csv").open() as file:
         first = next(csv.DictReader(file))
     assert 0.9e-4 < float(first["a"]) - 0.05 < 1e-4
