@@ -16,6 +16,10 @@ from tests.saltus.running import run
 START = ("--scene", "absorber", "--in", "w", "--range", "0.7:2.2", "--from", "simulate")
 FIRST, FOUR, BROKEN, REST = "half-period-1:+:e156061d", "half-period-1:++:7a637640", "period-1:++--:4a51c4e1", "half-period-1::63014008"
 
+# One degree of freedom: a period doubling, the next one, and a grazing.
+SMALL = ("--scene", "impact_oscillator", "--set", "s=-0.08", "--in", "s", "--range=-0.1:0.06", "--from", "simulate", "--start=-0.66,0")
+SINGLE, DOUBLED = "period-1:+:c83c54b8", "period-2:++:4b944aed"
+
 
 def refused(capsys, *words):
     """The one line that refuses a command."""
@@ -37,6 +41,14 @@ def folder(tmp_path_factory):
 @pytest.fixture
 def built(folder):
     return str(folder / "absorber.sqlite")
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A catalogue of four families of one degree of freedom that a build of depth 2 has filled."""
+    place = str(tmp_path_factory.mktemp("small") / "small.sqlite")
+    assert main(["build", *SMALL, "--depth", "2", "--catalogue", place]) == 0
+    return place
 
 
 def test_a_build_finds_the_families_that_begin_at_events(folder, built, capsys):
@@ -63,7 +75,7 @@ def test_a_build_that_is_repeated_changes_nothing(built, capsys):
         assert ([row[:15] for row in catalogue.all_families()], catalogue.edges()) == before
 
 
-def test_an_interrupted_build_goes_on(folder, built, capsys, tmp_path, monkeypatch):
+def test_an_interrupted_build_goes_on(small, capsys, tmp_path, monkeypatch):
     """Oracle: the catalogue of a build that was not interrupted."""
     from branches.building import responses
 
@@ -71,29 +83,29 @@ def test_an_interrupted_build_goes_on(folder, built, capsys, tmp_path, monkeypat
 
     def work(*arguments):
         calls.append(arguments)
-        if len(calls) == 4:
+        if len(calls) == 3:
             raise KeyboardInterrupt
         return real_work(*arguments)
 
     place = str(tmp_path / "part.sqlite")
-    words = "build", *START, "--depth", "2", "--catalogue", place
+    words = "build", *SMALL, "--depth", "2", "--catalogue", place
     monkeypatch.setattr(responses, "follow_seed", work)
     code, out, err = run(capsys, *words)
     assert code == 130 and "keeps what was finished" in err
     code, _, err = run(capsys, *words[:-4], "--depth", "1", "--catalogue", place)
-    assert code == 2 and "depth 2 is not finished" in err and "received 0.7:2.2, depth 1" in err
-    assert 0 < run(capsys, "list", "--catalogue", place)[1].count("\n") < 8
+    assert code == 2 and "depth 2 is not finished" in err and "received -0.1:0.06, depth 1" in err
+    assert 0 < run(capsys, "list", "--catalogue", place)[1].count("\n") < 6
     assert run(capsys, *words)[0] == 0
-    with Catalogue(built) as whole, Catalogue(place) as other:
+    with Catalogue(small) as whole, Catalogue(place) as other:
         assert whole.counts() == other.counts()
         assert [row.id for row in whole.all_families()] == [row.id for row in other.all_families()]
 
 
-def test_two_workers_give_the_same(built, capsys, tmp_path):
+def test_two_workers_give_the_same(small, capsys, tmp_path):
     """Oracle: the catalogue of one."""
     place = str(tmp_path / "two.sqlite")
-    assert run(capsys, "build", *START, "--depth", "2", "--workers", "2", "--catalogue", place)[0] == 0
-    with Catalogue(built) as one, Catalogue(place) as two:
+    assert run(capsys, "build", *SMALL, "--depth", "2", "--workers", "2", "--catalogue", place)[0] == 0
+    with Catalogue(small) as one, Catalogue(place) as two:
         assert [row[:15] for row in one.all_families()] == [row[:15] for row in two.all_families()] and one.edges() == two.edges()
 
 
@@ -116,8 +128,8 @@ def test_continue_keeps_a_response_and_joins_it_to_its_source(folder, capsys, tm
     assert run(capsys, "check", "--catalogue", "a.sqlite")[0] == 0
     code, out, _ = run(capsys, "continue", "--from", f"{first}:GR2", "--catalogue", "b.sqlite")
     assert code == 0 and f"no family with GR2, where {REST} begins" in out
-    code, out, _ = run(capsys, "continue", "--from", f"{first}:GR1", "--through", "SB", "--branches", "2", "--catalogue", "c.sqlite")
-    assert code == 0 and f"edge   {FOUR} SB1: switch" in out
+    code, out, err = run(capsys, "continue", *SMALL, "--through", "PD", "--branches", "2", "--catalogue", "c.sqlite")
+    assert code == 0 and f"saved  {DOUBLED}" in out and f"edge   {SINGLE} PD1: switch" in out
 
 
 def test_show_prints_and_draws_a_response(built, capsys, tmp_path):
@@ -133,23 +145,24 @@ def test_show_prints_and_draws_a_response(built, capsys, tmp_path):
     assert {event["type"] for event in record["events"] if event["multiplier"] is None} == {"GR"}
 
 
-def test_export_writes_points_graph_and_figure(folder, built, capsys, tmp_path):
+def test_export_writes_points_graph_and_figure(folder, small, capsys, tmp_path):
     """Oracle: the numbers of families and points of the list; the JSON is a file of responses."""
     names = {kind: tmp_path / f"a.{kind}" for kind in ("json", "csv", "npz", "mat", "png")}
     files = [text for kind, name in names.items() for text in ("--plot" if kind == "png" else f"--{kind}", name)]
-    code, _, err = run(capsys, "export", "response", "--catalogue", built, "--y", "max:u2", *files)
+    code, _, err = run(capsys, "export", "response", "--catalogue", small, "--y", "max:x", *files)
     assert code == 0 and not err and names["png"].read_bytes().startswith(b"\x89PNG")
     record = json.loads(names["json"].read_text())
-    assert record["kind"] == "response" and {branch["id"] for branch in record["branches"]} >= {FIRST, FOUR, BROKEN, REST}
+    assert record["kind"] == "response" and {branch["id"] for branch in record["branches"]} >= {SINGLE, DOUBLED}
     count = sum(len(branch["points"]) for branch in record["branches"])
-    assert len(np.load(names["npz"])["w"]) == count == len(list(csv.DictReader(names["csv"].open())))
-    code, out, _ = run(capsys, "export", "points", FIRST, "--catalogue", built, "--columns", "family,w,max.u1", "--csv", "-")
-    assert code == 0 and out.splitlines()[0] == "family,w,max.u1" and len(out.splitlines()) == 315
+    assert len(np.load(names["npz"])["s"]) == count == len(list(csv.DictReader(names["csv"].open())))
+    code, out, _ = run(capsys, "export", "points", SINGLE, "--catalogue", small, "--columns", "family,s,max.x", "--csv", "-")
+    (points,) = (len(branch["points"]) for branch in record["branches"] if branch["id"] == SINGLE)
+    assert code == 0 and out.splitlines()[0] == "family,s,max.x" and len(out.splitlines()) == 1 + points
     for kind in ("json", "graphml", "dot"):
-        code, out, _ = run(capsys, "export", "graph", "--catalogue", built, f"--{kind}", "-")
-        assert code == 0 and FIRST in out
-    graph = json.loads(run(capsys, "export", "graph", "--catalogue", built, "--json", "-")[1])
-    assert graph["graph"] == {"schema": 2, "axes": ["w", "T"]} and {"parameter_low", "period_high", "closure"} <= set(graph["nodes"][0])
+        code, out, _ = run(capsys, "export", "graph", "--catalogue", small, f"--{kind}", "-")
+        assert code == 0 and SINGLE in out
+    graph = json.loads(run(capsys, "export", "graph", "--catalogue", small, "--json", "-")[1])
+    assert graph["graph"] == {"schema": 2, "axes": ["s", "T"]} and {"parameter_low", "period_high", "closure"} <= set(graph["nodes"][0])
     code, out, _ = run(capsys, "export", "response", "--branches", folder / "first.json", "--csv", "-")
     assert code == 0 and len(out.splitlines()) == 315
     code, out, _ = run(capsys, "show", folder / "first.json")
@@ -170,7 +183,7 @@ def test_export_writes_points_graph_and_figure(folder, built, capsys, tmp_path):
         (["export", "fep", "--plot", "a.png"], ["saltus export fep needs families in the energy"]),
         (["export", "velocities", "--plot", "a.png"], ["saltus export velocities needs"]),
         (["export", "orbits", "--csv", "-"], ["saltus export orbits needs families in the energy"]),
-        (["export", "points", "--columns", "family,max.u3", "--csv", "-"], ["unknown column 'max.u3'", "nearest: max.u"]),
+        (["export", "points", REST, "--columns", "family,max.u3", "--csv", "-"], ["unknown column 'max.u3'", "nearest: max.u"]),
         (["export", "response", "--y", "max:u3", "--plot", "a.png"], ["--y: unknown column 'max:u3'", "nearest: max:u"]),
         (["list", "--scene", "bouncing_ball"], ["belongs to another system"]),
         (["list", "--scene", "absorber", "--set", "F=0.4"], ["parameters.F is 0.3, not 0.4"]),
@@ -219,14 +232,16 @@ def test_export_joins_only_files_of_one_system(folder, capsys, tmp_path, monkeyp
 
 
 def test_a_family_that_sticks_is_kept(tmp_path, capsys):
-    """Oracle: a ball without rebound leaves its table at Gamma = 1, where the family begins; there is none behind that."""
-    place = str(tmp_path / "ball.sqlite")
-    start = ("--from", "simulate", "--set", "Gamma=1.2", "--set", "e=0")
-    options = ("--scene", "bouncing_ball", "--in", "Gamma", "--range", "0.5:3.6", *start)
+    """Oracle: the spring and the load press the mass on its plastic stop with cos(t/2) - s. Above s = -1 it leaves, and there is no family
+    behind. At s = 0 the contact force at the impact is zero exactly, and the next family begins."""
+    place = str(tmp_path / "sticks.sqlite")
+    start = ("--from", "simulate", "--start=-0.6,0", "--set", "r=0", "--set", "s=-0.5", "--set", "w=0.5")
+    options = ("--scene", "impact_oscillator", "--in", "s", "--range=-1.2:0.2", *start)
     code, out, err = run(capsys, "build", *options, "--catalogue", place)
     assert code == 0, err
-    assert "lost   period-1:-=:3c81aeab: GR1 at 1: no family was found at GR1" in out
+    assert "lost   period-1:+=:cee7afeb: GR1 at -1: no family was found at GR1" in out
     with Catalogue(place) as catalogue:
         assert sorted(edge.source_event for edge in catalogue.edges()) == ["GR1", "GR2"]
+        assert catalogue.family("period-1:+=:cee7afeb").h == pytest.approx((-1.0, 0.0), abs=1e-10)
     code, out, err = run(capsys, "check", "--catalogue", place)
     assert code == 0 and "all hold" in out, out
