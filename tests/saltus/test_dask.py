@@ -1,4 +1,4 @@
-"""`saltus build --dask ADDRESS`: the work goes to a cluster, and nothing changes but where it is done."""
+"""`saltus build --dask ADDRESS`, and `saltus study`: the work goes to a cluster, and nothing changes but where it is done."""
 
 import socket
 
@@ -13,6 +13,8 @@ from saltus.processes import open_executor
 from tests.branches.building.test_frontier import Serial
 from tests.branches.catalogue.families import rows
 from tests.saltus.running import refused, run
+from tests.saltus.test_study import SMALL as STUDY
+from tests.saltus.test_study import assert_same, written
 
 distributed = pytest.importorskip("distributed")
 
@@ -38,6 +40,15 @@ def test_a_cluster_builds_the_same_catalogue(cluster, tmp_path, capsys):
         build(catalogue, BuildPlan.within(Bounds((0.1, 0.2), 1.9, 2)), Serial())
     one, other = (rows(tmp_path / f"{name}.sqlite", *TABLES) for name in ("serial", "cluster"))
     assert len(one[1]) > 3 and one == other
+
+
+def test_a_cluster_runs_the_same_study(cluster, tmp_path, capsys):
+    """Oracle: the study of one process."""
+    path = written(tmp_path, STUDY)
+    for place in ("--workers", 1), ("--dask", cluster.scheduler_address):
+        code, _, err = run(capsys, "study", path, "--out", tmp_path / place[0], *place)
+        assert code == 0 and not err
+    assert_same(tmp_path / "--dask", tmp_path / "--workers")
 
 
 def refused_address(address, tmp_path, capsys):

@@ -269,7 +269,7 @@ def test_the_building(capsys):
 
 def test_modes_of_more_coordinates_are_in_the_picture(capsys, tmp_path):
     """Oracle: the names of the modes of the shipped building that reach a stop and are within the panel's frequencies and energies."""
-    words = ("--scene", "three_storey_building", "--duration", "6", "--plot", tmp_path / "building.svg")
+    words = ("--scene", "three_storey_building", "--duration", "2", "--plot", tmp_path / "building.svg")
     assert run(capsys, "run", *words)[0] == 0
     assert 'id="families-L1"' in (tmp_path / "building.svg").read_text()
 
@@ -384,7 +384,7 @@ def test_a_run_is_interrupted_while_it_computes(tmp_path):
         assert child.stdout is not None
         while child.stdout.readline().strip() not in (b"ready", b""):
             pass
-        time.sleep(2.0)
+        time.sleep(1.0)
         assert child.poll() is None
         child.send_signal(signal.SIGINT)
         assert child.wait(timeout=60.0) == 130
@@ -407,16 +407,13 @@ def test_stages_of_a_long_motion_are_reported_as_far_as_its_record_goes(capsys, 
     assert record["stages"] and all(stage["end"] <= up_to for stage in record["stages"])
 
 
-@pytest.mark.parametrize("kind", ["png", "svg"])
-def test_the_picture(capsys, tmp_path, catalogue, kind):
+def test_the_picture(capsys, tmp_path, catalogue):
     """Oracle: the file's own signature; over the family that the motion starts on, and over those of a catalogue."""
-    begins = {"png": b"\x89PNG", "svg": b"<?xml"}[kind]
-    words = ("run", "--on", "S13O00+", "--energy", "0.4", *DAMPED, "--duration", "60")
-    assert run(capsys, *words, "--plot", tmp_path / f"own.{kind}")[0] == 0
-    code, out, _ = run(capsys, *words, "--plot", tmp_path / f"kept.{kind}", "--catalogue", catalogue, "--clearance", "0.1")
+    words = ("run", "--on", "S13O00+", "--energy", "0.4", *DAMPED, "--duration", "20")
+    assert run(capsys, *words, "--plot", tmp_path / "own.png")[0] == 0
+    code, out, _ = run(capsys, *words, "--plot", tmp_path / "kept.svg", "--catalogue", catalogue, "--clearance", "0.1")
     assert code == 0 and "the figure is in natural units" in out
-    for name in ("own", "kept"):
-        assert (tmp_path / f"{name}.{kind}").read_bytes().startswith(begins)
+    assert (tmp_path / "own.png").read_bytes().startswith(b"\x89PNG") and (tmp_path / "kept.svg").read_bytes().startswith(b"<?xml")
 
 
 def test_the_table_names_the_family_of_the_start_and_where_it_is_left(capsys):
