@@ -38,11 +38,11 @@ def test_a_family_in_the_energy_has_the_columns_in_each_file(capsys, folder):
 
 def test_a_family_in_a_parameter_has_the_columns(capsys, folder):
     """Oracle: the family in the energy at the same orbit."""
-    words = ("continue", "S11-", "--scene", "cubic_nes", "--harmonics", "3")
-    code, _, err = run(capsys, *words, "--in", "mu", "--range", "0.05:0.051", "--keep", "energy=0.1", "--csv", "a.csv", "--plot", "a.png")
+    words = ("--scene", "cubic_nes", "--harmonics", "3")
+    code, _, err = run(capsys, "continue", "S11-@h=0.1", *words, "--in", "mu", "--range", "0.05:0.051", "--csv", "a.csv", "--plot", "a.png")
     assert code == 0 and not err and (folder / "a.png").stat().st_size > 10_000
     first = next(row for row in rows("a.csv") if float(row["mu"]) == 0.05)
-    assert run(capsys, *words, "--energy", "0.099:0.1", "--csv", "b.csv")[0] == 0
+    assert run(capsys, "continue", "S11-", *words, "--energy", "0.099:0.1", "--csv", "b.csv")[0] == 0
     other = next(row for row in rows("b.csv") if abs(float(row["h"]) - 0.1) < 1e-12)
     for name in ("harmonic.u1.1", "harmonic.u1.3", "harmonic.u2.1"):
         assert abs(float(first[name]) / float(other[name]) - 1.0) < 1e-9

@@ -294,19 +294,19 @@ def test_a_simulated_motion_that_sticks_is_followed(capsys):
     assert code == 0, err
     assert out.startswith("branch 1: sequence ++=")
     assert run(capsys, "show", "b.json")[0] == 0
-    code, out, err = run(capsys, "continue", *("r=0.4" if word == "r=0" else word for word in words), *started, "--json", "c.json")
-    assert code == 0, err
-    assert read_json("c.json")["branches"][0]["sequence"].endswith("+=") and "without end" not in err
+    code, out, err = run(capsys, "continue", *("r=0.4" if word == "r=0" else word for word in words), *started)
+    assert code == 0 and "without end" not in err, err
+    assert out.splitlines()[2].partition(";")[0].endswith("+=")
     refused(run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0:0.1"), "the restitution of a plastic impact cannot vary")
 
 
 def test_a_ball_that_rests_on_its_table_at_phase_0_is_followed(capsys):
     """Oracle: the table lifts the ball if Gamma is above 1. Rounding leaves the resting ball a little below the table."""
-    words = "--set", "Gamma=1.2", "--from", "simulate", "--in", "Gamma", "--range", "0.9:1.5", "--json", "a.json"
+    words = "--set", "Gamma=1.2", "--from", "simulate", "--in", "Gamma", "--range", "0.9:1.5"
     code, out, err = run(capsys, "continue", "--scene", "bouncing_ball", *words)
     assert code == 0, err
-    (event,) = (event for event in read_json("a.json")["branches"][0]["events"] if event["type"] == "GR")
-    assert event["values"]["Gamma"] == pytest.approx(1.0, abs=1e-9)
+    (row,) = (line.split() for line in out.splitlines() if line.startswith("GR"))
+    assert float(row[1]) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_the_families_behind_events_are_followed(capsys):

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 
 from saltus import Simulator, load_scene
+from saltus.__main__ import main
 from tests.saltus.running import refused, run
 from transitions.sharing import sharing_of
 from transitions.study.study import Study
@@ -83,10 +84,16 @@ def test_a_damper_of_a_sink_counts_for_it(tmp_path, capsys, power):
     assert [found["shares"]["nes"], found["shares"]["lo"]] == pytest.approx(list(exact), abs=1e-11)
 
 
-def test_a_motion_follows_the_family_that_it_starts_on(tmp_path, capsys):
+@pytest.fixture(scope="module")
+def catalogue(tmp_path_factory):
+    """A catalogue of one family without impacts."""
+    path = tmp_path_factory.mktemp("smooth") / "mine.sqlite"
+    assert main(["continue", "S11+", "--scene", "cubic_nes", "--energy", "0.04:0.1", "--save", "--catalogue", str(path)]) == 0
+    return path
+
+
+def test_a_motion_follows_the_family_that_it_starts_on(tmp_path, capsys, catalogue):
     """Oracles: without losses the orbit itself; with small ones the family, on which a slow motion stays."""
-    catalogue = tmp_path / "mine.sqlite"
-    assert run(capsys, "continue", "S11+", "--scene", "cubic_nes", "--energy", "0.01:0.1", "--save", "--catalogue", catalogue)[0] == 0
     words = ("--scene", "cubic_nes", "--on", "S11+", "--energy", 0.08, "--catalogue", catalogue, "--duration", 150)
     for losses in (), ("--lam", 0.002, "--set", "lam_nes=0.002"):
         code, out, _ = run(capsys, "run", *words, *losses, "--json", tmp_path / "run.json", "--plot", tmp_path / "run.png")
@@ -152,10 +159,9 @@ def test_a_study_of_smooth_forces_has_a_duration(tmp_path, capsys):
     refused(run(capsys, "study", tmp_path / "shock.toml"), "expected a duration", words)
 
 
-def test_a_section(tmp_path, capsys):
+def test_a_section(tmp_path, capsys, catalogue):
     """Oracle: the energy of the section; the orbits of a catalogue are marked where motions return to."""
-    catalogue, files = tmp_path / "mine.sqlite", [tmp_path / f"section.{kind}" for kind in ("json", "png")]
-    assert run(capsys, "continue", "S11+", "--scene", "cubic_nes", "--energy", "0.01:0.1", "--save", "--catalogue", catalogue)[0] == 0
+    files = [tmp_path / f"section.{kind}" for kind in ("json", "png")]
     words = ("--energy", 0.05, "--orbits", 4, "--crossings", 30, "--catalogue", catalogue, "--json", files[0], "--plot", files[1])
     code, out, _ = run(capsys, "section", "--scene", "cubic_nes", *words)
     (section,) = json.loads(files[0].read_text())["sections"]
@@ -193,5 +199,6 @@ def test_springs_without_a_potential_are_refused(tmp_path, capsys, words):
     refused(run(capsys, *words, "--scene", tmp_path / "scene.toml"), "the springs have no potential: the force on sink changes with floor")
 
 
-def test_a_smooth_family_without_an_impulsive_orbit(capsys):
-    refused(run(capsys, "run", "--scene", "cubic_nes", "--on", "S11-", "--impulsive", "--duration", 5), "S11- has no impulsive orbit")
+def test_a_smooth_family_without_an_impulsive_orbit(capsys, catalogue):
+    words = ("--scene", "cubic_nes", "--on", "S11+", "--impulsive", "--duration", 5, "--catalogue", catalogue)
+    refused(run(capsys, "run", *words), "S11+ has no impulsive orbit")
