@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,10 +120,11 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
             more = f", now with {name} = {now}; before with {before}" if kept is Kept.WIDER else f", with {name} = {now}"
             lines.append(f"{words[kept]}  {branch.id} in {place}{more}")
             ids[number] = branch.id
+        event_in = cache(partial(_event_in, catalogue))  # two images of a family begin at one event
         for source, event, number in _beginnings(found, starts):
             if number not in ids:
                 continue
-            where = _event_in(catalogue, source, event.type, event.values[name])
+            where = event_in(source, event.type, event.values[name])
             if where is None:
                 lines.append(f"note   {place} has no family with {event.id}, where {ids[number]} begins: expected it saved, too")
                 continue
