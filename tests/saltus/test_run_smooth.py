@@ -12,6 +12,7 @@ from scipy.io import loadmat
 
 from saltus import Simulator, load_scene
 from saltus.__main__ import main
+from saltus.families import start_of, trace
 from tests.saltus.running import refused, run
 from transitions.sharing import sharing_of
 from transitions.study.study import Study
@@ -94,14 +95,15 @@ def catalogue(tmp_path_factory):
 
 def test_a_motion_follows_the_family_that_it_starts_on(tmp_path, capsys, catalogue):
     """Oracles: without losses the orbit itself; with small ones the family, on which a slow motion stays."""
-    words = ("--scene", "cubic_nes", "--on", "S11+", "--energy", 0.08, "--catalogue", catalogue, "--duration", 150)
-    for losses in (), ("--lam", 0.002, "--set", "lam_nes=0.002"):
-        code, out, _ = run(capsys, "run", *words, *losses, "--json", tmp_path / "run.json", "--plot", tmp_path / "run.png")
+    words = ("--scene", "cubic_nes", "--on", "S11+", "--energy", 0.08, "--catalogue", catalogue, "--duration", 60)
+    for more in (), ("--lam", 0.002, "--set", "lam_nes=0.002", "--plot", tmp_path / "run.png"):
+        code, out, _ = run(capsys, "run", *words, *more, "--json", tmp_path / "run.json", "--stages")
         record = json.loads((tmp_path / "run.json").read_text())
-        assert code == 0 and "leaves" not in out and (tmp_path / "run.png").stat().st_size > 10_000
+        assert code == 0 and "leaves" not in out
         assert [(stage["follows"]["label"], stage["follows"]["harmonic"]) for stage in record["stages"]] == [("S11+", 1)]
-        assert record["stages"][0]["start"] < 10.0 and record["stages"][0]["end"] > 140.0
+        assert record["stages"][0]["start"] < 10.0 and record["stages"][0]["end"] > 50.0
         assert record["initial"]["on"]["name"] == "S11+"
+    assert (tmp_path / "run.png").stat().st_size > 10_000
     code, out, _ = run(capsys, "run", "--scene", "cubic_nes", "--impulse", 0.4, "--duration", 60, "--stages")
     assert code == 0 and "compared with no family: springs that are not linear leave no linear modes" in out
 
@@ -138,11 +140,10 @@ def test_a_study(tmp_path, capsys, family):
     assert code == 0 and "3: the duration was reached" in out
     study, scene = Study(tmp_path / "shock.study"), load_scene("cubic_nes", lam=0.02, lam_nes=0.01)
     shared = sharing_of(scene.system, scene.nes, scene.lo)
+    branch = trace("S11-", scene=scene.underlying, energy=(0.01, 0.6)) if family else None
     for k, h in enumerate([0.02, 0.26, 0.5]):
-        if family:
-            from saltus.families import start_of, trace
-
-            (orbit,) = trace("S11-", scene=scene.underlying, energy=(0.01, 0.6)).orbits_at(energy=h)
+        if branch is not None:
+            (orbit,) = branch.orbits_at(energy=h)
             u, v, _ = start_of(orbit)
         else:
             u, v = np.zeros(2), np.array([0.0, np.sqrt(2.0 * h)])
