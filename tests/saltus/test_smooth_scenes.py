@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 def test_a_family_is_followed_by_its_label_and_from_its_file(capsys, folder):
     """Oracle: the folds as the library finds them from both sides, and a family that is the same from its own file."""
     code, out, err = run(
-        capsys, "continue", "S11-", "--scene", "cubic_nes", "--energy", "1e-3:0.1", "--json", "a.json", "--plot", "a.png"
+        capsys, "continue", "S11-", "--scene", "cubic_nes", "--energy", "2e-3:0.02", "--json", "a.json", "--plot", "a.png"
     )
     assert code == 0 and not err and "start  S11-" in out
     branch = read_json("a.json")
@@ -25,7 +25,7 @@ def test_a_family_is_followed_by_its_label_and_from_its_file(capsys, folder):
     assert len(folds) == 2 and abs(folds[0] / 0.0051506713248611 - 1.0) < 1e-9 and abs(folds[1] / 0.0024762885445911 - 1.0) < 1e-9
     assert {point["label"] for point in branch["points"]} == {"S11-"}
     assert max(point["residual"] for point in branch["points"]) < 1e-12 and (folder / "a.png").stat().st_size > 10_000
-    code, _, _ = run(capsys, "continue", "--from", "a.json@h=0.05", "--energy", "1e-3:0.1", "--json", "b.json")
+    code, _, _ = run(capsys, "continue", "--from", "a.json@h=0.01", "--energy", "2e-3:0.02", "--json", "b.json")
     assert code == 0 and read_json("b.json")["branch"]["id"] == branch["branch"]["id"]
 
 
