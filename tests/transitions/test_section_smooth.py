@@ -21,11 +21,13 @@ def test_crossings_are_those_of_a_second_integrator(name, values, energy):
     system = load_scene(name, **values).system
     plane = SectionPlane(system, energy)
     points = plane.starts(2)
-    found = follow_crossings(plane, points, 12)
+    found = follow_crossings(plane, points, 5)
     u, v = plane.states(points)
 
+    inverse = np.linalg.inv(system.mass)
+
     def rate(_, x):
-        return [*x[2:], *np.linalg.solve(system.mass, -system.stiffness @ x[:2] - system.smooth_forces.acting(x[:2], x[2:]))]
+        return [*x[2:], *(inverse @ (-system.stiffness @ x[:2] - system.smooth_forces.acting(x[:2], x[2:])))]
 
     def crosses(_, x):
         return x[1]
@@ -33,7 +35,7 @@ def test_crossings_are_those_of_a_second_integrator(name, values, energy):
     crosses.direction = 1
     for m in range(2):
         end = found.times[m, -1] + 0.01
-        other = solve_ivp(rate, (0.0, end), [*u[m], *v[m]], "DOP853", events=crosses, rtol=1e-13, atol=1e-15, max_step=0.05)
+        other = solve_ivp(rate, (0.0, end), [*u[m], *v[m]], "DOP853", events=crosses, rtol=1e-13, atol=1e-15, max_step=0.5)
         times, states = other.t_events[0], other.y_events[0]
         states = states[times > 1e-9]
         assert np.abs(times[times > 1e-9] - found.times[m, 1:]).max() < 1e-9
@@ -82,6 +84,6 @@ def test_periodic_orbits_return_to_their_marks():
 
 def test_energy_through_impacts_and_smooth_flights():
     """Invariant: constant energy; a sink that reaches its walls hits them."""
-    found = section(load_scene("cubic_and_stops").system, 1.0, orbits=8, crossings=150)
+    found = section(load_scene("cubic_and_stops").system, 1.0, orbits=4, crossings=60)
     assert set(found.ends) == {SectionEnd.COMPLETE} and found.drift < 1e-12
-    assert found.impacts.all() and found.impacts.sum() > 1000
+    assert found.impacts.all() and found.impacts.sum() > 200

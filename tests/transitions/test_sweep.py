@@ -106,10 +106,10 @@ def test_the_bouncing_ball_doubles_its_period(e):
     doubling = math.hypot(saddle, 2.0 * (1.0 + e * e) / (1.0 + e) ** 2)
     speed = 2.0 * math.pi / (1.0 + e)
     middle = 0.5 * (saddle + doubling)
-    values = [middle, saddle + 0.9 * (doubling - saddle), doubling - 0.01, doubling + 0.01]
-    found, _ = sweep(bouncing_ball(e), values, start=on_the_ball_orbit(e, middle), settings=SweepSettings(3000, 100))
-    assert found.periods.tolist() == [1, 1, 1, 2]
-    for k in range(3):
+    values = [middle, doubling - 0.01, doubling + 0.01]
+    found, _ = sweep(bouncing_ball(e), values, start=on_the_ball_orbit(e, middle), settings=SweepSettings(1500, 20))
+    assert found.periods.tolist() == [1, 1, 2]
+    for k in range(2):
         assert np.abs(found.impact_speeds[found.offsets[k] : found.offsets[k + 1]] - speed).max() < 1e-9
 
 
@@ -186,7 +186,7 @@ def pressed_chain(r, push=-0.8):
 def test_the_exponent_of_a_motion_that_sticks_is_that_of_the_differenced_map(r):
     """Oracle: the largest eigenvalue of the differenced map over the period of the motion."""
     system, forces = pressed_chain(r)
-    found, end = sweep(lambda w: (system, [forces[0], Harmonic(w, [0.0, 0.9])]), [1.1], settings=SweepSettings(400, 80))
+    found, end = sweep(lambda w: (system, [forces[0], Harmonic(w, [0.0, 0.9])]), [1.1], settings=SweepSettings(100, 40))
     p = int(found.periods[0])
     assert p > 0 and 0.0 < found.sticking[0] < 1.0
     state = end.state

@@ -28,9 +28,9 @@ def smooth_chain(rng):
 def test_the_tangent_vector_of_a_period_is_that_of_differences():
     """Oracle: central differences of `simulate`, through impacts, sticking and release."""
     rng = np.random.default_rng(3)
-    records = [record for _ in range(40) if (record := compared_period(rng, *smooth_chain(rng), 5))]
-    assert len(records) > 25
-    assert sum(record.sticking_time > 0.0 for record in records) > 5 and sum(record.count > 0 for record in records) > 10
+    records = [record for _ in range(16) if (record := compared_period(rng, *smooth_chain(rng), 5))]
+    assert len(records) > 10
+    assert sum(record.sticking_time > 0.0 for record in records) > 2 and sum(record.count > 0 for record in records) > 4
 
 
 @pytest.mark.parametrize(("load", "period"), [(0.3, 1), (3.0, 1)])
