@@ -38,9 +38,10 @@ def test_the_frequency_of_a_chirp_is_the_rate_of_its_phase():
 def test_the_parts_sum_to_the_signal():
     """Oracle: the signal, to rounding."""
     random = np.random.default_rng(2)
-    signal = np.cumsum(random.standard_normal(len(TIMES))) + 0.1 * TIMES
+    times = TIMES[:3000]
+    signal = np.cumsum(random.standard_normal(len(times))) + 0.1 * times
     for most in (None, 1, 3):
-        modes = decompose(TIMES, signal, most=most)
+        modes = decompose(times, signal, most=most)
         np.testing.assert_allclose(modes.functions.sum(axis=0) + modes.residue, signal, rtol=0.0, atol=1e-9 * np.abs(signal).max())
         assert modes.frequencies.shape == modes.amplitudes.shape == modes.functions.shape
         if most is not None:

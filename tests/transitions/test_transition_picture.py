@@ -131,7 +131,7 @@ def test_the_picture_is_drawn_again_from_its_files(drawn, suffix, tmp_path):
     assert (again.stages, again.start) == (transition.stages, transition.start)
     for name in ("times", "displacements", "energy", "impacts"):
         np.testing.assert_array_equal(getattr(again.record, name), getattr(transition.record, name))
-    if suffix in ("npz", "csv"):
+    if suffix == "csv":
         draw_transition(transition, atlas, tmp_path / "a.png")
         draw_transition(again, behind, tmp_path / "b.png")
         assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
