@@ -113,11 +113,20 @@ class Twin:
                 high = middle
         return 0.5 * (low + high)
 
+    def _gap(self, x, c):
+        """The gap coordinate as a function of time."""
+        if self.damped or not np.all(self.frequencies > 0.0):
+            return lambda t: c @ self.flow(x, t)[: self.n]
+        row, w = c @ self.shapes, self.frequencies
+        cosine, sine = row * (self.to_modes @ x[: self.n]), row * (self.to_modes @ x[self.n :]) / w
+        return lambda t: cosine @ np.cos(w * t) + sine @ np.sin(w * t)
+
     def _bisect(self, x, contact, low, high):
         c, side, bound, _, _ = self.contacts[contact]
+        gap = self._gap(x, c)
 
         def distance(t):
-            return side * (bound - c @ self.flow(x, t)[: self.n])
+            return side * (bound - gap(t))
 
         if distance(low) > 0.0 > distance(high):
             # The last bits by bisection.

@@ -93,7 +93,7 @@ def least_norm(jacobian, right, flights, rows, start, window, closing, diagonal,
     return solution
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.integers(0, 6), st.integers(1, 5), st.booleans(), st.integers(0, 2**32 - 1))
 def test_factors_and_solutions_of_random_patterns(flights, half, periodic, seed):
     rng = np.random.default_rng(seed)

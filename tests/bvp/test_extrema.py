@@ -66,7 +66,7 @@ def resolved(values, margin=1e-6):
     return size > 1e-6 and np.min(np.abs(critical)) > margin * size
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(st.integers(1, 4), st.booleans(), st.booleans(), st.floats(0.1, 40.0), st.integers(0, 2**32 - 1))
 def test_sign_changes_against_dense_samples(n, damped, velocity, duration, seed):
     rng = np.random.default_rng(seed)
@@ -83,7 +83,7 @@ def test_sign_changes_against_dense_samples(n, damped, velocity, duration, seed)
     assert sign == np.sign(values[-1])
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(st.integers(1, 4), st.booleans(), st.floats(0.1, 40.0), st.integers(0, 2**32 - 1))
 @example(n=1, damped=False, duration=0.1, seed=0)
 @example(n=3, damped=True, duration=30.0, seed=755)

@@ -64,7 +64,7 @@ def test_the_reference_system(lam, rho):
     assert compare(vibro_impact_nes(lam=lam, rho=rho), impulsive(energies), 12.0) >= 20
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     mu=st.floats(0.02, 1.0), sigma=st.floats(0.05, 2.0), lam=st.floats(0.0, 0.5), rho=st.floats(0.3, 1.0), seed=st.integers(0, 1000)
 )

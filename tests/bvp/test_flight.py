@@ -68,7 +68,7 @@ def test_strong_overdamping_neither_overflows_nor_loses_the_slow_rate(c, t):
     np.testing.assert_allclose(physical_flow(one(c, 1.0), t)[0, 1], exact[0, 1], rtol=8 * EPSILON)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(1, 4), st.integers(0, 2**31), st.floats(-4, 1.5), st.floats(0.0, 20.0))
 def test_random_damped_systems(n, seed, size, t):
     """Non-proportional damping from light to overdamped; 50 digits."""
@@ -80,7 +80,7 @@ def test_random_damped_systems(n, seed, size, t):
     assert flow_error(system, t) <= 2000 * EPSILON * (1.0 + fastest * t)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.integers(2, 6), st.integers(0, 2**31), st.floats(0.0, 30.0))
 def test_free_free_chains(n, seed, t):
     """One rigid-body mode, masses over six decades; 50 digits."""
@@ -117,7 +117,7 @@ def test_circular_functions_are_continuous_through_zero(x):
     np.testing.assert_allclose(circular(delta, t), [c, s], rtol=8 * EPSILON, atol=2 * EPSILON)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(0, 2**31), st.floats(0.0, 10.0), st.floats(-3.0, 10.0), st.sampled_from([0.0, 0.05, 1.0]))
 def test_flights_add_up(seed, s, t, damping):
     """exp(B (s + t)) = exp(B s) exp(B t), also backwards."""
@@ -128,7 +128,7 @@ def test_flights_add_up(seed, s, t, damping):
     np.testing.assert_allclose(second @ first, whole, rtol=0, atol=1e-13 * np.abs(second).max() * np.abs(first).max() * 20)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(1, 6), st.integers(0, 2**31), st.floats(0.0, 1000.0))
 def test_an_undamped_flight_keeps_its_energy(n, seed, t):
     rng = np.random.default_rng(seed)
@@ -143,7 +143,7 @@ def test_an_undamped_flight_keeps_its_energy(n, seed, t):
     assert abs(system.energy(after[:n], after[n:]) - system.energy(u, v)) <= 64 * EPSILON * (system.energy(u, v) + travelled)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.integers(0, 2**31), st.floats(0.0, 10.0), st.floats(-3, 1))
 def test_states_and_rates_agree_with_the_plain_twins(seed, t, size):
     """flow_state against scipy's expm, rate against the first-order matrix."""

@@ -36,7 +36,7 @@ def random_system(rng, n, damping, stiffness_shift=0.0):
     return ImpactSystem(np.diag(rng.uniform(0.2, 2.0, n)), damping * half @ half.T, stiffness, stops)
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(
     st.integers(1, 4),
     st.integers(0, 2**31),
@@ -70,7 +70,7 @@ def test_amplitudes_of_one_mode_are_its_amplitude():
     np.testing.assert_allclose(bounds, [size, 4 * size, 8 * size], rtol=1e-8)
 
 
-@settings(max_examples=50)
+@settings(max_examples=20)
 @given(st.integers(1, 5), st.integers(0, 2**31), st.floats(0.0, 1.0))
 def test_restitution_against_the_plain_twin(n, seed, restitution):
     """From M and c alone; momentum along directions that c does not see is kept, the rate of w is reversed, energy as
@@ -102,7 +102,7 @@ def test_a_flipped_sign_in_restitution_is_seen(sign, factor):
     np.testing.assert_allclose(restitute(system, "+", v), twins.restitute(system, 0, v), rtol=1e-14)
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(st.integers(1, 4), st.integers(0, 2**31), st.sampled_from([0.0, 0.02, 1.0, 8.0]), st.floats(0.1, 6.0))
 def test_no_impact_is_missed_and_none_invented(n, seed, damping, speed):
     """The plain twin samples at steps of 0.01 and minimises between samples."""
@@ -121,7 +121,7 @@ def test_no_impact_is_missed_and_none_invented(n, seed, damping, speed):
     assert abs(distances(system, np.concatenate([found.u, found.v]))[expected[0]]) <= 1e-12 * (1.0 + np.abs(found.u).max())
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(0, 2**31), st.floats(0.0, 5.0), st.sampled_from([0.0, 0.05]))
 def test_no_return_to_the_stop_just_left_is_missed(seed, speed, damping):
     """Starts on the stop, moving away or pulled back at once; the twin skips the first 1e-7."""
@@ -159,7 +159,7 @@ def test_growing_motion_and_a_larger_block(system, starts, horizon):
             assert found.time == pytest.approx(expected[1], rel=1e-9)
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(
     st.integers(2, 4),
     st.integers(0, 2**31),

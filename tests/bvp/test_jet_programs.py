@@ -78,7 +78,7 @@ EXPRESSIONS = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(st.lists(EXPRESSIONS, min_size=1, max_size=2))
 def test_jets_of_random_compositions(forces):
     """Oracle: mpmath's Taylor coefficients of the forces, and of sympy's derivatives by inputs and parameters."""

@@ -95,10 +95,13 @@ def run_coupled(mass, force, restitution, u, v, end):
 
 
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.9])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_two_contacts_come_to_rest_as_event_by_event_in_fifty_digits(seed, share):
     """Final state within 1e-11, though what is left below the contact tolerance is taken at once; the balance closes."""
-    case = coupled(seed, share)
+    check_two_contacts(coupled(seed, share))
+
+
+def check_two_contacts(case):
     motion = run_coupled(*case, 20.0)
     u, v, impacts, last, held = bounce_by_bounce(*case, 20.0)
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts <= impacts
@@ -155,10 +158,13 @@ def random_chain(seed):
     return system, forces, 2.0 * random.normal(size=n)
 
 
-@pytest.mark.parametrize("block", range(4))
-def test_chains_with_many_stops_run_to_the_end(block):
+def test_chains_with_many_stops_run_to_the_end():
     """Every motion reaches its duration, no stop is pierced, and the balance closes to 1e-12 of what the motion turns over."""
-    for seed in range(40 * block, 40 * block + 40):
+    check_chains(range(30))
+
+
+def check_chains(seeds):
+    for seed in seeds:
         system, forces, v = random_chain(seed)
         motion = simulate(system, np.zeros(len(v)), v, 60.0, forces=forces)
         assert motion.status is MotionStatus.DURATION_REACHED, seed

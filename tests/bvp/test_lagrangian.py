@@ -88,7 +88,7 @@ def quadratic_text(matrix, names):
 
 
 @given(systems())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_random_quadratic_forms_are_recovered_exactly(drawn):
     n, (mass, damping, stiffness), row, constant, half = drawn
     names = [f"x{k}" for k in range(n)]
@@ -108,7 +108,7 @@ def test_random_quadratic_forms_are_recovered_exactly(drawn):
 
 
 @given(systems())
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_against_lagranges_equations_of_sympy(drawn):
     from sympy.physics.mechanics import LagrangesMethod, dynamicsymbols
 
@@ -291,12 +291,12 @@ def test_an_expression_on_which_sympy_could_spend_hours_is_refused(potential):
 
 
 def test_a_large_energy_is_read():
-    """Oracle: the stiffness of springs between all pairs of 20 masses."""
-    names = [f"q{k}" for k in range(20)]
+    """Oracle: the stiffness of springs between all pairs of 12 masses."""
+    names = [f"q{k}" for k in range(12)]
     springs = " + ".join(f"({a} - {b})**2/2" for k, a in enumerate(names) for b in names[:k])
     kinetic = " + ".join(f"{name}_dot**2/2" for name in names)
     system = reference(kinetic, springs, names, gaps=[("q0 - q1", -1, 1)], parameters={})
-    np.testing.assert_array_equal(system.stiffness, 20.0 * np.eye(20) - 1.0)
+    np.testing.assert_array_equal(system.stiffness, 12.0 * np.eye(12) - 1.0)
 
 
 @pytest.mark.parametrize("change", [{"kinetic": "u1_dot**2 - u2_dot**2"}, {"gaps": [("u1", 1, -1)]}, {"gaps": []}, {"primary": "u4"}])

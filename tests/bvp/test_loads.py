@@ -34,8 +34,9 @@ def flight_of(system, harmonics, cosine, sine, clock, load_periods, cosine_slope
     return LoadedFlight(modes.flight, np.ascontiguousarray(modes.from_state), np.ascontiguousarray(modes.to_state), loads, *scratch)
 
 
-def exact(system, flight, z, t, changes):
-    """The end of a flight in many digits, for a start, a time and parameters that are changed by `changes`: (N + 1,)."""
+def exact(system, flight, z, t, changes, exponentials):
+    """The end of a flight in many digits, for a start, a time and parameters that are changed by `changes`: (N + 1,). exponentials: those
+    that are known, by the time and the changes of parameters."""
     n, loads = system.degrees_of_freedom, flight.loads
     size, m = 2 * n, len(loads.clock) - 1
     start = [mp.mpf(float(value)) + change for value, change in zip(z, changes, strict=False)]
@@ -65,7 +66,9 @@ def exact(system, flight, z, t, changes):
         whole[at, at + 1], whole[at + 1, at] = -k * w, k * w
         angle = k * load_periods * start[size]
         x[at], x[at + 1] = mp.cos(angle), mp.sin(angle)
-    end = mp.expm(whole * t) * x
+    if (t, *moved) not in exponentials:
+        exponentials[t, *moved] = mp.expm(whole * t)
+    end = exponentials[t, *moved] * x
     return [*[end[r] for r in range(size)], start[size] + t * w / load_periods, *start[size + 1 :]]
 
 
@@ -76,13 +79,13 @@ def judged(system, flight, z, t):
     fly_loaded(flight, np.array(z, float), float(t), out, jacobian, rate)
     errors = []
     with mp.workdps(DIGITS):
-        none = [mp.mpf(0)] * (count + 1)
-        plain = exact(system, flight, z, t, none)
+        none, known = [mp.mpf(0)] * (count + 1), {}
+        plain = exact(system, flight, z, t, none, known)
         errors.append((out, np.array([float(value) for value in plain])))
         step = mp.mpf(10) ** -20
         for c in range(count + 1):
             ahead, behind = ([*none[:c], sign * step, *none[c + 1 :]] for sign in (1, -1))
-            pair = exact(system, flight, z, t, ahead), exact(system, flight, z, t, behind)
+            pair = (exact(system, flight, z, t, changed, known) for changed in (ahead, behind))
             slope = np.array([float((a - b) / (2 * step)) for a, b in zip(*pair, strict=True)])
             errors.append((jacobian[:, c] if c < count else rate, slope))
     return max(np.abs(ours - theirs).max() / max(1.0, np.abs(theirs).max()) for ours, theirs in errors)

@@ -66,7 +66,7 @@ def test_the_ratio_of_the_mode_shape_is_the_published_one():
     assert round(shape[0] / shape[1], 3) == 3.702
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.integers(1, 6), st.integers(0, 2**31), st.floats(0, 8), st.sampled_from([0.0, 1.0]))
 def test_random_chains_have_the_modes_of_the_fifty_digit_pencil(n, seed, spread, ground):
     """Free-free chains (ground 0) have one frequency that is exactly 0."""
@@ -136,7 +136,7 @@ def test_the_contacts_of_several_stops():
         )
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.integers(1, 5), st.integers(0, 2**31), st.floats(-11, 3))
 @example(2, 0, -9.0)
 def test_random_damping_gives_well_conditioned_blocks(n, seed, size):
@@ -244,7 +244,7 @@ def test_an_exceptional_point_becomes_one_larger_block():
     assert_blocks_are_the_system(system, 100 * EPSILON)
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.integers(1, 8), st.integers(0, 2**31))
 def test_cut_is_a_similarity(size, seed):
     """Random matrices, some with repeated and defective eigenvalues built in."""

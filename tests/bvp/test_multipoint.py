@@ -113,7 +113,7 @@ def problems(draw):
     return problem, y
 
 
-@settings(max_examples=120)
+@settings(max_examples=40)
 @given(problems())
 def test_residual_and_jacobian_against_complex_steps(case):
     problem, y = case
@@ -124,7 +124,7 @@ def test_residual_and_jacobian_against_complex_steps(case):
     assert np.max(np.abs(jacobian - jacobian_twin(problem, y))) < 1e-13 * size**2
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(problems())
 def test_no_second_derivative_is_by_unknowns_of_two_flights(case):
     """Oracle: the Jacobian at displaced unknowns, which changes in the columns of one block alone."""
@@ -155,7 +155,7 @@ def test_a_flipped_sign_is_noticed(ends, signs):
     assert np.any(wrong[:, times]) and np.any(wrong[:, states])
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(problems())
 def test_null_vector(case):
     """J t = 0 for the tangent of the factorised Jacobian."""

@@ -143,7 +143,7 @@ TREES = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(TREES, st.tuples(*[st.floats(0.1, 2.0)] * 3))
 def test_random_expressions_are_those_of_python(text, point):
     """Oracle: Python's own arithmetic on the text, to the errors of the largest number inside."""

@@ -51,7 +51,7 @@ def test_one_degree_of_freedom_bounces_as_its_closed_form(system, u, v, duration
     assert set(met.contacts[::2]) == {contacts[0]} and set(met.contacts[1::2]) == {contacts[1]}
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.floats(0.05, 2.0), st.floats(0.0, 2.0), st.floats(0.0, 1.0), st.integers(0, 2**31))
 def test_impacts_of_a_run_follow_formula_11(mu, sigma, rho, seed):
     """Velocities after each impact by Lee et al. 2009, Eq. (11), and the energy (1 - rho^2) mu/(1 + mu) (u1' - u2')^2/2 that it loses. It

@@ -54,7 +54,7 @@ def advanced(columns, rate: float, time, steps: int):
 def exact(rate: float, energy: float, guess):
     """(quarter period, largest multiplier) of the orbit between origin and rest."""
     velocities, time = [mpf(float(v)) for v in guess.velocities], mpf(float(guess.alpha))
-    for _ in range(5):
+    for _ in range(3):
         end, first, second = advanced([[0, 0, *velocities], [0, 0, 1, 0], [0, 0, 0, 1]], rate, time, 8)
         x, y, *speeds = end
         force = mpf(COUPLING) * (x - y) ** 3

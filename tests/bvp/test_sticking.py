@@ -30,7 +30,7 @@ def random_held(seed, n, restitution=0.0):
     return system, row, u, v, rng
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(2, 4), st.integers(0, 2**31), st.booleans())
 def test_a_held_motion_is_that_of_the_constrained_equations(n, seed, forced):
     """M u'' + C u' + K u = f + c force, c . u'' = 0: the residual of the dense output, by its own accelerations, and the sign of the

@@ -55,7 +55,7 @@ def random_start(system, rng):
     return z, contact
 
 
-@settings(max_examples=300)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_an_impact_is_that_of_the_general_search(seed):
     """Oracle: `next_hit`; what is declined is rare."""
@@ -84,7 +84,7 @@ def test_no_earlier_impact_is_passed_over(system):
     low, high = limits_of(system)
     gap, squares = system.modes.contacts.gap[0], system.modes.squares
     hits = 0
-    for _ in range(300):
+    for _ in range(100):
         z, contact = random_start(system, rng)
         (status, hit, time), _ = found_both_ways(system, z, contact)
         if status == DECLINED:
@@ -102,7 +102,7 @@ def test_no_earlier_impact_is_passed_over(system):
                     c, s = mp.cos_sin(rate * mp.mpf(time))
                     terms.append(mp.mpf(float(gap[k])) * (c * mp.mpf(float(z[k])) + s / rate * mp.mpf(float(z[k + 2]))))
                 assert abs(float(sum(terms) - mp.mpf(float(system.modes.contacts.bound[hit])))) < rounding * (1.0 + time)
-    assert hits > 100
+    assert hits > 33
 
 
 @pytest.mark.parametrize("above", [-1e-9, 1e-9])

@@ -37,7 +37,7 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
     closed = 0
     for end, energy in (("origin", 1.3), ("origin", 0.2), ("rest", 1.0), ("stop", 0.7)):
         (curve,) = curves(system, end, energy)
-        for place, width in zip(rng.uniform(0.02, 0.93, 400), 10.0 ** rng.uniform(-3.5, -1.3, 400), strict=True):
+        for place, width in zip(rng.uniform(0.02, 0.93, 100), 10.0 ** rng.uniform(-3.5, -1.3, 100), strict=True):
             low, high = curve.low + np.array([place, place + width]) * (curve.high - curve.low)
             middle, r = 0.5 * (low + high), 0.5 * (high - low)
             (a, of_a), (b, of_b), (m, of_m) = (record_of(curve, x) for x in (low, high, middle))
@@ -55,7 +55,7 @@ def test_starts_inside_a_closed_interval_have_the_same_impacts(system):
                     assert rows > k
                     assert hits == {record[k, CONTACT]} or (record[k, DURATION] > horizon - 1e-9 and None in hits)
                 closed += 1
-    assert closed > 300
+    assert closed > 75
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.8, 2.5, 4.0])
