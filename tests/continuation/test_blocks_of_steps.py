@@ -79,11 +79,11 @@ CASES = {
     "closes": (circle, [0.6, 0.8], {}),
     "ellipse": (lambda: ellipse(2.0, 0.5), [2.0, 0.0], {}),
     "folds": (cubic, [0.0, 0.0], {"maximum_points": 120}),
-    "turns sharply": (lambda: hyperbola(1e-3), [1.0, -1.0], {"maximum_points": 300}),
+    "turns sharply": (lambda: hyperbola(1e-2), [1.0, -1.0], {"maximum_points": 100}),
     "branch point": (pitchfork, [0.0, -0.5], {"maximum_points": 80}),
     "events": (lambda: Line(*EVENTS, GUARD), [0.3], {"initial_step": 0.1, "maximum_step": 0.1}),
     "events on a ring": (lambda: Ring(*EVENTS), [0.3], {"initial_step": 0.1, "maximum_step": 0.1}),
-    "fails": (lambda: Line(*EVENTS, broken=lambda s: s > 4.0), [0.3], {}),
+    "fails": (lambda: Line(*EVENTS, broken=lambda s: s > 4.0), [0.3], {"maximum_points": 100}),
     "contracts badly": (lambda: Line(contraction=lambda ds: 8.0 * ds), [0.3], {"maximum_points": 50}),
 }
 

@@ -231,7 +231,7 @@ def test_coincident_events_about_an_accepted_point_are_one(offset_strong, offset
 
 
 @given(st.floats(1.0, 4.0), st.floats(0.004, 0.09), st.floats(0.3, 3.0))
-@hypothesis_settings(max_examples=60, deadline=None)
+@hypothesis_settings(max_examples=25, deadline=None)
 def test_two_zeros_in_one_step_are_found_where_the_test_is_a_parabola(middle, distance, size):
     """Oracle: the zeros of size (s - m)^2 - size d^2; steps are 0.1 long, so most pairs leave no change of sign."""
     problem = Line((TestFunction("A", "crossing"), lambda s: size * ((s - middle) ** 2 - distance**2)))
@@ -259,7 +259,7 @@ def test_a_parabola_hides_two_zeros_where_it_dips_below_zero(middle, depth, size
     steps=st.floats(0.01, 0.16), start=st.floats(-3.0, 3.0), offset=st.floats(-0.999, 0.999), direction=st.sampled_from([1, -1]),
     growth=st.floats(1.05, 2.0),
 )
-@hypothesis_settings(max_examples=80, deadline=None)
+@hypothesis_settings(max_examples=25, deadline=None)
 def test_events_do_not_depend_on_where_a_run_starts_or_how_long_its_steps_are(steps, start, offset, direction, growth):
     """Oracle: the zeros of cos(7 s) - offset between two guards, in pairs down to 0.013 apart, with steps of up to 0.16."""
     problem = Line(
@@ -361,7 +361,7 @@ def test_a_dip_that_stays_above_zero_is_no_event_and_costs_few_steps():
 
 
 @given(st.lists(st.floats(0.3, 5.0), min_size=1, max_size=5, unique=True))
-@hypothesis_settings(max_examples=50, deadline=None)
+@hypothesis_settings(max_examples=20, deadline=None)
 def test_all_zeros_of_a_polynomial_are_found_in_order(roots):
     """Oracle: the roots the polynomial is made of, kept 0.11 apart so that no step holds two."""
     roots = sorted(roots)

@@ -217,7 +217,7 @@ def test_a_start_at_its_end_is_one_point(end, off, direction):
 
 
 @given(st.floats(0.05, 3.0), st.floats(0.2, 5.0), st.sampled_from([1, -1]))
-@hypothesis_settings(max_examples=60, deadline=None)
+@hypothesis_settings(max_examples=25, deadline=None)
 def test_a_guard_is_not_negative_at_its_event(place, power, direction):
     """Oracle: the definition of a guard: the family is valid where it is not negative; exact place of its zero."""
     bound = direction * place
