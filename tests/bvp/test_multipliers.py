@@ -64,7 +64,7 @@ def test_both_routes_agree():
 def test_against_differences_of_the_flow():
     """Monodromy, and both routes' multipliers, against central differences of the run over a period."""
     compared = 0
-    for orbit, cycle in cycles()[::4]:
+    for orbit, cycle in cycles()[::8]:
         system = orbit.problem.system
         size = np.linalg.norm(monodromy(cycle), 2)
         if size > 1e3 or np.min(cycle.duration) < 0.1:
@@ -80,7 +80,7 @@ def test_against_differences_of_the_flow():
         trace = np.trace(matrix) - (orbit.problem.size - 2 * orbit.problem.pairs)
         assert abs(trace - saddle_point_multipliers(cycle).trace) < 1e-6 * size**2, orbit.name
         compared += 1
-    assert compared >= 8
+    assert compared >= 4
 
 
 def test_cycles_that_begin_at_a_cut_are_turned_to_an_impact():
@@ -237,7 +237,7 @@ def test_no_route_loses_a_digit():
     times the impacts and the condition. In the median what is formed has no larger error than the saddle-point matrix: of one orbit alone
     either error can happen to be small."""
     formed, errors = 0, []
-    for orbit in [*chains()[::2], *collection()[::6]]:
+    for orbit in [*chains()[::3], *collection()[::8]]:
         cycle = cycle_of(orbit.problem, orbit.solution.y)
         exact = Exact(orbit.problem, orbit.solution).multipliers()
         values = [route(cycle) for route in (floquet_multipliers, saddle_point_multipliers)]
@@ -251,7 +251,7 @@ def test_no_route_loses_a_digit():
         errors.append((first, second))
         formed += values[0].sweeps == 0
     formed_error, saddle_error = np.median(errors, axis=0)
-    assert formed > 12 and formed_error < 4.0 * saddle_error
+    assert formed > 8 and formed_error < 4.0 * saddle_error
 
 
 @pytest.mark.parametrize("n", [2, 5, 12])
