@@ -74,7 +74,10 @@ def sequence_text(sequence: str) -> str:
 
 
 def largest_multiplier(problem: ForcedProblem, multipliers: np.ndarray) -> float:
-    """Largest modulus of the nontrivial multipliers of an orbit, given all 2n. Without a clock one of them is 1, and is left out."""
+    """Largest modulus of the nontrivial multipliers of an orbit, given all 2n. Without a clock one of them is 1, and is left out. A
+    conservative system with one degree of freedom has trivial ones only, which are 1."""
+    if not multipliers.size:
+        return 1.0
     if not problem.has_clock and np.all(np.isfinite(multipliers)):
         multipliers = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
     return float(np.abs(multipliers).max())

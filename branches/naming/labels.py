@@ -23,7 +23,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from branches.sequences import SequenceSyntaxError, split_family_id
 from bvp.texts import shown
@@ -201,7 +201,7 @@ class Name:
     family: str | None = None
     h: float | None = None
     alpha: float | None = None
-    is_short: bool = field(default=False, compare=False)
+    is_short: bool = dataclasses.field(default=False, compare=False)
 
     def __str__(self) -> str:
         """The name as `parse_name` reads it."""

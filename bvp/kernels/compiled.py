@@ -23,8 +23,8 @@ class Kernel(Declared):
         What is loaded, by the types of the arguments.
     """
 
-    def __init__(self, function: Callable[..., Any], result: Any = None, vectorised: bool = True, **options: Any):
-        super().__init__(function, result, vectorised, **options)
+    def __init__(self, function: Callable[..., Any], result: Any = None, short_loops: bool = False, **options: Any):
+        super().__init__(function, result, short_loops, **options)
         self.entries: dict[Any, Entry] = {}
 
     def __call__(self, *arguments: Any) -> Any:
@@ -71,8 +71,8 @@ kernel: Any = partial(Kernel, _nrt=False)
 
 Views of its arguments are not reference-counted, since the caller holds the arrays. Counting costs more than short sums."""
 
-short_loops: Any = partial(kernel, vectorised=False)
-"""A kernel of short loops. LLVM vectorises none of them: that would take more time than the loops do."""
+short_loops: Any = partial(kernel, short_loops=True)
+"""A kernel of short loops. LLVM vectorises the straight code between them: a loop of four would take longer in vectors."""
 
 inlined: Any = partial(Kernel, forceinline=True, _nrt=False)
 """A kernel whose machine code becomes part of each caller.

@@ -50,7 +50,7 @@ class _Library(AOTCodeLibrary):
     then optimised; the others are left as they are."""
 
     exported: tuple[str, ...] = ()
-    vectorised = True
+    short_loops = False
     callees: Sequence[Any] = ()
 
     def add_ir_module(self, ir_module):
@@ -79,7 +79,7 @@ class _Library(AOTCodeLibrary):
         # functions all become one takes several times as long to optimise.
         _set_linkage(self._final_module.functions, "linkonce_odr", self.exported)
         _set_linkage(self._final_module.global_variables, "internal")
-        passes, builder = self._codegen._module_pass_manager(opt=LEVEL, loop_vectorize=self.vectorised, slp_vectorize=True)
+        passes, builder = self._codegen._module_pass_manager(opt=LEVEL, loop_vectorize=not self.short_loops, slp_vectorize=self.short_loops)
         passes.run(self._final_module, builder)
         _set_linkage(self._final_module.functions, "internal", self.exported)
         self._final_module.verify()
@@ -305,7 +305,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
             library = context.codegen().create_library(name)
             module = context.create_module(name)
             library.exported = add_entry_points(context, module, result.fndesc, name)
-            library.vectorised = kernel.vectorised
+            library.short_loops = kernel.short_loops
             library.add_ir_module(module)
             library.add_llvm_module(llvm.parse_assembly(MEMORY))
             library.add_linking_library(intermediate_code(result))

@@ -14,17 +14,17 @@ class Declared:
         What it computes, in Python.
     result : str, tuple or None
         What it returns, as `bvp.kernels.stored.types_of` writes types, or "none"; None where only the compiler knows.
-    vectorised : bool
-        Whether LLVM looks for loops that it can vectorise.
+    short_loops : bool
+        Whether LLVM vectorises straight code in place of loops.
     options : dict
         How numba compiles it.
     """
 
-    def __init__(self, function: Callable[..., Any], result: Any = None, vectorised: bool = True, **options: Any):
+    def __init__(self, function: Callable[..., Any], result: Any = None, short_loops: bool = False, **options: Any):
         update_wrapper(cast(Any, self), function)
         self.function = function
         self.result = result
-        self.vectorised = vectorised
+        self.short_loops = short_loops
         self.options = options
 
 

@@ -4,6 +4,7 @@ Oracle: closed forms. With the amplitude A = sqrt(2 h)/w of the free motion, a f
 So h = w^2/(2 sin^2(w alpha)) for |x| < 1, and h = w^2/(2 cos^2(2 w alpha)) for x < 1.
 """
 
+import csv
 import json
 import math
 
@@ -48,6 +49,20 @@ def quarter_period(h, lower, w):
     amplitude = math.sqrt(2.0 * h) / w
     quarters = [math.asin(min(1.0, bound / amplitude)) / w for bound in (1.0, math.inf if lower is None else -lower)]
     return 0.5 * sum(quarters)
+
+
+def test_a_family_in_the_mass(tmp_path):
+    """Oracle: the quarter period asin(1/A)/w at each mass; the multipliers are 1."""
+    scene, path = scene_of(tmp_path, -1.0), tmp_path / "a.csv"
+    text = scene.read_text().replace("[system]", "[parameters]\nm = 0.1\n[system]").replace("[[1.0]]", '[["m"]]', 1)
+    scene.write_text(text)
+    code, _, err = reported(f"continue --from mode:1 --scene {scene} --in m --range 0.05:0.11 --keep energy=0.8 --csv {path}")
+    assert (code, err) == (0, ""), err
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    masses, periods = (np.array([float(row[name]) for row in rows]) for name in ("m", "period"))
+    assert len(rows) > 5 and np.ptp(masses) > 0.05
+    assert np.abs(periods / (4.0 * np.sqrt(masses) * math.asin(1.0 / math.sqrt(1.6))) - 1.0).max() < 1e-12
 
 
 @pytest.mark.parametrize("lower", [-1.0, None, -0.7])
