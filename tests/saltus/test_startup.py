@@ -7,7 +7,6 @@ import sys
 
 import pytest
 
-from benchmarks.kernels import EXAMPLES, recorded
 from bvp.kernels.__main__ import types_from
 from bvp.kernels.stored import files, symbol
 from saltus import compiling
@@ -35,15 +34,6 @@ def empty(tmp_path, monkeypatch):
     monkeypatch.undo()
     for function in (stored.cache_root, stored.folder_of):
         function.cache_clear()
-
-
-def test_the_list_of_kernels_is_what_the_commands_call():
-    """Oracle: the commands themselves, each group in a new process. A kernel with other arguments needs `python -m benchmarks kernels`."""
-    listed = compiling._listed()
-    kernels, commands = recorded()
-    assert kernels == [call[1:] for call in listed["kernels"]]
-    assert commands == listed["commands"]
-    assert set(commands) == set(EXAMPLES)
 
 
 def test_all_that_is_missing_is_compiled_and_nothing_twice(empty, capsys):
