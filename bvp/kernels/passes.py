@@ -15,7 +15,7 @@ _OMITTED = {
 
 
 class _Passes(PassManager):
-    """Runs passes, without numba's records of each, and without the lifetimes of variables, which the last pass but one finds anew."""
+    """Runs passes, without numba's records of each. The lifetimes of variables are found once, before lowering."""
 
     def _runPass(self, index, pss, internal_state):
         pss.analysis = self._analysis
