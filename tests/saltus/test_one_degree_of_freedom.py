@@ -60,9 +60,9 @@ def test_a_family_in_the_mass(tmp_path):
     assert (code, err) == (0, ""), err
     with open(path, newline="") as file:
         rows = list(csv.DictReader(file))
-    masses, periods = (np.array([float(row[name]) for row in rows]) for name in ("m", "period"))
+    masses, quarters = (np.array([float(row[name]) for row in rows]) for name in ("m", "alpha"))
     assert len(rows) > 5 and np.ptp(masses) > 0.05
-    assert np.abs(periods / (4.0 * np.sqrt(masses) * math.asin(1.0 / math.sqrt(1.6))) - 1.0).max() < 1e-12
+    assert np.abs(quarters / (np.sqrt(masses) * math.asin(1.0 / math.sqrt(1.6))) - 1.0).max() < 1e-12
 
 
 @pytest.mark.parametrize("lower", [-1.0, None, -0.7])
