@@ -33,8 +33,8 @@ _AGREES = 1e-5
 _LONGEST = 300
 """Operations of a formula that a function is read as. The recurrence of a Chebyshev series would have millions."""
 
-_nodes, _weights = np.polynomial.legendre.leggauss(20)
-_points, _weights = 0.5 * (1.0 + _nodes), 0.5 * _weights
+_POINTS, _WEIGHTS = 0.5 * np.array([[1.0], [0.0]]) + 0.5 * np.array(np.polynomial.legendre.leggauss(20))
+"""Gauss points of the interval from 0 to 1, (20,), and their weights."""
 
 _CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 _callbacks: dict[int, Any] = {}
@@ -213,9 +213,9 @@ class CalledForce:
         w = np.asarray(w, dtype=float)
         before = None
         for parts in (1, 2, 4, 8, 16, 32, 64, 128, 256, 512):
-            x = ((np.arange(parts)[:, None] + _points) / parts).ravel()
+            x = ((np.arange(parts)[:, None] + _POINTS) / parts).ravel()
             values = self.function(w[..., None] * x)
-            total = w * (values @ np.tile(_weights, parts)) / parts
+            total = w * (values @ np.tile(_WEIGHTS, parts)) / parts
             size = np.abs(w) * np.max(np.abs(values), axis=-1, initial=0.0)
             if before is not None and not np.any(np.abs(total - before) > 4e-16 * math.sqrt(parts) * size):
                 return np.asarray(total)
