@@ -10,7 +10,7 @@ import ctypes
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,6 +36,9 @@ from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
 from bvp.stroboscopic import stroboscopic_multipliers
 from bvp.system import ImpactSystem
+
+if TYPE_CHECKING:
+    from bvp.curvature import Curvature
 
 __all__ = ["ForcedProblem"]
 
@@ -140,14 +143,14 @@ class ForcedProblem:
         self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released) else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
-        known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self._conserved)])
+        known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self.conserved)])
         at = known[: len(parametric.names)]
         places = np.array([part.start for part in (layout.restitution, layout.constant, layout.cosine, layout.sine)], dtype=np.int64)
-        needed = count if self._conserved else count - 1
+        needed = count if self.conserved else count - 1
         if len(keep) != needed:
             raise ValueError(f"{count} released parameters need {needed} equations to keep; received {len(keep)}")
         self.keep = tuple(keep)
-        kept = parametric.equations(self.keep, self.released, self._conserved)
+        kept = parametric.equations(self.keep, self.released, self.conserved)
         scratch = np.zeros(max(found.scratch, scratch_size(kept, len(known))))
         of_parameters = ReleasedEntries(
             found.program, at, found.columns, found.rows, scratch, np.zeros(len(found.program.outputs)),
@@ -178,7 +181,7 @@ class ForcedProblem:
     ends: tuple[str, str] | None = None
     """The ends of the solved segment of a free orbit; None of a forced one."""
 
-    _conserved: tuple[str, ...] = ()
+    conserved: tuple[str, ...] = ()
     """What the user's equations can name besides parameters."""
 
     def _require_determined(self) -> None:
@@ -396,6 +399,22 @@ class ForcedProblem:
         """Indices of the unknowns of each flight, (k + 1) arrays: the node where it starts, and its time. No second derivative of the
         equations is by unknowns of two flights."""
         return np.split(np.arange((self.inner + 1) * (self.size + 1)), self.inner + 1)
+
+    def second_derivative(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """F''(y)[a, b], (u - 1,): see `bvp.curvature`."""
+        return self.curvature.second(y, a, b)
+
+    @cached_property
+    def curvature(self) -> Curvature:
+        """The derivatives of higher order."""
+        from bvp.curvature import Curvature
+
+        return Curvature(self)
+
+    @property
+    def contact_modes(self) -> ModeTable:
+        """The contact modes of the flights."""
+        return self._table
 
     def _evaluated(self, y: np.ndarray) -> np.ndarray:
         # The kernel of steps contains these functions: another one for them alone would take as long to compile.

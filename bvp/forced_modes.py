@@ -245,6 +245,22 @@ class ModeTable:
             return self.flight
         return sticking_flight.function(self.arrays, self.flight, int(self.arrays.mode[flight]))
 
+    @property
+    def sums_chatter(self) -> bool:
+        """Whether an impact of the orbit is the first one of a chatter."""
+        return bool(self.arrays.chatter.summed.any())
+
+    def sticking(self, flight: int) -> tuple[np.ndarray, np.ndarray]:
+        """Gap rows (k, n) of the stops that stick in a flight of the orbit, and the weights (k,) of their forces (`ForcedMode`)."""
+        mode = self.made[int(self.arrays.mode[flight])]
+        return mode.rows, mode.weight
+
+    def opening(self, flight: int) -> int | None:
+        """The place of the stop that opens at the end of a flight among those that stick in it; None where none does."""
+        stop = int(self.arrays.release[flight])
+        contacts = self._sets[int(self.arrays.mode[flight])]
+        return self._contact_stop[list(contacts)].tolist().index(stop) if stop >= 0 else None
+
     def _index(self, closed: Iterable[int]) -> int:
         """Index of a contact mode, which is added."""
         contacts = tuple(sorted(closed))

@@ -311,27 +311,26 @@ class ParametricSystem:
         derivatives[released.rows] = self._run(released, values)[count:].reshape(count, len(names))
         return derivatives
 
-    def program(self, names: Sequence[str]) -> Released:
-        """The program of the entries that depend on some parameters, and of their derivatives. Without names: of all that depend on any."""
-        from bvp.programs import derivative, program_of, scratch_size
+    def program(self, names: Sequence[str], order: int = 1) -> Released:
+        """The program of the entries that depend on some parameters, and of their derivatives up to an order. Without names: of all that
+        depend on any."""
+        from bvp.programs import derivatives_of, program_of, scratch_size
 
-        key = tuple(names)
-        if key not in self._programs:
+        key, at = tuple(names), (tuple(names), order)
+        if at not in self._programs:
             for name in key:
                 self._require_known(name)
             symbols = [self._symbols[name] for name in key]
             rows = [row for row, expression in self._variable.items() if not key or expression.free_symbols & set(symbols)]
-            entries = [self._variable[row] for row in rows]
-            slopes = [derivative(entry, symbol) for entry in entries for symbol in symbols]
-            program = program_of([*entries, *slopes], list(self._symbols.values()))
+            program = program_of(derivatives_of([self._variable[row] for row in rows], symbols, order), list(self._symbols.values()))
             columns = np.array([self.names.index(name) for name in key], dtype=np.int64)
-            self._programs[key] = Released(program, np.array(rows, dtype=np.int64), columns, scratch_size(program, len(self.names)))
-        return self._programs[key]
+            self._programs[at] = Released(program, np.array(rows, dtype=np.int64), columns, scratch_size(program, len(self.names)))
+        return self._programs[at]
 
-    def equations(self, texts: Sequence[str], names: Sequence[str], others: Sequence[str] = ()) -> Program:
+    def equations(self, texts: Sequence[str], names: Sequence[str], others: Sequence[str] = (), order: int = 1) -> Program:
         """The program of equations such as "F = 0.3*w**2": left less right side of each, then its derivatives by some parameters, equation
-        by equation. others: more names that can be in an equation; their values follow those of the parameters, and their derivatives
-        those by the parameters.
+        by equation, up to an order. others: more names that can be in an equation; their values follow those of the parameters, and their
+        derivatives those by the parameters.
 
         Raises
         ------
@@ -340,7 +339,7 @@ class ParametricSystem:
         """
         import sympy
 
-        from bvp.programs import derivative, program_of
+        from bvp.programs import derivatives_of, program_of
 
         more = {name: sympy.Symbol(name, real=True) for name in others}
         known = dict(self._symbols) | more | {name: self._expressions[name] for name in self.derived if name in self._expressions}
@@ -354,8 +353,7 @@ class ParametricSystem:
         for name in names:
             self._require_known(name)
         variables = [*(self._symbols[name] for name in names), *more.values()]
-        slopes = [derivative(equation, variable) for equation in found for variable in variables]
-        return program_of([*found, *slopes], [*self._symbols.values(), *more.values()])
+        return program_of(derivatives_of(found, variables, order), [*self._symbols.values(), *more.values()])
 
     def leaves_unseen(self, names: Sequence[str]) -> bool:
         """Whether released parameters can move a restitution or the base frequency out of its domain within the `domain` of the first of
@@ -485,5 +483,5 @@ class ParametricSystem:
         return {k: entry for k, entry in enumerate(self._entries[1]) if getattr(entry, "free_symbols", None)}
 
     @cached_property
-    def _programs(self) -> dict[tuple[str, ...], Released]:
+    def _programs(self) -> dict[tuple[tuple[str, ...], int], Released]:
         return {}

@@ -14,19 +14,24 @@ from bvp.expressions import FUNCTIONS, ExpressionError, not_too_deep
 from bvp.kernels import expressions as kernels
 from bvp.kernels.expressions import Program
 
-__all__ = ["derivative", "evaluate_program", "program_of", "scratch_size"]
+__all__ = ["derivative", "derivatives_of", "evaluate_program", "program_of", "scratch_size"]
 
 
 @cache
-def _modulus() -> Any:
-    """abs, with the derivative sign also where its argument may be complex for sympy: all values are real here."""
+def _real_functions() -> tuple[Any, Any]:
+    """abs, with the derivative sign also where its argument may be complex for sympy, and sign, with the derivative 0: all values are real
+    here."""
     import sympy
+
+    class Sign(sympy.Function):
+        def fdiff(self, argindex: int = 1) -> Any:
+            return sympy.Integer(0)
 
     class Modulus(sympy.Function):
         def fdiff(self, argindex: int = 1) -> Any:
-            return sympy.sign(self.args[0])
+            return Sign(self.args[0])
 
-    return Modulus
+    return Modulus, Sign
 
 
 def derivative(expression: Any, symbol: Any) -> Any:
@@ -41,8 +46,27 @@ def derivative(expression: Any, symbol: Any) -> Any:
     """
     import sympy
 
-    modulus = _modulus()
-    return expression.replace(sympy.Abs, modulus).diff(symbol).replace(modulus, sympy.Abs)
+    modulus, sign = _real_functions()
+    real = expression.replace(sympy.Abs, modulus).replace(sympy.sign, sign).diff(symbol)
+    return real.replace(modulus, sympy.Abs).replace(sign, sympy.sign)
+
+
+def derivatives_of(expressions: Sequence[Any], symbols: Sequence[Any], order: int) -> list[Any]:
+    """Expressions, then their derivatives by symbols, then second ones and so on up to an order. Those of one order are expression by
+    expression, and the last symbol changes fastest.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> a, b = sympy.symbols("a b")
+    >>> derivatives_of([a**2 * b], [a, b], 2)
+    [a**2*b, 2*a*b, a**2, 2*b, 2*a, 2*a, 0]
+    """
+    found = last = list(expressions)
+    for _ in range(order):
+        last = [derivative(expression, symbol) for expression in last for symbol in symbols]
+        found = [*found, *last]
+    return found
 
 
 def program_of(expressions: Sequence[Any], symbols: Sequence[Any]) -> Program:

@@ -59,7 +59,7 @@ class ReleasedProblem(ForcedProblem):
     the unfolding parameter xi, which is zero on every solution.
     """
 
-    _conserved = RESERVED
+    conserved = RESERVED
 
     def __init__(
         self,

@@ -1,0 +1,161 @@
+"""Second and third derivatives of the multipoint problem of forced orbits, and of free orbits in parameters, equations (38) to (43).
+
+Each node carries its own copy of the released parameters. The equations of a flight and of the impact at its end depend on that of the node
+where it begins, and the gap of a node on its own. This is how `ForcedProblem.jacobian` places its columns. All nodes have the parameters of
+the first one, at which the problem is evaluated.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.expansion import expanded
+from bvp.kernels.expressions import Program, run
+from bvp.programs import scratch_size
+
+if TYPE_CHECKING:
+    from bvp.forced import ForcedProblem
+
+__all__ = ["Curvature", "second", "second_along", "third"]
+
+_SECOND, _THIRD = 1e-3, 5e-3
+"""Largest steps of the differences of problems without exact derivatives, in units of the sizes of the unknowns."""
+
+
+def second_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """F''(y)[a, .], (u - 1, u): the derivative of `problem.jacobian` along a (u,), real or complex.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+        Or a ReleasedProblem.
+    y, a : ndarray (u,)
+
+    Notes
+    -----
+    Exact to rounding. With smooth forces, and where chatter is summed, it is from differences of the Jacobian (`differences_along`).
+    """
+    return problem.curvature.second_along(y, a)
+
+
+def second(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """F''(y)[a, b], (u - 1,); see `second_along`."""
+    return problem.curvature.second(y, a, b)
+
+
+def third(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """F'''(y)[a, b, c], (u - 1,); see `second_along`."""
+    return problem.curvature.third(y, a, b, c)
+
+
+class Curvature:
+    """The derivatives of one problem."""
+
+    def __init__(self, problem: ForcedProblem):
+        self.problem = problem
+        self.is_exact = not problem.is_smooth and not problem.contact_modes.sums_chatter
+        self._programs: dict[int, tuple[Program, Program]] = {}
+
+    def second_along(self, y: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """See the function of this name."""
+        y, a = np.asarray(y, dtype=float), np.asarray(a)
+        if np.iscomplexobj(a):
+            return self.second_along(y, a.real) + 1j * self.second_along(y, a.imag)
+        if not self.is_exact:
+            return differences_along(self.problem, y, a)
+        found = np.zeros((self.problem.unknowns - 1, self.problem.unknowns))
+        for j, unit in enumerate(np.eye(self.problem.unknowns)):
+            found[:, j] = self.second(y, a, unit)
+        return found
+
+    def second(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """See the function of this name."""
+        if not self.is_exact:
+            along: np.ndarray = self.second_along(y, a) @ b
+            return along
+        return expanded(self.problem, y, (a, b))[-1]
+
+    def third(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """See the function of this name."""
+        if not self.is_exact:
+            return third_differences(self.problem, y, a, b, c)
+        return expanded(self.problem, y, (a, b, c))[-1]
+
+    def tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
+        """The entries that depend on the released parameters, and their derivatives up to an order: (D,), (D, m), (D, m, m), ..."""
+        entries, _ = self._of_order(order)
+        return _tables(entries, values, len(self.problem.released), order)
+
+    def kept_tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
+        """The equations of the user and their derivatives, by all that they can name and that varies."""
+        _, kept = self._of_order(order)
+        problem = self.problem
+        return _tables(kept, values, len(problem.released) + len(values) - len(problem.parametric.names), order)
+
+    def _of_order(self, order: int) -> tuple[Program, Program]:
+        if order not in self._programs:
+            problem = self.problem
+            parametric, conserved = problem.parametric, problem.conserved
+            entries = parametric.program(problem.released, order).program
+            self._programs[order] = entries, parametric.equations(problem.keep, problem.released, conserved, order)
+        return self._programs[order]
+
+
+def _tables(program: Program, values: np.ndarray, variables: int, order: int) -> list[np.ndarray]:
+    """The outputs of a program of D expressions and their derivatives by order."""
+    out = np.zeros(len(program.outputs))
+    run(program, values, np.zeros(scratch_size(program, len(values))), out)
+    count = len(out) // sum(variables**k for k in range(order + 1))
+    found, start = [], 0
+    for k in range(order + 1):
+        stop = start + count * variables**k
+        found.append(out[start:stop].reshape((count, *(variables,) * k)))
+        start = stop
+    return found
+
+
+def differences_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """F''(y)[a, .], (u - 1, u), from differences of the exact Jacobian with steps h, h/2 and h/4, extrapolated to h = 0.
+
+    For a real. The relative error is about 1e-9, that of problems with smooth forces and of summed chatter."""
+    sizes = problem.scales(y)
+    length = float(np.max(np.abs(a) / sizes))
+    if length == 0.0:
+        return np.zeros((problem.unknowns - 1, problem.unknowns))
+    found = []
+    for k in range(3):
+        step = _SECOND * 0.5**k / length
+        found.append((problem.jacobian(y + step * a) - problem.jacobian(y - step * a)) / (2.0 * step))
+    return _extrapolated(found)
+
+
+def third_differences(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """F'''(y)[a, b, c], (u - 1,), in the same way; its relative error is about 1e-7."""
+    if np.iscomplexobj(a):
+        return third_differences(problem, y, a.real, b, c) + 1j * third_differences(problem, y, a.imag, b, c)
+    if np.iscomplexobj(b):
+        return third_differences(problem, y, a, b.real, c) + 1j * third_differences(problem, y, a, b.imag, c)
+    sizes = problem.scales(y)
+    lengths = [float(np.max(np.abs(vector) / sizes)) for vector in (a, b)]
+    if 0.0 in lengths:
+        return np.zeros(problem.unknowns - 1, dtype=np.asarray(c).dtype)
+    found = []
+    for k in range(3):
+        first, other = (_THIRD * 0.5**k / length for length in lengths)
+        total = np.zeros((problem.unknowns - 1, problem.unknowns))
+        for sign in (1.0, -1.0):
+            ahead, back = (problem.jacobian(y + sign * (first * a + turn * other * b)) for turn in (1.0, -1.0))
+            total += ahead - back
+        found.append(total @ c / (4.0 * first * other))
+    return _extrapolated(found)
+
+
+def _extrapolated(found: list[np.ndarray]) -> np.ndarray:
+    """The limit of values with the steps h, h/2, h/4 and errors in even powers of h."""
+    power = 4.0
+    while len(found) > 1:
+        found = [(power * finer - coarser) / (power - 1.0) for coarser, finer in zip(found, found[1:], strict=False)]
+        power *= 4.0
+    return found[0]

@@ -1,0 +1,111 @@
+"""Arrays in infinitesimals e_1, ..., e_d with e_k^2 = 0: they carry exact mixed derivatives along d directions.
+
+An array f has the coefficients f[S] (2^d, ...), where bit k of the index S is set if e_(k+1) is a factor. The coefficient of all of them is
+the derivative along all directions. Coefficients may be complex, since it is linear in each direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+__all__ = ["composed", "constant", "exponential", "inverse", "product"]
+
+
+@cache
+def _parts(whole: int) -> tuple[int, ...]:
+    """All subsets of a set of bits."""
+    return tuple(part for part in range(whole + 1) if part & whole == part)
+
+
+@cache
+def _partitions(whole: int) -> tuple[tuple[int, ...], ...]:
+    """All ways to split a set of bits into sets that are not empty."""
+    if not whole:
+        return ((),)
+    low = whole & -whole
+    return tuple((low | part, *rest) for part in _parts(whole ^ low) for rest in _partitions(whole ^ low ^ part))
+
+
+def constant(value: Any, count: int) -> np.ndarray:
+    """A constant, with `count` coefficients.
+
+    Examples
+    --------
+    >>> constant(3.0, 2)
+    array([3., 0.])
+    """
+    value = np.asarray(value)
+    return np.concatenate([value[None], np.zeros((count - 1, *value.shape))])
+
+
+def product(f: np.ndarray, g: np.ndarray, of: Callable[[Any, Any], Any] = np.multiply) -> np.ndarray:
+    """The product of two arrays, `of` being that of their coefficients.
+
+    Examples
+    --------
+    >>> product(np.array([2.0, 1.0]), np.array([3.0, 5.0]))
+    array([ 6., 13.])
+    """
+    return np.array([sum(of(f[part], g[whole ^ part]) for part in _parts(whole)) for whole in range(len(f))])
+
+
+def inverse(f: np.ndarray) -> np.ndarray:
+    """The inverse of a matrix.
+
+    Examples
+    --------
+    >>> inverse(np.array([[[2.0]], [[1.0]]])).ravel()
+    array([ 0.5 , -0.25])
+    """
+    found = [np.linalg.inv(f[0])]
+    for whole in range(1, len(f)):
+        found.append(-found[0] @ sum(f[part] @ found[whole ^ part] for part in _parts(whole) if part))
+    return np.array(found)
+
+
+def exponential(f: np.ndarray) -> np.ndarray:
+    """The exponential of a matrix: the first columns of that of the block-triangular matrix which multiplies by it.
+
+    References
+    ----------
+    N. J. Higham, Functions of Matrices, SIAM (2008), section 3.2.
+
+    Examples
+    --------
+    >>> exponential(np.array([[[0.0]], [[2.0]]])).ravel()
+    array([1., 2.])
+    """
+    count, size = len(f), f.shape[-1]
+    blocks = np.zeros((count, size, count, size), dtype=f.dtype)
+    for whole in range(count):
+        for part in _parts(whole):
+            blocks[whole, :, part] = f[whole ^ part]
+    found: np.ndarray = expm(blocks.reshape(count * size, -1))[:, :size].reshape(count, size, size)
+    return found
+
+
+def composed(derivatives: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
+    """A function of x (2^d, P) from its value (D,) and its derivatives (D, P), (D, P, P), ... up to order d at x[0].
+
+    Examples
+    --------
+    The square at 3, along 1 and 2:
+
+    >>> square = np.array([9.0]), np.array([[6.0]]), np.array([[[2.0]]])
+    >>> composed(square, np.array([[3.0], [1.0], [2.0], [0.0]])).ravel()
+    array([ 9.,  6., 12.,  4.])
+    """
+    return np.array([sum(_along(derivatives, x, blocks) for blocks in _partitions(whole)) for whole in range(len(x))])
+
+
+def _along(derivatives: Sequence[np.ndarray], x: np.ndarray, blocks: tuple[int, ...]) -> np.ndarray:
+    """A derivative along coefficients of x."""
+    found = derivatives[len(blocks)]
+    for block in blocks:
+        found = found @ x[block]
+    return found
