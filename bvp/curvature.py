@@ -7,12 +7,15 @@ the first one, at which the problem is evaluated.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bvp.expansion import expanded
+from bvp.kernels.curvature import second_along as fill_second
 from bvp.kernels.expressions import Program, run
+from bvp.kernels.flight_curvature import Bending
 from bvp.programs import scratch_size
 
 if TYPE_CHECKING:
@@ -60,22 +63,18 @@ class Curvature:
 
     def second_along(self, y: np.ndarray, a: np.ndarray) -> np.ndarray:
         """See the function of this name."""
-        y, a = np.asarray(y, dtype=float), np.asarray(a)
         if np.iscomplexobj(a):
             return self.second_along(y, a.real) + 1j * self.second_along(y, a.imag)
         if not self.is_exact:
             return differences_along(self.problem, y, a)
-        found = np.zeros((self.problem.unknowns - 1, self.problem.unknowns))
-        for j, unit in enumerate(np.eye(self.problem.unknowns)):
-            found[:, j] = self.second(y, a, unit)
+        found = np.empty((self.problem.unknowns - 1, self.problem.unknowns))
+        fill_second(self._bending, np.array(y, dtype=float), np.array(a, dtype=float), found)
         return found
 
     def second(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """See the function of this name."""
-        if not self.is_exact:
-            along: np.ndarray = self.second_along(y, a) @ b
-            return along
-        return expanded(self.problem, y, (a, b))[-1]
+        found: np.ndarray = self.second_along(y, a) @ b
+        return found
 
     def third(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         """See the function of this name."""
@@ -93,6 +92,32 @@ class Curvature:
         _, kept = self._of_order(order)
         problem = self.problem
         return _tables(kept, values, len(problem.released) + len(values) - len(problem.parametric.names), order)
+
+    @cached_property
+    def _bending(self) -> Bending:
+        """The problem for the kernel."""
+        problem, segment = self.problem, self.problem.segment
+        released, modes, n = segment.released, problem.contact_modes, problem.degrees_of_freedom
+        program, kept = self._of_order(2)
+        count, harmonics = len(problem.released), segment.flight.loads.harmonics
+        size = 2 * n + 2 * len(harmonics) - int(0.0 in harmonics)
+        parts = 2 + 2 * count
+        known = len(released.values) + len(problem.conserved)
+        scratch = max(scratch_size(program, len(released.values)), scratch_size(kept, known))
+        entries = np.zeros((parts, len(released.entries)))
+        entries[0] = released.entries
+        square = parts, size, size
+        return Bending(
+            segment.gap, segment.contact, segment.closing, segment.end_map, segment.shape,
+            modes.arrays.mode, modes.arrays.release, modes.arrays.closed, modes.weights, modes.stops,
+            harmonics, segment.flight.loads.load_periods, released.places, released.frequency,
+            program, released.rows, released.values.copy(), released.columns, np.zeros(len(program.outputs)),
+            kept, np.zeros(known), np.zeros(len(kept.outputs)), np.zeros(scratch), entries,
+            np.zeros((4, parts, n, n)), np.zeros((parts, n, size)), np.zeros((parts, n, size)), np.zeros(square), np.zeros(square),
+            np.zeros((5, *square)), np.zeros(size), np.zeros((2, parts, n, 1)), np.zeros((2, parts, 1, n)), np.zeros((parts, 1, 1)),
+            np.zeros((parts, 1, size)), np.zeros((10, max(size, count + 2))), np.zeros((count, size)),
+            np.zeros((2 * n, problem.size + 1)), np.zeros((2 * n, problem.size + 1)),
+        )  # fmt: skip
 
     def _of_order(self, order: int) -> tuple[Program, Program]:
         if order not in self._programs:

@@ -200,7 +200,8 @@ class _Expansion:
     def release(self, i: int) -> np.ndarray:
         """The contact force at the end of flight i, equation (43), from the node after it."""
         motion, place = self.motion(i + 1, i), self.problem.contact_modes.opening(i)
-        reach = motion.reach[:, [place]]
+        assert place is not None
+        reach = motion.reach[:, place : place + 1]
         acceleration = product(self.loads(i + 1), self.phases(i + 1), np.matmul)
         acceleration = acceleration - product(motion.state, self.node(i + 1)[:, : 2 * self.n], np.matmul)
         return product(reach, acceleration, np.matmul)[:, 0]

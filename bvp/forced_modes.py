@@ -203,6 +203,7 @@ class ModeTable:
                 opens[i] = self._index(event.closed | {event.contact})
         self._known: dict[tuple[float, ...], tuple[Any, list[ForcedMode]]] = {}
         self._contact_stop = system.modes.contact_stop
+        self.stops = np.array([stop.gap for stop in system.stops], dtype=float).reshape(stops, n)
         self.made = self.modes_of(system)
         modes = len(self._sets)
         if forces is not None and modes > 1:
@@ -249,6 +250,14 @@ class ModeTable:
     def sums_chatter(self) -> bool:
         """Whether an impact of the orbit is the first one of a chatter."""
         return bool(self.arrays.chatter.summed.any())
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights of the contact forces of the stops that stick in each mode, (F, S), else 0."""
+        found = np.zeros(self.arrays.closed.shape)
+        for f, mode in enumerate(self.made):
+            found[f, self._contact_stop[list(self._sets[f])]] = mode.weight
+        return found
 
     def sticking(self, flight: int) -> tuple[np.ndarray, np.ndarray]:
         """Gap rows (k, n) of the stops that stick in a flight of the orbit, and the weights (k,) of their forces (`ForcedMode`)."""
