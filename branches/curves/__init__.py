@@ -1,0 +1,1 @@
+"""Curves of bifurcations and grazings in the plane of two parameters."""

@@ -1,0 +1,224 @@
+"""The conditions of grazings of forced orbits: an impact without speed, a flight without duration, a contact force that touches zero.
+
+A touch is an impact without speed of the sequence with that impact. So the curve belongs to both families that meet at the grazing, and the
+equations of its orbits are regular.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from branches.admissible import force_event
+from branches.curves.monitor import CurvePoint, Window, window_tests, window_values
+from branches.curves.plane import ParameterPlane, closing_block
+from branches.forced.resequencing import with_touch
+from bvp.forced import ForcedProblem
+from bvp.kernels.forced import fly_loaded
+from bvp.kernels.forced_sticking import contact_force
+from bvp.kernels.multipoint import RESULT
+from bvp.multipoint import Solution
+from continuation.curves import Held, Linearised, ScalarCondition
+from continuation.location import Location
+from continuation.problem import EventDetails, Point, Step, TestFunction
+
+__all__ = ["Grazing", "GrazingMonitor", "grazing_at", "grazing_condition"]
+
+_ZERO = 1e-9
+"""Clearance, speed and flight time, in units of arclength and of the period, that are zero at a located grazing."""
+
+_NEXT = 1e-4
+"""Part of the period beside a touch in which no other one is looked for."""
+
+
+class Grazing(NamedTuple):
+    """What grazes. kind: "speed" of the impact that ends a flight; "flight", whose duration vanishes; "force" of a stop that sticks in it.
+    stop and time: of the force; the time is that of its minimum, None where the stop begins to stick."""
+
+    kind: str
+    flight: int
+    stop: int = -1
+    time: float | None = None
+
+
+def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray, Grazing]:
+    """The problem in which a grazing orbit is continued, its unknowns, and what grazes there.
+
+    Raises
+    ------
+    ValueError
+        For a grazing that cannot be continued.
+    """
+    sizes = {
+        "clearance": abs(solution["clearance"]) / problem.segment.scale[0],
+        "speed": abs(solution["speed"]) / problem.segment.scale[problem.degrees_of_freedom],
+        "flight": abs(solution["flight"]) / problem.duration(solution),
+    }
+    # The gap turns where an impact has no speed, and an impact that vanishes can meet another one: the speed comes first.
+    limit = max(_ZERO, min(sizes.values()))
+    least = next(name for name in ("speed", "clearance", "flight") if sizes[name] <= limit)
+    if least == "clearance" and solution["clearance_side"] == 0.0:
+        raise ValueError("a chatter that hardly ends is no grazing with an equation of its own; expected another event")
+    if least == "speed" and problem.sequence:
+        return problem, solution.y, Grazing("speed", int(solution["speed_node"]))
+    if least == "flight":
+        return problem, solution.y, Grazing("flight", int(solution["flight_index"]))
+    force = force_event(problem, solution)
+    if force is not None:
+        if force.kind == "after":
+            raise ValueError("the stop would stay closed after its impact: continue the event of the family in which it sticks")
+        flight, stop = int(solution["clearance_flight"]), int(solution["clearance_stop"])
+        return problem, solution.y, Grazing("force", flight, stop, None if force.kind == "begin" else float(solution["clearance_time"]))
+    made, y = with_touch(problem, solution)
+    flight = int(solution["clearance_flight"]) if problem.sequence else made.inner
+    return made, y, Grazing("speed", flight)
+
+
+def _flown(problem: ForcedProblem, node: np.ndarray, time: float, flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The node at a time of a flight (N,), its derivatives by the first one (N, N) and its rate (N,)."""
+    out, jacobian, rate = np.empty(problem.size), np.empty((problem.size, problem.size)), np.empty(problem.size)
+    fly_loaded(problem._table.flight_in(flight), np.array(node), float(time), out, jacobian, rate)
+    return out, jacobian, rate
+
+
+def grazing_condition(plane: ParameterPlane, grazing: Grazing) -> ScalarCondition:
+    """The condition of a grazing."""
+    problem, flight = plane.problem, grazing.flight
+    width, n = problem.size, problem.degrees_of_freedom
+    at = flight * (width + 1)
+
+    def speed(point: Linearised) -> tuple[float, np.ndarray]:
+        row = problem.segment.side[flight] * problem.segment.gap[flight, :n]
+        out, jacobian, rate = _flown(problem, point.y[at : at + width], point.y[at + width], flight)
+        gradient = np.zeros(plane.size)
+        gradient[at : at + width] = row @ jacobian[n : 2 * n]
+        gradient[at + width] = row @ rate[n : 2 * n]
+        return float(row @ out[n : 2 * n]), gradient
+
+    def duration(point: Linearised) -> tuple[float, np.ndarray]:
+        gradient = np.zeros(plane.size)
+        gradient[at + width] = 1.0
+        return float(point.y[at + width]), gradient
+
+    def force(point: Linearised) -> tuple[float, np.ndarray]:
+        node = point.y[at : at + width]
+        value, _, by_node = _least_force(problem, node, grazing)
+        gradient = np.zeros(plane.size)
+        gradient[at : at + width] = by_node
+        return value, gradient
+
+    return ScalarCondition({"speed": speed, "flight": duration, "force": force}[grazing.kind])
+
+
+def _least_force(problem: ForcedProblem, node: np.ndarray, grazing: Grazing) -> tuple[float, float, np.ndarray]:
+    """The contact force at its minimum near the known time, that time, and its derivatives by the node."""
+    flight = grazing.flight
+    arrays = problem._table.arrays
+    mode = int(arrays.mode[flight])
+
+    def at(time: float) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+        out, jacobian, rate = _flown(problem, node, time, flight)
+        row = np.empty(problem.size)
+        value = contact_force(arrays, problem.segment.flight.loads, mode, grazing.stop, out, row)
+        return value, row, jacobian, rate
+
+    if grazing.time is None:
+        value, row, _, _ = at(0.0)
+        return value, 0.0, row
+    time, step = grazing.time, 1e-5 * grazing.time
+    for _ in range(8):
+        slopes = []
+        for place in (time - step, time, time + step):
+            _, row, _, rate = at(place)
+            slopes.append(float(row @ rate))
+        bend = (slopes[2] - slopes[0]) / (2.0 * step)
+        change = -slopes[1] / bend if bend else 0.0
+        time += change
+        if abs(change) <= 1e-13 * time:
+            break
+    value, row, jacobian, _ = at(time)
+    return value, time, row @ jacobian
+
+
+class GrazingMonitor:
+    """The test functions of a curve of grazings.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+    grazing : Grazing
+    window : Window
+    """
+
+    def __init__(self, plane: ParameterPlane, grazing: Grazing, window: Window):
+        self.plane, self.grazing, self.window = plane, grazing, window
+        turned = "SB" if plane.problem.half else "PD"
+        self.tests = (
+            *window_tests(plane.names, window),
+            *(TestFunction("GR-GR", "guard", True, f"two grazings at once: {what}") for what in _SECOND),
+            TestFunction("GR-GR", "guard", True, "the touch is degenerate: the acceleration of the gap vanishes there"),
+            TestFunction("SN-GR", "crossing", False, "a fold of the orbits with the impact meets the grazing"),
+            TestFunction(f"{turned}-GR", "crossing", False, f"a {_WORDS[turned]} of the orbits with the impact meets the grazing"),
+        )
+        self._shifted = closing_block(plane)
+
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any] | None:
+        """See `continuation.curves.Monitor`."""
+        problem, grazing = self.plane.problem, self.grazing
+        ends = problem._factor.before.copy()
+        y, speeds = at.y, problem._approach()
+        flights = problem.flight_times(y)
+        bend = 1.0
+        shown, shown_ends = np.array(y), ends.copy()
+        times = problem.flight_times(shown)
+        if grazing.kind == "speed":
+            n = problem.degrees_of_freedom
+            i, after = grazing.flight, (grazing.flight + 1) % len(flights)
+            short = _NEXT * problem.period(y)
+            row = problem.segment.side[i] * problem.segment.gap[i, :n]
+            nodes = problem.nodes(shown)
+            before = _flown(problem, nodes[i], flights[i] - short, i)[0]
+            bend = -float(row @ _flown(problem, nodes[i], flights[i], i)[2][n : 2 * n])
+            nodes[after] = _flown(problem, nodes[after], short, after)[0]
+            times[i] -= short
+            times[after] -= short
+            shown_ends[i] = before
+            others = np.delete(speeds, i)
+            least_flight = float(flights.min())
+        else:
+            others = speeds
+            least_flight = float(np.delete(flights, grazing.flight).min()) if grazing.kind == "flight" and len(flights) > 1 else float(flights.min())
+            if grazing.kind == "flight":
+                times[grazing.flight] = 0.0
+        result = np.full(len(RESULT), math.nan)
+        problem._observe(shown, shown_ends, result)
+        impacts = [k for k in range(len(others))]
+        slowest = float(others[impacts].min()) if len(others) and problem.sequence else math.inf
+        solution = Solution(y, np.concatenate([tangent[: y.size], np.zeros(y.size)]), self.plane.position(y), ends, result)
+        clearance = solution["clearance"] if grazing.kind != "force" else math.inf
+        problem.residual(y)  # the arrays are those of y again
+        fixed = np.vstack([at.jacobian, at.gradients]) * scale
+        shifted = self._shifted * scale
+        tests = [_signed_smallest(fixed), _signed_smallest(fixed - 2.0 * shifted)]
+        values = [*window_values(at.parameters, self.window), clearance, slowest, least_flight, bend, *tests]
+        return values, CurvePoint(solution, np.full(2 * problem.degrees_of_freedom, complex(math.nan, math.nan)), math.nan, math.nan)
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is."""
+        test = self.tests[index]
+        if test.kind == "crossing" and location.kind in ("pole", "jump"):
+            return None
+        return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
+
+
+_SECOND = ("a flight touches a stop", "the speed of another impact reaches zero", "a flight time reaches zero")
+_WORDS = {"SB": "symmetry breaking", "PD": "period doubling"}
+
+
+def _signed_smallest(matrix: np.ndarray) -> float:
+    """The smallest singular value with the sign of the determinant."""
+    sign, _ = np.linalg.slogdet(matrix)
+    return float(sign * np.linalg.svd(matrix, compute_uv=False)[-1])

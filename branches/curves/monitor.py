@@ -1,0 +1,171 @@
+"""The test functions of a curve of bifurcations: where it leaves the range or the orbits, and points of codimension two."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from branches.admissible import GRAZING, describe_grazing
+from branches.curves.plane import ParameterPlane
+from bvp.kernels.multipoint import RESULT
+from bvp.multipoint import Solution
+from continuation.curves import Held, Linearised
+from continuation.location import Location
+from continuation.problem import EventDetails, Point, Step, TestFunction
+
+__all__ = ["BifurcationMonitor", "CurvePoint", "Window"]
+
+Window = tuple[tuple[float, float], tuple[float, float]]
+"""The ranges of the two parameters."""
+
+_ON_CIRCLE = 1e-6
+"""How far from 1 the modulus of a multiplier can be where a pair is on the unit circle."""
+
+NAMES = {
+    "CP": "cusp: two folds meet",
+    "GPD": "generalised period doubling: its criticality changes",
+    "DP": "degenerate pitchfork: the criticality of the symmetry breaking changes",
+    "GH": "Bautin point: the criticality of the Neimark-Sacker bifurcation changes",
+    "R1": "1:1 resonance: two multipliers are 1",
+    "R2": "1:2 resonance: two multipliers are -1",
+    "R3": "1:3 resonance: a pair is exp(+-2 pi i/3)",
+    "R4": "1:4 resonance: a pair is +-i",
+    "FN": "fold-NS: a multiplier is 1, a pair is on the unit circle",
+    "FF": "fold-flip: multipliers are 1 and -1",
+    "PN": "flip-NS: a multiplier is -1, a pair is on the unit circle",
+    "NN": "two pairs are on the unit circle",
+}
+"""Points of codimension two, by code."""
+
+
+class CurvePoint(NamedTuple):
+    """An orbit on a curve. solution: as a point of its problem. multipliers (2 n,). coefficient: of the normal form; nan where it is not
+    known. cosine: of the angle of the pair (NS)."""
+
+    solution: Solution
+    multipliers: np.ndarray
+    coefficient: float
+    cosine: float
+
+
+def window_tests(names: tuple[str, str], window: Window) -> tuple[TestFunction, ...]:
+    """The guards of a range."""
+    found = []
+    for name, (low, high), domain in zip(names, window, (None, None), strict=True):
+        found.append(TestFunction("EP", "guard", True, f"lowest value of {name} asked for"))
+        found.append(TestFunction("EP", "guard", True, f"highest value of {name} asked for"))
+    return tuple(found)
+
+
+def window_values(parameters: np.ndarray, window: Window) -> list[float]:
+    """Their values."""
+    found = []
+    for value, (low, high) in zip(parameters.tolist(), window, strict=True):
+        found.append(value - low if low > -math.inf else 1.0)
+        found.append(high - value if high < math.inf else 1.0)
+    return found
+
+
+class BifurcationMonitor:
+    """The test functions of a curve of SN, PD, SB or NS of forced orbits.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+    code : {"SN", "PD", "SB", "NS"}
+    window : ((float, float), (float, float))
+        Ranges of the two parameters.
+    """
+
+    def __init__(self, plane: ParameterPlane, code: str, window: Window):
+        self.plane, self.code, self.window = plane, code, window
+        self.tests = (
+            *window_tests(plane.names, window),
+            *GRAZING.values(),
+            *(TestFunction(name, "crossing", name in _ENDS.get(code, ()), NAMES[name], name == "CP") for name in _CODES[code]),
+        )
+
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any] | None:
+        """See `continuation.curves.Monitor`."""
+        problem, null = self.plane.problem, held.extra
+        result = np.full(len(RESULT), math.nan)
+        ends = problem._factor.before.copy()
+        problem._observe(at.y, ends, result)
+        solution = Solution(at.y, np.concatenate([tangent[: at.y.size], np.zeros(at.y.size)]), self.plane.position(at.y), ends, result)
+        multipliers = problem.multipliers(at.y)
+        guards = [solution["clearance"], solution["speed"], solution["flight"]]
+        m = len(null.shifted)
+        right, left = null.right[:, 0] / np.linalg.norm(null.right[:, 0]), null.left[:, 0] / np.linalg.norm(null.left[:, 0])
+        cosine = float(own[0]) if len(own) else math.nan
+        found: list[float]
+        coefficient = math.nan
+        if self.code == "NS":
+            rest = _without(multipliers, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))), 2)
+            found = [cosine - 1.0, cosine + 1.0, cosine + 0.5, cosine, *_rest_tests(rest)]
+        else:
+            critical = 1.0 if self.code == "SN" else -1.0
+            rest = _without(multipliers, critical, 1)
+            double = float(left @ (null.shifted @ right))
+            others = _rest_tests(rest)
+            found = [double, others[1 if critical > 0.0 else 0], others[2]]
+            if self.code == "SN":
+                coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / float(np.linalg.norm(null.right[:, 0]))
+                found.insert(0, coefficient)
+        values = [*window_values(at.parameters, self.window), *guards, *found]
+        return values, CurvePoint(solution, multipliers, coefficient, cosine)
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is."""
+        test = self.tests[index]
+        if test.kind == "crossing" and location.kind in ("pole", "jump"):
+            return None
+        point: CurvePoint = at.extra
+        data: dict[str, Any] = {"stop": None, "note": test.label}
+        if test.code == "GR":
+            verb = next(verb for verb, kind in GRAZING.items() if kind == test)
+            data.update(describe_grazing(self.plane.problem, point.solution, verb))
+            return EventDetails(f"{self.code}-GR", True, data)
+        if test.code in _NEED_PAIR[self.code] and not _has_pair(point.multipliers, point.cosine):
+            return None
+        return EventDetails(test.code, test.terminal, data)
+
+
+_CODES = {
+    "SN": ("CP", "R1", "FF", "FN"),
+    "PD": ("R2", "FF", "PN"),
+    "SB": ("R2", "FF", "PN"),
+    "NS": ("R1", "R2", "R3", "R4", "FN", "PN", "NN"),
+}
+"""Points of codimension two on each curve, in the order of their test functions."""
+
+_NEED_PAIR = {"SN": ("FN",), "PD": ("PN",), "SB": ("PN",), "NS": ("NN",)}
+"""Those whose test function vanishes for two real multipliers with the product 1, too."""
+
+_ENDS = {"NS": ("R1", "R2")}
+"""Those that a curve cannot pass."""
+
+
+def _without(multipliers: np.ndarray, value: complex, count: int) -> np.ndarray:
+    """The multipliers without the one that is nearest to a value, and its conjugate."""
+    rest = multipliers
+    for target in (value, np.conj(value))[:count]:
+        if len(rest):
+            rest = np.delete(rest, int(np.argmin(np.abs(rest - target))))
+    return rest
+
+
+def _rest_tests(rest: np.ndarray) -> list[float]:
+    """Products over multipliers: of 1 - mu, of 1 + mu, and of 1 - mu_i mu_j over pairs."""
+    pairs = [1.0 - rest[i] * rest[j] for i in range(len(rest)) for j in range(i)]
+    return [float(np.prod(1.0 - rest).real), float(np.prod(1.0 + rest).real), float(np.prod(pairs).real) if pairs else math.nan]
+
+
+def _has_pair(multipliers: np.ndarray, known: float) -> bool:
+    """Whether a pair is on the unit circle, besides the one whose cosine is known."""
+    upper = multipliers[multipliers.imag > 0.0]
+    if not math.isnan(known) and len(upper):
+        upper = np.delete(upper, int(np.argmin(np.abs(upper.real - known))))
+    return bool(len(upper) and np.min(np.abs(np.abs(upper) - 1.0)) < _ON_CIRCLE)

@@ -1,0 +1,145 @@
+"""The orbits of one impact sequence over the plane of two parameters: the surface on which curves of bifurcations lie.
+
+The problem of a family keeps its second parameter by its last equation, "F = 0.3". Without that equation its solutions are a surface,
+and its row is the derivative of the second parameter, which can be the energy or the quarter period of a free orbit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from bvp.description import RESERVED
+from bvp.forced import ForcedProblem
+from bvp.multipoint import dense_jacobian
+from bvp.released import ReleasedProblem
+from continuation.curves import Linearised
+
+__all__ = ["ParameterPlane", "closing_block", "plane_of"]
+
+
+class ParameterPlane:
+    """A surface of orbits: a `continuation.curves.Surface`.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+        Its last equation to keep is "NAME = value" of the second parameter.
+    names : (str, str)
+        The two parameters. The first one is a released parameter.
+
+    Attributes
+    ----------
+    size : int
+        u, the number of unknowns.
+    """
+
+    def __init__(self, problem: ForcedProblem, names: tuple[str, str]):
+        self.problem, self.names = problem, names
+        self.size = problem.unknowns
+        self._kept_value = float(problem.keep[-1].partition("=")[2])
+        self._place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
+        # The unknowns of the first node that have a unit.
+        self._units = problem.segment.scale
+
+    def linearised(self, y: np.ndarray) -> Linearised:
+        """See `continuation.curves.Surface`. extra: the derivatives of all rows of the problem."""
+        problem = self.problem
+        residual = problem.residual(y)
+        jacobian = dense_jacobian(problem._factor, problem.size + 1)
+        gradients = np.zeros((2, self.size))
+        gradients[0, self._place] = 1.0
+        gradients[1] = jacobian[-1]
+        parameters = np.array([y[self._place], residual[-1] + self._kept_value])
+        return Linearised(y, residual[:-1], jacobian[:-1], parameters, gradients)
+
+    def worst(self, at: Linearised) -> float:
+        """See `continuation.curves.Surface`."""
+        return float(np.abs(at.residual / self.problem.scales(at.y)[: len(at.residual)]).max())
+
+    def position(self, y: np.ndarray) -> np.ndarray:
+        """The first node in units of arclength."""
+        node, units = y[: self.problem.size], self._units
+        found: np.ndarray = np.where(units > 0.0, node / np.where(units > 0.0, units, 1.0), np.log(np.where(units > 0.0, 1.0, np.abs(node))))
+        return found
+
+    def directions(self, y: np.ndarray) -> np.ndarray:
+        """Derivatives of the position, (N, u)."""
+        units = self._units
+        found = np.zeros((len(units), self.size))
+        np.fill_diagonal(found, 1.0 / np.where(units > 0.0, units, y[: len(units)]))
+        return found
+
+    def scales(self, y: np.ndarray) -> np.ndarray:
+        """See `continuation.curves.Surface`."""
+        found = self.problem.scales(y)
+        found[found == 0.0] = 1.0
+        return found
+
+    def violation(self, y: np.ndarray) -> str | None:
+        """Why the system cannot have the parameters of y."""
+        return self.problem.violation(y)
+
+    def values(self, y: np.ndarray) -> dict[str, float]:
+        """All parameters at y, and of a free orbit the energy and the quarter period."""
+        return self.problem.known_values(y)
+
+
+def plane_of(
+    problem: ForcedProblem, y: np.ndarray, names: Sequence[str], keep: Sequence[str] = ()
+) -> tuple[ParameterPlane, np.ndarray]:
+    """The surface of the orbits of a problem over two parameters, and an orbit in its unknowns.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+        Of a family, in any released parameters.
+    y : (u,) float
+        An orbit.
+    names : sequence of str
+        The parameters that vary. The first two span the plane; of a free orbit they can be energy and quarter_period.
+    keep : sequence of str
+        Equations that determine the others, as for `ForcedProblem`.
+
+    Raises
+    ------
+    ValueError
+        For names or equations that the problem cannot have.
+    """
+    known = problem.known_values(y)
+    first, second = names[0], names[1]
+    if first in RESERVED:
+        first, second = second, first
+    if first in RESERVED:
+        raise ValueError(f"{first} and {second} are not both free: a plane needs a parameter of the system")
+    released = [first, *(name for name in (second, *names[2:]) if name not in RESERVED)]
+    for name in (first, second):
+        if name not in known:
+            raise ValueError(f"unknown parameter {name}; expected one of {', '.join(known)}")
+    kept = [*keep, f"{second} = {known[second]!r}"]
+    values = problem.parameters(y)
+    made: ForcedProblem
+    if isinstance(problem, ReleasedProblem):
+        assert problem.ends is not None
+        energy = known["energy"]
+        made = ReleasedProblem(problem.parametric, problem.ends, problem.sequence, released, kept, values=values, energy=energy)
+    else:
+        made = ForcedProblem(
+            problem.parametric, problem.sequence, released, load_periods=problem.load_periods, half=problem.half, values=values, keep=kept
+        )
+    size = 2 * problem.degrees_of_freedom
+    nodes = problem.nodes(y)
+    unknowns = made.pack(nodes[:, :size], nodes[:, size], [values[name] for name in released], problem.flight_times(y))
+    return ParameterPlane(made, (first, second)), unknowns
+
+
+def closing_block(plane: ParameterPlane) -> np.ndarray:
+    """What lambda multiplies, (u, u): the first node, state and time, in the equations that close the orbit."""
+    problem = plane.problem
+    found = np.zeros((plane.size, plane.size))
+    first, states = problem.inner * (problem.size + 1), 2 * problem.degrees_of_freedom
+    sign, part = problem.segment.closing
+    for e in range(states + (part != 0.0)):
+        found[first + e, e] = -sign if e < states else -1.0
+    return found

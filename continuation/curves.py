@@ -1,0 +1,350 @@
+"""Curves in the plane of two parameters: where a surface of solutions has one more property.
+
+A family solves n equations in n + 1 unknowns. With a second parameter released the unknowns are n + 2, and the solutions a surface. A
+*condition* singles out a curve on it: a matrix is singular, or a number vanishes. The curve is a `continuation.Problem` as any family.
+
+A matrix B0 + lambda B1 is singular where g = 0 in its bordered systems (Govaerts, Numerical Methods for Bifurcations of Dynamical
+Equilibria, SIAM 2000, chapter 3)
+
+    [ B   w ] [ V ]   [ 0 ]         [ B'  v ] [ W ]   [ 0 ]
+    [ v'  0 ] [ g ] = [ 1 ]         [ w'  0 ] [ g ] = [ 1 ]         dg = - W' dB V
+
+A pair exp(+-i theta) has the unknown kappa = cos theta, and the matrix of B0 V + B1 V L = 0 with the companion matrix L of
+x^2 - 2 kappa x + 1. That is regular where the pair meets at 1 or -1. A tangent carries its borders behind it, so that a step depends on
+its arguments alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from scipy.linalg.lapack import dgesv, dgetrf, dgetrs
+
+from continuation.location import Location
+from continuation.problem import EventDetails, Point, Step, TestFunction
+
+__all__ = ["Condition", "Curve", "Held", "Linearised", "Monitor", "ScalarCondition", "SingularCondition", "Surface"]
+
+_ITERATIONS = 10
+_SETTLED = 1e-11
+"""Largest Newton update, in units of the unknowns' sizes, that is the last one: the next one is rounding."""
+
+_ROUNDING = 1e-9
+"""Largest update that can be rounding, where updates do not shrink any more."""
+
+
+class Linearised(NamedTuple):
+    """The equations of a surface at the unknowns y (u,).
+
+    residual (n,), jacobian (n, u). parameters: the two of the plane; gradients (2, u): their derivatives. extra: the surface's own data.
+    """
+
+    y: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    parameters: np.ndarray
+    gradients: np.ndarray
+    extra: Any = None
+
+
+class Surface(Protocol):
+    """n equations in u = n + 2 unknowns. Their metric has the coordinates `position` (N,) with the derivatives `directions` (N, u)."""
+
+    size: int
+
+    def linearised(self, y: np.ndarray) -> Linearised: ...
+
+    def worst(self, at: Linearised) -> float:
+        """The largest residual, in units of the equations' terms."""
+        ...
+
+    def position(self, y: np.ndarray) -> np.ndarray: ...
+
+    def directions(self, y: np.ndarray) -> np.ndarray: ...
+
+    def scales(self, y: np.ndarray) -> np.ndarray:
+        """Sizes of the unknowns, (u,)."""
+        ...
+
+    def violation(self, y: np.ndarray) -> str | None:
+        """Why there is no solution near y; None where nothing is known."""
+        ...
+
+
+class Held(NamedTuple):
+    """A condition at a point: its values (1 + e,), their derivatives by the unknowns and its e own ones (1 + e, u + e), the borders renewed,
+    and what else the condition has found."""
+
+    values: np.ndarray
+    gradient: np.ndarray
+    borders: np.ndarray
+    extra: Any = None
+
+
+class Condition(Protocol):
+    """1 + e equations with e unknowns of their own."""
+
+    own: int
+
+    def first(self, at: Linearised, own: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """Borders at a point near the curve."""
+        ...
+
+    def held(self, at: Linearised, own: np.ndarray, borders: np.ndarray, scale: np.ndarray) -> Held: ...
+
+
+class ScalarCondition:
+    """A number that vanishes: `function` gives it and its derivatives (u,)."""
+
+    own = 0
+
+    def __init__(self, function: Callable[[Linearised], tuple[float, np.ndarray]]):
+        self._function = function
+
+    def first(self, at: Linearised, own: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """See `Condition`: no borders."""
+        return np.zeros(0)
+
+    def held(self, at: Linearised, own: np.ndarray, borders: np.ndarray, scale: np.ndarray) -> Held:
+        """See `Condition`."""
+        value, gradient = self._function(at)
+        return Held(np.array([value]), gradient[None, :], borders)
+
+
+class Null(NamedTuple):
+    """Null vectors of a pencil at the multiplier: right (m, d) in the unknowns' own units, left (m, d); and scaled (m, m), B1."""
+
+    right: np.ndarray
+    left: np.ndarray
+    shifted: np.ndarray
+    along: np.ndarray
+
+
+class SingularCondition:
+    """A matrix B0 + lambda B1 that is singular.
+
+    Parameters
+    ----------
+    matrices : callable
+        Gives B0 and B1, (m, m) each. The columns are unknowns of the surface, the first m of them.
+    along : callable
+        ``along(at, v)`` (m, u): the derivatives of B0 v by the unknowns, B1 being constant.
+    multiplier : float or None
+        lambda; None: a pair exp(+-i theta), whose cosine is an unknown.
+    """
+
+    def __init__(
+        self,
+        matrices: Callable[[Linearised], tuple[np.ndarray, np.ndarray]],
+        along: Callable[[Linearised, np.ndarray], np.ndarray],
+        multiplier: float | None,
+    ):
+        self._matrices, self._along, self.multiplier = matrices, along, multiplier
+        self.own = 0 if multiplier is not None else 1
+        self.order = 1 + self.own
+
+    def matrix(self, at: Linearised, own: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The matrix that is singular, in units of the unknowns, and B1."""
+        fixed, shifted = self._matrices(at)
+        m = len(fixed)
+        fixed, shifted = fixed * scale[:m], shifted * scale[:m]
+        if self.multiplier is not None:
+            return fixed + self.multiplier * shifted, shifted
+        whole = np.empty((2 * m, 2 * m))
+        whole[:m, :m], whole[:m, m:] = fixed, shifted
+        whole[m:, :m], whole[m:, m:] = -shifted, fixed + 2.0 * own[0] * shifted
+        return whole, shifted
+
+    def first(self, at: Linearised, own: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """See `Condition`: the singular vectors of the smallest singular values."""
+        left, _, right = np.linalg.svd(self.matrix(at, own, scale)[0])
+        return np.concatenate([left[:, -self.order :].T.ravel(), right[-self.order :].ravel()])
+
+    def held(self, at: Linearised, own: np.ndarray, borders: np.ndarray, scale: np.ndarray) -> Held:
+        """See `Condition`."""
+        matrix, shifted = self.matrix(at, own, scale)
+        size, d = len(matrix), self.order
+        w, v = borders[: size * d].reshape(d, size).T, borders[size * d :].reshape(d, size).T
+        bordered = np.zeros((size + d, size + d))
+        bordered[:size, :size], bordered[:size, size:], bordered[size:, :size] = matrix, w, v.T
+        wanted = np.zeros((size + d, d))
+        wanted[size:] = np.eye(d)
+        factor, pivots, _ = dgetrf(bordered)
+        right = dgetrs(factor, pivots, wanted)[0]
+        left = dgetrs(factor, pivots, wanted, trans=1)[0][:size]
+        values, first = right[size:, 0], right[:size, 0]
+        m = len(shifted)
+        parts = [self._along(at, first[k * m : (k + 1) * m] * scale[:m]) for k in range(d)]
+        slopes = np.vstack(parts)
+        gradient = -left.T @ slopes
+        if self.own:
+            turned = np.concatenate([np.zeros(m), 2.0 * (shifted @ first[m:])])
+            gradient = np.column_stack([gradient, -left.T @ turned])
+        renewed = np.concatenate([_orthonormal(left).T.ravel(), _orthonormal(right[:size]).T.ravel()])
+        return Held(values, gradient, renewed, Null(right[:size], left, shifted, slopes))
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    """The columns made orthonormal, in their order and orientation."""
+    first = columns[:, 0] / math.sqrt(float(columns[:, 0] @ columns[:, 0]))
+    if columns.shape[1] == 1:
+        return first[:, None]
+    second = columns[:, 1] - first * (first @ columns[:, 1])
+    return np.column_stack([first, second / math.sqrt(float(second @ second))])
+
+
+class Monitor(Protocol):
+    """The test functions of a curve."""
+
+    tests: tuple[TestFunction, ...]
+
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any] | None:
+        """Their values, and data of the point; None where it is no point of the curve."""
+        ...
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None: ...
+
+
+class Curve:
+    """A curve as a `continuation.Problem`. Its unknowns are those of the surface, then those of the condition.
+
+    Parameters
+    ----------
+    surface : Surface
+    condition : Condition
+    monitor : Monitor
+    """
+
+    def __init__(self, surface: Surface, condition: Condition, monitor: Monitor):
+        self.surface, self.condition, self.monitor = surface, condition, monitor
+        self.tests = monitor.tests
+
+    def begin(self, y: np.ndarray) -> Step:
+        """See `continuation.Problem`."""
+        u = self.surface.size
+        scale = self.surface.scales(y[:u])
+        try:
+            at = self.surface.linearised(y[:u])
+            borders = self.condition.first(at, y[u:], scale)
+            held = self.condition.held(at, y[u:], borders, scale)
+            matrix = self._matrix(at, held)[:-1] * self._sizes(scale)
+            null = np.linalg.svd(matrix)[2][-1]
+        except (np.linalg.LinAlgError, ValueError):
+            return _failed(y)
+        null = null * math.copysign(1.0, null[int(np.argmax(np.abs(null)))]) * self._sizes(scale)
+        way = self._directions(y) @ null
+        return self.step(y, np.concatenate([null / math.sqrt(float(way @ way)), borders]), 0.0)._replace(turn=1.0)
+
+    def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
+        """See `continuation.Problem`; the tangent carries the borders of the condition behind it."""
+        u, m = self.surface.size, y.size
+        along, borders = tangent[:m], tangent[m:]
+        scale = self.surface.scales(y[:u])
+        sizes, metric = self._sizes(scale), self._directions(y)
+        direction = metric @ along
+        row = direction @ metric
+        new = y + ds * along
+        last, contraction = math.inf, 0.0
+        for iteration in range(1, _ITERATIONS + 1):
+            at = self.surface.linearised(new[:u])
+            held = self.condition.held(at, new[u:], borders, scale)
+            matrix = self._matrix(at, held)
+            matrix[-1] = row
+            right = np.concatenate([at.residual, held.values, [row @ (new - y) - ds]])
+            found = dgesv(matrix * sizes, right)
+            update = found[2]
+            length = float(np.abs(update).max())
+            if found[3] != 0 or not math.isfinite(length):
+                return _failed(y)
+            settled = length <= _SETTLED or (length <= _ROUNDING and length > 0.25 * last)
+            if not settled and last < math.inf and length > _ROUNDING:
+                contraction = max(contraction, length / last)
+            new = new - update * sizes
+            last = length
+            if settled:
+                break
+        else:
+            return _failed(y)
+        last_row = np.zeros(m)
+        last_row[-1] = 1.0
+        turned = dgesv(matrix * sizes, last_row)[2] * sizes
+        way = self._directions(new) @ turned
+        turned /= math.sqrt(float(way @ way))
+        way /= math.sqrt(float(way @ way))
+        cosine = float(direction @ way)
+        at = self.surface.linearised(new[:u])
+        measured = self.monitor.values(at, new[u:], held, turned, scale)
+        if measured is None or not math.isfinite(cosine):
+            return _failed(y)
+        values, extra = measured
+        return Step(
+            converged=True,
+            y=new,
+            tangent=np.concatenate([turned, held.borders]),
+            position=(*self.surface.position(new[:u]).tolist(), *new[u:].tolist()),
+            turn=cosine,
+            contraction=contraction,
+            iterations=iteration,
+            residual=self.surface.worst(at),
+            parameter=float(at.parameters[0]),
+            slope=float(at.gradients[0] @ turned[:u]),
+            tests=list(values),
+            extra=extra,
+        )
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """See `continuation.Problem`."""
+        return self.monitor.classify(index, before, at, after, location)
+
+    def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
+        """Where steps fail."""
+        u = self.surface.size
+        there = y[:u] + ds * tangent[:u]
+        why = self.surface.violation(there)
+        values = ", ".join(f"{value:.6g}" for value in self.surface.linearised(y[:u]).parameters)
+        return f"at ({values})" + (f": {why}" if why else "")
+
+    def residual(self, y: np.ndarray) -> np.ndarray:
+        """See `continuation.Problem`: with borders of the point itself, the condition is zero up to its sign."""
+        at, held = self._at(y)
+        return np.concatenate([at.residual, held.values])
+
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
+        """See `continuation.Problem`."""
+        return self._matrix(*self._at(y))[:-1]
+
+    def _at(self, y: np.ndarray) -> tuple[Linearised, Held]:
+        u = self.surface.size
+        scale = self.surface.scales(y[:u])
+        at = self.surface.linearised(y[:u])
+        return at, self.condition.held(at, y[u:], self.condition.first(at, y[u:], scale), scale)
+
+    def _matrix(self, at: Linearised, held: Held) -> np.ndarray:
+        """The derivatives of all equations, with a row to be filled behind them."""
+        n, u, own = len(at.residual), self.surface.size, self.condition.own
+        matrix = np.zeros((u + own, u + own))
+        matrix[:n, :u] = at.jacobian
+        matrix[n : n + 1 + own] = held.gradient
+        return matrix
+
+    def _sizes(self, scale: np.ndarray) -> np.ndarray:
+        return np.concatenate([scale, np.ones(self.condition.own)]) if self.condition.own else scale
+
+    def _directions(self, y: np.ndarray) -> np.ndarray:
+        """Derivatives of the position by all unknowns; those of the condition are coordinates of their own."""
+        u, own = self.surface.size, self.condition.own
+        plain = self.surface.directions(y[:u])
+        if not own:
+            return plain
+        whole = np.zeros((len(plain) + own, u + own))
+        whole[: len(plain), :u] = plain
+        whole[len(plain) :, u:] = np.eye(own)
+        return whole
+
+
+def _failed(y: np.ndarray) -> Step:
+    nan = math.nan
+    return Step(False, y, np.full(y.size, nan), (nan,), nan, math.inf, 0, math.inf, nan, nan, [])
