@@ -78,6 +78,12 @@ EXAMPLES: dict[str, list[str]] = {
     "smooth simulated response": [
         "continue --scene ueda_oscillator --set B=1 --from simulate --in w --range 0.98:1.1 --points 10 --csv a.csv",
     ],
+    "basin": [
+        "basin --scene absorber --set w=1.4 --grid 6x6 --workers 1",
+        "basin --scene damped_impact_oscillator --set w=2.2 --set A=1 --set c=0.02 --grid 6x6 --workers 1",
+        "basin --scene bouncing_ball --set Gamma=0.5 --grid 3x3 --workers 1",
+    ],
+    "smooth basin": ["basin --scene ueda_oscillator --set B=1 --grid 2x2 --workers 1"],
     "sweep": ["sweep --scene bouncing_ball --in w --range 0.9:1.1 --points 2 --transient 5 --record 5"],
 }
 """Commands whose kernels are compiled together, by the name of the group."""

@@ -34,6 +34,7 @@ COMMANDS = {
     "section": "make Poincare sections: many motions of one energy, or of several energies in panels",
     "run": "simulate one damped motion, event by event, and report where its energy goes",
     "sweep": "simulate forced motion over a range of a parameter: the brute-force bifurcation diagram",
+    "basin": "draw basins of attraction: to which attractor each start of forced motion leads",
     "gallery": "make the figures of a publication, each with its data",
     "impulsive": "find the orbits that start with the velocity of the oscillator alone",
     "study": "simulate many damped motions over a grid or a Latin hypercube of parameters",

@@ -1,0 +1,234 @@
+"""Attractors as continued families: a settled motion is solved as an orbit, and compared with those that are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from branches.admissible import unphysical
+from branches.forced.branch import ForcedBranch
+from branches.forced.identity import canonical_letters, closure_name, is_odd
+from branches.forced.primitive import full_period, primitive_orbit
+from bvp.closures import EndsError
+from bvp.contact_sequence import joined_sequence
+from bvp.forced import ForcedProblem
+from bvp.multipoint import NotConverged
+from transitions.basin.record import Attractor, AttractorKind, Saddle
+from transitions.response.path import ParameterPath
+from transitions.response.starting import NoOrbit, settled_orbit
+from transitions.sweep.returns import largest_exponent
+from transitions.sweep.settle import Settled, SettledKind
+
+__all__ = [
+    "FamilyOrbit", "attractor_of", "family_name", "full_multipliers", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
+    "orbits_at", "saddle_of", "same_states", "strobe_states",
+]  # fmt: skip
+
+SAME = 1e-6
+"""Largest distance of two states at phase 0, beside the largest entry of both, with which two periodic motions are one."""
+
+_STABLE = 1e-9
+"""How far inside or outside the unit circle a multiplier certainly is."""
+
+_AGREES = 1e-9
+"""Largest relative difference of a parameter of a solved orbit from that of the basin."""
+
+
+def family_name(problem: ForcedProblem, y: np.ndarray) -> str:
+    """The beginning of the id of an orbit's family, `closure:sequence`: that of its primitive orbit."""
+    primitive, _ = primitive_orbit(problem, y)
+    return f"{closure_name(primitive)}:{canonical_letters(primitive)}"
+
+
+def full_multipliers(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
+    """The multipliers over the full period, by descending modulus, (2n,) complex."""
+    found = problem.multipliers(y).astype(complex)
+    return found**2 if problem.half else found
+
+
+def is_unstable(multipliers: np.ndarray) -> bool:
+    """Whether one of them is certainly outside the unit circle."""
+    return bool(np.all(np.isfinite(multipliers)) and np.abs(multipliers).max() > 1.0 + _STABLE)
+
+
+def is_stable(multipliers: np.ndarray) -> bool:
+    """Whether all of them are certainly inside the unit circle."""
+    return bool(np.all(np.isfinite(multipliers)) and np.all(np.abs(multipliers) < 1.0 - _STABLE))
+
+
+def strobe_states(problem: ForcedProblem, y: np.ndarray, phase: float = 0.0) -> np.ndarray:
+    """The states (p, 2n) of an orbit at a phase of the loads, in each of its p periods; NaN where a stop is in the summed bounces before it
+    sticks."""
+    if problem.half:
+        problem, y = full_period(problem, y)
+    p, size, period = problem.load_periods, 2 * problem.degrees_of_freedom, problem.period(y)
+    nodes, times = problem.nodes(y), problem.flight_times(y)
+    found = np.full((p, size), math.nan)
+    for k in range(p):
+        at = (phase / (2.0 * math.pi) + k) / p
+        for i, node in enumerate(nodes):
+            time = ((at - float(node[size])) % 1.0) * period
+            if time <= times[i]:
+                found[k] = problem.fly(node, time, i)[0]
+                break
+    return found
+
+
+def same_states(one: np.ndarray, other: np.ndarray, slack: float = SAME) -> bool:
+    """Whether two sets of states at phase 0, (p, 2n), are those of one periodic motion, begun in any of its periods."""
+    if one.shape != other.shape:
+        return False
+    size = max(float(np.nanmax(np.abs(one), initial=0.0)), float(np.nanmax(np.abs(other), initial=0.0)), 1e-300)
+    return any(bool(np.nanmax(np.abs(np.roll(one, k, axis=0) - other), initial=0.0) <= slack * size) for k in range(len(one)))
+
+
+def mirrored(path: ParameterPath, states: np.ndarray, period: float) -> np.ndarray | None:
+    """The states at phase 0, (p, 2n), of the mirror image x(t) -> -x(t + pi/w) of a periodic motion; None where the system is not odd, or
+    an end of the simulation prevents it."""
+    from bvp.motion import MotionStatus
+    from bvp.simulate import Simulator
+
+    if not is_odd(path.problem(())):
+        return None
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    n, simulator = system.degrees_of_freedom, Simulator(system, list(forces))
+    found = []
+    for state in states:
+        motion = simulator.run(state[:n], state[n:], 0.5 * period)
+        if motion.status is not MotionStatus.DURATION_REACHED:
+            return None
+        found.append(-motion.final)
+    return np.array(found)
+
+
+def attractor_of(path: ParameterPath, settled: Settled) -> Attractor | None:
+    """The attractor that a motion has settled to; None if it has not settled. A torus and chaos have one state yet.
+
+    A periodic motion is solved as an orbit. Where that fails, the simulated one is taken, with a note."""
+    sequence = joined_sequence(settled.stops) if settled.period else ""
+    common = {
+        "period": settled.period, "sequence": sequence, "states": settled.states, "sticking": settled.sticking,
+        "multipliers": settled.multipliers, "exponent": settled.exponent,
+    }  # fmt: skip
+    if settled.kind in (SettledKind.TORUS, SettledKind.CHAOS):
+        kind = AttractorKind.TORUS if settled.kind is SettledKind.TORUS else AttractorKind.CHAOS
+        return Attractor(kind=kind, family=kind.value, **common)  # type: ignore[arg-type]
+    if settled.kind is SettledKind.AT_REST or (settled.kind is SettledKind.PERIODIC and settled.sticking):
+        family = f"sticking:{joined_sequence(settled.sticking)}"
+        return Attractor(kind=AttractorKind.STICKING, family=family, **common)  # type: ignore[arg-type]
+    if settled.kind is not SettledKind.PERIODIC:
+        return None
+    plain = Attractor(kind=AttractorKind.PERIODIC, family=f"period-{settled.period}:{sequence}", **common)  # type: ignore[arg-type]
+    try:
+        orbit = settled_orbit(path, settled)
+    except NoOrbit as error:
+        return replace(plain, note=str(error).rpartition("; ")[2])
+    multipliers = full_multipliers(orbit.problem, orbit.y)
+    exponent = plain.exponent
+    if np.all(np.isfinite(multipliers)):
+        exponent = largest_exponent(multipliers, settled.period * settled.period_of_loads)
+    return replace(
+        plain, family=family_name(orbit.problem, orbit.y), problem=orbit.problem, unknowns=orbit.y, multipliers=multipliers,
+        exponent=exponent,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyOrbit:
+    """An orbit of a followed family at the parameters of a basin.
+
+    Attributes
+    ----------
+    number : int
+        Of the branch, from 1.
+    id : str
+        Of the family.
+    problem, unknowns
+    states : (p, 2n) ndarray
+        At phase 0.
+    multipliers : (2n,) complex ndarray
+        Of the full period.
+    """
+
+    number: int
+    id: str
+    problem: ForcedProblem
+    unknowns: np.ndarray
+    states: np.ndarray
+    multipliers: np.ndarray
+
+
+def orbits_at(branches: Sequence[ForcedBranch], values: dict[str, float]) -> list[FamilyOrbit]:
+    """The orbits of some branches at the values of all parameters: solved between the points on both sides.
+
+    Raises
+    ------
+    ValueError
+        If a branch has other values of a parameter there.
+    """
+    found: list[FamilyOrbit] = []
+    for number, branch in enumerate(branches, 1):
+        value = values[branch.name]
+        off = branch.parameter - value
+        for i in np.flatnonzero((off[:-1] * off[1:] <= 0.0) & (off[:-1] != off[1:])).tolist():
+            part = off[i] / (off[i] - off[i + 1])
+            guess = branch.unknowns[i] + part * (branch.unknowns[i + 1] - branch.unknowns[i])
+            branch.problem.nodes(guess)[:, 2 * branch.problem.degrees_of_freedom + 1] = value
+            try:
+                solution = branch.problem.solve(guess)
+            except NotConverged:
+                continue
+            at = branch.problem.parameters(solution.y)
+            for name, wanted in values.items():
+                if abs(at[name] - wanted) > _AGREES * max(abs(wanted), 1.0):
+                    where = f"{branch.name} = {value:.10g}"
+                    raise ValueError(f"branch {number} has {name} = {at[name]:.10g} at {where}, expected {wanted:.10g}")
+            states = strobe_states(branch.problem, solution.y)
+            known = any(one.number == number and same_states(one.states, states) for one in found)
+            if not known and unphysical(branch.problem, solution) is None:
+                multipliers = full_multipliers(branch.problem, solution.y)
+                found.append(FamilyOrbit(number, branch.id, branch.problem, solution.y, states, multipliers))
+    return found
+
+
+def named_by(path: ParameterPath, attractor: Attractor, orbits: Sequence[FamilyOrbit], period: float) -> Attractor:
+    """The attractor with the family of the orbit that it is, or whose mirror image it is; as it was where there is none."""
+    if attractor.kind is not AttractorKind.PERIODIC:
+        return attractor
+    for orbit in orbits:
+        if same_states(orbit.states, attractor.states):
+            return replace(attractor, family=orbit.id, branch=orbit.number)
+    image = mirrored(path, attractor.states, period)
+    for orbit in orbits if image is not None else ():
+        assert image is not None
+        if same_states(orbit.states, image):
+            return replace(attractor, family=orbit.id, branch=orbit.number)
+    return attractor
+
+
+def saddle_of(problem: ForcedProblem, y: np.ndarray, phase: float, family: str | None = None, branch: int = 0) -> Saddle:
+    """An unstable orbit as a saddle, with its states at a phase."""
+    return Saddle(
+        family=family or family_name(problem, y), branch=branch, period=problem.load_periods, sequence=joined_sequence(problem.sequence),
+        states=strobe_states(problem, y, phase), multipliers=full_multipliers(problem, y), problem=problem, unknowns=y,
+    )  # fmt: skip
+
+
+def mirrored_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray] | None:
+    """The mirror image x(t) -> -x(t + pi/w) of an orbit that is solved over its full period; None where there is none, or where the orbit
+    is its own."""
+    if problem.half or not problem.has_clock or not is_odd(problem):
+        return None
+    size = 2 * problem.degrees_of_freedom
+    image = problem.sibling([problem.mirrored(symbol) for symbol in problem.sequence])
+    nodes = problem.nodes(y)
+    # Half a period of the loads earlier or later: one of both keeps the fractions in order, and no fraction has to be below 1.
+    fractions = nodes[:, size] + 0.5 / problem.load_periods
+    guess = image.pack(-nodes[:, :size], fractions, nodes[0, size + 1 :], problem.flight_times(y))
+    try:
+        return image, image.solve(guess).y
+    except (NotConverged, EndsError):
+        return None

@@ -1,0 +1,184 @@
+"""The saddles between basins: unstable periodic orbits, of followed families or from the boundary of the basins.
+
+A start exactly on the boundary between two basins stays on it, and goes to a saddle there. Two starts on both sides are brought together by
+bisection, and followed until they have parted a little; then they are brought together again. So the pair stays beside the boundary
+and approaches the saddle (edge tracking). Where its motion nearly returns, Newton's method solves the orbit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bvp.motion import MotionStatus
+from transitions.basin.following import CAUGHT, StartFollower
+from transitions.basin.identity import full_multipliers, is_unstable, mirrored_orbit, orbits_at, saddle_of, same_states, strobe_states
+from transitions.response.starting import NoOrbit, settled_orbit
+from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord
+from transitions.sweep.returns import distance_scale
+from transitions.sweep.settle import Settled, SettledKind
+
+if TYPE_CHECKING:
+    from transitions.basin.basin import BasinPlan
+    from transitions.basin.following import Known
+    from transitions.basin.record import Basin, Saddle
+
+__all__ = ["saddles_between", "saddles_of"]
+
+EDGES = 3
+"""Places of the boundary between two basins from which a saddle is sought."""
+
+MOST_EDGES = 24
+"""The same of all basins together."""
+
+ROUNDS = 12
+"""Times that a pair is brought together."""
+
+BISECTIONS = 26
+"""Bisections each time."""
+
+APART = 1e-3
+"""Distance, beside the size of the motion, at which the pair is brought together again."""
+
+WATCHED = 40
+"""Periods in which a return is sought."""
+
+LONGEST = 12
+"""Longest period of a saddle from the boundary, in periods of the loads."""
+
+NEAR = 0.1
+"""Distance of a return, beside the size of the motion, up to which Newton's method begins there."""
+
+PATIENCE = 1500
+"""Periods after which a motion on the boundary counts as on the other side."""
+
+
+def saddles_of(plan: BasinPlan, basin: Basin) -> list[Saddle]:
+    """The unstable orbits of followed families at the parameters of a basin, with their mirror images."""
+    found: list[Saddle] = []
+    for orbit in orbits_at(plan.branches, dict(plan.path.values)):
+        if is_unstable(orbit.multipliers):
+            _add(found, saddle_of(orbit.problem, orbit.unknowns, basin.grid.phase, orbit.id, orbit.number))
+            image = mirrored_orbit(orbit.problem, orbit.unknowns)
+            if image is not None:
+                _add(found, saddle_of(*image, basin.grid.phase, orbit.id, orbit.number))
+    return found
+
+
+def saddles_between(plan: BasinPlan, basin: Basin, known: tuple[Known, np.ndarray], follower: StartFollower) -> list[Saddle]:
+    """The saddles that are found from the boundaries between the basins."""
+    found: list[Saddle] = []
+    rows, owners = known
+    for one, other in _edges(basin):
+        pair = np.stack([basin.grid.states[one], basin.grid.states[other]])
+        begun = follower.follow(pair, 0, phase=basin.grid.phase)
+        saddle = _tracked(plan, basin, begun.states if basin.grid.phase else pair, begun.sticking, rows, owners, follower)
+        if saddle is not None:
+            _add(found, saddle)
+            image = mirrored_orbit(saddle.problem, saddle.unknowns)
+            if image is not None:
+                _add(found, saddle_of(*image, basin.grid.phase))
+    return found
+
+
+def _add(found: list[Saddle], saddle: Saddle) -> None:
+    """Add a saddle that is not known."""
+    if not any(same_states(one.states, saddle.states) for one in found):
+        found.append(saddle)
+
+
+def _edges(basin: Basin) -> Iterator[tuple[int, int]]:
+    """Neighbours on the grid with different attractors: a few of each pair of attractors, spread over their boundary."""
+    image = basin.grid.image(basin.attractor)
+    numbers = basin.grid.image(np.arange(len(basin)))
+    pairs: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for first, second in (((slice(None), slice(-1)), (slice(None), slice(1, None))), ((slice(-1),), (slice(1, None),))):
+        a, b, left, right = image[first], image[second], numbers[first], numbers[second]
+        for i, j, p, q in zip(*(part[(a != b) & (a >= 0) & (b >= 0)].tolist() for part in (a, b, left, right)), strict=True):
+            pairs.setdefault((min(i, j), max(i, j)), []).append((p, q))
+    count = 0
+    for edges in pairs.values():
+        for k in np.unique(np.linspace(0, len(edges) - 1, 2 * EDGES + 1)[1::2].astype(int)).tolist():
+            if count < MOST_EDGES:
+                count += 1
+                yield edges[k]
+
+
+def _tracked(
+    plan: BasinPlan, basin: Basin, pair: np.ndarray, sticking: np.ndarray, known: Known, owners: np.ndarray, follower: StartFollower
+) -> Saddle | None:
+    """The saddle to which a pair (2, 2n) of states at phase 0 on both sides of a boundary leads; None where none is found."""
+
+    def side(states: np.ndarray) -> int:
+        caught = follower.follow(states[None], PATIENCE, known)
+        return int(owners[caught.row[0]]) if caught.outcome[0] == CAUGHT else -1
+
+    if np.any(sticking):
+        return None
+    own = side(pair[0])
+    if own == side(pair[1]):
+        return None
+    for _ in range(ROUNDS):
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (pair[0] + pair[1])
+            pair[0 if side(middle) == own else 1] = middle
+        motions = [ForcedMotion(follower.system, follower.forces, Carried(state)) for state in pair]
+        records = [motion.advance(WATCHED, impacts=True) for motion in motions]
+        if any(record.status is not MotionStatus.DURATION_REACHED for record in records):
+            return None
+        scaled = [distance_scale(record.states, 2.0 * math.pi / follower.period) for record in records]
+        size = float(np.linalg.norm(scaled[0], axis=1).max())
+        parted = np.linalg.norm(scaled[0] - scaled[1], axis=1) > APART * size
+        kept = int(np.argmax(parted)) if parted.any() else WATCHED
+        saddle = _solved(plan, basin, records[0].states[:kept], scaled[0][:kept] / size, records[0].impacts, follower.period)
+        if saddle is not None:
+            return saddle
+        if kept < 1:
+            return None
+        advanced = follower.follow(pair, kept)
+        pair = advanced.states
+        if np.any(advanced.sticking):
+            return None
+    return None
+
+
+def _solved(plan: BasinPlan, basin: Basin, states: np.ndarray, scaled: np.ndarray, impacts: ImpactRecord, period: float) -> Saddle | None:
+    """The unstable orbit beside the closest return of a motion; None where there is none.
+
+    states: (u, v) after each period. scaled: the same as distances, beside the size of the motion."""
+    tries = []
+    for p in range(1, min(LONGEST, len(states) - 1) + 1):
+        distances = np.linalg.norm(scaled[p:] - scaled[:-p], axis=1)
+        k = int(np.argmin(distances))
+        tries.append((float(distances[k]) * (1.0 + 0.1 * p), p, k, float(distances[k])))
+    letters = None
+    for _, p, k, distance in sorted(tries)[:3]:
+        if distance > NEAR:
+            continue
+        # states[k] is that after k + 1 periods.
+        inside = (impacts.periods > k) & (impacts.periods <= k + p)
+        letters = plan.path.parametric.system(plan.path.values).modes.contact_letters
+        part = ImpactRecord(
+            impacts.contacts[inside], impacts.periods[inside] - k - 1, impacts.times[inside], impacts.speeds[inside],
+            impacts.before[inside], impacts.after[inside],
+        )  # fmt: skip
+        near = Settled(
+            kind=SettledKind.PERIODIC, period=p, states=states[k : k + p], impacts=part,
+            stops=tuple(letters[c] for c in part.contacts), sticking=(), sticking_time=0.0, period_of_loads=period,
+            multipliers=np.zeros(0, dtype=complex), growth=math.nan, growth_error=0.0, distance=distance, elapsed=0,
+            status=MotionStatus.DURATION_REACHED,
+        )  # fmt: skip
+        try:
+            orbit = settled_orbit(plan.path, near)
+        except NoOrbit:
+            continue
+        if not is_unstable(full_multipliers(orbit.problem, orbit.y)):
+            continue
+        found = strobe_states(orbit.problem, orbit.y)
+        if any(same_states(found[:q], np.roll(found, q, axis=0)[:q]) for q in range(1, p) if p % q == 0):
+            continue  # a shorter orbit, repeated: its own period is tried, too
+        return saddle_of(orbit.problem, orbit.y, basin.grid.phase)
+    return None
