@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.expansion import expanded
+from bvp.kernels.bent_orbit import Bending, BentOrbit, Work
 from bvp.kernels.curvature import second_along as fill_second
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight_curvature import Bending
 from bvp.programs import scratch_size
 
 if TYPE_CHECKING:
@@ -101,22 +101,31 @@ class Curvature:
         program, kept = self._of_order(2)
         count, harmonics = len(problem.released), segment.flight.loads.harmonics
         size = 2 * n + 2 * len(harmonics) - int(0.0 in harmonics)
-        parts = 2 + 2 * count
+        parts = 1 + count + count * (count + 1) // 2
         known = len(released.values) + len(problem.conserved)
         scratch = max(scratch_size(program, len(released.values)), scratch_size(kept, known))
         entries = np.zeros((parts, len(released.entries)))
         entries[0] = released.entries
-        square = parts, size, size
+        flights, square, whole = problem.inner + 1, (n, parts * n), (size, parts * size)
+        bent = np.zeros((2 * n, problem.size + 1))
+        work = Work(
+            np.zeros(square), np.zeros(square), np.zeros((2, *square)), np.zeros(whole), np.zeros((n, parts * size)),
+            np.zeros((n, parts * size)), np.zeros(whole), np.zeros(whole), np.zeros((5, *whole)), np.zeros(size), np.zeros((2, n, parts)),
+            np.zeros((1, parts * n)), np.zeros((4, 1, parts)), np.zeros((1, parts * size)), np.zeros((4, max(size, count + 2))),
+            bent, bent.copy(),
+        )  # fmt: skip
+        orbit = BentOrbit(
+            np.full(problem.unknowns, np.nan), entries, np.zeros((flights, 3, size)), np.zeros((flights, 1 + count, 2 * n, size)),
+            np.zeros((flights, 2 * n, size)), np.zeros((flights, 2 * n)), np.zeros((flights, parts, 2 * n)),
+            np.zeros((flights, 2 + count, 2 * n)), np.zeros((flights + 1, parts, n)), np.zeros((flights, 1 + count, size)),
+            np.zeros((flights, parts)),
+        )  # fmt: skip
         return Bending(
             segment.gap, segment.contact, segment.closing, segment.end_map, segment.shape,
             modes.arrays.mode, modes.arrays.release, modes.arrays.closed, modes.weights, modes.stops,
             harmonics, segment.flight.loads.load_periods, released.places, released.frequency,
             program, released.rows, released.values.copy(), released.columns, np.zeros(len(program.outputs)),
-            kept, np.zeros(known), np.zeros(len(kept.outputs)), np.zeros(scratch), entries,
-            np.zeros((4, parts, n, n)), np.zeros((parts, n, size)), np.zeros((parts, n, size)), np.zeros(square), np.zeros(square),
-            np.zeros((5, *square)), np.zeros(size), np.zeros((2, parts, n, 1)), np.zeros((2, parts, 1, n)), np.zeros((parts, 1, 1)),
-            np.zeros((parts, 1, size)), np.zeros((10, max(size, count + 2))), np.zeros((count, size)),
-            np.zeros((2 * n, problem.size + 1)), np.zeros((2 * n, problem.size + 1)),
+            kept, np.zeros(known), np.zeros(len(kept.outputs)), np.zeros(scratch), work, orbit,
         )  # fmt: skip
 
     def _of_order(self, order: int) -> tuple[Program, Program]:
