@@ -75,8 +75,8 @@ class Surface(Protocol):
 
 
 class Held(NamedTuple):
-    """A condition at a point: its values (1 + e,), their derivatives by the unknowns and its e own ones (1 + e, u + e), the borders renewed,
-    and what else the condition has found."""
+    """A condition at a point: its values (1 + e,), their derivatives by the unknowns and its e own ones (1 + e, u + e), the borders
+    renewed, and what else the condition has found."""
 
     values: np.ndarray
     gradient: np.ndarray
@@ -201,7 +201,9 @@ class Monitor(Protocol):
 
     tests: tuple[TestFunction, ...]
 
-    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any] | None:
+    def values(
+        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
+    ) -> tuple[Sequence[float], Any] | None:
         """Their values, and data of the point; None where it is no point of the curve."""
         ...
 
@@ -248,7 +250,8 @@ class Curve:
         row = direction @ metric
         new = y + ds * along
         last, contraction = math.inf, 0.0
-        for iteration in range(1, _ITERATIONS + 1):
+        iteration = 0
+        for iteration in range(1, _ITERATIONS + 1):  # noqa: B007
             at = self.surface.linearised(new[:u])
             held = self.condition.held(at, new[u:], borders, scale)
             matrix = self._matrix(at, held)

@@ -13,19 +13,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.admissible import force_event
-from branches.curves.monitor import CurvePoint, Window, window_tests, window_values
+from branches.curves.monitor import CurvePoint, Window, has_pair, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
 from branches.forced.resequencing import with_touch
 from bvp.forced import ForcedProblem
 from bvp.kernels.forced import fly_loaded
 from bvp.kernels.forced_sticking import contact_force
-from bvp.kernels.multipoint import RESULT
+from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised, ScalarCondition
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["Grazing", "GrazingMonitor", "grazing_at", "grazing_condition"]
+__all__ = ["Grazing", "GrazingMonitor", "grazing_at", "grazing_condition", "observed"]
 
 _ZERO = 1e-9
 """Clearance, speed and flight time, in units of arclength and of the period, that are zero at a located grazing."""
@@ -75,6 +75,16 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     made, y = with_touch(problem, solution)
     flight = int(solution["clearance_flight"]) if problem.sequence else made.inner
     return made, y, Grazing("speed", flight)
+
+
+def observed(problem: ForcedProblem, y: np.ndarray) -> Solution:
+    """An orbit as it stands, with what its paths and impacts show: near a singular point Newton's method would move it."""
+    problem.residual(y)
+    result = np.full(len(RESULT), math.nan)
+    ends = problem._factor.before.copy()
+    problem._observe(y, ends, result)
+    result[QUARTER_PERIOD] = problem.period(y)
+    return Solution(y, np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
 
 
 def _flown(problem: ForcedProblem, node: np.ndarray, time: float, flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -157,15 +167,18 @@ class GrazingMonitor:
         self.plane, self.grazing, self.window = plane, grazing, window
         turned = "SB" if plane.problem.half else "PD"
         self.tests = (
-            *window_tests(plane.names, window),
+            *window_tests(plane, window),
             *(TestFunction("GR-GR", "guard", True, f"two grazings at once: {what}") for what in _SECOND),
             TestFunction("GR-GR", "guard", True, "the touch is degenerate: the acceleration of the gap vanishes there"),
             TestFunction("SN-GR", "crossing", False, "a fold of the orbits with the impact meets the grazing"),
             TestFunction(f"{turned}-GR", "crossing", False, f"a {_WORDS[turned]} of the orbits with the impact meets the grazing"),
+            TestFunction("NS-GR", "crossing", False, "a Neimark-Sacker bifurcation of the orbits with the impact meets the grazing"),
         )
         self._shifted = closing_block(plane)
 
-    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any] | None:
+    def values(
+        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
+    ) -> tuple[Sequence[float], Any] | None:
         """See `continuation.curves.Monitor`."""
         problem, grazing = self.plane.problem, self.grazing
         ends = problem._factor.before.copy()
@@ -190,7 +203,9 @@ class GrazingMonitor:
             least_flight = float(flights.min())
         else:
             others = speeds
-            least_flight = float(np.delete(flights, grazing.flight).min()) if grazing.kind == "flight" and len(flights) > 1 else float(flights.min())
+            least_flight = (
+                float(np.delete(flights, grazing.flight).min()) if grazing.kind == "flight" and len(flights) > 1 else float(flights.min())
+            )
             if grazing.kind == "flight":
                 times[grazing.flight] = 0.0
         result = np.full(len(RESULT), math.nan)
@@ -202,16 +217,35 @@ class GrazingMonitor:
         problem.residual(y)  # the arrays are those of y again
         fixed = np.vstack([at.jacobian, at.gradients]) * scale
         shifted = self._shifted * scale
-        tests = [_signed_smallest(fixed), _signed_smallest(fixed - 2.0 * shifted)]
-        values = [*window_values(at.parameters, self.window), clearance, slowest, least_flight, bend, *tests]
-        return values, CurvePoint(solution, np.full(2 * problem.degrees_of_freedom, complex(math.nan, math.nan)), math.nan, math.nan)
+        finite = finite_multipliers(fixed, shifted)
+        tests = [_signed_smallest(fixed), _signed_smallest(fixed - 2.0 * shifted), pair_product(finite)]
+        values = [*window_values(self.plane, at.parameters, self.window), clearance, slowest, least_flight, bend, *tests]
+        return values, CurvePoint(solution, finite, math.nan, math.nan)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
         test = self.tests[index]
         if test.kind == "crossing" and location.kind in ("pole", "jump"):
             return None
+        if test.code == "NS-GR" and not has_pair(at.extra.multipliers, math.nan):
+            return None
         return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
+
+
+def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
+    """The multipliers of orbits that graze, (2 n,): those of the pencil, of which one has no bound and is NaN. matrix, shifted: B at
+    lambda = 1, and B1."""
+    rows = np.flatnonzero(shifted.any(axis=1))
+    columns = np.flatnonzero(shifted.any(axis=0))
+    found = np.full(len(rows) - len(rows) % 2, complex(math.nan, math.nan))
+    try:
+        solved = np.linalg.solve(matrix, shifted[:, columns])[columns]
+    except np.linalg.LinAlgError:
+        return found
+    inverse = np.linalg.eigvals(solved)
+    kept = np.sort_complex(inverse[np.argsort(-np.abs(inverse))][: len(found) - 1])
+    found[: len(kept)] = 1.0 - 1.0 / kept
+    return found
 
 
 _SECOND = ("a flight touches a stop", "the speed of another impact reaches zero", "a flight time reaches zero")

@@ -16,7 +16,7 @@ from continuation.curves import Held, Linearised
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["BifurcationMonitor", "CurvePoint", "Window"]
+__all__ = ["BifurcationMonitor", "CurvePoint", "Window", "has_pair", "pair_product", "window_tests", "window_values"]
 
 Window = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of the two parameters."""
@@ -51,19 +51,21 @@ class CurvePoint(NamedTuple):
     cosine: float
 
 
-def window_tests(names: tuple[str, str], window: Window) -> tuple[TestFunction, ...]:
-    """The guards of a range."""
+def window_tests(plane: ParameterPlane, window: Window) -> tuple[TestFunction, ...]:
+    """The guards of a range, and of the domains of the parameters."""
     found = []
-    for name, (low, high), domain in zip(names, window, (None, None), strict=True):
-        found.append(TestFunction("EP", "guard", True, f"lowest value of {name} asked for"))
-        found.append(TestFunction("EP", "guard", True, f"highest value of {name} asked for"))
+    for name, asked, domain in zip(plane.names, window, plane.domains, strict=True):
+        for side, inside in (("lowest", asked[0] >= domain[0]), ("highest", asked[1] <= domain[1])):
+            text = f"{side} value of {name} asked for" if inside else f"{name} leaves its domain here"
+            found.append(TestFunction("EP", "guard", True, text))
     return tuple(found)
 
 
-def window_values(parameters: np.ndarray, window: Window) -> list[float]:
+def window_values(plane: ParameterPlane, parameters: np.ndarray, window: Window) -> list[float]:
     """Their values."""
     found = []
-    for value, (low, high) in zip(parameters.tolist(), window, strict=True):
+    for value, asked, domain in zip(parameters.tolist(), window, plane.domains, strict=True):
+        low, high = max(asked[0], domain[0]), min(asked[1], domain[1])
         found.append(value - low if low > -math.inf else 1.0)
         found.append(high - value if high < math.inf else 1.0)
     return found
@@ -83,12 +85,14 @@ class BifurcationMonitor:
     def __init__(self, plane: ParameterPlane, code: str, window: Window):
         self.plane, self.code, self.window = plane, code, window
         self.tests = (
-            *window_tests(plane.names, window),
+            *window_tests(plane, window),
             *GRAZING.values(),
             *(TestFunction(name, "crossing", name in _ENDS.get(code, ()), NAMES[name], name == "CP") for name in _CODES[code]),
         )
 
-    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any] | None:
+    def values(
+        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
+    ) -> tuple[Sequence[float], Any] | None:
         """See `continuation.curves.Monitor`."""
         problem, null = self.plane.problem, held.extra
         result = np.full(len(RESULT), math.nan)
@@ -114,7 +118,7 @@ class BifurcationMonitor:
             if self.code == "SN":
                 coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / float(np.linalg.norm(null.right[:, 0]))
                 found.insert(0, coefficient)
-        values = [*window_values(at.parameters, self.window), *guards, *found]
+        values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, CurvePoint(solution, multipliers, coefficient, cosine)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
@@ -128,7 +132,7 @@ class BifurcationMonitor:
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
             data.update(describe_grazing(self.plane.problem, point.solution, verb))
             return EventDetails(f"{self.code}-GR", True, data)
-        if test.code in _NEED_PAIR[self.code] and not _has_pair(point.multipliers, point.cosine):
+        if test.code in _NEED_PAIR[self.code] and not has_pair(point.multipliers, point.cosine):
             return None
         return EventDetails(test.code, test.terminal, data)
 
@@ -159,11 +163,17 @@ def _without(multipliers: np.ndarray, value: complex, count: int) -> np.ndarray:
 
 def _rest_tests(rest: np.ndarray) -> list[float]:
     """Products over multipliers: of 1 - mu, of 1 + mu, and of 1 - mu_i mu_j over pairs."""
-    pairs = [1.0 - rest[i] * rest[j] for i in range(len(rest)) for j in range(i)]
-    return [float(np.prod(1.0 - rest).real), float(np.prod(1.0 + rest).real), float(np.prod(pairs).real) if pairs else math.nan]
+    return [float(np.prod(1.0 - rest).real), float(np.prod(1.0 + rest).real), pair_product(rest)]
 
 
-def _has_pair(multipliers: np.ndarray, known: float) -> bool:
+def pair_product(multipliers: np.ndarray) -> float:
+    """The product of 1 - mu_i mu_j over pairs of those that are finite; nan where there is no pair."""
+    known = multipliers[np.isfinite(multipliers)]
+    first, second = np.triu_indices(len(known), 1)
+    return float(np.prod(1.0 - known[first] * known[second]).real) if len(first) else math.nan
+
+
+def has_pair(multipliers: np.ndarray, known: float) -> bool:
     """Whether a pair is on the unit circle, besides the one whose cosine is known."""
     upper = multipliers[multipliers.imag > 0.0]
     if not math.isnan(known) and len(upper):

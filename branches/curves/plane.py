@@ -6,6 +6,7 @@ and its row is the derivative of the second parameter, which can be the energy o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -33,6 +34,8 @@ class ParameterPlane:
     ----------
     size : int
         u, the number of unknowns.
+    domains : tuple of (float, float)
+        In which each parameter can lie.
     """
 
     def __init__(self, problem: ForcedProblem, names: tuple[str, str]):
@@ -42,6 +45,8 @@ class ParameterPlane:
         self._place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
         # The unknowns of the first node that have a unit.
         self._units = problem.segment.scale
+        known = problem.parametric.names
+        self.domains = tuple(problem.parametric.domain(name) if name in known else (0.0, math.inf) for name in names)
 
     def linearised(self, y: np.ndarray) -> Linearised:
         """See `continuation.curves.Surface`. extra: the derivatives of all rows of the problem."""
@@ -61,7 +66,9 @@ class ParameterPlane:
     def position(self, y: np.ndarray) -> np.ndarray:
         """The first node in units of arclength."""
         node, units = y[: self.problem.size], self._units
-        found: np.ndarray = np.where(units > 0.0, node / np.where(units > 0.0, units, 1.0), np.log(np.where(units > 0.0, 1.0, np.abs(node))))
+        found: np.ndarray = np.where(
+            units > 0.0, node / np.where(units > 0.0, units, 1.0), np.log(np.where(units > 0.0, 1.0, np.abs(node)))
+        )
         return found
 
     def directions(self, y: np.ndarray) -> np.ndarray:
@@ -86,9 +93,7 @@ class ParameterPlane:
         return self.problem.known_values(y)
 
 
-def plane_of(
-    problem: ForcedProblem, y: np.ndarray, names: Sequence[str], keep: Sequence[str] = ()
-) -> tuple[ParameterPlane, np.ndarray]:
+def plane_of(problem: ForcedProblem, y: np.ndarray, names: Sequence[str], keep: Sequence[str] = ()) -> tuple[ParameterPlane, np.ndarray]:
     """The surface of the orbits of a problem over two parameters, and an orbit in its unknowns.
 
     Parameters

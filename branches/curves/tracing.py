@@ -1,0 +1,303 @@
+"""Following a curve in the plane of two parameters: from an event of a family, from another curve, and on from its ends."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing_condition, observed
+from branches.curves.monitor import BifurcationMonitor, Window
+from branches.curves.pencils import forced_condition
+from branches.curves.plane import ParameterPlane, plane_of
+from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
+from branches.events import Ended
+from branches.family import SETTINGS
+from branches.forced.primitive import primitive_orbit
+from branches.interrupted import with_computed
+from bvp.forced import ForcedProblem
+from continuation.curves import Curve
+from continuation.problem import End, EndReason, Event, Point, Step
+from continuation.run import Run, follow_both_ways
+
+__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_start", "curve_through", "follow_curve"]
+
+CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
+"""Events that can be continued in two parameters."""
+
+_REASONS = {
+    "EP": "the end of a run is no bifurcation",
+    "LB": "the label changes there without a bifurcation",
+    "IO": "an impulsive orbit is no bifurcation: its family passes it without a change",
+    "UZ": "a marked value is no bifurcation",
+    "RT": "a p:q resonance changes no stability: a curve of it is a level of the multipliers",
+}
+
+_DIRECTIONS = {"both": 1, "up": 1, "down": -1, "along": 0}
+
+
+class NoCurve(ValueError):
+    """An event that cannot be continued in two parameters, or not in these; the message says why."""
+
+
+class CurveStart(NamedTuple):
+    """Where a curve is started: its plane, its condition, unknowns near a point of it, and what it is in words."""
+
+    plane: ParameterPlane
+    code: str
+    grazing: Grazing | None
+    y: np.ndarray
+    origin: str = ""
+
+    def curve(self, window: Window) -> Curve:
+        """The curve as a `continuation.Problem`."""
+        return curve_problem(self.plane, self.code, self.grazing, window)
+
+
+def curve_problem(plane: ParameterPlane, code: str, grazing: Grazing | None, window: Window) -> Curve:
+    """A curve as a `continuation.Problem`."""
+    if grazing is not None:
+        return Curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window))
+    return Curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
+
+
+def curve_start(
+    problem: ForcedProblem,
+    y: np.ndarray,
+    code: str,
+    names: Sequence[str],
+    keep: Sequence[str] = (),
+    *,
+    angle: float | None = None,
+    origin: str = "",
+) -> CurveStart:
+    """The start of a curve at an event of a family.
+
+    Parameters
+    ----------
+    problem, y : ForcedProblem, (u,) float
+        The orbit at the event.
+    code : str
+        The event's type.
+    names, keep : sequence of str
+        See `branches.curves.plane.plane_of`.
+    angle : float, optional
+        Of the pair of multipliers (NS).
+    origin : str
+        Where the curve is started, in words.
+
+    Raises
+    ------
+    NoCurve
+        For an event that has no curve.
+    ValueError
+        For parameters that the problem cannot have.
+    """
+    if code not in CURVES:
+        raise NoCurve(f"{_REASONS.get(code, 'it is no bifurcation')}; expected one of {', '.join(CURVES)}")
+    grazing = None
+    if code == "BP":
+        primitive, single = primitive_orbit(problem, y)
+        if primitive is problem:
+            why = "two families of orbits cross there, and a second parameter parts them"
+            raise NoCurve(f"{why}; expected an event of type {', '.join(one for one in CURVES if one != 'BP')}")
+        problem, y, code = primitive, single, "SB" if primitive.half else "PD"
+    if code == "GR":
+        try:
+            problem, y, grazing = grazing_at(problem, observed(problem, y))
+        except ValueError as error:
+            raise NoCurve(str(error)) from error
+    plane, unknowns = plane_of(problem, y, names, keep)
+    if code == "NS":
+        if angle is None:
+            raise NoCurve("the angle of its pair of multipliers is not known")
+        unknowns = np.append(unknowns, math.cos(angle))
+    return CurveStart(plane, code, grazing, unknowns, origin)
+
+
+def follow_curve(
+    start: CurveStart,
+    window: Window,
+    *,
+    points: int | None = None,
+    direction: str = "both",
+    on_event: Callable[[Event], object] | None = None,
+    on_point: Callable[[int], object] | None = None,
+) -> BifurcationCurve:
+    """Follow a curve from its start, both ways.
+
+    Parameters
+    ----------
+    start : CurveStart
+    window : ((float, float), (float, float))
+        The curve ends where a parameter leaves its range.
+    points : int, optional
+        Points in total.
+    direction : {"both", "up", "down"}
+        Both ways; only the way in which the first parameter rises or falls.
+    on_event, on_point : callable, optional
+        Called with each event, and with the number of points so far.
+
+    Raises
+    ------
+    NoCurve
+        Where the start is on no curve, and where the event does not depend on the parameters.
+    KeyboardInterrupt
+        With the curve up to there as its attribute `branch`.
+    """
+    curve = start.curve(window)
+    first = curve.begin(start.y)
+    if not first.converged:
+        raise NoCurve(_why_no_start(curve, start))
+    _require_both(curve, first, start)
+    settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
+    count = 0
+
+    def counted(new: Sequence[Point]) -> None:
+        nonlocal count
+        count += len(new)
+        if on_point is not None:
+            on_point(count)
+
+    try:
+        run = follow_both_ways(
+            curve, first, settings, both=direction == "both", direction=_DIRECTIONS[direction], on_event=on_event, on_points=counted
+        )
+    except (KeyboardInterrupt, RuntimeError) as error:
+        raise with_computed(error, lambda run: _record(curve, start, run, window)) from None
+    if not run.points:
+        raise NoCurve(f"the curve could not be followed: {run.ends[0].text}")
+    return _record(curve, start, run, window)
+
+
+def _require_both(curve: Curve, first: Step, start: CurveStart) -> None:
+    """Refuse a parameter on which the event does not depend: the other one is constant along the curve."""
+    u, plane = start.plane.size, start.plane
+    beside = [step for step in (curve.step(first.y, first.tangent, ds) for ds in _PROBES) if step.converged]
+    values = np.array([plane.linearised(step.y[:u]).parameters for step in (first, *beside)])
+    sizes = np.maximum(np.abs(values).max(axis=0), 1e-300)
+    for k, name in enumerate(plane.names):
+        if len(beside) == len(_PROBES) and np.ptp(values[:, k]) <= _CONSTANT * sizes[k]:
+            other = plane.names[1 - k]
+            raise NoCurve(
+                f"the {start.code} does not depend on {other}: it stays at {name} = {values[0, k]:.10g}; expected another parameter"
+            )
+
+
+_PROBES, _CONSTANT = (0.02, -0.03), 1e-11
+"""Arclengths at which a parameter is compared with that of the start, and its relative change that is rounding."""
+
+
+def _why_no_start(curve: Curve, start: CurveStart) -> str:
+    """Why no point of the curve was found at its start."""
+    u = start.plane.size
+    scale = start.plane.scales(start.y[:u])
+    at = start.plane.linearised(start.y[:u])
+    first = curve.condition.first(at, start.y[u:], scale)
+    held = curve.condition.held(at, start.y[u:], first, scale)
+    matrix = np.vstack([at.jacobian, held.gradient[:, :u]]) * scale
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    names = " and ".join(start.plane.names)
+    if singular[-1] < 1e-10 * singular[0]:
+        return f"the {start.code} there does not depend on {names} alone: its equations are singular; expected other parameters"
+    return f"no point of a curve {start.code} in {names} was found there: Newton's corrections do not settle"
+
+
+def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> BifurcationCurve:
+    plane = start.plane
+    steps = [point.step for point in run.points]
+    unknowns = np.array([step.y for step in steps])
+    m = unknowns.shape[1]
+    counts = Counter[str]()
+    events = []
+    for event in run.events:
+        counts[event.code] += 1
+        number = f"{'-' if event.code[-1].isdigit() else ''}{counts[event.code]}"
+        events.append(
+            CurveEvent(
+                event.code + number, event.code, event.index, plane.values(event.point.y[: plane.size]), event.arclength, event.status,
+                (float(event.bracket[0]), float(event.bracket[1])), event.residual, event.details.get("stop"), event.details.get("note"),
+            )
+        )  # fmt: skip
+    ended = [_ended(plane, end, point) for end, point in zip(run.ends, (run.points[0], run.points[-1]), strict=True)]
+    parameters = np.array([plane.linearised(y[: plane.size]).parameters for y in unknowns])
+    return BifurcationCurve(
+        plane=plane, code=start.code, grazing=start.grazing, unknowns=unknowns,
+        tangents=np.array([step.tangent[:m] for step in steps]), parameters=parameters,
+        arclength=run.points.arclengths(), residual=np.array([step.residual for step in steps]),
+        multipliers=np.array([step.extra.multipliers for step in steps]),
+        coefficient=np.array([step.extra.coefficient for step in steps]),
+        events=tuple(events), ended=(ended[0], ended[1]), start=run.start, closed=run.closed, window=window, origin=start.origin,
+    )  # fmt: skip
+
+
+def _ended(plane: ParameterPlane, end: End, point: Point) -> Ended:
+    """Why a curve ends at a point, in the terms of the user."""
+    values = plane.linearised(point.step.y[: plane.size]).parameters
+    place = " and ".join(f"{name} = {value:.12g}" for name, value in zip(plane.names, values, strict=True))
+    if end.reason is EndReason.EVENT and point.event is not None:
+        return Ended(end.reason.name, f"{point.event.code} at {place}: {point.event.details.get('note')}")
+    if end.reason is EndReason.CLOSED:
+        return Ended(end.reason.name, "closed: the curve is back at its first point")
+    return Ended(end.reason.name, f"at {place}: {end.text}")
+
+
+def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
+    """The start of another curve that passes through a point of a curve, or emanates there.
+
+    Raises
+    ------
+    NoCurve
+        Where no such curve is found.
+    """
+    plane, u = curve.plane, curve.plane.size
+    y = curve.unknowns[index, :u]
+    origin = f"a point of a curve {curve.code}"
+    if code == "GR":
+        return _grazing_through(curve, y, origin)
+    pairs = curve.multipliers[index]
+    for angle in _angles(pairs) if code == "NS" else (None,):
+        own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
+        start = CurveStart(plane, code, None, np.concatenate([y, own]), origin)
+        problem = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
+        first = problem.begin(start.y)
+        if first.converged and np.abs((first.y[:u] - y) / plane.scales(y)).max() < _NEAR:
+            if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
+                first = next(step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0)
+            return start._replace(y=first.y)
+    raise NoCurve(f"no curve {code} passes through the point; expected an event of type {', '.join(WORDS)} there")
+
+
+_NEAR = 1e-6
+
+
+def _both(problem: Curve, first: Any) -> list[Any]:
+    return [problem.step(first.y, first.tangent, ds) for ds in (1e-3, -1e-3)]
+
+
+def _angles(multipliers: np.ndarray) -> list[float]:
+    """Angles at which a pair can be on the unit circle: of pairs there, and of two real ones that meet."""
+    upper = multipliers[(multipliers.imag >= 0.0) & (np.abs(np.abs(multipliers) - 1.0) < 1e-4)]
+    return sorted({round(float(np.angle(value)), 9) for value in upper}, reverse=True)
+
+
+def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
+    """The curve of grazings through a point where a curve leaves the orbits."""
+    plane, n = curve.plane, curve.plane.problem.degrees_of_freedom
+    solution = observed(plane.problem, y)
+    clear = min(abs(solution["clearance"]), abs(solution["speed"]) / plane.problem.segment.scale[n], abs(solution["flight"]))
+    if not clear < _NEAR:
+        raise NoCurve("no grazing is there; expected an event whose type ends with GR")
+    try:
+        problem, unknowns, grazing = grazing_at(plane.problem, solution)
+    except ValueError as error:
+        raise NoCurve(str(error)) from error
+    if problem is plane.problem:
+        return CurveStart(plane, "GR", grazing, unknowns, origin)
+    names = [*plane.names, *(name for name in problem.released if name not in plane.names)]
+    made, again = plane_of(problem, unknowns, names, problem.keep[:-1])
+    return CurveStart(made, "GR", grazing, again, origin)

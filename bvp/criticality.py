@@ -1,0 +1,188 @@
+"""Normal-form coefficients of bifurcations of forced orbits: whether what begins there is stable.
+
+They are those of the map from one period, or half of one, to the next, of the node where the segment starts, z_0 = (u, v, s). With impacts
+this is the map from the state after the first impact to the state after its repetition, without impacts the map at phase 0. The map is not
+formed. With F(y) = G(y) - E y, where E takes z_0 to the closing equations, an orbit of the map is a sequence with G(y_i) = E y_(i+1).
+So y_i = y + zeta_i q + zeta_i^2 h/2 + ... is an orbit where zeta_(i+1) = f(zeta_i) is the normal form, and each power of zeta gives a
+linear equation with the matrix T(lambda) = G' - lambda E.
+
+References
+----------
+Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, Springer (3rd ed., 2004), sections 4 and 5.4.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from bvp.checks import EPSILON
+
+if TYPE_CHECKING:
+    from bvp.forced import ForcedProblem
+
+__all__ = ["Criticality", "criticality"]
+
+Kind = Literal["supercritical", "subcritical", "degenerate"]
+
+_DIFFERENCES = 1e-6
+"""Relative error of derivatives that come from differences."""
+
+_ROUNDS = 8
+
+
+class Criticality(NamedTuple):
+    """The coefficient of a normal form, its estimated error, and what it means.
+
+    Supercritical: what begins at the bifurcation is stable, if no other multiplier is outside the unit circle. Subcritical: it is unstable.
+    Degenerate: the error decides the sign. None at SN."""
+
+    coefficient: float
+    error: float
+    kind: Kind | None
+
+
+def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float | None = None) -> Criticality:
+    """The normal-form coefficient of an orbit at a bifurcation.
+
+    T(lambda) has the null vector q, whose start (u, v, s) has unit length in the metric of the family. Its transpose has p, with p . E q = 1.
+    With the second and third derivatives B and C of the equations the coefficients are
+
+        SN  zeta + a zeta^2:                 a = p . B(q, q)/2
+        PD, SB  -zeta + c zeta^3:            c = p . (C(q, q, q) + 3 B(q, h))/6,  T(1) h = -B(q, q)
+        NS  zeta (e^(i angle) + d |zeta|^2): Re(e^(-i angle) d),  d = p . (C(q, q, q*) + 2 B(q, h) + B(q*, g))/2,
+                                             T(1) h = -B(q, q*),  T(e^(2 i angle)) g = -B(q, q)
+
+    The sign, besides that of a, does not depend on the metric or on the start. With c > 0 the orbits of PD and SB are supercritical, with
+    Re(e^(-i angle) d) < 0 the torus of NS is.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+        Of a full period, or of half of one, where a multiplier -1 of the half map is SB.
+    y : ndarray (u,)
+        The orbit at the bifurcation.
+    code : str
+        SN, PD, SB or NS.
+    angle : float, optional
+        That of the multiplier of NS, in (0, pi); by default that of the complex multiplier nearest to the unit circle.
+
+    Raises
+    ------
+    ValueError
+        For another code, and for an NS of an orbit without complex multipliers.
+    """
+    if code not in ("SN", "PD", "SB", "NS"):
+        raise ValueError(f"a normal form of SN, PD, SB or NS is known; received {code}")
+    if code == "NS" and angle is None:
+        angle = _angle(problem, y)
+    wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
+    form = _NormalForm(problem, np.asarray(y, dtype=float))
+    coefficient, error = form.coefficient(code, wanted)
+    # The orbit is near the bifurcation: its own multiplier gives another coefficient.
+    nearby, _ = form.coefficient(code, form.multiplier(wanted))
+    error += abs(nearby - coefficient)
+    if code == "SN":
+        return Criticality(coefficient, error, None)
+    stable = coefficient < 0.0 if code == "NS" else coefficient > 0.0
+    return Criticality(coefficient, error, "degenerate" if not abs(coefficient) > error else "supercritical" if stable else "subcritical")
+
+
+def _angle(problem: ForcedProblem, y: np.ndarray) -> float:
+    """The angle of the complex multiplier nearest to the unit circle."""
+    found = [value for value in problem.multipliers(y).tolist() if value.imag > 0.0]
+    if not found:
+        raise ValueError("the orbit has no complex multipliers; expected one at NS")
+    return cmath.phase(min(found, key=lambda value: abs(math.log(abs(value)))))
+
+
+class _NormalForm:
+    """The linear equations of an orbit at given parameters."""
+
+    def __init__(self, problem: ForcedProblem, y: np.ndarray):
+        self.problem, self.y = problem, y
+        n, inner, width = problem.degrees_of_freedom, problem.inner, problem.size + 1
+        state = np.arange(2 * n + 1)
+        places = np.array([*state, problem.size])
+        self.columns = np.concatenate([i * width + places for i in range(inner + 1)])
+        last = inner * width
+        self.rows = np.concatenate([*(i * width + places for i in range(inner)), last + np.arange(2 * n + 2)])
+        matrix = problem.jacobian(y)[np.ix_(self.rows, self.columns)]
+        scale = problem.scales(y)[self.columns]
+        self.feedback = np.zeros_like(matrix)
+        closing = len(self.rows) - (2 * n + 2) + state[: 2 * n + int(problem.has_clock)]
+        self.feedback[closing, state[: len(closing)]] = [*[problem.segment.closing[0]] * (2 * n), 1.0][: len(closing)]
+        matrix += self.feedback
+        self.level = 1.0 / np.max(np.abs(matrix * scale) + np.abs(self.feedback * scale), axis=1)
+        self.scale = scale
+        self.matrix = self.level[:, None] * matrix * scale
+        self.feedback = self.level[:, None] * self.feedback * scale
+        metric = problem.segment.scale[: 2 * n + 1]
+        self.unit = scale[: 2 * n + 1] / metric
+
+    def transfer(self, multiplier: complex) -> np.ndarray:
+        """T(lambda), with scaled rows and columns."""
+        found: np.ndarray = self.matrix - multiplier * self.feedback
+        return found.real if multiplier.imag == 0.0 else found
+
+    def null(self, multiplier: complex) -> tuple[np.ndarray, np.ndarray]:
+        """The vectors p and q."""
+        left, _, right = np.linalg.svd(self.transfer(multiplier))
+        q, p = right[-1].conj(), left[:, -1]
+        q = q / np.linalg.norm(self.unit * q[: len(self.unit)])
+        return p / np.conj(np.vdot(p, self.feedback @ q)), q
+
+    def multiplier(self, near: complex) -> complex:
+        """The multiplier of the orbit near a number, by Newton's method with null vectors."""
+        found = near
+        for _ in range(_ROUNDS):
+            p, q = self.null(found)
+            change = complex(np.vdot(p, self.transfer(found) @ q))
+            found += change if near.imag else change.real
+            if abs(change) < 4.0 * EPSILON:
+                break
+        return found
+
+    def second(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """B(a, b)."""
+        return self.level * self.problem.curvature.second(self.y, self.whole(a), self.whole(b))[self.rows]
+
+    def third(self, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """C(a, b, c)."""
+        return self.level * self.problem.curvature.third(self.y, self.whole(a), self.whole(b), self.whole(c))[self.rows]
+
+    def whole(self, vector: np.ndarray) -> np.ndarray:
+        """A scaled vector as a direction of all unknowns; the parameters stay."""
+        found = np.zeros(self.problem.unknowns, dtype=vector.dtype)
+        found[self.columns] = self.scale * vector
+        return found
+
+    def solve(self, multiplier: complex, right: np.ndarray) -> tuple[np.ndarray, float]:
+        """The solution of T(lambda) h = right, and the condition of the matrix."""
+        matrix = self.transfer(multiplier)
+        return np.linalg.solve(matrix, right), float(np.linalg.cond(matrix))
+
+    def coefficient(self, code: str, multiplier: complex) -> tuple[float, float]:
+        """The coefficient at a multiplier, and its error."""
+        p, q = self.null(multiplier)
+        level = EPSILON if self.problem.curvature.is_exact else _DIFFERENCES
+        squared = self.second(q, q)
+        if code == "SN":
+            return 0.5 * float(np.vdot(p, squared)), level * float(np.abs(p) @ np.abs(squared))
+        if code != "NS":
+            bent, condition = self.solve(multiplier * multiplier, -squared)
+            terms = [self.third(q, q, q) / 6.0, 0.5 * self.second(q, bent)]
+            turned: complex = 1.0
+            conditions = [1.0, condition]
+        else:
+            conjugate = q.conj()
+            first, of_first = self.solve(complex(abs(multiplier) ** 2), -self.second(q, conjugate))
+            other, of_other = self.solve(multiplier * multiplier, -squared)
+            terms = [0.5 * self.third(q, q, conjugate), self.second(q, first), 0.5 * self.second(conjugate, other)]
+            turned = multiplier.conjugate() / abs(multiplier)
+            conditions = [1.0, of_first, of_other]
+        sizes = [condition * float(np.abs(p) @ np.abs(term)) for condition, term in zip(conditions, terms, strict=True)]
+        return sum(float((turned * np.vdot(p, term)).real) for term in terms), level * sum(sizes)
