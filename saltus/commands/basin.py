@@ -28,8 +28,8 @@ GRID = 200
 MOST_ROWS = 40
 """Rows of a table on the terminal; the files have all."""
 
-FEW = 512
-"""Grids up to so many starts are followed in this process, unless workers are asked for."""
+FEW, FEW_SMOOTH = 512, 16
+"""Grids up to so many starts are followed in this process, unless workers are asked for; with smooth forces a start takes longer."""
 
 
 def _axis(text: str) -> tuple[str, tuple[float, float] | None]:
@@ -94,11 +94,11 @@ def run(arguments: argparse.Namespace) -> int:
 
         files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
     compiling.prepare_for(scene.system, "basin")
-    files.report(_head(plan.grid))
     begun = time.perf_counter()
     total = int(plan.grid.possible(scene.system).sum())
     with ProgressBar(total, "starts") as bar:
-        here = arguments.workers == 1 or (arguments.workers is None and len(plan.grid) <= FEW)
+        few = FEW if scene.system.smooth_forces is None else FEW_SMOOTH
+        here = arguments.workers == 1 or (arguments.workers is None and len(plan.grid) <= few)
         if here and arguments.dask is None:
             basin, interrupted = find_basin(plan, None, bar.update)
         else:
@@ -107,8 +107,10 @@ def run(arguments: argparse.Namespace) -> int:
     seconds = time.perf_counter() - begun
     if interrupted:
         say("interrupted; the starts that were finished are written")
-    files.report(_lines(basin, arguments, terminal_width(files.words)))
-    files.report([f"speed    {total} starts in {seconds:.1f} s, {total / max(seconds, 1e-9):.0f} a second"])
+    files.report(_head(plan.grid))
+    files.report(_lines(basin, arguments, terminal_width(files.words), interrupted))
+    done = total - sum(basin.undecided.values()) if interrupted else total
+    files.report([f"speed    {done} starts in {seconds:.1f} s, {done / max(seconds, 1e-9):.0f} a second"])
     code = _write(files, basin, scene)
     failed = any(reason.startswith("the simulation ended") for reason in basin.undecided)
     return INTERRUPTED if interrupted else max(code, FAILED if failed else DONE)
@@ -213,7 +215,7 @@ def _head(grid: StartGrid) -> list[str]:
     return [f"basin    {grid.x.count} x {grid.y.count} starts over {spans}; {', '.join([*others, f'phase {grid.phase:.6g}'])}"]
 
 
-def _lines(basin: Basin, arguments: argparse.Namespace, width: int | None) -> list[str]:
+def _lines(basin: Basin, arguments: argparse.Namespace, width: int | None, interrupted: bool) -> list[str]:
     """The tables of a report, and what was not decided."""
     counts, shares = basin.counts, basin.shares
     rows: list[tuple[str, ...]] = [
@@ -237,6 +239,8 @@ def _lines(basin: Basin, arguments: argparse.Namespace, width: int | None) -> li
         ]  # fmt: skip
         names = f"{basin.grid.x.name}, {basin.grid.y.name}"
         lines += table_lines(("saddle", "family", "period", "|multiplier|", names), cells[:MOST_ROWS], width=width, columns="lirrl")
+    elif interrupted:
+        pass
     elif basin.saddles_from == "file":
         lines.append(f"saddles  none: the orbits of {' and '.join(arguments.sources)} at these parameters are stable")
     elif len(basin.attractors) > 1:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.motion import STATUS
-from transitions.basin.cloud import Cloud, attracts, cloud_of, trails
+from transitions.basin.cloud import Cloud, attracts, cloud_of, on_clouds
 from transitions.basin.following import CAUGHT, ENDED, LEFT, Followed, StartFollower
 from transitions.basin.grid import StartGrid
 from transitions.basin.identity import attractor_of, is_stable, mirrored, named_by, same_states
@@ -40,7 +40,7 @@ PERIODS = 4000
 BLOCK = 256
 """Starts of a task of a process."""
 
-FIRST = 256
+FIRST = 128
 """Periods of the first round; each later one is twice as long."""
 
 SETTLED_EACH = 6
@@ -48,6 +48,9 @@ SETTLED_EACH = 6
 
 SETTLED_LAST = 40
 """The same after the last round."""
+
+LONG = 4096
+"""Least number of periods for a start that is settled by itself: chaos and tori need a thousand."""
 
 PILOT = 5
 """Starts along each axis that are settled first."""
@@ -102,6 +105,11 @@ class _Search:
     entries: list[_Entry] = field(default_factory=list)
     """In the order in which they were found."""
 
+    @property
+    def longest(self) -> int:
+        """Periods after which a start that is settled by itself must have settled."""
+        return max(self.plan.most, LONG)
+
     def known(self) -> tuple[Known, np.ndarray]:
         """The rows of all attractors, and the attractor of each row."""
         parts = [(k, entry.rows) for k, entry in enumerate(self.entries) if entry.rows is not None]
@@ -113,7 +121,7 @@ class _Search:
         """The attractor to which a state at phase 0 leads by a long simulation: its number, which can be new; -1 if it has not settled."""
         start = self.follower.carried_state(state, sticking).state
         n = self.system.degrees_of_freedom
-        found = settle(self.system, self.forces, start[:n], start[n:], most=max(self.plan.most, 4096))
+        found = settle(self.system, self.forces, start[:n], start[n:], most=self.longest)
         made = attractor_of(self.plan.path, found)
         if made is None:
             return UNDECIDED
@@ -144,7 +152,7 @@ class _Search:
 
     def _cloud_at(self, made: Attractor, state: np.ndarray, bits: int) -> int:
         """The number of a torus or of chaos: one whose cloud has the states from here on, or a new one."""
-        known = int(self.on_cloud(state[None], np.array([bits], dtype=np.int64))[0])
+        known = self.on_cloud(state, bits)
         if known >= 0:
             return known
         cloud = cloud_of(self.follower, state, bits)
@@ -153,15 +161,15 @@ class _Search:
         self.entries.append(_Entry(replace(made, states=cloud.states), cloud=cloud))
         return len(self.entries) - 1
 
-    def on_cloud(self, states: np.ndarray, sticking: np.ndarray) -> np.ndarray:
-        """The torus or chaos that motions from states (B, 2n) at phase 0 are on: its number, or -1, (B,)."""
-        found = np.full(len(states), UNDECIDED)
-        clouds = [(k, entry.cloud) for k, entry in enumerate(self.entries) if entry.cloud is not None]
-        trail = trails(self.follower, states, sticking) if clouds and len(states) else None
-        for k, cloud in clouds if trail is not None else ():
-            assert trail is not None
-            found[(found < 0) & cloud.contains(trail)] = k
-        return found
+    def clouds(self) -> list[tuple[int, Cloud]]:
+        """The clouds that are known, with the numbers of their attractors."""
+        return [(k, entry.cloud) for k, entry in enumerate(self.entries) if entry.cloud is not None]
+
+    def on_cloud(self, state: np.ndarray, sticking: int) -> int:
+        """The number of the torus or chaos that the motion from a state at phase 0 is on, or -1."""
+        clouds = self.clouds()
+        found = on_clouds(self.follower, [cloud for _, cloud in clouds], state[None], np.array([sticking], dtype=np.int64))
+        return clouds[found[0]][0] if found[0] >= 0 else UNDECIDED
 
     def unbounded(self) -> int:
         """The number of the attractor at infinity."""
@@ -277,13 +285,20 @@ def _carry_out(
             if search.assigned[b] == UNDECIDED and b not in search.reasons:
                 current[b] = search.follower.carried_state(current[b], int(sticking[b])).state
         active = _left(search, active)
-        active = _on_clouds(search, active, current, sticking)
+        active = _on_clouds(search, active, current, sticking, executor)
         last = done >= most
+        nothing = not search.entries
         active = _settle_some(search, active, current, sticking, SETTLED_LAST if last else SETTLED_EACH)
         if last:
-            active = _on_clouds(search, active, current, sticking)
+            active = _on_clouds(search, active, current, sticking, executor)
+        if last or (nothing and not search.entries):
+            text = (
+                f"not settled in {most} periods"
+                if last
+                else f"no attractor was found: what was followed for {search.longest} periods did not settle"
+            )
             for b in active.tolist():
-                search.reasons.setdefault(b, f"not settled in {most} periods")
+                search.reasons.setdefault(b, text)
             break
     if on_progress is not None:
         on_progress(total)
@@ -297,8 +312,9 @@ def _pilot(search: _Search, states: np.ndarray, active: np.ndarray) -> None:
     for b in np.intersect1d(chosen, active).tolist():
         known, _ = search.known()
         found = search.follower.follow(states[b : b + 1], FIRST, known, phase=grid.phase, bound=search.bound)
-        if found.outcome[0] not in (CAUGHT, LEFT, ENDED) and search.on_cloud(found.states, found.sticking)[0] < 0:
-            search.settled(found.states[0], int(found.sticking[0]))
+        last, bits = found.states[0], int(found.sticking[0])
+        if found.outcome[0] not in (CAUGHT, LEFT, ENDED) and search.on_cloud(last, bits) < 0:
+            search.settled(last, bits)
 
 
 def _left(search: _Search, active: np.ndarray) -> np.ndarray:
@@ -315,11 +331,25 @@ def _settle_some(search: _Search, active: np.ndarray, current: np.ndarray, stick
     return _left(search, active)
 
 
-def _on_clouds(search: _Search, active: np.ndarray, current: np.ndarray, sticking: np.ndarray) -> np.ndarray:
-    """Assign the starts whose motion is on a known torus, or in known chaos; return the others."""
-    for part in np.array_split(active, max(1, len(active) // BLOCK)):
-        found = search.on_cloud(current[part], sticking[part])
-        search.assigned[part[found >= 0]] = found[found >= 0]
+def _on_clouds(search: _Search, active: np.ndarray, current: np.ndarray, sticking: np.ndarray, executor: Executor | None) -> np.ndarray:
+    """Assign the starts whose motion is on a known torus, or in known chaos, here or in processes; return the others."""
+    clouds = search.clouds()
+    if not clouds or not len(active):
+        return active
+    parts = np.array_split(active, math.ceil(len(active) / BLOCK))
+    common = search.system, search.forces, [cloud for _, cloud in clouds]
+    if executor is None:
+        places = [on_clouds(search.follower, common[2], current[part], sticking[part]) for part in parts]
+    else:
+        waiting = [executor.submit(_placed, *common, current[part], sticking[part]) for part in parts]
+        try:
+            places = [future.result() for future in waiting]
+        finally:
+            for future in waiting:
+                future.cancel()
+    numbers = np.array([*(k for k, _ in clouds), UNDECIDED])
+    for part, found in zip(parts, places, strict=True):
+        search.assigned[part] = numbers[found]
     return _left(search, active)
 
 
@@ -362,6 +392,13 @@ def _follow(
 ) -> Followed:
     """A block of starts, in a process."""
     return StartFollower(system, forces).follow(states, length, known, sticking=sticking, phase=phase, bound=bound)
+
+
+def _placed(
+    system: ImpactSystem, forces: tuple[Force, ...], clouds: Sequence[Cloud], states: np.ndarray, sticking: np.ndarray
+) -> np.ndarray:
+    """`on_clouds` of a block of starts, in a process."""
+    return on_clouds(StartFollower(system, forces), clouds, states, sticking)
 
 
 def _basin(search: _Search) -> Basin:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from transitions.basin.following import OPEN, StartFollower
 from transitions.basin.grid import inside
 from transitions.sweep.forced import ForcedMotion
 
-__all__ = ["POINTS", "TRAIL", "Cloud", "attracts", "cloud_of", "trails"]
+__all__ = ["POINTS", "TRAIL", "Cloud", "attracts", "cloud_of", "on_clouds", "trails"]
 
 POINTS = 4000
 """States of a cloud."""
@@ -65,6 +66,16 @@ def cloud_of(follower: StartFollower, state: np.ndarray, sticking: int) -> Cloud
     scale = np.repeat([2.0 * np.pi / follower.period, 1.0], len(state) // 2)
     inner = KDTree(states * scale).query(states * scale, k=2)[0][:, 1]
     return Cloud(states, scale, float(np.median(inner)), float(inner.max()))
+
+
+def on_clouds(follower: StartFollower, clouds: Sequence[Cloud], states: np.ndarray, sticking: np.ndarray) -> np.ndarray:
+    """The index of the cloud that motions from states (B, 2n) at phase 0 are on, or -1, (B,)."""
+    found = np.full(len(states), -1)
+    if clouds and len(states):
+        trail = trails(follower, states, sticking)
+        for k, cloud in enumerate(clouds):
+            found[(found < 0) & cloud.contains(trail)] = k
+    return found
 
 
 def attracts(follower: StartFollower, cloud: Cloud) -> bool:
