@@ -48,8 +48,9 @@ class Criticality(NamedTuple):
 def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float | None = None) -> Criticality:
     """The normal-form coefficient of an orbit at a bifurcation.
 
-    T(lambda) has the null vector q, whose start (u, v, s) has unit length in the metric of the family. Its transpose has p, with p . E q = 1.
-    With the second and third derivatives B and C of the equations the coefficients are
+    T(lambda) has the null vector q. Its start (u, v, s) has unit length in the metric of the family, and its largest entry there is
+    positive. The transpose has the null vector p, with p . E q = 1. With the second and third derivatives B and C of the equations the
+    coefficients are
 
         SN  zeta + a zeta^2:                 a = p . B(q, q)/2
         PD, SB  -zeta + c zeta^3:            c = p . (C(q, q, q) + 3 B(q, h))/6,  T(1) h = -B(q, q)
@@ -132,7 +133,9 @@ class _NormalForm:
         """The vectors p and q."""
         left, _, right = np.linalg.svd(self.transfer(multiplier))
         q, p = right[-1].conj(), left[:, -1]
-        q = q / np.linalg.norm(self.unit * q[: len(self.unit)])
+        start = self.unit * q[: len(self.unit)]
+        largest = start[np.argmax(np.abs(start))]
+        q = q * (abs(largest) / largest / np.linalg.norm(start))
         return p / np.conj(np.vdot(p, self.feedback @ q)), q
 
     def multiplier(self, near: complex) -> complex:

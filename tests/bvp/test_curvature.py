@@ -163,8 +163,11 @@ def many_digit_residual(problem, y):
         read, at, *_ = parts(node)
         total = mp.zeros(n, 1)
         for force in content["forces"]:
-            size = read(force["amplitude"]) * mp.cos(force["harmonic"] * phase + mp.mpf(force.get("phase", 0))) if "harmonic" in force else 1
-            total += mp.matrix(read(force["load"])) * size * (read(force["constant"]) if "constant" in force else 1)
+            if "constant" in force:
+                size = read(force["constant"])
+            else:
+                size = read(force["amplitude"]) * mp.cos(force["harmonic"] * phase + mp.mpf(force.get("phase", 0)))
+            total += mp.matrix(read(force["load"])) * size
         return total
 
     def flown(node, i):

@@ -1,0 +1,244 @@
+"""Normal-form coefficients: a map in many digits, the families that begin at bifurcations, and the size of a torus."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from branches.forced.tracing import follow_response, switch_response
+from bvp.criticality import criticality
+from bvp.forced import ForcedProblem
+from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
+from tests.branches.test_absorber import located
+
+TURN = 2.0 * math.pi
+
+
+def closed_form(w, r, n, s, sign=1):
+    """The problem and the orbit of x'' + x = cos(w t) with one impact in n periods: problem, unknowns."""
+    problem = ForcedProblem(oscillator(w=w, r=r, s=s), ("+",), ("s",), load_periods=n)
+    speed = impact_speed(w, r, n, s, sign)
+    starts = [problem.pack([[s, -r * speed]], [fraction], [s]) for fraction in np.linspace(0.0, 1.0, 200 * n)]
+    return problem, problem.solve(min(starts, key=lambda y: np.abs(problem.residual(y)).max())).y
+
+
+def impact_map(w, r, n, s):
+    """The map of (velocity after the impact, its time) to the next ones, less n periods, in mpmath."""
+    w, r, s = mp.mpf(w), mp.mpf(r), mp.mpf(s)
+    gamma, period = 1 / (1 - w * w), 2 * mp.pi * n / w
+
+    def next_impact(state):
+        v, begin = state
+        a, b = s - gamma * mp.cos(w * begin), v + gamma * w * mp.sin(w * begin)
+
+        def place(t):
+            return gamma * mp.cos(w * t) + a * mp.cos(t - begin) + b * mp.sin(t - begin) - s
+
+        def speed(t):
+            return -gamma * w * mp.sin(w * t) - a * mp.sin(t - begin) + b * mp.cos(t - begin)
+
+        t = begin + period
+        for _ in range(12):
+            t -= place(t) / speed(t)
+        return mp.matrix([-r * speed(t), t - period])
+
+    return next_impact, period
+
+
+def along(function, place, directions, step):
+    """The derivative along directions, by differences of second order."""
+    if not directions:
+        return function(place)
+    ahead, back = (along(function, place + turn * step * directions[0], directions[1:], step) for turn in (1, -1))
+    return (ahead - back) / (2 * step)
+
+
+def many_digit_coefficients(problem, y, w, r, n, s, multiplier):
+    """a or c by Kuznetsov's formulas for the map, in the units of the problem."""
+    with mp.workdps(80):
+        function, period = impact_map(w, r, n, s)
+        step = mp.mpf(10) ** -16
+        place = mp.matrix([mp.mpf(float(y[1])), mp.mpf(float(y[2])) * period])
+        axes = [mp.matrix([1, 0]), mp.matrix([0, 1])]
+
+        def slope(at):
+            columns = [along(function, at, [axis], step) for axis in axes]
+            return mp.matrix([[columns[0][0], columns[1][0]], [columns[0][1], columns[1][1]]])
+
+        for _ in range(4):
+            place -= mp.lu_solve(slope(place) - mp.eye(2), function(place) - place)
+        matrix = slope(place)
+        shifted = matrix - multiplier * mp.eye(2)
+        q = mp.matrix([-shifted[0, 1], shifted[0, 0]])
+        unit = mp.matrix([mp.mpf(float(problem.segment.scale[1])), period])
+        q /= mp.norm(mp.matrix([q[0] / unit[0], q[1] / unit[1]]))
+        q *= mp.sign(max(q[0] / unit[0], q[1] / unit[1], key=abs))
+        p = mp.matrix([[-shifted[1, 0], shifted[0, 0]]])
+        p /= (p * q)[0]
+        squared = along(function, place, [q, q], step)
+        if multiplier == 1:
+            return float((p * squared)[0] / 2)
+        bent = mp.lu_solve(mp.eye(2) - matrix, squared)
+        return float((p * (along(function, place, [q, q, q], step) + 3 * along(function, place, [q, bent], step)))[0] / 6)
+
+
+def doubling(w, r, n, low, high):
+    """The clearance of a period doubling, from the stroboscopic multipliers."""
+
+    def test(s):
+        problem, y = closed_form(w, r, n, s)
+        return float(np.prod(1.0 + problem.multipliers(y)).real)
+
+    return brentq(test, low, high, xtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("w", "r", "n", "low", "high"), [(2.8, 0.8, 1, -0.07, -0.06), (2.6, 0.5, 1, 0.02, 0.04), (3.7, 0.8, 2, -0.0614, -0.0612)]
+)
+def test_period_doubling_of_the_map_in_many_digits(w, r, n, low, high):
+    """Oracle: differences in 80 digits of the closed form of the map from impact to impact."""
+    s = doubling(w, r, n, low, high)
+    if (w, r, n) == (2.8, 0.8, 1):
+        assert s == pytest.approx(-0.0685756522788391, abs=1e-14)
+    problem, y = closed_form(w, r, n, s)
+    found = criticality(problem, y, "PD")
+    assert found.coefficient == pytest.approx(many_digit_coefficients(problem, y, w, r, n, s, -1), rel=1e-9)
+    assert found.error < 1e-7 * abs(found.coefficient)
+    assert found.kind == ("supercritical" if found.coefficient > 0.0 else "subcritical")
+
+
+def test_a_fold_of_the_map_in_many_digits():
+    """Oracle: the same at the fold, whose place is known in closed form. The orbit is known to the root of rounding there."""
+    w, r, n, s = 2.8, 0.8, 1, -1.78023560132159
+    problem, y = closed_form(w, r, n, s + 1e-3)
+    branch = follow_response(problem, y, (-1.9, -1.7))
+    event = next(event for event in branch.events if event.type == "SN")
+    assert event.values["s"] == pytest.approx(s, abs=1e-12)
+    y = branch.unknowns[event.point]
+    found = criticality(branch.problem, y, "SN")
+    twin = fold_coefficient(branch.problem, y, w, r, n)
+    assert found.coefficient == pytest.approx(twin, rel=1e-6) and found.kind is None
+
+
+def fold_coefficient(problem, y, w, r, n):
+    """At a fold Newton's method for the orbit does not converge: the located one stands."""
+    with mp.workdps(80):
+        function, period = impact_map(w, r, n, float(y[0]))
+        step = mp.mpf(10) ** -16
+        place = mp.matrix([mp.mpf(float(y[1])), mp.mpf(float(y[2])) * period])
+        columns = [along(function, place, [axis], step) for axis in (mp.matrix([1, 0]), mp.matrix([0, 1]))]
+        shifted = mp.matrix([[columns[0][0] - 1, columns[1][0]], [columns[0][1], columns[1][1] - 1]])
+        q, p = mp.matrix([-shifted[0, 1], shifted[0, 0]]), mp.matrix([[-shifted[1, 0], shifted[0, 0]]])
+        unit = [mp.mpf(float(problem.segment.scale[1])), period]
+        scaled = mp.matrix([q[0] / unit[0], q[1] / unit[1]])
+        q *= mp.sign(max(scaled, key=abs)) / mp.norm(scaled)
+        return float((p * along(function, place, [q, q], step))[0] / 2 / (p * q)[0])
+
+
+def outside(problem, y):
+    """Number of multipliers outside the unit circle."""
+    return int(np.sum(np.abs(problem.multipliers(y)) > 1.0))
+
+
+CASES = ["PD 0.980029900377", "PD 0.913623496657", "SB 0.781365496480", "SB 0.901162653745", "SB 0.985087129854"]
+"""Bifurcations of the absorber, one of which is subcritical: its family turns 1e-6 further."""
+
+
+def at_event(text):
+    """(branch, event) of the absorber."""
+    code, value = text.split()
+    return next(pair for key, pair in located().items() if key[0] == code and abs(key[3] - float(value)) < 2e-9)
+
+
+@pytest.mark.parametrize("case", [*CASES, "2.8 0.8 1", "4.5 0.6 2"])
+def test_families_that_begin_at_bifurcations_have_the_stability_of_their_kind(case):
+    """Oracle: multipliers of the new orbits. As many of them are outside the unit circle as on the stable side of the others, and one more
+    where the bifurcation is subcritical."""
+    if case in CASES:
+        branch, event = at_event(case)
+    else:
+        w, r, n = map(float, case.split())
+        problem, y = closed_form(w, r, int(n), 0.0)
+        branch = follow_response(problem, y, (-0.5, 0.5))
+        event = next(event for event in branch.events if event.type == "PD")
+    found = criticality(branch.problem, branch.unknowns[event.point], event.type)
+    beside = [outside(branch.problem, branch.unknowns[event.point + turn]) for turn in (-1, 1)]
+    assert abs(beside[0] - beside[1]) == 1 and abs(found.coefficient) > 1e3 * found.error
+    assert found.kind == ("subcritical" if case == "SB 0.781365496480" else "supercritical")
+    problem, step = switch_response(branch, event)[0]
+    other = follow_response(problem, step, branch.interval, direction="along", points=3)
+    assert outside(problem, other.unknowns[1]) == min(beside) + (found.kind == "subcritical")
+
+
+@pytest.mark.parametrize("code", ["NS", "SN"])
+def test_the_whole_period_has_twice_the_coefficient_of_the_half(code):
+    """Oracle: the second iterate of the normal form, whose null vector is the same."""
+    branch = absorber_families()[0]
+    event = next(event for event in branch.events if event.type == code)
+    y, n = branch.unknowns[event.point], branch.problem.degrees_of_freedom
+    node, time = branch.problem.nodes(y)[0], branch.problem.flight_times(y)[0]
+    sequence = [*branch.sequence, branch.problem.mirrored(branch.sequence[0])]
+    whole = ForcedProblem(branch.problem.parametric, sequence, branch.problem.released, values=branch.problem.values)
+    fractions = node[2 * n] + np.array([0.0, 0.5])
+    states = np.array([node[: 2 * n], -node[: 2 * n]])
+    both = whole.pack(states, fractions, node[2 * n + 1 :], [time, time])
+    angle = event.angle if code == "NS" else None
+    half, full = criticality(branch.problem, y, code, angle), criticality(whole, both, code, 2.0 * angle if angle else None)
+    assert full.coefficient == pytest.approx(2.0 * half.coefficient, rel=1e-9) and full.kind == half.kind
+
+
+def test_what_has_no_normal_form_is_refused():
+    """The message names what was received."""
+    problem, y = closed_form(2.8, 0.8, 1, 0.0)
+    with pytest.raises(ValueError, match="received GR"):
+        criticality(problem, y, "GR")
+    with pytest.raises(ValueError, match="no complex multipliers"):
+        criticality(problem, y, "NS")
+
+
+def torus_radius(problem, y, start, rounds):
+    """The root of the mean square of the start's distance from that of an orbit with one impact, over sqrt(2), on the torus around it."""
+    n, segment = problem.degrees_of_freedom, problem.segment
+    gap, push, closing = segment.gap[0, :n], segment.push[0, n : 2 * n], segment.closing
+    stop = problem.system.stops[0]
+    bound = stop.upper if segment.side[0] > 0 else stop.lower
+    scale = segment.scale[: 2 * n + 1]
+    node, time = problem.nodes(y)[0].copy(), float(problem.flight_times(y)[0])
+    node[n : 2 * n] += start * scale[n : 2 * n]
+    squares = []
+    for _ in range(rounds):
+        for _ in range(20):
+            state, fraction = problem.fly(node, time)
+            change = (gap @ state[:n] - bound) / (gap @ state[n:])
+            time -= change
+            if abs(change) < 1e-13:
+                break
+        state, fraction = problem.fly(node, time)
+        state[n:] -= (1.0 + stop.restitution) * push * (gap @ state[n:])
+        node[: 2 * n], node[2 * n] = closing[0] * state, fraction - closing[1]
+        squares.append(float(np.sum(((node - problem.nodes(y)[0])[: 2 * n + 1] / scale) ** 2)))
+    return math.sqrt(0.5 * np.mean(squares[rounds // 2 :]))
+
+
+def test_the_torus_has_the_size_of_its_normal_form():
+    """Oracle: the map from impact to impact, iterated where the orbit is unstable by 0.05 and 0.1 percent in each half period. The square
+    of the radius is (1 - |mu|)/Re(e^(-i angle) d); the rest is of second order."""
+    first = absorber_families()[0]
+    event = next(event for event in first.events if event.type == "NS" and event.values["w"] > 2.0)
+    problem, y = first.problem, first.unknowns[event.point]
+    found = criticality(problem, y, "NS", event.angle)
+    assert found.kind == "supercritical" and found.coefficient == pytest.approx(criticality(problem, y, "NS").coefficient, rel=1e-9)
+    place = 2 * problem.degrees_of_freedom + 1
+    errors = []
+    for change, rounds in ((-6e-3, 16000), (-1.2e-2, 8000)):
+        moved = y.copy()
+        moved[place] += change
+        moved = problem.solve(moved).y
+        growth = float(np.abs(problem.multipliers(moved)).max()) - 1.0
+        radius = math.sqrt(-growth / found.coefficient)
+        errors.append(torus_radius(problem, moved, radius, rounds) / radius - 1.0)
+    assert np.abs(errors).max() < 0.013 and errors[0] == pytest.approx(0.5 * errors[1], rel=0.3)
