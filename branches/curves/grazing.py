@@ -15,11 +15,12 @@ import numpy as np
 from branches.admissible import force_event
 from branches.curves.monitor import CurvePoint, Window, has_pair, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
-from branches.forced.resequencing import with_touch
+from branches.forced.primitive import primitive_orbit
+from branches.forced.resequencing import with_touch, without_impact
 from bvp.forced import ForcedProblem
 from bvp.kernels.forced import fly_loaded
 from bvp.kernels.forced_sticking import contact_force
-from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
+from bvp.kernels.multipoint import CLEARANCE, QUARTER_PERIOD, RESULT
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised, ScalarCondition
 from continuation.location import Location
@@ -36,12 +37,14 @@ _NEXT = 1e-4
 
 class Grazing(NamedTuple):
     """What grazes. kind: "speed" of the impact that ends a flight; "flight", whose duration vanishes; "force" of a stop that sticks in it.
-    stop and time: of the force; the time is that of its minimum, None where the stop begins to stick."""
+    stop and time: of the force; the time is that of its minimum, None where the stop begins to stick. repeats: periods of the load in the
+    orbit without the impact, and whether that is symmetric, where it repeats itself: then its images touch, too."""
 
     kind: str
     flight: int
     stop: int = -1
     time: float | None = None
+    repeats: tuple[int, bool] | None = None
 
 
 def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray, Grazing]:
@@ -63,7 +66,8 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     if least == "clearance" and solution["clearance_side"] == 0.0:
         raise ValueError("a chatter that hardly ends is no grazing with an equation of its own; expected another event")
     if least == "speed" and problem.sequence:
-        return problem, solution.y, Grazing("speed", int(solution["speed_node"]))
+        flight = int(solution["speed_node"])
+        return problem, solution.y, Grazing("speed", flight, repeats=_repeats(problem, solution))
     if least == "flight":
         return problem, solution.y, Grazing("flight", int(solution["flight_index"]))
     force = force_event(problem, solution)
@@ -74,7 +78,19 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
         return problem, solution.y, Grazing("force", flight, stop, None if force.kind == "begin" else float(solution["clearance_time"]))
     made, y = with_touch(problem, solution)
     flight = int(solution["clearance_flight"]) if problem.sequence else made.inner
-    return made, y, Grazing("speed", flight)
+    primitive, _ = primitive_orbit(problem, solution.y)
+    return made, y, Grazing("speed", flight, repeats=_other_closure(primitive, problem))
+
+
+def _repeats(problem: ForcedProblem, solution: Solution) -> tuple[int, bool] | None:
+    """See `Grazing`, of an impact whose speed has vanished."""
+    made = without_impact(problem, solution)
+    return None if made is None else _other_closure(primitive_orbit(*made)[0], problem)
+
+
+def _other_closure(primitive: ForcedProblem, problem: ForcedProblem) -> tuple[int, bool] | None:
+    closure = primitive.load_periods, primitive.half
+    return None if closure == (problem.load_periods, problem.half) else closure
 
 
 def observed(problem: ForcedProblem, y: np.ndarray) -> Solution:
@@ -175,45 +191,34 @@ class GrazingMonitor:
             TestFunction("NS-GR", "crossing", False, "a Neimark-Sacker bifurcation of the orbits with the impact meets the grazing"),
         )
         self._shifted = closing_block(plane)
+        self._single = None if grazing.repeats is None else _SingleTouch(plane.problem, grazing)
 
     def values(
         self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
     ) -> tuple[Sequence[float], Any] | None:
         """See `continuation.curves.Monitor`."""
         problem, grazing = self.plane.problem, self.grazing
-        ends = problem._factor.before.copy()
-        y, speeds = at.y, problem._approach()
-        flights = problem.flight_times(y)
-        bend = 1.0
-        shown, shown_ends = np.array(y), ends.copy()
-        times = problem.flight_times(shown)
+        y, flights, ends = at.y, problem.flight_times(at.y), problem._factor.before.copy()
+        problem.residual(y)
+        speeds = problem._approach()
+        solution = Solution(y, np.concatenate([tangent[: y.size], np.zeros(y.size)]), self.plane.position(y), ends, np.zeros(0))
+        bend, clearance = 1.0, math.inf
         if grazing.kind == "speed":
-            n = problem.degrees_of_freedom
-            i, after = grazing.flight, (grazing.flight + 1) % len(flights)
-            short = _NEXT * problem.period(y)
+            n, i = problem.degrees_of_freedom, grazing.flight
             row = problem.segment.side[i] * problem.segment.gap[i, :n]
-            nodes = problem.nodes(shown)
-            before = _flown(problem, nodes[i], flights[i] - short, i)[0]
-            bend = -float(row @ _flown(problem, nodes[i], flights[i], i)[2][n : 2 * n])
-            nodes[after] = _flown(problem, nodes[after], short, after)[0]
-            times[i] -= short
-            times[after] -= short
-            shown_ends[i] = before
-            others = np.delete(speeds, i)
-            least_flight = float(flights.min())
-        else:
-            others = speeds
-            least_flight = (
-                float(np.delete(flights, grazing.flight).min()) if grazing.kind == "flight" and len(flights) > 1 else float(flights.min())
-            )
-            if grazing.kind == "flight":
-                times[grazing.flight] = 0.0
-        result = np.full(len(RESULT), math.nan)
-        problem._observe(shown, shown_ends, result)
-        impacts = [k for k in range(len(others))]
-        slowest = float(others[impacts].min()) if len(others) and problem.sequence else math.inf
-        solution = Solution(y, np.concatenate([tangent[: y.size], np.zeros(y.size)]), self.plane.position(y), ends, result)
-        clearance = solution["clearance"] if grazing.kind != "force" else math.inf
+            bend = -float(row @ _flown(problem, problem.nodes(y)[i], flights[i], i)[2][n : 2 * n])
+            speeds = np.delete(speeds, i)
+            if self._single is None:
+                clearance = _clearance_beside(problem, y, i)
+            else:
+                clearance = _clearance_beside(self._single.problem, self._single.unknowns(y), self._single.problem.inner)
+        elif grazing.kind == "flight":
+            shown = np.array(y)
+            problem.flight_times(shown)[grazing.flight] = 0.0
+            clearance = observed(problem, shown)["clearance"]
+            flights = np.delete(flights, grazing.flight)
+        least_flight = float(flights.min(initial=math.inf))
+        slowest = float(speeds.min(initial=math.inf)) if problem.sequence else math.inf
         problem.residual(y)  # the arrays are those of y again
         fixed = np.vstack([at.jacobian, at.gradients]) * scale
         shifted = self._shifted * scale
@@ -246,6 +251,52 @@ def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
     kept = np.sort_complex(inverse[np.argsort(-np.abs(inverse))][: len(found) - 1])
     found[: len(kept)] = 1.0 - 1.0 / kept
     return found
+
+
+class _SingleTouch:
+    """An orbit that would repeat itself but for its touch, as one with a single touch: the images of the touch are left out."""
+
+    def __init__(self, problem: ForcedProblem, grazing: Grazing):
+        assert grazing.repeats is not None
+        periods, half = grazing.repeats
+        self.whole = problem
+        self.first = (grazing.flight + 1) % (problem.inner + 1)
+        # The impacts in one repetition: the others but the touch are as many times as many.
+        parts = problem.load_periods // periods * (2 if half and not problem.half else 1)
+        count = 1 + (len(problem.sequence) - 1) // parts
+        order = [(self.first + k) % (problem.inner + 1) for k in range(count)]
+        letters = [problem.sequence[k] if k >= self.first else self._later(k) for k in order]
+        self.order = np.array(order)
+        self.parts = parts
+        self.problem = problem.sibling(letters, load_periods=periods, half=half)
+
+    def _later(self, k: int) -> str:
+        return self.whole.mirrored(self.whole.sequence[k]) if self.whole.half else self.whole.sequence[k]
+
+    def unknowns(self, y: np.ndarray) -> np.ndarray:
+        """The orbit in the unknowns of that problem."""
+        whole, n = self.whole, self.whole.degrees_of_freedom
+        nodes, times = whole.nodes(y)[self.order].copy(), whole.flight_times(y)[self.order].copy()
+        nodes[self.order < self.first, : 2 * n] *= whole.segment.closing[0]
+        times[-1] = float(np.sum(whole.flight_times(y))) / self.parts - float(np.sum(times[:-1]))
+        fractions = nodes[:, 2 * n] * whole.load_periods / self.problem.load_periods
+        return self.problem.pack(nodes[:, : 2 * n], fractions, nodes[0, 2 * n + 1 :], times)
+
+
+def _clearance_beside(problem: ForcedProblem, y: np.ndarray, i: int) -> float:
+    """The least clearance of an orbit but that of the impact without speed that ends flight i: what is next to it is left out."""
+    after = (i + 1) % (problem.inner + 1)
+    shown, short = np.array(y), _NEXT * problem.period(y)
+    nodes, times = problem.nodes(shown), problem.flight_times(shown)
+    problem.residual(y)
+    ends = problem._factor.before.copy()
+    ends[i] = _flown(problem, nodes[i], times[i] - short, i)[0]
+    nodes[after] = _flown(problem, nodes[after], short, after)[0]
+    times[i] -= short
+    times[after] -= short
+    result = np.full(len(RESULT), math.nan)
+    problem._observe(shown, ends, result)
+    return float(result[CLEARANCE])
 
 
 _SECOND = ("a flight touches a stop", "the speed of another impact reaches zero", "a flight time reaches zero")

@@ -20,6 +20,10 @@ from continuation.curves import Linearised
 __all__ = ["ParameterPlane", "closing_block", "plane_of"]
 
 
+_LEAST = 1e-3
+"""Least size of a state, in units of arclength."""
+
+
 class ParameterPlane:
     """A surface of orbits: a `continuation.curves.Surface`.
 
@@ -79,8 +83,11 @@ class ParameterPlane:
         return found
 
     def scales(self, y: np.ndarray) -> np.ndarray:
-        """See `continuation.curves.Surface`."""
-        found = self.problem.scales(y)
+        """See `continuation.curves.Surface`. All impacts of an orbit can be at the origin, at rest to rounding."""
+        problem = self.problem
+        found, width = problem.scales(y), problem.size + 1
+        states = found[: (problem.inner + 1) * width].reshape(-1, width)[:, : 2 * problem.degrees_of_freedom]
+        np.maximum(states, _LEAST * self._units[: states.shape[1]], out=states)
         found[found == 0.0] = 1.0
         return found
 

@@ -1,0 +1,269 @@
+"""The matrices that are singular at bifurcations of free orbits, with their exact derivatives.
+
+A critical perturbation of an orbit between two reversing ends is symmetric or antisymmetric about each end. It solves the flights of the
+multipoint problem, linearised at fixed parameters, with the rows of the end where it is symmetric, and with those of `Turned` where it is
+antisymmetric:
+
+    SN  symmetric about both ends        SB, PD  antisymmetric about one end, or about both
+
+A symmetric perturbation leaves the instant of the reversal at its end, and an antisymmetric one too, unless that end is an impact: the
+impact moves to the instant t + dt, its image to t - dt. There the perturbation has one condition more. Otherwise the duration of the
+segment is kept.
+
+A perturbation that is antisymmetric about both ends is determined up to a shift in time, and keeps the energy, so that one of its
+conditions follows from the others. The shift is excluded, and a freedom is added that only a change of the energy can use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.curves.plane import ParameterPlane, closing_block
+from bvp.closures import parse_end
+from bvp.curvature import second_along
+from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, STOP
+from bvp.released import ReleasedProblem
+from continuation.curves import Linearised, SingularCondition
+
+__all__ = ["BOTH", "SYMMETRIES", "Breaking", "Symmetry", "Turned", "free_condition", "smallest_singular"]
+
+Symmetry = tuple[bool, bool]
+"""Whether a perturbation is antisymmetric about the start, and about the far end."""
+
+BOTH: Symmetry = (True, True)
+SYMMETRIES: tuple[Symmetry, ...] = (BOTH, (False, True), (True, False))
+"""Those that break a symmetry of an orbit between two ends."""
+
+
+class Turned(ReleasedProblem):
+    """The problem of a family with the end conditions of antisymmetric perturbations. It is linearised, and never solved.
+
+    Those are, of a perturbation (du, dv) of the state at
+
+        origin  dv = 0        rest  du = 0        stop  c . dv = 0, and du = 0 across c
+
+    At a stop c . du = 0 is a condition, too, which the problem of the family has.
+    """
+
+    def __init__(self, problem: ReleasedProblem):
+        super().__init__(
+            problem.parametric, problem.ends, problem.sequence, problem.released, problem.keep, values=problem.values, energy=problem.energy
+        )
+
+    def _contacts(self, hit: Sequence[int]) -> list[int]:
+        # The state before the impact at an end is the one that has conditions.
+        return [*super()._contacts(hit)[:-2], -1, -1]
+
+    def _closure(self) -> tuple[int, int, int, int]:
+        return CLOSED, self.quarters, REST, REST
+
+    def _end_rows(self) -> np.ndarray:
+        n = self.degrees_of_freedom
+        rows = np.zeros((2 * n, 2 * n))
+        for k, (kind, end) in enumerate(zip(self.kinds, self.ends, strict=True)):
+            part = rows[k * n : (k + 1) * n]
+            if kind == ORIGIN:
+                part[:, n:] = np.eye(n)
+            elif kind == REST:
+                part[:, :n] = np.eye(n)
+            else:
+                gap = np.asarray(self.system.stops[self.modes.contact_stop[parse_end(self.system, end)[1]]].gap)
+                part[:-1, :n] = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:].T
+                part[-1, n:] = gap
+        return rows
+
+
+class _Rows(NamedTuple):
+    """Where the rows of a critical matrix come from, (u,) each: the problem of the family (0), the one with turned ends (1), or a constant
+    row (-1); and the row there. ends: where the rows of each end begin."""
+
+    source: np.ndarray
+    row: np.ndarray
+    constant: np.ndarray
+    ends: tuple[int, int]
+
+
+def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False, False)) -> SingularCondition:
+    """The condition of a bifurcation of free orbits.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+        Its problem is a `ReleasedProblem`.
+    code : {"SN", "SB", "PD"}
+    symmetry : (bool, bool)
+        Whether the critical perturbation is antisymmetric about the start, and about the far end. (False, False) for SN, and for orbits
+        closed on themselves.
+
+    Raises
+    ------
+    ValueError
+        For a symmetry that the event cannot have.
+    """
+    problem = plane.problem
+    assert isinstance(problem, ReleasedProblem)
+    if code == "SN":
+        return _fold(plane)
+    if problem.structure.periodic:
+        if code != "PD":
+            raise ValueError("an orbit without a reversal has no symmetry that can break")
+        return _doubling(plane)
+    if symmetry == (False, False):
+        raise ValueError(f"a perturbation that is symmetric about both ends breaks no symmetry; expected another one for {code}")
+    return Breaking(plane).condition(symmetry)
+
+
+def _fold(plane: ParameterPlane) -> SingularCondition:
+    """All equations, and both parameters kept."""
+    problem, none = plane.problem, np.zeros((plane.size, plane.size))
+
+    def matrices(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
+        return np.vstack([at.jacobian, at.gradients]), none
+
+    def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
+        found = np.zeros((plane.size, plane.size))
+        second = second_along(problem, at.y, direction)
+        found[:-2], found[-1] = second[:-1], second[-1]
+        return found
+
+    return SingularCondition(matrices, along, 1.0)
+
+
+def _parameter_rows(problem: ReleasedProblem) -> np.ndarray:
+    """The rows of perturbations at fixed parameters, (m, u)."""
+    first = 2 * problem.degrees_of_freedom + 1
+    return np.eye(len(problem.released), problem.unknowns, first)
+
+
+def _doubling(plane: ParameterPlane) -> SingularCondition:
+    """Of orbits closed on themselves: the state after the period is that before it with the other sign."""
+    problem, size = plane.problem, plane.size
+    assert isinstance(problem, ReleasedProblem)
+    shifted = closing_block(plane)
+    fixed_rows = np.vstack([_parameter_rows(problem), np.eye(1, size, size - 1)])
+    count = size - len(fixed_rows)
+
+    def matrices(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
+        return np.vstack([at.jacobian[:count], fixed_rows]) - shifted, shifted
+
+    def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
+        found = np.zeros((size, size))
+        found[:count] = second_along(problem, at.y, direction)[:count]
+        return found
+
+    return SingularCondition(matrices, along, -1.0)
+
+
+class Breaking:
+    """The critical matrices of orbits between two ends, by the symmetry of the perturbation.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+    """
+
+    def __init__(self, plane: ParameterPlane):
+        problem = plane.problem
+        assert isinstance(problem, ReleasedProblem)
+        self.problem, self.size = problem, plane.size
+        self._turned = Turned(problem)
+        self._rows = {symmetry: _breaking_rows(problem, symmetry) for symmetry in SYMMETRIES}
+        self._none = np.zeros((plane.size, plane.size))
+        self._at: tuple[Linearised | None, np.ndarray, np.ndarray] = None, self._none, self._none
+
+    def condition(self, symmetry: Symmetry) -> SingularCondition:
+        """The condition that the matrix is singular."""
+
+        def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
+            return self._chosen(symmetry, second_along(self.problem, at.y, direction), second_along(self._turned, at.y, direction))
+
+        return SingularCondition(lambda at: (self.matrix(at, symmetry), self._none), along, 1.0)
+
+    def matrix(self, at: Linearised, symmetry: Symmetry) -> np.ndarray:
+        """The matrix, (u, u)."""
+        if self._at[0] is not at:
+            self._at = at, self._turned.jacobian(at.y), self._turned._factor.before[-1].copy()
+        _, of_turned, last = self._at
+        found = self._chosen(symmetry, at.jacobian, of_turned) + self._rows[symmetry].constant
+        if symmetry == BOTH:
+            self._leave_energy_free(found, at.y, last)
+        return found
+
+    def _chosen(self, symmetry: Symmetry, of_family: np.ndarray, of_turned: np.ndarray) -> np.ndarray:
+        found, rows = np.zeros((self.size, self.size)), self._rows[symmetry]
+        for place, part in zip((rows.source == 0, rows.source == 1), (of_family, of_turned), strict=True):
+            found[place] = part[rows.row[place]]
+        return found
+
+    def _leave_energy_free(self, found: np.ndarray, y: np.ndarray, last: np.ndarray) -> None:
+        """The unknown s of the first node, which nothing else needs, changes the energy at an end.
+
+        This column and the row of a shift of states are multiplied by numbers that vanish where the matrix is singular, so that their
+        derivatives do not matter."""
+        problem, n = self.problem, self.problem.degrees_of_freedom
+        first, column = problem.inner * (problem.size + 1), 2 * n
+        states = y[: 2 * n], last[: 2 * n]
+        rows = self._rows[BOTH].ends
+        kinds = problem.kinds
+        if kinds[0] == kinds[1] == STOP:
+            segment, k = problem.segment, problem.inner
+            for end, sign in ((0, 1.0), (1, -1.0)):
+                found[rows[end] + n - 1, column] = sign * float(segment.gap[k + 1 - end, :n] @ states[end][n:])
+            return
+        end = 1 if kinds[1] != STOP else 0
+        known = _kept_part(kinds[end], n)
+        found[rows[end] : rows[end] + n, column] = states[end][known]
+        if STOP not in kinds and problem.inner == 0:
+            shift = first + 2 * n + 1
+            found[shift] = 0.0
+            turned = slice(n, 2 * n) if kinds[0] == REST else slice(0, n)
+            found[shift, turned] = problem.system.mass @ states[0][_kept_part(kinds[0], n)]
+
+
+def _kept_part(kind: int, n: int) -> slice:
+    """What of a state is not zero at an end: the velocities at an origin, the displacements at rest."""
+    return slice(n, 2 * n) if kind == ORIGIN else slice(0, n)
+
+
+def _breaking_rows(problem: ReleasedProblem, symmetry: Symmetry) -> _Rows:
+    """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters."""
+    n, width, size, k = problem.degrees_of_freedom, problem.size, problem.unknowns, problem.inner
+    first = k * (width + 1)
+    source, row, ends = [0] * first, list(range(first)), []
+    constants = np.zeros((size, size))
+    times = width + np.arange(k + 1) * (width + 1)
+
+    def constant(columns: np.ndarray | int) -> None:
+        constants[len(row), columns] = 1.0
+        source.append(-1)
+        row.append(0)
+
+    moved = [symmetry[end] and problem.kinds[end] == STOP for end in (0, 1)]
+    for end in (0, 1):
+        ends.append(len(row))
+        source += [int(symmetry[end])] * n
+        row += range(first + end * n, first + (end + 1) * n)
+        if moved[end]:
+            source.append(0)
+            row.append(first + end * n)  # c . du = 0
+    if not any(moved):
+        constant(times)
+    if symmetry != BOTH:
+        source.append(0)
+        row.append(first + 2 * n)
+    elif not all(moved):
+        constant(times[0] if not moved[0] else times[-1])  # excludes a shift
+    for j in range(len(problem.released)):
+        constant(2 * n + 1 + j)
+    return _Rows(np.array(source), np.array(row), constants, (ends[0], ends[1]))
+
+
+def smallest_singular(condition: SingularCondition, at: Linearised, scale: np.ndarray) -> tuple[float, float]:
+    """The smallest singular value of a condition's matrix, and the next one, with columns in units of the unknowns and rows of length 1."""
+    matrix, _ = condition.matrix(at, np.zeros(condition.own), scale)
+    lengths = np.linalg.norm(matrix, axis=1)
+    found = np.linalg.svd(matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None], compute_uv=False)
+    return float(found[-1]), float(found[-2])

@@ -1,0 +1,226 @@
+"""The test functions of curves of bifurcations and of grazings of free orbits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from branches.admissible import GRAZING, describe_grazing
+from branches.curves.free import BOTH, SYMMETRIES, Breaking, Symmetry
+from branches.curves.free_grazing import Grazing, approach_speeds, beside_grazing
+from branches.curves.monitor import CurvePoint, Window, window_tests, window_values
+from branches.curves.plane import ParameterPlane
+from bvp.forced import ForcedProblem
+from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
+from bvp.multipoint import Solution
+from bvp.released import ReleasedProblem
+from continuation.curves import Held, Linearised
+from continuation.location import Location
+from continuation.problem import EventDetails, Point, Step, TestFunction
+
+__all__ = ["FreeGrazingMonitor", "FreeMonitor", "event_of", "observed_free"]
+
+FOLD: Symmetry = (False, False)
+"""The symmetry of the critical perturbation of a fold."""
+
+
+def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | None = None) -> Solution:
+    """An orbit as it stands, with its clearance, its slowest impact and its shortest flight. ends: the states after the flights of the
+    orbit that was evaluated last; None: y is evaluated."""
+    if ends is None:
+        problem.residual(y)
+        ends = problem._factor.before.copy()
+    result = np.full(len(RESULT), math.nan)
+    ForcedProblem._observe(problem, np.array(y), ends, result)
+    result[QUARTER_PERIOD] = float(np.sum(problem.flight_times(y))) / problem.quarters
+    return Solution(np.array(y), np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
+
+
+def event_of(problem: ReleasedProblem, symmetry: Symmetry) -> tuple[str, str]:
+    """The type of event of a critical perturbation, and what happens there."""
+    if symmetry == FOLD:
+        return "SN", "fold"
+    if symmetry == BOTH:
+        return "SB", "the last reversal is broken"
+    kept = f"the reversal about the {'far end' if symmetry[0] else 'start'} stays"
+    return ("SB", f"half-period symmetry breaks, {kept}") if problem.quarters == 1 else ("PD", f"period doubling, {kept}")
+
+
+def _half_multiplier(symmetry: Symmetry) -> int:
+    """The multiplier of the map between equal reversals, of half a period or of all of it."""
+    return -1 if symmetry[0] != symmetry[1] else 1
+
+
+class _Critical:
+    """The critical matrices of a surface of orbits, as numbers that pass zero where they are singular."""
+
+    def __init__(self, plane: ParameterPlane, without: Iterable[Symmetry], doubled: bool = False):
+        problem = plane.problem
+        assert isinstance(problem, ReleasedProblem)
+        self.breaking = None if problem.structure.periodic else Breaking(plane)
+        # A period doubling of a quarter period is solved on half of it, where two perturbations are critical at once.
+        skipped = {*without, *([(False, True), (True, False)] if doubled else [])}
+        every = (FOLD, *(SYMMETRIES if self.breaking else ()))
+        self.symmetries = [symmetry for symmetry in every if symmetry not in skipped]
+
+    def values(self, at: Linearised, scale: np.ndarray) -> list[float]:
+        found = []
+        for symmetry in self.symmetries:
+            if symmetry == FOLD:
+                matrix = np.vstack([at.jacobian, at.gradients])
+            else:
+                assert self.breaking is not None
+                matrix = self.breaking.matrix(at, symmetry)
+            found.append(_signed_smallest(matrix * scale))
+        return found
+
+
+def _signed_smallest(matrix: np.ndarray) -> float:
+    """The smallest singular value, for rows of length 1, with the sign of the determinant."""
+    lengths = np.linalg.norm(matrix, axis=1)
+    rows = matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    return float(np.linalg.slogdet(rows)[0] * np.linalg.svd(rows, compute_uv=False)[-1])
+
+
+def _multipliers(problem: ReleasedProblem, y: np.ndarray) -> np.ndarray:
+    try:
+        return problem.multipliers(y)
+    except (ValueError, RuntimeError, np.linalg.LinAlgError):
+        return np.full(2 * problem.degrees_of_freedom, complex(math.nan, math.nan))
+
+
+class FreeMonitor:
+    """The test functions of a curve of SN, SB or PD of free orbits.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+    code : {"SN", "SB", "PD"}
+    symmetry : (bool, bool)
+        Of the critical perturbation, see `branches.curves.free.free_condition`.
+    window : ((float, float), (float, float))
+        Ranges of the two parameters.
+    doubled : bool
+        Whether the orbits are symmetric in half the period that is solved for.
+
+    Notes
+    -----
+    Where another critical matrix becomes singular, two multipliers of the map between equal reversals are critical: both 1 (R1), both -1
+    (R2), or one of each (FF).
+    """
+
+    def __init__(self, plane: ParameterPlane, code: str, symmetry: Symmetry, window: Window, doubled: bool = False):
+        problem = plane.problem
+        assert isinstance(problem, ReleasedProblem)
+        self.plane, self.problem, self.code, self.symmetry, self.window = plane, problem, code, symmetry, window
+        periodic = problem.structure.periodic
+        self._critical = _Critical(plane, [symmetry] if code == "SN" or not periodic else [], doubled)
+        own = -1 if periodic and code == "PD" else _half_multiplier(symmetry)
+        others = []
+        for other in self._critical.symmetries:
+            meets = {(1, 1): "R1", (-1, -1): "R2"}.get((own, _half_multiplier(other)), "FF")
+            kind, words = event_of(problem, other)
+            others.append(TestFunction(meets, "crossing", False, f"a second critical multiplier: {kind}, {words}"))
+        self._folds = code == "SN"
+        cusp = (TestFunction("CP", "crossing", False, "cusp: two folds meet", True),) if self._folds else ()
+        self.tests = (*window_tests(plane, window), *GRAZING.values(), *cusp, *others)
+
+    def values(
+        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
+    ) -> tuple[Sequence[float], Any] | None:
+        """See `continuation.curves.Monitor`."""
+        problem, null = self.problem, held.extra
+        solution = observed_free(problem, at.y, problem._factor.before.copy())
+        guards = [solution["clearance"], solution["speed"], solution["flight"]]
+        coefficient = math.nan
+        found = []
+        if self._folds:
+            m, size = len(null.shifted), float(np.linalg.norm(null.right[:, 0]))
+            right, left = null.right[:, 0] / size, null.left[:, 0] / float(np.linalg.norm(null.left[:, 0]))
+            coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / size
+            found.append(coefficient)
+        found += self._critical.values(at, scale)
+        values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
+        return values, CurvePoint(solution, _multipliers(problem, at.y), coefficient, math.nan)
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is."""
+        test = self.tests[index]
+        if test.kind == "crossing" and location.kind in ("pole", "jump"):
+            return None
+        data: dict[str, Any] = {"stop": None, "note": test.label}
+        if test.code == "GR":
+            verb = next(verb for verb, kind in GRAZING.items() if kind == test)
+            data.update(describe_grazing(self.problem, at.extra.solution, verb))
+            return EventDetails(f"{self.code}-GR", True, data)
+        return EventDetails(test.code, test.terminal, data)
+
+
+class FreeGrazingMonitor:
+    """The test functions of a curve of grazings of free orbits.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+    grazing : Grazing
+    y : (u,) float
+        An orbit of the curve. Impacts that have no speed there, either, have none along the curve.
+    window : Window
+    """
+
+    def __init__(self, plane: ParameterPlane, grazing: Grazing, y: np.ndarray, window: Window):
+        problem = plane.problem
+        assert isinstance(problem, ReleasedProblem)
+        self.plane, self.problem, self.grazing, self.window = plane, problem, grazing, window
+        self._critical = _Critical(plane, [])
+        problem.residual(y)
+        nodes, speeds = approach_speeds(problem, y, problem._factor.before)
+        self._others = nodes[speeds > _SLOW * float(np.max(np.abs(problem._factor.before)))]
+        events = [event_of(problem, symmetry) for symmetry in self._critical.symmetries]
+        self.tests = (
+            *window_tests(plane, window),
+            *(TestFunction("GR-GR", "guard", True, f"two grazings at once: {what}") for what in _SECOND),
+            TestFunction("GR-GR", "guard", True, "the touch is degenerate: the acceleration of the gap vanishes there"),
+            *(TestFunction(f"{code}-GR", "crossing", False, f"orbits with the impact: {words}") for code, words in events),
+        )
+
+    def values(
+        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
+    ) -> tuple[Sequence[float], Any] | None:
+        """See `continuation.curves.Monitor`."""
+        problem, grazing, ends = self.problem, self.grazing, self.problem._factor.before.copy()
+        flights = problem.flight_times(at.y)
+        if grazing.kind == "flight":
+            flights = np.delete(flights, grazing.flight)
+        nodes, speeds = approach_speeds(problem, at.y, ends)
+        slowest = float(np.min(speeds[np.isin(nodes, self._others) & ~_grazes(grazing, nodes)], initial=math.inf))
+        shown, shown_ends, bend = beside_grazing(problem, at.y, ends, grazing)
+        solution = observed_free(problem, shown, shown_ends)
+        solution = Solution(at.y, solution.tangent, solution.position, ends, solution.result)
+        problem.residual(at.y)
+        values = [
+            *window_values(self.plane, at.parameters, self.window), solution["clearance"], slowest,
+            float(np.min(flights, initial=math.inf)), bend, *self._critical.values(at, scale),
+        ]  # fmt: skip
+        unknown = np.full(2 * problem.degrees_of_freedom, complex(math.nan, math.nan))
+        return values, CurvePoint(solution, unknown, math.nan, math.nan)
+
+    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
+        """What an event is."""
+        test = self.tests[index]
+        if test.kind == "crossing" and location.kind in ("pole", "jump"):
+            return None
+        return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
+
+
+_SLOW = 1e-7
+"""Part of the largest velocity or displacement below which the impact of a located grazing has no speed."""
+
+_SECOND = ("a flight touches a stop", "the speed of another impact reaches zero", "a flight time reaches zero")
+
+
+def _grazes(grazing: Grazing, nodes: np.ndarray) -> np.ndarray:
+    return nodes == grazing.flight if grazing.kind == "speed" else np.zeros(len(nodes), dtype=bool)
