@@ -40,6 +40,11 @@ class AlongParameters:
 
     problem: Any
 
+    def second_derivative(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """F''(y)[a, b], for switching."""
+        found: np.ndarray = self.problem.second_derivative(y, a, b)
+        return found
+
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
         """Where steps fail: the value of the parameter; why the system cannot have the next one, or why a flight cannot be computed."""
         name, why = self.problem.released[0], self.violation(y, tangent, ds) or why_not_flown(self.problem.segment.flight)
