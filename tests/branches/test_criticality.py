@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import saltus
+from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import follow_response, switch_response
 from bvp.criticality import criticality
 from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
 from tests.branches.test_absorber import located
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
 
 TURN = 2.0 * math.pi
 
@@ -172,6 +177,26 @@ def test_families_that_begin_at_bifurcations_have_the_stability_of_their_kind(ca
     problem, step = switch_response(branch, event)[0]
     other = follow_response(problem, step, branch.interval, direction="along", points=3)
     assert outside(problem, other.unknowns[1]) == min(beside) + (found.kind == "subcritical")
+
+
+def test_a_subcritical_doubling_of_an_oscillator_with_a_cubic_spring():
+    """Oracle: the same, for Ueda's oscillator x'' + 0.05 x' + x^3 = B cos t, with derivatives from differences."""
+    path = ParameterPath(saltus.load_scene("ueda_oscillator").parametric, ["B"], [], {"B": 1.0})
+    system, forces = (make({"B": 1.0}) for make in (path.parametric.system, path.parametric.forces))
+    found = settled_orbit(path, settle(system, forces))
+    first = follow_response(*primitive_orbit(found.problem, found.y), (0.5, 3.0))
+    event = next(event for event in first.events if event.type == "SB")
+    assert criticality(first.problem, first.unknowns[event.point], "SB").kind == "supercritical"
+    problem, step = switch_response(first, event)[0]
+    branch = follow_response(problem, step, (0.5, 8.1), direction="along")
+    doublings = [event for event in branch.events if event.type == "PD"]
+    kinds = [criticality(problem, branch.unknowns[event.point], "PD").kind for event in doublings]
+    assert kinds == ["supercritical", "supercritical", "supercritical", "subcritical"]
+    for event, kind in list(zip(doublings, kinds, strict=True))[2:]:
+        beside = [outside(problem, branch.unknowns[event.point + turn]) for turn in (-1, 1)]
+        doubled, step = switch_response(branch, event)[0]
+        other = follow_response(doubled, step, branch.interval, direction="along", points=3)
+        assert outside(doubled, other.unknowns[1]) == min(beside) + (kind == "subcritical")
 
 
 @pytest.mark.parametrize("code", ["NS", "SN"])
