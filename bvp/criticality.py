@@ -24,7 +24,7 @@ from bvp.checks import EPSILON
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["Criticality", "criticality"]
+__all__ = ["Criticality", "criticality", "normal_form"]
 
 Kind = Literal["supercritical", "subcritical", "degenerate"]
 
@@ -90,6 +90,11 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
         return Criticality(coefficient, error, None)
     stable = coefficient < 0.0 if code == "NS" else coefficient > 0.0
     return Criticality(coefficient, error, "degenerate" if not abs(coefficient) > error else "supercritical" if stable else "subcritical")
+
+
+def normal_form(problem: ForcedProblem, y: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
+    """The coefficient that `criticality` gives, and its error, of an orbit whose critical multiplier is known."""
+    return _NormalForm(problem, y).coefficient(code, complex(multiplier))
 
 
 def _angle(problem: ForcedProblem, y: np.ndarray) -> float:

@@ -76,7 +76,7 @@ def free_curve_start(
     names, keep : sequence of str
         The parameters that vary, and equations that hold: see `branches.curves.plane.plane_of`.
     window : ((float, float), (float, float))
-        Ranges of the two parameters in which the curve is followed.
+        Ranges of the two parameters in which the curve is followed, in the order of their names.
 
     Returns
     -------
@@ -94,6 +94,8 @@ def free_curve_start(
     """
     if code not in FREE_CURVES:
         raise ValueError(f"an event of type {code} has no curve of free orbits; expected one of {', '.join(FREE_CURVES)}")
+    if names[0] in RESERVED:  # the first parameter of a plane is one of the system
+        window = window[1], window[0]
     if code == "SN":
         plane, start = plane_of(problem, y, names, keep)
         return plane, Curve(plane, free_condition(plane, "SN"), FreeMonitor(plane, "SN", FOLD, window)), start

@@ -10,6 +10,7 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.plane import ParameterPlane
+from bvp.criticality import normal_form
 from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised
@@ -108,7 +109,11 @@ class BifurcationMonitor:
         coefficient = math.nan
         if self.code == "NS":
             rest = _without(multipliers, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))), 2)
-            found = [cosine - 1.0, cosine + 1.0, cosine + 0.5, cosine, *_rest_tests(rest)]
+            coefficient = self._coefficient(at.y, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))))
+            others = _rest_tests(rest)
+            # The coefficient has poles where another multiplier is 1.
+            regular = coefficient * _bounded(others[0]) * (1.0 - cosine)
+            found = [regular, cosine - 1.0, cosine + 1.0, cosine + 0.5, cosine, *others]
         else:
             critical = 1.0 if self.code == "SN" else -1.0
             rest = _without(multipliers, critical, 1)
@@ -117,9 +122,19 @@ class BifurcationMonitor:
             found = [double, others[1 if critical > 0.0 else 0], others[2]]
             if self.code == "SN":
                 coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / float(np.linalg.norm(null.right[:, 0]))
-                found.insert(0, coefficient)
+            else:
+                coefficient = self._coefficient(at.y, critical)
+            found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]))
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, CurvePoint(solution, multipliers, coefficient, cosine)
+
+    def _coefficient(self, y: np.ndarray, multiplier: complex) -> float:
+        """The cubic coefficient of the normal form; nan where rounding decides its sign."""
+        try:
+            value, error = normal_form(self.plane.problem, y, self.code, multiplier)
+        except (np.linalg.LinAlgError, ValueError):
+            return math.nan
+        return value if abs(value) > error else math.nan
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
@@ -139,9 +154,9 @@ class BifurcationMonitor:
 
 _CODES = {
     "SN": ("CP", "R1", "FF", "FN"),
-    "PD": ("R2", "FF", "PN"),
-    "SB": ("R2", "FF", "PN"),
-    "NS": ("R1", "R2", "R3", "R4", "FN", "PN", "NN"),
+    "PD": ("GPD", "R2", "FF", "PN"),
+    "SB": ("DP", "R2", "FF", "PN"),
+    "NS": ("GH", "R1", "R2", "R3", "R4", "FN", "PN", "NN"),
 }
 """Points of codimension two on each curve, in the order of their test functions."""
 
@@ -159,6 +174,11 @@ def _without(multipliers: np.ndarray, value: complex, count: int) -> np.ndarray:
         if len(rest):
             rest = np.delete(rest, int(np.argmin(np.abs(rest - target))))
     return rest
+
+
+def _bounded(value: float) -> float:
+    """A number with the sign and the zeros of another one, between -1 and 1."""
+    return value / (1.0 + abs(value))
 
 
 def _rest_tests(rest: np.ndarray) -> list[float]:

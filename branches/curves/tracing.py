@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from branches.curves.collapse import Narrow, with_collapsed_ends
 from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing_condition, observed
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
@@ -171,7 +172,25 @@ def follow_curve(
         raise with_computed(error, lambda run: _record(curve, start, run, window)) from None
     if not run.points:
         raise NoCurve(f"the curve could not be followed: {run.ends[0].text}")
-    return _record(curve, start, run, window)
+    return with_collapsed_ends(_record(curve, start, run, window), _of_single_orbits)
+
+
+_NEAR_END = 80
+"""Points of a curve of single orbits, on which the end of another one is looked for."""
+
+
+def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCurve | None:
+    """The curve of the single orbits next to the end of one of doubled orbits, or of orbits without symmetry."""
+    problem, y, code, _ = narrow
+    others = [name for name in problem.released if name not in curve.names]
+    try:
+        start = curve_start(problem, y, code, [*curve.names, *others], problem.keep[:-1])
+        return follow_curve(start, _ANYWHERE, points=_NEAR_END)
+    except (ValueError, RuntimeError):
+        return None
+
+
+_ANYWHERE = (-math.inf, math.inf), (-math.inf, math.inf)
 
 
 def _require_both(curve: Curve, first: Step, start: CurveStart) -> None:

@@ -1,0 +1,160 @@
+"""Where a curve of doubled orbits, or of orbits without symmetry, ends at the orbits that they emanate from.
+
+A curve SN of doubled orbits ends at a generalised period doubling, one of orbits without symmetry at a degenerate pitchfork. A curve of
+their grazings ends where the doubling, or the symmetry breaking, grazes itself. There the equations of the wider problem are singular, and
+steps fail nearby. The point is located on the curve PD, or SB, of the single orbits, where it is regular.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from branches.curves.record import BifurcationCurve, CurveEvent
+from branches.events import Ended
+from branches.forced.primitive import full_period, twice
+from bvp.closures import EndsError
+from bvp.forced import ForcedProblem
+
+__all__ = ["Narrow", "narrowed", "with_collapsed_ends"]
+
+_APART = 0.2
+"""Difference of an orbit and its image, beside the orbit, up to which the point where they are one is looked for."""
+
+_REACH = 10.0
+"""Distance of that point in the parameters, relative, in squares of that difference."""
+
+_FAILED = ("MINIMUM_STEP", "EVENT")
+
+Narrow = tuple[ForcedProblem, np.ndarray, str, float]
+"""The single orbit next to a doubled one, or the symmetric one next to another: its problem, its unknowns, PD or SB, and their difference
+beside the orbit."""
+
+
+def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
+    """The mean of an orbit and its image half a period later; None where the sequence has no such image."""
+    count, odd = divmod(len(problem.sequence), 2)
+    if odd or not count or problem.half or problem.ends is not None:
+        return None
+    size = 2 * problem.degrees_of_freedom
+    values = problem.parameters(y)
+    nodes, times = problem.nodes(y), problem.flight_times(y)
+    first, second = problem.sequence[:count], problem.sequence[count:]
+    doubled = problem.load_periods % 2 == 0 and first == second
+    sign = 1.0 if doubled else -1.0
+    if not doubled and second != tuple(map(problem.mirrored, first)):
+        return None
+    try:
+        if doubled:
+            single = problem.sibling(first, load_periods=problem.load_periods // 2, values=values)
+        else:
+            single = problem.sibling(first, half=True, values=values)
+    except EndsError:
+        return None
+    states = 0.5 * (nodes[:count, :size] + sign * nodes[count:, :size])
+    fractions = 0.5 * (nodes[:count, size] + nodes[count:, size] - 0.5 * problem.has_clock)
+    apart = float(np.abs(nodes[:count, :size] - sign * nodes[count:, :size]).max() / np.abs(nodes[:, :size]).max())
+    begun = single.pack(states, fractions * (2.0 if doubled else 1.0), nodes[0, size + 1 :], 0.5 * (times[:count] + times[count:]))
+    return single, begun, "PD" if doubled else "SB", apart
+
+
+def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]) -> BifurcationCurve:
+    """A curve whose ends at the orbits that it emanates from are located there.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+    follow : callable
+        Gives the curve PD or SB of the single orbits near a place.
+    """
+    if curve.closed or curve.plane.problem.ends is not None:
+        return curve
+    for last in (False, True):
+        place = -1 if last else 0
+        ended = curve.ended[int(last)]
+        stopped = next((event for event in curve.events if event.point == (len(curve) - 1 if last else 0)), None)
+        grazes = stopped is not None and stopped.type == "GR-GR" and stopped.status == "bracketed"
+        if ended.reason != "MINIMUM_STEP" and not grazes:
+            continue
+        u = curve.plane.size
+        narrow = narrowed(curve.plane.problem, curve.unknowns[place, :u])
+        if narrow is None or narrow[3] > _APART:
+            continue
+        base = follow(narrow, curve)
+        if base is None:
+            continue
+        wanted = {"PD": ("GPD", "PD-GR"), "SB": ("DP", "SB-GR")}[narrow[2]]
+        here = curve.parameters[place]
+        found = [(float(np.abs(base.parameters[event.point] / here - 1.0).max()), event) for event in base.events if event.type in wanted]
+        distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
+        if event is None or distance > _REACH * narrow[3] ** 2 + 1e-9:
+            continue
+        curve = _ending(curve, last, base, event, stopped)
+    return curve
+
+
+def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, stopped: CurveEvent | None) -> BifurcationCurve:
+    """The curve with the point of an event of another curve as its end, in place of an event that was stopped at."""
+    single, y = base.plane.problem, base.unknowns[event.point, : base.plane.size]
+    _, whole = (full_period if single.half else twice)(single, y)
+    own = curve.unknowns[0, curve.plane.size :]
+    place = len(curve) - 1 if last else 0
+    distance = float(np.linalg.norm(curve.plane.position(whole) - curve.plane.position(curve.unknowns[place, : curve.plane.size])))
+    row = np.concatenate([whole, own])
+    kept = slice(None)
+    events = list(curve.events)
+    if stopped is not None:
+        kept = slice(None, -1) if last else slice(1, None)
+        events = [one._replace(point=one.point - (not last)) for one in events if one is not stopped]
+
+    def grown(column: np.ndarray, new: np.ndarray) -> np.ndarray:
+        parts = [column[kept], np.asarray(new, dtype=column.dtype)[None]]
+        return np.concatenate(parts if last else parts[::-1])
+
+    arclength = grown(curve.arclength, np.asarray(curve.arclength[place] + (distance if last else -distance)))
+    shift = 0 if last else 1
+    begin = arclength[0]
+    code = {"GPD": "GPD", "DP": "DP"}.get(event.type, event.type)
+    at = len(arclength) - 1 if last else 0
+    note = {
+        "GPD": "the orbits are those of half the period, traversed twice: generalised period doubling",
+        "DP": "the orbits are symmetric: degenerate pitchfork",
+        "PD-GR": "the orbits are those of half the period, traversed twice: their doubling grazes",
+        "SB-GR": "the orbits are symmetric: their symmetry breaking grazes",
+    }[event.type]
+    place_ = float(arclength[at] - begin)
+    new = CurveEvent(
+        f"{code}1", code, at, dict(event.values), place_, event.status, (place_, place_), event.residual, event.stop, note
+    )  # fmt: skip
+    moved = [
+        one._replace(
+            point=one.point + shift, arclength=one.arclength - float(begin),
+            bracket=(one.bracket[0] - float(begin), one.bracket[1] - float(begin)),
+        )
+        for one in events
+    ]  # fmt: skip
+    number = 1 + sum(one.type == code for one in moved)
+    new = new._replace(id=f"{code}{number}")
+    ordered = tuple([*moved, new] if last else [new, *moved])
+    names = curve.names
+    values = base.parameters[event.point]
+    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(names, values, strict=True))
+    ended = list(curve.ended)
+    ended[int(last)] = Ended("EVENT", f"{code} at {where}: {note}")
+    nothing = np.full(curve.multipliers.shape[1], complex(math.nan, math.nan))
+    return replace(
+        curve,
+        unknowns=grown(curve.unknowns, row),
+        tangents=grown(curve.tangents, curve.tangents[place]),
+        parameters=grown(curve.parameters, values),
+        arclength=arclength - begin,
+        residual=grown(curve.residual, np.asarray(base.residual[event.point])),
+        multipliers=grown(curve.multipliers, nothing),
+        coefficient=grown(curve.coefficient, np.asarray(math.nan)),
+        events=ordered,
+        ended=(ended[0], ended[1]),
+        start=max(0, curve.start + shift - (stopped is not None and not last)),
+    )
