@@ -52,6 +52,7 @@ class Turned(ReleasedProblem):
         super().__init__(
             problem.parametric, problem.ends, problem.sequence, problem.released, problem.keep, values=problem.values, energy=problem.energy
         )
+        self._table._known = problem._table._known  # the modes at the same parameters
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         # The state before the impact at an end is the one that has conditions.
