@@ -24,7 +24,10 @@ from bvp.checks import EPSILON
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["Criticality", "criticality", "normal_form"]
+__all__ = ["NORMAL_FORMS", "Criticality", "criticality", "normal_form"]
+
+NORMAL_FORMS = ("SN", "PD", "SB", "NS")
+"""Bifurcations with a coefficient."""
 
 Kind = Literal["supercritical", "subcritical", "degenerate"]
 
@@ -76,7 +79,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     ValueError
         For another code, and for an NS of an orbit without complex multipliers.
     """
-    if code not in ("SN", "PD", "SB", "NS"):
+    if code not in NORMAL_FORMS:
         raise ValueError(f"a normal form of SN, PD, SB or NS is known; received {code}")
     if code == "NS" and angle is None:
         angle = _angle(problem, y)

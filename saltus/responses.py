@@ -445,8 +445,8 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     lines = [f"branch {number}: {impacts}; {period}; {len(branch)} points, {span}"]
     rows = [_event_row(branch, event, [*more.values()]) for event in branch.events]
     if rows:
-        head = ("event", name, *more, "|multiplier|", "stable after", "remark")
-        lines += table_lines(head, rows, width=width, columns="l" + "r" * (len(head) - 3) + "lt")
+        head = ("event", name, *more, "|multiplier|", "stable after", "normal form", "remark")
+        lines += table_lines(head, rows, width=width, columns="l" + "r" * (len(head) - 4) + "llt")
     hidden = hidden_bifurcations(branch)
     if hidden is not None:
         place = f"from {name} = {hidden[0]:.8g} to {hidden[1]:.8g}"
@@ -463,4 +463,4 @@ def _event_row(branch: ForcedBranch, event: ForcedEvent, more: Sequence[str]) ->
     largest = "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}"
     stable = "-" if behind is None else stability_word(int(behind))
     values = [f"{event.values[branch.name]:.14g}", *(f"{event.values[name]:.10g}" for name in more)]
-    return event.id, *values, largest, stable, event.remark
+    return event.id, *values, largest, stable, event.normal_form, event.remark

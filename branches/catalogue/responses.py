@@ -73,7 +73,10 @@ def pack_response(branch: ForcedBranch) -> PackedFamily:
     arrays, layout = encode(columns, problem)
     stability = stability_intervals(columns, events)
     closure, sequence, _ = branch.id.split(":")
-    extra = [[event.note, event.angle, [list(one) for one in event.neighbours], list(event.symmetric)] for event in branch.events]
+    extra = [
+        [event.note, event.angle, [list(one) for one in event.neighbours], list(event.symmetric), event.coefficient, event.criticality]
+        for event in branch.events
+    ]
     response = {**problem_record(problem), "range": plain(branch.interval), "events": extra}
     ended = [(str(end.reason), end.text) for end in branch.ended]
     details = {"labels": label_intervals(columns, ()), "stability": stability, "ended": ended, "layout": layout, "response": response}
@@ -138,12 +141,12 @@ def unpack_response(
     given = row.response
     unknowns = columns["unknowns"]
     restored = []
-    for event, (note, angle, neighbours, *symmetric) in zip(events, given["events"], strict=True):
+    for event, (note, angle, neighbours, *more) in zip(events, given["events"], strict=True):
         restored.append(
             ForcedEvent(
                 event.id, event.type, event.point, problem.known_values(unknowns[event.point]), event.arclength, event.status,
                 event.bracket, event.residual, event.stop, angle, note, event.multiplier,
-                tuple((sequence, persists) for sequence, persists in neighbours), tuple(symmetric[0] if symmetric else ()),
+                tuple((sequence, persists) for sequence, persists in neighbours), tuple(more[0] if more else ()), *more[1:],
             )
         )  # fmt: skip
     low, high = given["range"]

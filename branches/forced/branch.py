@@ -35,7 +35,8 @@ class ForcedEvent(NamedTuple):
     certainly is. residual: of its test function. stop: contact touched or left (GR). angle: of the pair of multipliers in (0, pi) (NS).
     multiplier: modulus of the largest nontrivial one. neighbours: at GR the sequences of the families that begin there, each with whether
     the motion persists; else both are on one side of the parameter, a nonsmooth fold. symmetric: whether each of these has symmetric
-    orbits, solved over half the period; empty if it is not known.
+    orbits, solved over half the period; empty if it is not known. coefficient: of the normal form at SN, PD, SB and NS
+    (`bvp.criticality`); criticality: what it means at PD, SB and NS.
     """
 
     id: str
@@ -52,6 +53,14 @@ class ForcedEvent(NamedTuple):
     multiplier: float | None
     neighbours: tuple[tuple[str, bool], ...] = ()
     symmetric: tuple[bool, ...] = ()
+    coefficient: float | None = None
+    criticality: str | None = None
+
+    @property
+    def normal_form(self) -> str:
+        """The criticality and the coefficient, as a table shows them."""
+        number = "" if self.coefficient is None else f"{self.coefficient:.4g}"
+        return " ".join(part for part in (self.criticality or "", number) if part)
 
     @property
     def remark(self) -> str:

@@ -25,6 +25,7 @@ from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch, branch_in_parameter
 from branches.tracing import event_along
 from bvp.contact_sequence import joined_sequence
+from bvp.criticality import NORMAL_FORMS, criticality
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
 from continuation.problem import End, EndReason, Event, Point, Step
@@ -183,7 +184,7 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
             (float(event.bracket[0]), float(event.bracket[1])), event.residual, details.get("stop"), details.get("angle"),
             details.get("note"), largest if math.isfinite(largest) else None,
         )  # fmt: skip
-        events.append(found)
+        events.append(_with_normal_form(problem, at.y, found))
     ended = []
     for end, point, sign in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True):
         ended.append(_ended(problem, end, point, sign, origin))
@@ -193,6 +194,19 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     if isinstance(branch, ReleasedBranch):
         return branch.with_orbits([step.extra for step in steps])
     return replace(branch, events=tuple(_with_neighbours(branch, event) for event in events))
+
+
+def _with_normal_form(problem: ForcedProblem, y: np.ndarray, event: ForcedEvent) -> ForcedEvent:
+    """The event with the coefficient of its normal form, where the problem is one of forced orbits."""
+    if event.type not in NORMAL_FORMS or problem.ends is not None:
+        return event
+    try:
+        found = criticality(problem, y, event.type, event.angle)
+    except (ValueError, np.linalg.LinAlgError):
+        return event
+    if not math.isfinite(found.coefficient):
+        return event
+    return event._replace(coefficient=found.coefficient, criticality=found.kind)
 
 
 def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: str | None) -> Ended:

@@ -124,6 +124,7 @@ def response_figure(
         panel = mosaic["response"]
         codes: set[int] = set()
         kinds: list[str] = []
+        hollow: list[bool] = []
         places = []
         for number, (branch, column, (along,)) in enumerate(zip(branches, columns, (one.T for one in abscissas), strict=True), 1):
             for curve in column.T:
@@ -136,11 +137,15 @@ def response_figure(
                 for event in branch.events:
                     if event.type != "EP" and math.isfinite(curve[event.point]) and math.isfinite(along[event.point]):
                         kinds.append(event.type)
+                        hollow.append(event.criticality == "subcritical")
                         places.append((along[event.point], curve[event.point]))
         for number, curve_of in enumerate(backbones, 1):
             panel.plot(curve_of.x, curve_of.y, gid=f"backbone-{number}", zorder=1.9, **_BACKBONE)
         if places:
-            draw_events(panel, kinds, np.array(places), "response")
+            for subcritical in {*hollow}:
+                chosen = np.array(hollow) == subcritical
+                look = {"markerfacecolor": "#FFFFFF", "zorder": 4.1} if subcritical else {}
+                draw_events(panel, np.array(kinds)[chosen].tolist(), np.array(places)[chosen], f"response{'-hollow' * subcritical}", **look)
         values = np.concatenate([abscissa[:, 0] for abscissa in abscissas]) if interval is None or x else np.array(interval)
         limits = _draw_limits(panel, branches, name) if across == first.name else np.zeros(0)
         if limits.size:
@@ -159,6 +164,10 @@ def response_figure(
         for kind, look in style.EVENT_LOOKS.items():
             if kind in kinds:
                 handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
+        if any(hollow):
+            handles.append(
+                Line2D([], [], **style.EVENT_LOOKS["SB"] | {"markerfacecolor": "#FFFFFF", "marker": "h", "label": "hollow: subcritical"})
+            )
         if limits.size:
             handles.append(Line2D([], [], **_LIMIT))
         style.legend_below(figure, handles, 6)

@@ -48,6 +48,8 @@ _EVENT = {
     "multiplier": "a number or null",
     "neighbours": [{"sequence": "a string", "persists": "a boolean"}],
     "symmetric?": ["a boolean"],
+    "coefficient?": "a number or null",
+    "criticality?": "a string or null",
 }
 _POINT = {"arclength": "a number", "residual": "a number", "unknowns": ["a number"], "tangent": ["a number"]}
 _BRANCH = {
