@@ -47,6 +47,11 @@ from saltus.families import discover as discover
 from saltus.families import trace as trace
 from saltus.scene import Scene as Scene
 from saltus.scene import load_scene as load_scene
+from transitions.basin.basin import basin as basin
+from transitions.basin.figure import basin_figure as basin_figure
+from transitions.basin.record import Attractor as Attractor
+from transitions.basin.record import Basin as Basin
+from transitions.basin.record import Saddle as Saddle
 from transitions.families import families_of as families_of
 from transitions.figure import draw_transition as draw_transition
 from transitions.frequencies import decompose as decompose

@@ -158,3 +158,15 @@ def test_the_columns_of_a_sweep_are_listed(tmp_path, capsys):
     part = page("files.md").partition("\n## Sweep\n")[2].partition("\n## ")[0]
     dotted = {name.partition(".")[0] for name in re.findall(r"`(\w+\.\w+)`", part)}
     assert {name.partition(".")[0] for name in data["points"][0]} == {*keys("Sweep"), *dotted}
+
+
+def test_the_keys_and_columns_of_a_basin_are_listed(tmp_path, capsys):
+    """Oracle: the files of a small basin."""
+    words = "basin --scene damped_impact_oscillator --set w=2.2 --set A=1 --set c=0.02 --grid 6x6".split()
+    data = record(tmp_path, capsys, *words, "--npz", str(tmp_path / "a.npz"))
+    listed = re.search(r"`saltus basin` writes .*? JSON is `\{(.*?)\}`", page("files.md"), re.DOTALL)[1]
+    assert re.findall(r'"(\w+)"', listed) == list(data)
+    plain = {"schema", "system", "forces", "kind", "coordinates", "attractors", "saddles", "cells"}
+    own = {"attractor", "periods", "impacts", *data, *data["attractors"][0], *data["saddles"][0]} - plain | {"kind"}
+    assert set(keys("Basin")) == own
+    assert set(np.load(tmp_path / "a.npz").files) == {"start_u.x", "start_v.x", "attractor", "periods", "impacts", "about"}

@@ -9,30 +9,31 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, wait
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.description import BASE
 from bvp.motion import STATUS
-from transitions.basin.cloud import Cloud, attracts, cloud_of, on_clouds
+from transitions.basin.attractors import KnownAttractors
+from transitions.basin.cloud import Cloud, on_clouds
 from transitions.basin.following import CAUGHT, ENDED, LEFT, Followed, StartFollower
-from transitions.basin.grid import StartGrid
-from transitions.basin.identity import attractor_of, is_stable, mirrored, named_by, same_states
-from transitions.basin.neighbourhood import joined_rows, neighbourhoods
-from transitions.basin.record import IMPOSSIBLE, UNDECIDED, Attractor, AttractorKind, Basin
-from transitions.sweep.settle import Settled, settle
+from transitions.basin.grid import BasinAxis, StartGrid
+from transitions.basin.identity import mirrored, named_by, same_states
+from transitions.basin.record import IMPOSSIBLE, UNDECIDED, Attractor, Basin
+from transitions.response.path import ParameterPath
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch
     from bvp.forcing import Force
+    from bvp.parameters import ParametricSystem
     from bvp.system import ImpactSystem
     from transitions.basin.following import Known
-    from transitions.response.path import ParameterPath
 
-__all__ = ["PERIODS", "BasinPlan", "find_basin", "path_of"]
+__all__ = ["PERIODS", "BasinPlan", "basin", "find_basin", "path_of"]
 
 PERIODS = 4000
 """Most periods of the loads that a start is followed, unless something else is asked for."""
@@ -81,119 +82,92 @@ class BasinPlan:
 
 
 @dataclass(eq=False)
-class _Entry:
-    """A known attractor: its neighbourhoods, or its cloud."""
-
-    attractor: Attractor
-    rows: Known | None = None
-    cloud: Cloud | None = None
-
-
-@dataclass(eq=False)
 class _Search:
     """The starts on the way."""
 
     plan: BasinPlan
-    system: ImpactSystem
-    forces: tuple[Force, ...]
     follower: StartFollower
+    known: KnownAttractors
     bound: float
     assigned: np.ndarray
     periods: np.ndarray
     impacts: np.ndarray
     reasons: dict[int, str] = field(default_factory=dict)
-    entries: list[_Entry] = field(default_factory=list)
-    """In the order in which they were found."""
-
-    @property
-    def longest(self) -> int:
-        """Periods after which a start that is settled by itself must have settled."""
-        return max(self.plan.most, LONG)
-
-    def known(self) -> tuple[Known, np.ndarray]:
-        """The rows of all attractors, and the attractor of each row."""
-        parts = [(k, entry.rows) for k, entry in enumerate(self.entries) if entry.rows is not None]
-        width = 2 * self.system.degrees_of_freedom
-        owners = np.repeat([k for k, _ in parts], [len(rows.sizes) for _, rows in parts]).astype(np.int64)
-        return joined_rows([rows for _, rows in parts], width), owners
-
-    def settled(self, state: np.ndarray, sticking: int) -> int:
-        """The attractor to which a state at phase 0 leads by a long simulation: its number, which can be new; -1 if it has not settled."""
-        start = self.follower.carried_state(state, sticking).state
-        n = self.system.degrees_of_freedom
-        found = settle(self.system, self.forces, start[:n], start[n:], most=self.longest)
-        made = attractor_of(self.plan.path, found)
-        if made is None:
-            return UNDECIDED
-        last = found.states[-1] if not found.period else found.states[0]
-        bits = self.follower.bits(found.sticking)
-        if made.kind in (AttractorKind.TORUS, AttractorKind.CHAOS):
-            return self._cloud_at(made, last, bits)
-        for k, entry in enumerate(self.entries):
-            if entry.attractor.sticking == made.sticking and same_states(entry.attractor.states, made.states):
-                return k
-        if not is_stable(made.multipliers):
-            return UNDECIDED  # without losses each motion can be periodic, and none attracts
-        rows = self._rows(made, found)
-        self.entries.append(_Entry(made, rows))
-        return len(self.entries) - 1
-
-    def _rows(self, made: Attractor, found: Settled) -> Known | None:
-        """The neighbourhoods of a periodic attractor; the contacts that stick at phase 0 are those of the motion there."""
-        start = self.follower.carried_state(made.states[0], self.follower.bits(found.sticking))
-        bits = []
-        states, sticking = start.state[None], np.array([self.follower.bits(start.sticking)])
-        # One period before phase 0 the contacts that stick are not known: a period of the motion is followed once more.
-        states, sticking = _last(self.follower.follow(states, made.period, sticking=sticking))
-        for _ in range(made.period):
-            bits.append(int(sticking[0]))
-            states, sticking = _last(self.follower.follow(states, 1, sticking=sticking))
-        return neighbourhoods(self.follower, made.states, tuple(bits), found.sticking_time > 0.0 or bool(found.sticking))
-
-    def _cloud_at(self, made: Attractor, state: np.ndarray, bits: int) -> int:
-        """The number of a torus or of chaos: one whose cloud has the states from here on, or a new one."""
-        known = self.on_cloud(state, bits)
-        if known >= 0:
-            return known
-        cloud = cloud_of(self.follower, state, bits)
-        if cloud is None or not (made.kind is AttractorKind.CHAOS or attracts(self.follower, cloud)):
-            return UNDECIDED
-        self.entries.append(_Entry(replace(made, states=cloud.states), cloud=cloud))
-        return len(self.entries) - 1
-
-    def clouds(self) -> list[tuple[int, Cloud]]:
-        """The clouds that are known, with the numbers of their attractors."""
-        return [(k, entry.cloud) for k, entry in enumerate(self.entries) if entry.cloud is not None]
-
-    def on_cloud(self, state: np.ndarray, sticking: int) -> int:
-        """The number of the torus or chaos that the motion from a state at phase 0 is on, or -1."""
-        clouds = self.clouds()
-        found = on_clouds(self.follower, [cloud for _, cloud in clouds], state[None], np.array([sticking], dtype=np.int64))
-        return clouds[found[0]][0] if found[0] >= 0 else UNDECIDED
-
-    def unbounded(self) -> int:
-        """The number of the attractor at infinity."""
-        for k, entry in enumerate(self.entries):
-            if entry.attractor.kind is AttractorKind.UNBOUNDED:
-                return k
-        kind, width = AttractorKind.UNBOUNDED, 2 * self.system.degrees_of_freedom
-        empty = np.zeros((0, width))
-        self.entries.append(_Entry(Attractor(kind, kind.value, 0, "", empty, (), np.zeros(0, dtype=complex), math.nan)))
-        return len(self.entries) - 1
 
 
-def _last(found: Followed) -> tuple[np.ndarray, np.ndarray]:
-    return found.states, found.sticking
-
-
-def path_of(parametric: object) -> ParameterPath:
+def path_of(parametric: ParametricSystem) -> ParameterPath:
     """The system at the values of its parameters, as a path along the frequency of its loads: none of its orbits is followed."""
-    from bvp.description import BASE
-    from bvp.parameters import ParametricSystem
-    from transitions.response.path import ParameterPath
-
-    assert isinstance(parametric, ParametricSystem)
     return ParameterPath(parametric, [BASE if BASE in parametric.names else parametric.names[0]])
+
+
+def basin(
+    system: ParametricSystem,
+    x: tuple[str, float, float],
+    y: tuple[str, float, float],
+    *,
+    grid: tuple[int, int] = (200, 200),
+    fixed: Mapping[str, float] | None = None,
+    phase: float = 0.0,
+    values: Mapping[str, float] | None = None,
+    most: int = PERIODS,
+    branches: Sequence[ForcedBranch] = (),
+    executor: Executor | None = None,
+) -> Basin:
+    """Compute basins of attraction over two coordinates of the state.
+
+    Parameters
+    ----------
+    system : ParametricSystem
+        Such as the `parametric` of a scene; with periodic loads.
+    x, y : (str, float, float)
+        The coordinates that vary, with their ranges: displacements "u1", or velocities "u1'".
+    grid : (int, int)
+        Starts along x and y.
+    fixed : mapping of str to float, optional
+        Values of other coordinates; 0 where none is given.
+    phase : float
+        Phase w t of the starts, in [0, 2 pi).
+    values : mapping, optional
+        Values of parameters that replace the defaults.
+    most : int
+        Most periods of the loads for each start.
+    branches : sequence of ForcedBranch
+        Followed responses that name the attractors, and whose unstable orbits are the saddles. Without them saddles are sought from the
+        boundaries.
+    executor : Executor, optional
+        Of processes that follow the starts.
+
+    Returns
+    -------
+    Basin
+
+    Raises
+    ------
+    ValueError
+        For coordinates that the state lacks, fewer than two that vary, a grid that is beyond the stops, loads without a period.
+    KeyboardInterrupt
+        With the basin up to there as its attribute `basin`.
+
+    Examples
+    --------
+    >>> from bvp.parameters import ParametricSystem
+    >>> stop = {"c": [1.0], "upper": 1.0, "restitution": 0.8}
+    >>> oscillator = ParametricSystem.from_description({
+    ...     "parameters": {"A": 1.0, "w": 2.2}, "system": {"mass": [[1.0]], "damping": [[0.02]], "stiffness": [[1.0]], "stops": [stop]},
+    ...     "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}]})
+    >>> found = basin(oscillator, ("u1", -2.0, 1.0), ("u1'", -4.0, 4.0), grid=(8, 8))
+    >>> [(one.family, one.period) for one in found.attractors], found.counts.tolist(), len(found.saddles)
+    ([('period-2:+', 2), ('period-1:', 1)], [41, 23], 1)
+    """
+    path = ParameterPath(system, path_of(system).names, (), dict(values or {}))
+    axes = [BasinAxis(*axis, count) for axis, count in zip((x, y), grid, strict=True)]
+    starts = StartGrid(path.parametric.system(path.values).coordinates, axes[0], axes[1], dict(fixed or {}), phase)
+    found, interrupted = find_basin(BasinPlan(path, starts, most, branches), executor)
+    if interrupted:
+        error = KeyboardInterrupt()
+        error.basin = found  # type: ignore[attr-defined]
+        raise error
+    return found
 
 
 def find_basin(
@@ -238,7 +212,8 @@ def find_basin(
     bound = FAR * float(max(np.abs(states).max(), np.abs([1.0, *ends]).max()))
     assigned = np.where(inside, UNDECIDED, IMPOSSIBLE).astype(np.int64)
     zeros = np.zeros(len(grid), dtype=np.int64)
-    search = _Search(plan, system, forces, follower, bound, assigned, zeros, zeros.copy())
+    attractors = KnownAttractors(path, follower, max(plan.most, LONG))
+    search = _Search(plan, follower, attractors, bound, assigned, zeros, zeros.copy())
     interrupted = False
     try:
         _carry_out(search, states, np.flatnonzero(inside), executor, on_progress)
@@ -246,14 +221,14 @@ def find_basin(
         interrupted = True
         for b in np.flatnonzero(assigned == UNDECIDED).tolist():
             search.reasons.setdefault(b, "interrupted")
-    basin = _basin(search)
+    found = _basin(search)
     if saddles and not interrupted:
         try:
-            found = saddles_of(plan, basin) if plan.branches else saddles_between(plan, basin, search.known(), follower)
-            basin = replace(basin, saddles=tuple(found), saddles_from="file" if plan.branches else "boundary")
+            between = saddles_of(plan, found) if plan.branches else saddles_between(plan, found, search.known.rows(), follower)
+            found = replace(found, saddles=tuple(between), saddles_from="file" if plan.branches else "boundary")
         except KeyboardInterrupt:
             interrupted = True
-    return basin, interrupted
+    return found, interrupted
 
 
 def _carry_out(
@@ -267,7 +242,7 @@ def _carry_out(
     total = len(active)
     while len(active):
         length = min(length, most - done)
-        known, owners = search.known()
+        known, owners = search.known.rows()
         for part, found in _blocks(search, active, current, sticking, length, known, phase, executor):
             current[part], sticking[part] = found.states, found.sticking
             search.periods[part] += found.periods
@@ -275,7 +250,7 @@ def _carry_out(
             caught, left, ended = (part[found.outcome == code] for code in (CAUGHT, LEFT, ENDED))
             search.assigned[caught] = owners[found.row[found.outcome == CAUGHT]]
             if len(left):
-                search.assigned[left] = search.unbounded()
+                search.assigned[left] = search.known.unbounded()
             for b, code in zip(ended.tolist(), found.reason[found.outcome == ENDED].tolist(), strict=True):
                 search.reasons[b] = f"the simulation ended: {STATUS[code].value}"
             if on_progress is not None:
@@ -287,15 +262,15 @@ def _carry_out(
         active = _left(search, active)
         active = _on_clouds(search, active, current, sticking, executor)
         last = done >= most
-        nothing = not search.entries
+        nothing = not search.known.entries
         active = _settle_some(search, active, current, sticking, SETTLED_LAST if last else SETTLED_EACH)
         if last:
             active = _on_clouds(search, active, current, sticking, executor)
-        if last or (nothing and not search.entries):
+        if last or (nothing and not search.known.entries):
             text = (
                 f"not settled in {most} periods"
                 if last
-                else f"no attractor was found: what was followed for {search.longest} periods did not settle"
+                else f"no attractor was found: what was followed for {search.known.longest} periods did not settle"
             )
             for b in active.tolist():
                 search.reasons.setdefault(b, text)
@@ -310,11 +285,11 @@ def _pilot(search: _Search, states: np.ndarray, active: np.ndarray) -> None:
     rows, columns = ((np.arange(PILOT) + 0.5) / PILOT * count for count in (grid.y.count, grid.x.count))
     chosen = np.unique((rows.astype(int)[:, None] * grid.x.count + columns.astype(int)).ravel())
     for b in np.intersect1d(chosen, active).tolist():
-        known, _ = search.known()
+        known, _ = search.known.rows()
         found = search.follower.follow(states[b : b + 1], FIRST, known, phase=grid.phase, bound=search.bound)
         last, bits = found.states[0], int(found.sticking[0])
-        if found.outcome[0] not in (CAUGHT, LEFT, ENDED) and search.on_cloud(last, bits) < 0:
-            search.settled(last, bits)
+        if found.outcome[0] not in (CAUGHT, LEFT, ENDED) and search.known.on_cloud(last, bits) < 0:
+            search.known.settled(last, bits)
 
 
 def _left(search: _Search, active: np.ndarray) -> np.ndarray:
@@ -327,17 +302,17 @@ def _settle_some(search: _Search, active: np.ndarray, current: np.ndarray, stick
     if not len(active):
         return active
     for b in active[np.unique(np.linspace(0, len(active) - 1, min(most, len(active))).astype(int))].tolist():
-        search.assigned[b] = search.settled(current[b], int(sticking[b]))
+        search.assigned[b] = search.known.settled(current[b], int(sticking[b]))
     return _left(search, active)
 
 
 def _on_clouds(search: _Search, active: np.ndarray, current: np.ndarray, sticking: np.ndarray, executor: Executor | None) -> np.ndarray:
     """Assign the starts whose motion is on a known torus, or in known chaos, here or in processes; return the others."""
-    clouds = search.clouds()
+    clouds = search.known.clouds()
     if not clouds or not len(active):
         return active
     parts = np.array_split(active, math.ceil(len(active) / BLOCK))
-    common = search.system, search.forces, [cloud for _, cloud in clouds]
+    common = search.follower.system, search.follower.forces, [cloud for _, cloud in clouds]
     if executor is None:
         places = [on_clouds(search.follower, common[2], current[part], sticking[part]) for part in parts]
     else:
@@ -369,7 +344,7 @@ def _blocks(
         for part in parts:
             yield part, search.follower.follow(current[part], length, known, sticking=sticking[part], phase=phase, bound=search.bound)
         return
-    common = search.system, search.forces
+    common = search.follower.system, search.follower.forces
     waiting = {executor.submit(_follow, *common, current[part], sticking[part], length, known, phase, search.bound): part for part in parts}
     try:
         while waiting:
@@ -406,13 +381,13 @@ def _basin(search: _Search) -> Basin:
     from transitions.basin.identity import orbits_at
 
     plan, period = search.plan, search.follower.period
-    counts = np.bincount(search.assigned[search.assigned >= 0], minlength=len(search.entries))
+    counts = np.bincount(search.assigned[search.assigned >= 0], minlength=len(search.known.entries))
     order = [k for k in np.argsort(-counts, kind="stable").tolist() if counts[k]]
-    number = np.full(len(search.entries) + 2, UNDECIDED)
+    number = np.full(len(search.known.entries) + 2, UNDECIDED)
     number[-2:] = IMPOSSIBLE, UNDECIDED  # of the entries -2 and -1
     number[order] = np.arange(len(order))
     orbits = orbits_at(plan.branches, dict(plan.path.values)) if plan.branches else []
-    attractors = _with_mirrors(plan.path, [search.entries[k].attractor for k in order], period)
+    attractors = _with_mirrors(plan.path, [search.known.entries[k].attractor for k in order], period)
     attractors = [named_by(plan.path, found, orbits, period) for found in attractors]
     undecided = Counter(search.reasons[b] for b in np.flatnonzero(search.assigned == UNDECIDED).tolist())
     return Basin(
@@ -445,7 +420,7 @@ def _at_phase(search: _Search, attractor: Attractor) -> np.ndarray:
     phase = search.plan.grid.phase
     if phase == 0.0 or not attractor.period:
         return attractor.states
-    n = search.system.degrees_of_freedom
-    simulator = Simulator(search.system, list(search.forces))
+    n = search.follower.system.degrees_of_freedom
+    simulator = Simulator(search.follower.system, list(search.follower.forces))
     time = phase / (2.0 * math.pi) * search.follower.period
     return np.array([simulator.run(state[:n], state[n:], time).final for state in attractor.states])

@@ -33,6 +33,7 @@ class AttractorKind(Enum):
     UNBOUNDED = "unbounded"
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Attractor:
     """An attractor of forced motion.
@@ -83,7 +84,11 @@ class Attractor:
         """Largest modulus of the multipliers; NaN without a period."""
         return float(np.abs(self.multipliers).max()) if len(self.multipliers) else math.nan
 
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        return f"Attractor {self.family}, {self.kind.value}", [("period", f"{self.period} of the loads")] if self.period else []
 
+
+@brief
 @dataclass(frozen=True, eq=False)
 class Saddle:
     """An unstable periodic orbit.
@@ -110,6 +115,9 @@ class Saddle:
     multipliers: np.ndarray
     problem: ForcedProblem
     unknowns: np.ndarray
+
+    def _summary(self) -> tuple[str, list[tuple[str, str]]]:
+        return f"Saddle {self.family}", [("period", f"{self.period} of the loads")]
 
 
 @brief
