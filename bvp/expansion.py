@@ -143,17 +143,14 @@ class _Expansion:
         """1 for a constant load, then cos and sin of the phase of each harmonic at node i, (2^d, q)."""
         s = self.node(i)[:, 2 * self.n]
         found = [constant(1.0, self.count)] * self.constants
+        # The time of a node is an unknown: it has no products of infinitesimals.
+        bits = [[b for b in range(self.order) if whole >> b & 1] for whole in range(self.count)]
+        degrees = np.array([len(one) for one in bits])
+        moved = np.array([math.prod(s[1 << b] for b in one) for one in bits])
         for k in self.segment.flight.loads.harmonics[self.constants :]:
             rate = 2.0 * math.pi * self.segment.flight.loads.load_periods * k
-            angle = rate * s[0].real
             for shift in (0.0, -0.5 * math.pi):
-                # The time of a node is an unknown: it has no products of infinitesimals.
-                turned = np.empty(self.count, dtype=self.y.dtype)
-                for whole in range(self.count):
-                    bits = [b for b in range(self.order) if whole >> b & 1]
-                    turned[whole] = math.cos(angle + shift + 0.5 * math.pi * len(bits))
-                    turned[whole] *= np.prod([rate * s[1 << b] for b in bits])
-                found.append(turned)
+                found.append(np.cos(rate * s[0].real + shift + 0.5 * math.pi * degrees) * rate**degrees * moved)
         return np.stack(found, axis=1) if found else np.zeros((self.count, 0))
 
     # -- flights and impacts --------------------------------------------------------------------------------------------------
@@ -173,7 +170,7 @@ class _Expansion:
         start = self.node(i)[:, : 2 * n].copy()
         start[:, n:] = product(motion.project, start[:, n:], np.matmul)
         whole = np.concatenate([start, self.phases(i)], axis=1)
-        turn = exponential(product(rates, self.time(i)[:, None, None]))
+        turn = exponential(rates, self.time(i))
         return product(turn, whole, np.matmul)[:, : 2 * n]
 
     def impact(self, row: int, i: int, x: np.ndarray) -> np.ndarray:
