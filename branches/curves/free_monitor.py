@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.free import BOTH, SYMMETRIES, Breaking, Symmetry
 from branches.curves.free_grazing import Grazing, approach_speeds, beside_grazing
-from branches.curves.monitor import CurvePoint, Window, window_tests, window_values
+from branches.curves.monitor import Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
@@ -21,7 +23,7 @@ from continuation.curves import Held, Linearised
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["FreeGrazingMonitor", "FreeMonitor", "event_of", "observed_free"]
+__all__ = ["FreeGrazingMonitor", "FreeMonitor", "FreePoint", "event_of", "observed_free"]
 
 FOLD: Symmetry = (False, False)
 """The symmetry of the critical perturbation of a fold."""
@@ -85,11 +87,22 @@ def _signed_smallest(matrix: np.ndarray) -> float:
     return float(np.linalg.slogdet(rows)[0] * np.linalg.svd(rows, compute_uv=False)[-1])
 
 
-def _multipliers(problem: ReleasedProblem, y: np.ndarray) -> np.ndarray:
-    try:
-        return problem.multipliers(y)
-    except (ValueError, RuntimeError, np.linalg.LinAlgError):
-        return np.full(2 * problem.degrees_of_freedom, complex(math.nan, math.nan))
+@dataclass(frozen=True, eq=False)
+class FreePoint:
+    """An orbit on a curve, as `branches.curves.monitor.CurvePoint`. Its multipliers are computed when they are wanted."""
+
+    problem: ReleasedProblem
+    solution: Solution
+    coefficient: float = math.nan
+    cosine: float = math.nan
+
+    @cached_property
+    def multipliers(self) -> np.ndarray:
+        """(2 n,), those of the full period; NaN where an impact grazes."""
+        try:
+            return self.problem.multipliers(self.solution.y)
+        except (ValueError, RuntimeError, np.linalg.LinAlgError):
+            return np.full(2 * self.problem.degrees_of_freedom, complex(math.nan, math.nan))
 
 
 class FreeMonitor:
@@ -144,7 +157,7 @@ class FreeMonitor:
             found.append(coefficient)
         found += self._critical.values(at, scale)
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
-        return values, CurvePoint(solution, _multipliers(problem, at.y), coefficient, math.nan)
+        return values, FreePoint(problem, solution, coefficient)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
@@ -205,8 +218,7 @@ class FreeGrazingMonitor:
             *window_values(self.plane, at.parameters, self.window), solution["clearance"], slowest,
             float(np.min(flights, initial=math.inf)), bend, *self._critical.values(at, scale),
         ]  # fmt: skip
-        unknown = np.full(2 * problem.degrees_of_freedom, complex(math.nan, math.nan))
-        return values, CurvePoint(solution, unknown, math.nan, math.nan)
+        return values, FreePoint(problem, solution)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""

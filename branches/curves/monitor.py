@@ -124,7 +124,8 @@ class BifurcationMonitor:
                 coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / float(np.linalg.norm(null.right[:, 0]))
             else:
                 coefficient = self._coefficient(at.y, critical)
-            found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]))
+            # It has poles where another multiplier is 1, and where two are critical.
+            found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]) * double)
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, CurvePoint(solution, multipliers, coefficient, cosine)
 
