@@ -18,7 +18,7 @@ from branches.curves.plane import ParameterPlane, plane_of
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.family import SETTINGS
-from branches.forced.primitive import primitive_orbit
+from branches.forced.primitive import full_period, primitive_orbit, twice
 from branches.interrupted import with_computed
 from bvp.forced import ForcedProblem
 from continuation.curves import Curve
@@ -278,6 +278,9 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     origin = f"a point of a curve {curve.code}"
     if code == "GR":
         return _grazing_through(curve, y, origin)
+    kinds = {event.type for event in curve.events if event.point == index}
+    if code == "SN" and kinds & {"DP", "GPD"}:
+        return _fold_emanating(curve, y, origin)
     pairs = curve.multipliers[index]
     for angle in _angles(pairs) if code == "NS" else (None,):
         own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
@@ -290,6 +293,30 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
             return start._replace(y=first.y)
     raise NoCurve(f"no curve {code} passes through the point; expected an event of type {', '.join(WORDS)} there")
 
+
+def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
+    """The curve of folds that emanates where a doubling, or a symmetry breaking, changes its criticality: of the orbits of twice the
+    period, or without symmetry. There its equations are singular, so it is started beside the point, along the critical direction."""
+    problem, plane = curve.plane.problem, curve.plane
+    wide, whole = (full_period if problem.half else twice)(problem, y)
+    others = [name for name in problem.released if name not in plane.names]
+    wider, begun = plane_of(wide, whole, [*plane.names, *others], problem.keep[:-1])
+    start = CurveStart(wider, "SN", None, begun, origin)
+    fold = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
+    scale, at = wider.scales(begun), wider.linearised(begun)
+    borders = fold.condition.first(at, np.zeros(0), scale)
+    direction = borders[-wider.size :] * scale
+    way = wider.directions(begun) @ direction
+    tangent = np.concatenate([direction / math.sqrt(float(way @ way)), borders])
+    for distance in _ASIDE:
+        step = fold.step(begun, tangent, distance)
+        if step.converged:
+            return start._replace(y=step.y)
+    raise NoCurve("no curve SN was found beside the point")
+
+
+_ASIDE = (0.05, 0.02, 0.1, 0.01, 0.005)
+"""Distances, in units of arclength, at which a curve is looked for beside a singular point."""
 
 _NEAR = 1e-6
 
