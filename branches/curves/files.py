@@ -20,10 +20,11 @@ from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 
-__all__ = ["KIND", "SCHEMA", "curves_record", "curves_table", "is_curve_record", "read_curves"]
+__all__ = ["CHART", "KIND", "SCHEMA", "curves_record", "curves_table", "is_curve_record", "read_curves"]
 
 SCHEMA = 1
-KIND = "curve"
+KIND, CHART = "curve", "chart"
+"""Kinds of files that hold curves: of `saltus curve`, and of `saltus chart`, which has more."""
 
 _AGREEMENT = 1e-8
 """Largest residual of a stored point."""
@@ -147,7 +148,7 @@ def _event_names(curve: BifurcationCurve) -> np.ndarray:
 
 def is_curve_record(record: Any) -> bool:
     """Whether the data of a JSON file are curves."""
-    return isinstance(record, Mapping) and record.get("kind") == KIND
+    return isinstance(record, Mapping) and record.get("kind") in (KIND, CHART)
 
 
 def read_curves(path: str | os.PathLike[str]) -> list[BifurcationCurve]:
