@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.curves.collapse import Narrow, with_collapsed_ends
+from branches.curves.extending import can_go_on, is_within, joined
 from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing_condition, observed
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
@@ -25,7 +26,7 @@ from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_start", "curve_through", "follow_curve"]
+__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_again", "curve_start", "curve_through", "extend_curve", "follow_curve"]
 
 CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
 """Events that can be continued in two parameters."""
@@ -173,6 +174,100 @@ def follow_curve(
     if not run.points:
         raise NoCurve(f"the curve could not be followed: {run.ends[0].text}")
     return with_collapsed_ends(_record(curve, start, run, window), _of_single_orbits)
+
+
+def curve_again(curve: BifurcationCurve, origin: str = "") -> CurveStart:
+    """The start that a curve was followed from."""
+    return CurveStart(curve.plane, curve.code, curve.grazing, curve.unknowns[curve.start], origin or curve.origin)
+
+
+def extend_curve(
+    curve: BifurcationCurve,
+    window: Window,
+    *,
+    points: int | None = None,
+    direction: str = "both",
+    on_event: Callable[[Event], object] | None = None,
+    on_point: Callable[[int], object] | None = None,
+) -> BifurcationCurve:
+    """Follow a curve on beyond its ends, in wider ranges. Its points are kept.
+
+    An end at an event, such as a grazing, stays where it is, and so does one behind which the curve leaves the ranges.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+    window : ((float, float), (float, float))
+        Ranges of its two parameters, which contain all its points.
+    points : int, optional
+        Points in total.
+    direction : {"both", "up", "down"}
+        Beyond both ends, or beyond those behind which the first parameter rises or falls.
+    on_event, on_point : callable, optional
+        As for `follow_curve`, of what is new.
+
+    Raises
+    ------
+    ValueError
+        If the curve has points outside the ranges, or as many points as asked for.
+    KeyboardInterrupt
+        With the curve up to there as its attribute `branch`.
+    """
+    if not is_within(curve, window):
+        raise ValueError("the curve has points outside these ranges; expected ranges that contain it")
+    left = SETTINGS.maximum_points if points is None else points - len(curve)
+    if left < 1:
+        raise ValueError(f"the curve has {len(curve)} points already, expected more than {points}")
+    start = curve_again(curve)
+    problem = start.curve(window)
+    total, open_ends = len(curve) + left, [last for last in (True, False) if can_go_on(curve, last, window)]
+    for k, last in enumerate(open_ends):
+        begin = _outward(problem, curve, last)
+        if begin is None or (direction != "both" and begin.slope * _DIRECTIONS[direction] <= 0.0):
+            continue
+        counted = None if on_point is None else _counting(on_point, len(curve))
+        # The end itself is one of the points of its piece.
+        allowed = max(1, (total - len(curve)) // (len(open_ends) - k)) + 1
+        try:
+            run = follow_both_ways(
+                problem, begin, replace(SETTINGS, maximum_points=allowed), both=False, direction=0, on_event=on_event, on_points=counted
+            )
+        except (KeyboardInterrupt, RuntimeError) as error:
+            known = curve
+            raise with_computed(error, lambda run: joined(known, _record(problem, start, run, window), last)) from None  # noqa: B023
+        if not run.points:
+            continue
+        further = _record(problem, start, run, window)
+        if further.closed:
+            nearest = np.abs(further.unknowns - curve.unknowns[curve.start]).max(axis=1)
+            return replace(further, start=int(np.argmin(nearest)))
+        curve = joined(curve, further, last)
+    return with_collapsed_ends(replace(curve, window=window), _of_single_orbits)
+
+
+def _outward(problem: Curve, curve: BifurcationCurve, last: bool) -> Step | None:
+    """The first or last point of a curve with the tangent that points out of it; None where it is not found again."""
+    place, sign = (-1, 1.0) if last else (0, -1.0)
+    begin = problem.begin(curve.unknowns[place])
+    if not begin.converged:
+        return None
+    m = curve.unknowns.shape[1]
+    scale = np.concatenate([curve.plane.scales(begin.y[: curve.plane.size]), np.ones(m - curve.plane.size)])
+    if sign * float((begin.tangent[:m] / scale) @ (curve.tangents[place] / scale)) < 0.0:
+        begin = problem.step(begin.y, np.concatenate([-begin.tangent[:m], begin.tangent[m:]]), 0.0)
+    return begin if begin.converged else None
+
+
+def _counting(on_point: Callable[[int], object], known: int) -> Callable[[Sequence[Point]], object]:
+    """Counts new points on from those of a curve, of which the first one is known."""
+    count = known - 1
+
+    def counted(new: Sequence[Point]) -> None:
+        nonlocal count
+        count += len(new)
+        on_point(count)
+
+    return counted
 
 
 _NEAR_END = 80
