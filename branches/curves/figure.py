@@ -59,7 +59,7 @@ def draw_curves(figure: Figure, axes: Axes, curves: Sequence[BifurcationCurve], 
     together = np.concatenate(places)
     for k, (name, letter) in enumerate(zip(first, "xy", strict=True)):
         limits = style.limits_of(np.array(window[k]) if window is not None else together[:, k], 0.03)
-        style.set_axis(axes, letter, limits, 8, name, style.symbol_of(name))
+        style.set_axis(axes, letter, limits, 8, "", style.symbol_of(name))
     shown: dict[tuple[str, bool], None] = {}
     for number, (curve, place) in enumerate(zip(curves, places, strict=True), 1):
         for begin, end, solid in _pieces(curve):
