@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -10,17 +11,21 @@ from typing import Any
 import numpy as np
 
 from branches.curves.grazing import Grazing
+from branches.curves.identity import curve_id
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
 from branches.events import Ended
-from branches.files import one_line
+from branches.files import one_line, write_text
 from branches.reading import RecordError, check_pattern, load_json
 from branches.tables import Table, plain
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 
-__all__ = ["CHART", "KIND", "SCHEMA", "curves_record", "curves_table", "is_curve_record", "read_curves"]
+__all__ = [
+    "CHART", "COLUMNS", "KIND", "SCHEMA", "curve_header", "curves_of", "curves_record", "curves_table", "is_curve_record", "named_places",
+    "read_curves", "restored_curve", "save_curves",
+]  # fmt: skip
 
 SCHEMA = 1
 KIND, CHART = "curve", "chart"
@@ -50,6 +55,7 @@ _POINT = {
     "tangent": ["a number"],
 }
 _CURVE = {
+    "id?": "a string",
     "code": "a string",
     "names": ["a string", 2],
     "ends?": ["a string", 2],
@@ -83,14 +89,28 @@ def curves_record(curves: Sequence[BifurcationCurve]) -> dict[str, Any]:
 
 
 def _record(curve: BifurcationCurve) -> dict[str, Any]:
+    rows = {key: plain(getattr(curve, name)) for key, name in COLUMNS.items()}
+    points = [dict(zip(rows, row, strict=True)) for row in zip(*rows.values(), strict=True)]
+    return {"id": curve_id(curve), **curve_header(curve), "points": points}
+
+
+COLUMNS = {
+    "arclength": "arclength",
+    "residual": "residual",
+    "parameters": "parameters",
+    "coefficient": "coefficient",
+    "multipliers": "multipliers",
+    "unknowns": "unknowns",
+    "tangent": "tangents",
+}
+"""What a point has in a file, with the attribute of a curve."""
+
+
+def curve_header(curve: BifurcationCurve) -> dict[str, Any]:
+    """A curve without its points, as plain data."""
     problem = curve.plane.problem
     ends = {} if problem.ends is None else {"ends": list(problem.ends), "energy": getattr(problem, "energy", None)}
     grazing = {} if curve.grazing is None else {"grazing": plain(curve.grazing._asdict())}
-    columns = {
-        "arclength": curve.arclength, "residual": curve.residual, "parameters": curve.parameters, "coefficient": curve.coefficient,
-        "multipliers": curve.multipliers, "unknowns": curve.unknowns, "tangent": curve.tangents,
-    }  # fmt: skip
-    rows = {key: plain(values) for key, values in columns.items()}
     return {
         "code": curve.code,
         "names": list(curve.names),
@@ -108,7 +128,6 @@ def _record(curve: BifurcationCurve) -> dict[str, Any]:
         "origin": curve.origin,
         "ended": [{"reason": end.reason, "text": end.text} for end in curve.ended],
         "events": [plain(event._asdict() | {"values": dict(event.values)}) for event in curve.events],
-        "points": [dict(zip(rows, row, strict=True)) for row in zip(*rows.values(), strict=True)],
     }
 
 
@@ -180,6 +199,29 @@ def curves_of(record: Mapping[str, Any], path: str) -> list[BifurcationCurve]:
 
 
 def _curve(parametric: ParametricSystem, item: Mapping[str, Any]) -> BifurcationCurve:
+    """The curve of a record."""
+    points = item["points"]
+    if not points:
+        raise RecordError("a curve has no point")
+    for key in ("unknowns", "tangent"):
+        if len({len(point[key]) for point in points}) > 1:
+            raise RecordError(f"not all points have the same number of {key}")
+    names = [key for key in COLUMNS if key != "multipliers"]
+    columns = {COLUMNS[key]: np.array([point[key] for point in points], dtype=float) for key in names}
+    columns["multipliers"] = np.array(
+        [[complex(*pair) if pair else complex(math.nan, math.nan) for pair in point["multipliers"]] for point in points]
+    )
+    return restored_curve(parametric, item, columns)
+
+
+def restored_curve(parametric: ParametricSystem, item: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> BifurcationCurve:
+    """A curve from its header and its columns, by their attributes.
+
+    Raises
+    ------
+    RecordError
+        If they do not fit each other.
+    """
     problem: ForcedProblem
     if item["code"] not in WORDS:
         raise RecordError(f"a curve of type {item['code']} is not known; expected one of {', '.join(WORDS)}")
@@ -192,26 +234,19 @@ def _curve(parametric: ParametricSystem, item: Mapping[str, Any]) -> Bifurcation
         options = {key: item[key] for key in ("load_periods", "half", "values")}
         problem = ForcedProblem(parametric, item["solved"], item["released"], keep=item["keep"], **options)
     plane = ParameterPlane(problem, (item["names"][0], item["names"][1]))
-    points, own = item["points"], int(item["code"] == "NS")
-    if not points or any(len(point[key]) != plane.size + own for point in points for key in ("unknowns", "tangent")):
+    count, own = len(columns["arclength"]), int(item["code"] == "NS")
+    if any(columns[name].shape != (count, plane.size + own) for name in ("unknowns", "tangents")):
         raise RecordError(f"a point has not the {plane.size + own} unknowns of its sequence")
-    if not 0 <= item["start"] < len(points) or any(not 0 <= event["point"] < len(points) for event in item["events"]):
+    if not 0 <= item["start"] < count or any(not 0 <= event["point"] < count for event in item["events"]):
         raise RecordError("the start or an event has no point")
-    columns = {
-        key: np.array([point[key] for point in points], dtype=float)
-        for key in ("unknowns", "tangent", "parameters", "arclength", "residual", "coefficient")
-    }
     worst = max(plane.worst(plane.linearised(y[: plane.size])) for y in columns["unknowns"][[0, item["start"], -1]])
     if not worst < _AGREEMENT:
         raise RecordError(f"its points do not solve the equations of its system: residual {worst:.1e}")
-    multipliers = np.array([[complex(*pair) if pair else complex(math.nan, math.nan) for pair in point["multipliers"]] for point in points])
     window = [(_bound(low, -1.0), _bound(high, 1.0)) for low, high in item["window"]]
     given = item.get("grazing")
     ended = [Ended(end["reason"], end["text"]) for end in item["ended"]]
     return BifurcationCurve(
-        plane=plane, code=item["code"], grazing=None if given is None else Grazing(**given), unknowns=columns["unknowns"],
-        tangents=columns["tangent"], parameters=columns["parameters"], arclength=columns["arclength"], residual=columns["residual"],
-        multipliers=multipliers, coefficient=columns["coefficient"],
+        plane=plane, code=item["code"], grazing=None if given is None else Grazing(**_grazing(given)), **columns,
         events=tuple(CurveEvent(**{**event, "bracket": tuple(event["bracket"])}) for event in item["events"]),
         ended=(ended[0], ended[1]), start=item["start"], closed=item["closed"], window=(window[0], window[1]), origin=item["origin"],
     )  # fmt: skip
@@ -219,3 +254,26 @@ def _curve(parametric: ParametricSystem, item: Mapping[str, Any]) -> Bifurcation
 
 def _bound(value: float | None, sign: float) -> float:
     return sign * math.inf if value is None else value
+
+
+def _grazing(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a `Grazing`, whose repeats are a tuple."""
+    repeats = given.get("repeats")
+    return {**given, "repeats": None if repeats is None else tuple(repeats)}
+
+
+def save_curves(curves: Sequence[BifurcationCurve], path: str | os.PathLike[str]) -> None:
+    """Write some curves of one system as JSON; `read_curves` reads them. An older file is replaced only by a complete one."""
+    record = curves_record(curves)
+    lines = [f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in record.items() if key != "curves"]
+    listed = ",\n    ".join(json.dumps(curve, allow_nan=False) for curve in record["curves"])
+    write_text(path, "{\n" + ",\n".join([*lines, f'  "curves": [\n    {listed}\n  ]']) + "\n}\n")
+
+
+def named_places(curves: Sequence[BifurcationCurve]) -> dict[str, tuple[BifurcationCurve, CurveEvent]]:
+    """The events of some curves by name, with the number of the curve before it from the second one on: "CP1", "2.CP1"."""
+    return {
+        (f"{number}." if number > 1 else "") + event.id: (curve, event)
+        for number, curve in enumerate(curves, 1)
+        for event in curve.events
+    }  # fmt: skip
