@@ -59,13 +59,15 @@ def free_grazing_at(problem: ReleasedProblem, y: np.ndarray, solution: Solution)
     # The gap turns where an impact has no speed, and an impact that vanishes can meet another one: the speed comes first.
     limit = max(_ZERO, min(sizes.values()))
     least = next(name for name in ("speed", "clearance", "flight") if sizes[name] <= limit)
-    if least == "speed":
-        return problem, y, Grazing("speed", int(solution["speed_node"]))
     if least == "flight":
         return problem, y, Grazing("flight", int(solution["flight_index"]))
     plain, at = problem.orbit_problem(y)
     orbit = touching(plain, at)
-    choice = candidate(orbit, orbit.hard | sum(1 << i for i in np.flatnonzero(orbit.grazing).tolist()))
+    every = (1 << len(orbit.times)) - 1
+    if least == "speed" and orbit.kept == every:
+        return problem, y, Grazing("speed", int(solution["speed_node"]))
+    # With all its touches as impacts the orbit has all its symmetries, and no image of the touch is another grazing.
+    choice = candidate(orbit, every)
     other = MultipointProblem(plain.system, choice.ends, choice.sequence)
     made, start = released_orbit(problem, problem.parameters(y), other, other.pack(choice.start, choice.nodes, choice.times))
     made.residual(start)

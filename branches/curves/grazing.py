@@ -15,6 +15,7 @@ import numpy as np
 from branches.admissible import force_event
 from branches.curves.monitor import CurvePoint, Window, has_pair, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
+from branches.forced.closing import vanishes, without_moment
 from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
 from bvp.forced import ForcedProblem
@@ -55,6 +56,11 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     ValueError
         For a grazing that cannot be continued.
     """
+    if vanishes(problem, solution.y):
+        made = without_moment(problem, solution.y)
+        if made is None:
+            raise ValueError("the stop sticks for the whole period there, and no orbit with an impact has this limit as an equation")
+        problem, solution = made[0], observed(made[0], made[1])
     sizes = {
         "clearance": abs(solution["clearance"]) / problem.segment.scale[0],
         "speed": abs(solution["speed"]) / problem.segment.scale[problem.degrees_of_freedom],
@@ -200,14 +206,17 @@ class GrazingMonitor:
         problem, grazing = self.plane.problem, self.grazing
         y, flights, ends = at.y, problem.flight_times(at.y), problem._factor.before.copy()
         problem.residual(y)
-        speeds = problem._approach()
+        # Releases have no speed.
+        flights_hit = (problem.impacts - 1) % (problem.inner + 1) if problem.sequence else np.zeros(0, dtype=int)
+        if grazing.kind == "speed":
+            flights_hit = flights_hit[flights_hit != grazing.flight]
+        speeds = problem._approach()[flights_hit]
         solution = Solution(y, np.concatenate([tangent[: y.size], np.zeros(y.size)]), self.plane.position(y), ends, np.zeros(0))
         bend, clearance = 1.0, math.inf
         if grazing.kind == "speed":
             n, i = problem.degrees_of_freedom, grazing.flight
             row = problem.segment.side[i] * problem.segment.gap[i, :n]
             bend = -float(row @ _flown(problem, problem.nodes(y)[i], flights[i], i)[2][n : 2 * n])
-            speeds = np.delete(speeds, i)
             if self._single is None:
                 clearance = _clearance_beside(problem, y, i)
             else:
@@ -218,7 +227,7 @@ class GrazingMonitor:
             clearance = observed(problem, shown)["clearance"]
             flights = np.delete(flights, grazing.flight)
         least_flight = float(flights.min(initial=math.inf))
-        slowest = float(speeds.min(initial=math.inf)) if problem.sequence else math.inf
+        slowest = float(speeds.min(initial=math.inf))
         problem.residual(y)  # the arrays are those of y again
         fixed = np.vstack([at.jacobian, at.gradients]) * scale
         shifted = self._shifted * scale

@@ -26,7 +26,7 @@ from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_again", "curve_start", "curve_through", "extend_curve", "follow_curve"]
+__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_again", "curve_start", "curve_through", "extend_curve", "follow_curve", "step_at"]
 
 CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
 """Events that can be continued in two parameters."""
@@ -222,7 +222,7 @@ def extend_curve(
     problem = start.curve(window)
     total, open_ends = len(curve) + left, [last for last in (True, False) if can_go_on(curve, last, window)]
     for k, last in enumerate(open_ends):
-        begin = _outward(problem, curve, last)
+        begin = step_at(problem, curve, len(curve) - 1 if last else 0, 1.0 if last else -1.0)
         if begin is None or (direction != "both" and begin.slope * _DIRECTIONS[direction] <= 0.0):
             continue
         counted = None if on_point is None else _counting(on_point, len(curve))
@@ -245,15 +245,14 @@ def extend_curve(
     return with_collapsed_ends(replace(curve, window=window), _of_single_orbits)
 
 
-def _outward(problem: Curve, curve: BifurcationCurve, last: bool) -> Step | None:
-    """The first or last point of a curve with the tangent that points out of it; None where it is not found again."""
-    place, sign = (-1, 1.0) if last else (0, -1.0)
-    begin = problem.begin(curve.unknowns[place])
+def step_at(problem: Curve, curve: BifurcationCurve, index: int, sign: float = 1.0) -> Step | None:
+    """A point of a curve with its tangent, along the curve or against it (sign -1); None where it is not found again."""
+    begin = problem.begin(curve.unknowns[index])
     if not begin.converged:
         return None
-    m = curve.unknowns.shape[1]
-    scale = np.concatenate([curve.plane.scales(begin.y[: curve.plane.size]), np.ones(m - curve.plane.size)])
-    if sign * float((begin.tangent[:m] / scale) @ (curve.tangents[place] / scale)) < 0.0:
+    m, u = curve.unknowns.shape[1], curve.plane.size
+    scale = np.concatenate([curve.plane.scales(begin.y[:u]), np.ones(m - u)])
+    if sign * float((begin.tangent[:m] / scale) @ (curve.tangents[index] / scale)) < 0.0:
         begin = problem.step(begin.y, np.concatenate([-begin.tangent[:m], begin.tangent[m:]]), 0.0)
     return begin if begin.converged else None
 
