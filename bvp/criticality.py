@@ -18,13 +18,14 @@ import math
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs, dlange, zgecon, zgetrf, zgetrs, zlange
 
 from bvp.checks import EPSILON
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["NORMAL_FORMS", "Criticality", "criticality", "normal_form"]
+__all__ = ["NORMAL_FORMS", "CriticalOrbit", "Criticality", "NormalForms", "criticality", "normal_form"]
 
 NORMAL_FORMS = ("SN", "PD", "SB", "NS")
 """Bifurcations with a coefficient."""
@@ -84,7 +85,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     if code == "NS" and angle is None:
         angle = _angle(problem, y)
     wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
-    form = _NormalForm(problem, np.asarray(y, dtype=float))
+    form = _NormalForm(NormalForms(problem), np.asarray(y, dtype=float))
     coefficient, error = form.coefficient(code, wanted)
     # The orbit is near the bifurcation: its own multiplier gives another coefficient.
     nearby, _ = form.coefficient(code, form.multiplier(wanted))
@@ -97,7 +98,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
 
 def normal_form(problem: ForcedProblem, y: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
     """The coefficient that `criticality` gives, and its error, of an orbit whose critical multiplier is known."""
-    return _NormalForm(problem, y).coefficient(code, complex(multiplier))
+    return NormalForms(problem).coefficient(np.asarray(y, dtype=float), code, multiplier)
 
 
 def _angle(problem: ForcedProblem, y: np.ndarray) -> float:
@@ -108,42 +109,79 @@ def _angle(problem: ForcedProblem, y: np.ndarray) -> float:
     return cmath.phase(min(found, key=lambda value: abs(math.log(abs(value)))))
 
 
-class _NormalForm:
-    """The linear equations of an orbit at given parameters."""
+class CriticalOrbit(NamedTuple):
+    """What is known of an orbit with a critical multiplier lambda.
 
-    def __init__(self, problem: ForcedProblem, y: np.ndarray):
-        self.problem, self.y = problem, y
+    jacobian (.., u): of the equations of the problem, or of the first ones, all but those of the user at least. scale (u,): sizes of the
+    unknowns. right (u,), left (..): null vectors of the Jacobian at lambda, right in the unknowns' own units, left by its transpose.
+    bend (.., u): F''(y)[right, .].
+    """
+
+    jacobian: np.ndarray
+    scale: np.ndarray
+    right: np.ndarray
+    left: np.ndarray
+    bend: np.ndarray
+
+
+class NormalForms:
+    """The normal forms of the orbits of a problem, many of them.
+
+    Parameters
+    ----------
+    problem : ForcedProblem
+    """
+
+    def __init__(self, problem: ForcedProblem):
+        self.problem = problem
         n, inner, width = problem.degrees_of_freedom, problem.inner, problem.size + 1
         state = np.arange(2 * n + 1)
         places = np.array([*state, problem.size])
         self.columns = np.concatenate([i * width + places for i in range(inner + 1)])
         last = inner * width
         self.rows = np.concatenate([*(i * width + places for i in range(inner)), last + np.arange(2 * n + 2)])
-        matrix = problem.jacobian(y)[np.ix_(self.rows, self.columns)]
-        scale = problem.scales(y)[self.columns]
-        self.feedback = np.zeros_like(matrix)
+        self.places = self.rows[:, None] * problem.unknowns + self.columns
+        self.feedback = np.zeros((len(self.rows), len(self.columns)))
         closing = len(self.rows) - (2 * n + 2) + state[: 2 * n + int(problem.has_clock)]
         self.feedback[closing, state[: len(closing)]] = [*[problem.segment.closing[0]] * (2 * n), 1.0][: len(closing)]
-        matrix += self.feedback
-        self.level = 1.0 / np.max(np.abs(matrix * scale) + np.abs(self.feedback * scale), axis=1)
+        self.metric = problem.segment.scale[: 2 * n + 1]
+
+    def coefficient(self, y: np.ndarray, code: str, multiplier: complex, orbit: CriticalOrbit | None = None) -> tuple[float, float]:
+        """The coefficient that `criticality` gives, and its error, of an orbit y (u,) whose critical multiplier is known."""
+        return _NormalForm(self, y, orbit).coefficient(code, complex(multiplier))
+
+
+class _NormalForm:
+    """The linear equations of an orbit at given parameters, with scaled rows and columns."""
+
+    def __init__(self, forms: NormalForms, y: np.ndarray, orbit: CriticalOrbit | None = None):
+        self.forms, self.problem, self.y, self.orbit = forms, forms.problem, y, orbit
+        jacobian = self.problem.jacobian(y) if orbit is None else orbit.jacobian
+        scale = (self.problem.scales(y) if orbit is None else orbit.scale)[forms.columns]
+        self.feedback = forms.feedback * scale
+        self.matrix = jacobian.ravel()[forms.places] * scale + self.feedback
+        self.level = 1.0 / np.max(np.abs(self.matrix) + np.abs(self.feedback), axis=1)
+        self.matrix *= self.level[:, None]
+        self.feedback *= self.level[:, None]
         self.scale = scale
-        self.matrix = self.level[:, None] * matrix * scale
-        self.feedback = self.level[:, None] * self.feedback * scale
-        metric = problem.segment.scale[: 2 * n + 1]
-        self.unit = scale[: 2 * n + 1] / metric
+        self.unit = scale[: len(forms.metric)] / forms.metric
 
     def transfer(self, multiplier: complex) -> np.ndarray:
-        """T(lambda), with scaled rows and columns."""
-        found: np.ndarray = self.matrix - multiplier * self.feedback
-        return found.real if multiplier.imag == 0.0 else found
+        """T(lambda)."""
+        found: np.ndarray = self.matrix - (multiplier.real if multiplier.imag == 0.0 else multiplier) * self.feedback
+        return found
 
     def null(self, multiplier: complex) -> tuple[np.ndarray, np.ndarray]:
         """The vectors p and q."""
-        left, _, right = np.linalg.svd(self.transfer(multiplier))
-        q, p = right[-1].conj(), left[:, -1]
+        if self.orbit is None:
+            left, _, right = np.linalg.svd(self.transfer(multiplier))
+            q, p = right[-1].conj(), left[:, -1]
+        else:
+            q = self.orbit.right[self.forms.columns] / self.scale
+            p = self.orbit.left[self.forms.rows].conj() / self.level
         start = self.unit * q[: len(self.unit)]
         largest = start[np.argmax(np.abs(start))]
-        q = q * (abs(largest) / largest / np.linalg.norm(start))
+        q = q * (abs(largest) / largest / math.sqrt(np.vdot(start, start).real))
         return p / np.conj(np.vdot(p, self.feedback @ q)), q
 
     def multiplier(self, near: complex) -> complex:
@@ -157,42 +195,56 @@ class _NormalForm:
                 break
         return found
 
-    def second(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """B(a, b)."""
-        return self.level * self.problem.curvature.second(self.y, self.whole(a), self.whole(b))[self.rows]
+    def bend(self, q: np.ndarray) -> np.ndarray:
+        """B(q, .), to be applied to whole directions."""
+        if self.orbit is not None:
+            # The known null vector is a multiple of q.
+            k = self.forms.columns[np.argmax(np.abs(q))]
+            return self.orbit.bend[self.forms.rows] * (self.whole(q)[k] / self.orbit.right[k] * self.level[:, None])
+        return self.problem.curvature.second_along(self.y, self.whole(q))[self.forms.rows] * self.level[:, None]
 
     def third(self, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         """C(a, b, c)."""
-        return self.level * self.problem.curvature.third(self.y, self.whole(a), self.whole(b), self.whole(c))[self.rows]
+        found = self.problem.curvature.third_of_states(self.y, self.whole(a), self.whole(b), self.whole(c))
+        return self.level * found[self.forms.rows]
 
     def whole(self, vector: np.ndarray) -> np.ndarray:
         """A scaled vector as a direction of all unknowns; the parameters stay."""
         found = np.zeros(self.problem.unknowns, dtype=vector.dtype)
-        found[self.columns] = self.scale * vector
+        found[self.forms.columns] = self.scale * vector
         return found
 
     def solve(self, multiplier: complex, right: np.ndarray) -> tuple[np.ndarray, float]:
-        """The solution of T(lambda) h = right, and the condition of the matrix."""
+        """The solution of T(lambda) h = right, as a whole direction, and an estimate of the matrix's condition."""
         matrix = self.transfer(multiplier)
-        return np.linalg.solve(matrix, right), float(np.linalg.cond(matrix))
+        if np.iscomplexobj(matrix) or np.iscomplexobj(right):
+            factorise, substitute, size, condition = zgetrf, zgetrs, zlange, zgecon
+        else:
+            factorise, substitute, size, condition = dgetrf, dgetrs, dlange, dgecon
+        factor, pivots, singular = factorise(matrix)
+        if singular:
+            raise np.linalg.LinAlgError("the multiplier of a term of the normal form is one of the orbit")
+        inverse, _ = condition(factor, size("1", matrix))
+        return self.whole(substitute(factor, pivots, right)[0]), 1.0 / float(inverse) if inverse > 0.0 else math.inf
 
     def coefficient(self, code: str, multiplier: complex) -> tuple[float, float]:
         """The coefficient at a multiplier, and its error."""
         p, q = self.null(multiplier)
         level = EPSILON if self.problem.curvature.is_exact else _DIFFERENCES
-        squared = self.second(q, q)
+        bend = self.bend(q)
+        squared = bend @ self.whole(q)
         if code == "SN":
             return 0.5 * float(np.vdot(p, squared)), level * float(np.abs(p) @ np.abs(squared))
         if code != "NS":
             bent, condition = self.solve(multiplier * multiplier, -squared)
-            terms = [self.third(q, q, q) / 6.0, 0.5 * self.second(q, bent)]
+            terms = [self.third(q, q, q) / 6.0, 0.5 * (bend @ bent)]
             turned: complex = 1.0
             conditions = [1.0, condition]
         else:
             conjugate = q.conj()
-            first, of_first = self.solve(complex(abs(multiplier) ** 2), -self.second(q, conjugate))
+            first, of_first = self.solve(complex(abs(multiplier) ** 2), -(bend @ self.whole(conjugate)))
             other, of_other = self.solve(multiplier * multiplier, -squared)
-            terms = [0.5 * self.third(q, q, conjugate), self.second(q, first), 0.5 * self.second(conjugate, other)]
+            terms = [0.5 * self.third(q, q, conjugate), bend @ first, 0.5 * (bend.conj() @ other)]
             turned = multiplier.conjugate() / abs(multiplier)
             conditions = [1.0, of_first, of_other]
         sizes = [condition * float(np.abs(p) @ np.abs(term)) for condition, term in zip(conditions, terms, strict=True)]

@@ -16,6 +16,8 @@ from bvp.expansion import expanded
 from bvp.kernels.bent_orbit import Bending, BentOrbit, Work
 from bvp.kernels.curvature import second_along as fill_second
 from bvp.kernels.expressions import Program, run
+from bvp.kernels.multipoint import PERIODIC
+from bvp.kernels.state_derivatives import third_of_states as fill_third
 from bvp.programs import scratch_size
 
 if TYPE_CHECKING:
@@ -82,6 +84,17 @@ class Curvature:
             return third_differences(self.problem, y, a, b, c)
         return expanded(self.problem, y, (a, b, c))[-1]
 
+    def third_of_states(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """The same along states, phases and times: the parameters of the directions are zero."""
+        problem = self.problem
+        if not self.is_exact or problem.segment.shape[3] != PERIODIC:
+            return self.third(y, a, b, c)
+        directions = np.array([a, b, c])
+        out = np.empty(problem.unknowns - 1, dtype=directions.dtype)
+        work = np.empty((4, self._bending.orbit.phase.shape[2]), dtype=directions.dtype)
+        fill_third(self._bending, np.array(y, dtype=float), directions, work, out)
+        return out
+
     def tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
         """The entries that depend on the released parameters, and their derivatives up to an order: (D,), (D, m), (D, m, m), ..."""
         entries, _ = self._of_order(order)
@@ -115,8 +128,8 @@ class Curvature:
             bent, bent.copy(),
         )  # fmt: skip
         orbit = BentOrbit(
-            np.full(problem.unknowns, np.nan), entries, np.zeros((flights, 3, size)), np.zeros((flights, 1 + count, 2 * n, size)),
-            np.zeros((flights, 2 * n, size)), np.zeros((flights, 2 * n)), np.zeros((flights, parts, 2 * n)),
+            np.full(problem.unknowns, np.nan), entries, np.zeros((flights, 4, size)), np.zeros((flights, 1 + count, 2 * n, size)),
+            np.zeros((flights, 3, 2 * n, size)), np.zeros((flights, 2 * n)), np.zeros((flights, parts, 2 * n)),
             np.zeros((flights, 2 + count, 2 * n)), np.zeros((flights + 1, parts, n)), np.zeros((flights, 1 + count, size)),
             np.zeros((flights, parts)),
         )  # fmt: skip

@@ -47,9 +47,9 @@ class BentOrbit(NamedTuple):
 
     at: np.ndarray  # (u,) the orbit
     entries: np.ndarray  # (G, E)
-    phase: np.ndarray  # (k + 1, 3, s) behind the state of a node: those of the loads, and their derivatives by its time
+    phase: np.ndarray  # (k + 1, 4, s) behind the state of a node: those of the loads, and their derivatives by its time
     flow: np.ndarray  # (k + 1, 1 + m, 2 n, s) exp(A t) and its derivatives by the parameters
-    turn: np.ndarray  # (k + 1, 2 n, s) its derivative by t
+    turn: np.ndarray  # (k + 1, 3, 2 n, s) its first three derivatives by t
     end: np.ndarray  # (k + 1, 2 n) the end of the flight
     by_parameter: np.ndarray  # (k + 1, G, 2 n) its derivatives by the parameters, first and second
     rate: np.ndarray  # (k + 1, 2 + m, 2 n) those by t: once, twice, and once with each parameter
@@ -178,7 +178,7 @@ def _set_rates(b, sticks):
 
 @inlined
 def _set_phases(b, n, s, phase):
-    """phase (3, s): the states of the loads at the time s, behind 2 n entries, and their first two derivatives by s."""
+    """phase (4, s): the states of the loads at the time s, behind 2 n entries, and their first three derivatives by s."""
     at = 2 * n
     for h in range(b.harmonics.shape[0]):
         rate = b.harmonics[h] * 2.0 * math.pi * b.load_periods
@@ -187,11 +187,13 @@ def _set_phases(b, n, s, phase):
         phase[0, at] = cosine
         phase[1, at] = -rate * sine
         phase[2, at] = -rate * rate * cosine
+        phase[3, at] = rate * rate * rate * sine
         at += 1
         if rate > 0.0:
             phase[0, at] = sine
             phase[1, at] = rate * cosine
             phase[2, at] = -rate * rate * sine
+            phase[3, at] = -rate * rate * rate * cosine
             at += 1
 
 
@@ -229,10 +231,6 @@ def _fly(b, i, z, t):
         orbit.end[i, r] = end[r]
         orbit.rate[i, 0, r] = rate[r]
         for c in range(size):
-            total = 0.0
-            for q in range(size):
-                total += rates[r, q] * flow[q, c]
-            orbit.turn[i, r, c] = total
             for j in range(1 + count):
                 orbit.flow[i, j, r, c] = flow[r, j * size + c]
     _times(rates, 0, rate, orbit.rate[i, 1])
@@ -242,6 +240,17 @@ def _fly(b, i, z, t):
             orbit.by_parameter[i, g, r] = turned[r]
             if g <= count:
                 orbit.rate[i, 1 + g, r] = inner(turned, rates[r, :size]) + inner(end, rates[r, g * size : (g + 1) * size])
+    for order in range(3):
+        before = flow if order == 0 else work.powers[order]
+        after = work.powers[order + 1]
+        for r in range(size):
+            for c in range(size):
+                total = 0.0
+                for q in range(size):
+                    total += rates[r, q] * before[q, c]
+                after[r, c] = total
+                if r < 2 * n:
+                    orbit.turn[i, order, r, c] = total
 
 
 @kernel

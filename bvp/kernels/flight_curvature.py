@@ -11,7 +11,7 @@ def bend_flight(b, i, a, t_along):
     work, orbit, count, n = b.work, b.orbit, b.columns.shape[0], b.stops.shape[1]
     size, width = work.units.shape[0], 2 * n + 1 + count
     first, second = work.first, work.second
-    flow, turn, phase = orbit.flow[i], orbit.turn[i], orbit.phase[i]
+    flow, turn, phase = orbit.flow[i], orbit.turn[i, 0], orbit.phase[i]
     along, end_along = work.lines[0], work.lines[1]
     for r in range(size):
         along[r] = a[r] if r < 2 * n else phase[1, r] * a[2 * n]
