@@ -32,6 +32,9 @@ __all__ = ["Grazing", "GrazingMonitor", "grazing_at", "grazing_condition", "obse
 _ZERO = 1e-9
 """Clearance, speed and flight time, in units of arclength and of the period, that are zero at a located grazing."""
 
+_INSTANT = 1e-6
+"""Part of the period that a flight between two events of a stop that sticks lasts at a grazing, at most."""
+
 _NEXT = 1e-4
 """Part of the period beside a touch in which no other one is looked for."""
 
@@ -68,6 +71,8 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     }
     # The gap turns where an impact has no speed, and an impact that vanishes can meet another one: the speed comes first.
     limit = max(_ZERO, min(sizes.values()))
+    if any(event.closed for event in problem.events) and sizes["flight"] < _INSTANT:
+        sizes = {"speed": math.inf, "clearance": math.inf} | {"flight": 0.0}  # contact force and speed vanish faster than the time
     least = next(name for name in ("speed", "clearance", "flight") if sizes[name] <= limit)
     if least == "clearance" and solution["clearance_side"] == 0.0:
         raise ValueError("a chatter that hardly ends is no grazing with an equation of its own; expected another event")
@@ -224,7 +229,8 @@ class GrazingMonitor:
         elif grazing.kind == "flight":
             shown = np.array(y)
             problem.flight_times(shown)[grazing.flight] = 0.0
-            clearance = observed(problem, shown)["clearance"]
+            seen = observed(problem, shown)
+            clearance = math.inf if _is_at_instant(problem, seen, grazing.flight) else seen["clearance"]
             flights = np.delete(flights, grazing.flight)
         least_flight = float(flights.min(initial=math.inf))
         slowest = float(speeds.min(initial=math.inf))
@@ -290,6 +296,15 @@ class _SingleTouch:
         times[-1] = float(np.sum(whole.flight_times(y))) / self.parts - float(np.sum(times[:-1]))
         fractions = nodes[:, 2 * n] * whole.load_periods / self.problem.load_periods
         return self.problem.pack(nodes[:, : 2 * n], fractions, nodes[0, 2 * n + 1 :], times)
+
+
+def _is_at_instant(problem: ForcedProblem, solution: Solution, flight: int) -> bool:
+    """Whether the closest touch is where a flight without duration is."""
+    where, time, count = int(solution["clearance_flight"]), float(solution["clearance_time"]), problem.inner + 1
+    short = _NEXT * problem.period(solution.y)
+    if where == (flight + 1) % count:
+        return time < short
+    return where == flight or (where == (flight - 1) % count and time > problem.flight_times(solution.y)[where] - short)
 
 
 def _clearance_beside(problem: ForcedProblem, y: np.ndarray, i: int) -> float:
