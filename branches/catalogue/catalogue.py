@@ -7,6 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from branches.catalogue.curves import curve_edges
 from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.store import CatalogueStore
 from bvp.texts import brief
@@ -16,9 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from branches.branch import Branch
+    from branches.catalogue.curves import CurveEdge
     from branches.catalogue.find import NameMatch
-    from branches.catalogue.rows import FamilyRow
+    from branches.catalogue.rows import Edge, FamilyRow
     from branches.catalogue.widening import Kept
+    from branches.curves.record import BifurcationCurve
     from branches.forced.branch import ForcedBranch
     from branches.orbit import Orbit
 
@@ -167,6 +170,29 @@ class Catalogue(CatalogueStore):
 
         return widen(self, branch)
 
+    def keep_curve(self, curve: BifurcationCurve) -> tuple[Kept, str]:
+        """Add a curve in the plane of two parameters, or replace shorter parts of it.
+
+        Returns
+        -------
+        Kept, str
+            ``NEW``, ``WIDER``, or ``KNOWN`` if all of the curve is there already; and its id.
+
+        Raises
+        ------
+        CatalogueError
+            For a curve of another system.
+        CannotWiden
+            If a part that overlaps it could not be joined.
+        """
+        from branches.catalogue.curves import keep_curve
+
+        return keep_curve(self, curve)
+
+    def curve_edges(self, id: str | None = None) -> list[CurveEdge]:
+        """The curves as edges between the families on their sides, or those at one family."""
+        return curve_edges(self, id)
+
 
 FLATTENED = "{} holds neither lists nor null: labels are joined by spaces, attributes without a value are left out"
 """The remark for a format that cannot hold every attribute."""
@@ -193,6 +219,10 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
 
     A family in a parameter has no labels, and ``parameter`` and ``period`` in place of ``h`` and ``alpha``. A forced response has
     ``closure`` in place of ``ends``.
+
+    A curve in the plane of two parameters is an edge of the kind "curve" between the families on its sides. It has more attributes:
+    ``curve``, its id; ``names``, its two parameters; ``first`` and ``second``, their ranges; ``points``; and ``events``, id and both
+    parameters of each. The key has the curve's id behind it.
     """
     import networkx
 
@@ -218,9 +248,22 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
         for id in (edge.source, edge.target):
             if id not in graph:
                 graph.add_node(id, kind="missing")
-        attributes = {{"h": first, "alpha": second}.get(name, name): getattr(edge, name) for name in _OF_EDGE}
-        graph.add_edge(edge.source, edge.target, f"{edge.source_event}>{edge.target_event}:{edge.kind}", **attributes)
+        graph.add_edge(edge.source, edge.target, _key(edge), **_attributes_of(edge, first, second))
+    for curve, edge in curve_edges(catalogue):
+        events = [list(place) for place in curve.places]
+        of_curve = {"curve": curve.id, "names": list(curve.names), "points": curve.points, "events": events}
+        of_curve |= dict(zip(("first", "second"), map(list, curve.ranges), strict=True))
+        graph.add_edge(edge.source, edge.target, f"{_key(edge)} {curve.id}", **_attributes_of(edge, first, second), **of_curve)
     return graph
+
+
+def _key(edge: Edge) -> str:
+    return f"{edge.source_event}>{edge.target_event}:{edge.kind}"
+
+
+def _attributes_of(edge: Edge, first: str, second: str) -> dict[str, Any]:
+    """The attributes of an edge, with the keys of the catalogue's axes."""
+    return {{"h": first, "alpha": second}.get(name, name): getattr(edge, name) for name in _OF_EDGE}
 
 
 def graph_text(graph: networkx.MultiDiGraph, format: str) -> str:
@@ -241,8 +284,12 @@ def _node_link(graph: networkx.MultiDiGraph) -> str:
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:
     """Attributes that are numbers or text only."""
-    flat = {name: " ".join(map(str, value)) if isinstance(value, list) else value for name, value in data.items()}
+    flat = {name: " ".join(map(_listed, value)) if isinstance(value, list) else value for name, value in data.items()}
     return {name: value for name, value in flat.items() if value is not None}
+
+
+def _listed(value: Any) -> str:
+    return ":".join(map(str, value)) if isinstance(value, list) else str(value)
 
 
 def _graphml(graph: networkx.MultiDiGraph) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.between_events import missed_events
-from branches.catalogue import responses
+from branches.catalogue import curves, responses
 from branches.catalogue.database import CatalogueDamaged
 from branches.catalogue.members import distances_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, Node
@@ -60,11 +60,11 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
     Returns
     -------
     counts : dict
-        How many families, points, events and edges were verified, and how many missed events are ``hidden`` by rounding.
+        How many families, points, events, edges and curves were verified, and how many missed events are ``hidden`` by rounding.
     failures : list of Failure
         Empty if everything holds.
     """
-    counts = {"families": 0, "points": 0, "events": 0, "edges": 0, "hidden": 0}
+    counts = {"families": 0, "points": 0, "events": 0, "edges": 0, "curves": 0, "hidden": 0}
     failures: list[Failure] = []
     _file(catalogue, failures)
     intact: dict[str, _Family] = {}
@@ -105,7 +105,21 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
         counts["edges"] += 1
         where = f"{edge.source} {edge.source_event or edge.type} > {edge.target}"
         failures += (Failure(where, text) for text in _edge(catalogue, edge, intact, nodes))
+    counts["curves"] = _curves(catalogue, failures)
     return counts, failures
+
+
+def _curves(catalogue: CatalogueStore, failures: list[Failure]) -> int:
+    """Verify the curves in the plane of two parameters; the number of them."""
+    rows = _intact(catalogue, "curves", failures) if catalogue._has_curves else []
+    with _recording(failures, "curves"):
+        found, expected = len(catalogue._select("SELECT id FROM curves")) if catalogue._has_curves else 0, catalogue.recorded_curves()
+        if found != expected:
+            failures.append(Failure("curves", f"the catalogue has {found} curves, expected {expected}"))
+    for row in map(curves.CurveRow._make, rows):
+        with _recording(failures, row.id):
+            failures += (Failure(row.id, text) for text in curves.curve_failures(curves.curve_of_row(catalogue, row), row))
+    return len(rows)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from branches.files import WriteFailure, is_special, reason
 from bvp.texts import shown
 
 __all__ = [
-    "KEYED", "SCHEMA", "CatalogueDamaged", "CatalogueError", "CatalogueInUse", "WriterLock", "checksum", "close_settled",
+    "KEYED", "SCHEMA", "CatalogueDamaged", "CatalogueError", "CatalogueInUse", "WriterLock", "add_table", "checksum", "close_settled",
     "create_tables", "log_commits", "not_taken", "open_to_read", "open_to_write", "readable", "refuse_special", "schema_of", "translated",
 ]  # fmt: skip
 
@@ -233,10 +233,15 @@ _TABLES = {
         crc INTEGER NOT NULL, PRIMARY KEY (family, position)) WITHOUT ROWID""",
     "nodes": """id TEXT PRIMARY KEY, kind TEXT NOT NULL, label TEXT NOT NULL, h_low, h_high, alpha, note TEXT NOT NULL,
         crc INTEGER NOT NULL) WITHOUT ROWID""",
+    "curves": """id TEXT PRIMARY KEY, code TEXT NOT NULL, first TEXT NOT NULL, second TEXT NOT NULL, first_low, first_high, second_low,
+        second_high, points INTEGER NOT NULL, events INTEGER NOT NULL, details TEXT NOT NULL, npz BLOB NOT NULL, crc INTEGER NOT NULL)""",
     "edges": """source TEXT NOT NULL, source_event TEXT NOT NULL, type TEXT NOT NULL, kind TEXT NOT NULL, target TEXT NOT NULL,
         target_event TEXT NOT NULL, h, alpha, stop TEXT, note TEXT, source_orbit TEXT, target_orbit TEXT, crc INTEGER NOT NULL,
         PRIMARY KEY (source, source_event, kind, target, target_event)) WITHOUT ROWID""",
 }
+
+_LATER = ("curves",)
+"""Tables that an older file of this schema can lack. They are made when they are needed."""
 
 
 def checksum(values: Sequence[Any]) -> int:
@@ -258,6 +263,11 @@ def create_tables(connection: sqlite3.Connection) -> None:
     connection.execute(f"PRAGMA user_version = {SCHEMA}")
 
 
+def add_table(connection: sqlite3.Connection, name: str) -> None:
+    """Make a table that an older file lacks, in the open transaction."""
+    connection.execute(f"CREATE TABLE IF NOT EXISTS {name} ({_TABLES[name]}")
+
+
 def schema_of(connection: sqlite3.Connection, path: Path) -> int | None:
     """The schema of a catalogue; None for an empty file.
 
@@ -276,7 +286,7 @@ def schema_of(connection: sqlite3.Connection, path: Path) -> int | None:
         raise CatalogueError(f"{path} is a catalogue of schema {schema}; this saltus reads up to {SCHEMA}: install a later saltus")
     if schema < SCHEMA - 1:
         raise CatalogueError(f"{path} is a catalogue of schema {schema}; this saltus reads {SCHEMA - 1} and {SCHEMA}: build it again")
-    missing = set(_TABLES) - tables if schema == SCHEMA else set()
+    missing = set(_TABLES) - {*_LATER} - tables if schema == SCHEMA else set()
     if missing:
         raise CatalogueDamaged(f"{path} is damaged: it has no table {min(missing)}")
     return schema

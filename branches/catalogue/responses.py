@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from branches.catalogue.store import CatalogueStore
 
 __all__ = [
-    "contains", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
+    "are_on", "contains", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
     "problem_at", "problem_from", "problem_record", "response_failures", "system_of", "unpack_response",
 ]  # fmt: skip
 
@@ -163,22 +163,27 @@ def contains(branch: ForcedBranch, other: ForcedBranch, places: int = 9) -> bool
     """Whether a branch has the orbits of another one of its family, at both ends and between them.
 
     Orbits are compared by numbers that no image of them changes (`branches.forced.identity.invariants`)."""
-    curve = np.array([invariants(branch.problem, y) for y in branch.unknowns])
+    last = len(other) - 1
+    chosen = sorted({round(k * last / (places - 1)) for k in range(places)})
+    along = np.array([invariants(branch.problem, y) for y in branch.unknowns])
+    return bool(are_on(along, np.array([invariants(other.problem, other.unknowns[i]) for i in chosen])).all())
+
+
+def are_on(curve: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Whether each of some places (M, k) is on the line through the points of a curve (N, k), (M,)."""
     unit = np.maximum(np.ptp(curve, axis=0), 1e-9 * np.abs(curve).max(axis=0))
-    curve = curve / np.where(unit > 0.0, unit, 1.0)
+    unit = np.where(unit > 0.0, unit, 1.0)
+    curve = curve / unit
     chords = np.diff(curve, axis=0)
     lengths = np.maximum(np.linalg.norm(chords, axis=1), 1e-150)
-    last = len(other) - 1
-    for i in sorted({round(k * last / (places - 1)) for k in range(places)}):
-        away = invariants(other.problem, other.unknowns[i]) / np.where(unit > 0.0, unit, 1.0) - curve
-        if np.linalg.norm(away, axis=1).min() <= _FLOOR:
-            continue
-        if not len(chords):
-            return False
-        parts = np.clip(np.sum(away[:-1] * chords, axis=1) / lengths**2, 0.0, 1.0)
-        if not (np.linalg.norm(away[:-1] - parts[:, None] * chords, axis=1) <= NEAR * lengths + _FLOOR).any():
-            return False
-    return True
+    found = []
+    for place in places / unit:
+        away = place - curve
+        found.append(bool(np.linalg.norm(away, axis=1).min() <= _FLOOR))
+        if not found[-1] and len(chords):
+            parts = np.clip(np.sum(away[:-1] * chords, axis=1) / lengths**2, 0.0, 1.0)
+            found[-1] = bool((np.linalg.norm(away[:-1] - parts[:, None] * chords, axis=1) <= NEAR * lengths + _FLOOR).any())
+    return np.array(found)
 
 
 def orbit_of(problem: ForcedProblem, y: np.ndarray) -> EventOrbit:

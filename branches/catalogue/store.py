@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from branches.catalogue import schema2
-from branches.catalogue.database import CatalogueDamaged, CatalogueError, not_taken
+from branches.catalogue.database import CatalogueDamaged, CatalogueError, add_table, not_taken
 from branches.catalogue.file import CatalogueFile
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
 from bvp.texts import shown
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from branches.branch import Branch
+    from branches.catalogue.curves import CurveRow
     from branches.catalogue.packing import PackedFamily
+    from branches.curves.record import BifurcationCurve
     from branches.events import BranchEvent
     from branches.forced.branch import ForcedBranch
 
@@ -201,6 +203,56 @@ class CatalogueStore(CatalogueFile):
         """The number of edges by the record that `connect` and `remove` keep."""
         return int(self._values("counts").get("edges", 0))
 
+    # -- curves in the plane of two parameters --------------------------------------------------------------------------------
+
+    def curve_rows(self) -> list[CurveRow]:
+        """The rows of all curves in order of their ids; none in a file without this table."""
+        from branches.catalogue.curves import CurveRow
+
+        return [CurveRow(*row) for row in self._rows("curves", "ORDER BY id")] if self._has_curves else []
+
+    def curve(self, id: str) -> BifurcationCurve:
+        """The curve with an id, bit for bit.
+
+        Raises
+        ------
+        CatalogueError
+            For an unknown id.
+        """
+        from branches.catalogue.curves import curve_of_row
+
+        rows = self.curve_rows()
+        for row in rows:
+            if row.id == id:
+                return curve_of_row(self, row)
+        raise CatalogueError(f"{self.path} has no curve {shown(id)}; it has {', '.join(row.id for row in rows) or 'none'}")
+
+    def insert_curve(self, row: CurveRow) -> None:
+        """Add the row of a curve. A curve with the same id stays as it is."""
+        with self.transaction():
+            add_table(self._connection, "curves")
+            self._insert("curves", row, _IGNORE)
+            self._count_curves()
+
+    def remove_curve(self, id: str) -> None:
+        """Remove a curve. The families on its sides stay."""
+        with self.transaction():
+            if self._has_curves:
+                self._connection.execute("DELETE FROM curves WHERE id = ?", (id,))
+                self._count_curves()
+
+    def _count_curves(self) -> None:
+        count = self._select("SELECT count(*) FROM curves")[0][0]
+        self._insert("counts", ("curves", json.dumps(count)), "INSERT OR REPLACE")
+
+    def recorded_curves(self) -> int:
+        """The number of curves by the record that is kept of it."""
+        return int(self._values("counts").get("curves", 0))
+
+    @property
+    def _has_curves(self) -> bool:
+        return not self._old and bool(self._select("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'curves'"))
+
     # -- the work of a build --------------------------------------------------------------------------------------------------
 
     def add_work(self, items: Iterable[tuple[str, Any]]) -> int:
@@ -249,6 +301,8 @@ class CatalogueStore(CatalogueFile):
             other.add_node(node)
         for edge in self.edges():
             other.connect(edge)
+        for curve in self.curve_rows():
+            other.insert_curve(curve)
         for table in ("work", "progress"):
             for values in self._rows(table):
                 other._insert(table, values)

@@ -1,4 +1,4 @@
-"""`saltus check`: verify every checksum, point and edge of a catalogue. It repairs nothing."""
+"""`saltus check`: verify every checksum, point, edge and curve of a catalogue. It repairs nothing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ def run(arguments: argparse.Namespace) -> int:
         with ProgressBar(len(catalogue), "families") as bar:
             counts, failures = check_catalogue(catalogue, bar.update)
     lines = options.parameter_lines(options.scene_of(arguments)) if arguments.scene is not None else []
-    looked = ", ".join(counted(counts[name], thing) for name, thing in THINGS.items())
+    things = THINGS | ({"curves": "curve"} if counts["curves"] else {})
+    looked = ", ".join(counted(counts[name], thing) for name, thing in things.items())
     lines += [f"FAILS  {failure.where}: {failure.text}" for failure in failures]
     lines.append(f"{looked} looked at: " + (f"{counted(len(failures), 'failure')}" if failures else "all hold"))
     if counts["hidden"]:

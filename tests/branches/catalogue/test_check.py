@@ -42,7 +42,7 @@ def test_a_good_catalogue_passes(tmp_path):
     assert failures == []
     assert counts == {
         "families": 4, "points": sum(map(len, real())), "events": sum(len(branch.events) for branch in real()), "edges": 1,
-        "hidden": 0,
+        "curves": 0, "hidden": 0,
     }  # fmt: skip
 
 
