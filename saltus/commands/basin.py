@@ -13,7 +13,7 @@ import numpy as np
 
 from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
-from saltus.options import ValueType, finite, whole_above_zero
+from saltus.options import ValueType, finite
 from saltus.terminal import ProgressBar, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -50,6 +50,7 @@ _grid = ValueType(
     lambda found: len(found) == 2 and all(2 <= count <= 10**5 for count in found),
     "NXxNY, two integers above 1, such as 200x200",
 )
+_periods = ValueType(int, lambda value: 1 <= value <= 10**9, "an integer above 0, up to 1e9")
 _fixed = ValueType(
     lambda text: (text.partition("=")[0], float(text.partition("=")[2])),
     lambda pair: pair[0] != "" and math.isfinite(pair[1]),
@@ -68,9 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--phase", metavar="X", type=finite, default=0.0, help="phase w t of the starts, in radians (default: 0)")
     parser.add_argument("--grid", metavar="NXxNY", type=_grid, default=(GRID, GRID), help=f"number of starts (default: {GRID}x{GRID})")
-    parser.add_argument(
-        "--periods", metavar="N", type=whole_above_zero, help="most periods of the load that a start is followed (default: 4000)"
-    )
+    parser.add_argument("--periods", metavar="N", type=_periods, help="most periods of the load that a start is followed (default: 4000)")
     parser.add_argument(
         "--from", dest="sources", metavar="RESPONSE", action="append",
         help="name attractors by the branches of this file of saltus continue --in, and take its unstable orbits as saddles; repeatable",
@@ -247,6 +246,8 @@ def _lines(basin: Basin, arguments: argparse.Namespace, width: int | None, inter
         lines.append("saddles  none was found from the boundaries between the basins; --from RESPONSE takes those of followed families")
     else:
         lines.append("saddles  none was looked for: one attractor has no boundary; --from RESPONSE takes those of followed families")
+    if basin.saddles_from == "part of the boundary":
+        lines.append("note     saddles were sought from a part of the boundary only: its motions take long")
     impossible = len(basin) - basin.possible
     if impossible:
         lines.append(f"beyond   {impossible} of {len(basin)} starts are beyond a stop")

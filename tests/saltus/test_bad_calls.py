@@ -47,6 +47,11 @@ def on_spring(force, **known):
     return saltus.ImpactSystem([[1.0]], [[0.0]], [[1.0]], (), springs=(saltus.Spring((1.0,), force=force, **known),))
 
 
+def basin(x=("x", -1.0, 1.0), y=("x'", -1.0, 1.0), **options):
+    """Basins of an oscillator with a stop at 1."""
+    return saltus.basin(saltus.load_scene("damped_impact_oscillator").parametric, x, y, **{"grid": (2, 2), **options})
+
+
 def opaque(w):
     """w^3, of which no formula is known."""
     w = np.asarray(w)
@@ -86,6 +91,13 @@ CALLS = [
     (lambda branch: saltus.discover(system(), HUGE), f"the energy is {BEYOND}, expected a finite number above 0"),
     (lambda branch: saltus.discover(system(), 1.0, quarter_period=HUGE), f"the longest quarter period is {BEYOND}"),
     (lambda branch: saltus.discover(system(), 1.0, impacts=10**23), "expected an integer from 0 to 10000, or no bound"),
+    (lambda branch: basin(("x", 0.0, 1.0), ("x", 0.0, 1.0)), "a basin needs two state coordinates to vary; received x twice"),
+    (lambda branch: basin(("x", 0.0, HUGE)), f"the range of x is two finite numbers, LO < HI; received 0.0 and {BEYOND}"),
+    (lambda branch: basin(("y", 0.0, 1.0)), "the state has no coordinate 'y'; expected some of x, x'"),
+    (lambda branch: basin(grid=(4, DIGITS)), f"the number of starts along x' is an integer from 2 to 10000000; received {LONG}"),
+    (lambda branch: basin(phase=7.0), "phase is a number from 0 to below 2 pi; received 7.0"),
+    (lambda branch: basin(most=0), "most is an integer from 1 to 1000000000; received 0"),
+    (lambda branch: basin(("x", 2.0, 3.0)), "every start of the grid over x and x' is beyond a stop; expected another range"),
     (lambda branch: saltus.section(system(), HUGE), f"the energy of a section is a finite number above 0; received {BEYOND}"),
     (lambda branch: saltus.Harmonic(HUGE, [1.0]), f"(a load of frequency 0 is Constant); received {BEYOND}"),
     (lambda branch: saltus.Constant([HUGE]), "load is a list of finite numbers; received [1000"),

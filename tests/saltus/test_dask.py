@@ -51,6 +51,16 @@ def test_a_cluster_runs_the_same_study(cluster, tmp_path, capsys):
     assert_same(tmp_path / "--dask", tmp_path / "--workers")
 
 
+def test_a_cluster_draws_the_same_basins(cluster, tmp_path, capsys):
+    """Oracle: the basins of this process, in the same blocks."""
+    words = "basin --scene damped_impact_oscillator --set w=2.2 --set A=1 --set c=0.02 --grid 24x24".split()
+    for place in ("--workers", 1), ("--dask", cluster.scheduler_address):
+        code, _, err = run(capsys, *words, *place, "--csv", tmp_path / f"{place[0]}.csv")
+        assert code == 0 and not err
+    one, other = ((tmp_path / f"{place}.csv").read_bytes() for place in ("--workers", "--dask"))
+    assert one == other and len(one.splitlines()) == 577
+
+
 def refused_address(address, tmp_path, capsys):
     """The line with which an address is refused, before anything is written."""
     err = refused(run(capsys, *SMALL.split(), "--dask", address, "--catalogue", tmp_path / "a.sqlite"))

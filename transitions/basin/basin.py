@@ -18,6 +18,7 @@ import numpy as np
 
 from bvp.description import BASE
 from bvp.motion import STATUS
+from bvp.texts import shown
 from transitions.basin.attractors import KnownAttractors
 from transitions.basin.cloud import Cloud, on_clouds
 from transitions.basin.following import CAUGHT, ENDED, LEFT, Followed, StartFollower
@@ -37,6 +38,9 @@ __all__ = ["PERIODS", "BasinPlan", "basin", "find_basin", "path_of"]
 
 PERIODS = 4000
 """Most periods of the loads that a start is followed, unless something else is asked for."""
+
+MOST = 10**9
+"""Largest number of periods."""
 
 BLOCK = 256
 """Starts of a task of a process."""
@@ -79,6 +83,10 @@ class BasinPlan:
     grid: StartGrid
     most: int = PERIODS
     branches: Sequence[ForcedBranch] = ()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.most, bool) or not isinstance(self.most, (int, np.integer)) or not 1 <= self.most <= MOST:
+            raise ValueError(f"most is an integer from 1 to {MOST}; received {shown(self.most)}")
 
 
 @dataclass(eq=False)
@@ -224,8 +232,13 @@ def find_basin(
     found = _basin(search)
     if saddles and not interrupted:
         try:
-            between = saddles_of(plan, found) if plan.branches else saddles_between(plan, found, search.known.rows(), follower)
-            found = replace(found, saddles=tuple(between), saddles_from="file" if plan.branches else "boundary")
+            source, between, complete = "file", [], True
+            if plan.branches:
+                between = saddles_of(plan, found)
+            else:
+                between, complete = saddles_between(plan, found, search.known.rows(), follower)
+                source = "boundary" if complete else "part of the boundary"
+            found = replace(found, saddles=tuple(between), saddles_from=source)
         except KeyboardInterrupt:
             interrupted = True
     return found, interrupted

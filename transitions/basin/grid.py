@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.checks import is_finite
 from bvp.texts import shown
 from transitions.sweep.forced import Carried, ForcedMotion, carried_into
 
@@ -46,10 +47,10 @@ class BasinAxis:
     count: int
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise ValueError(f"the range of {self.name} is two finite numbers, LO < HI; received {self.low:g} to {self.high:g}")
-        if self.count < 2:
-            raise ValueError(f"the grid has at least 2 starts along {self.name}; received {shown(self.count)}")
+        if not (is_finite(self.low) and is_finite(self.high) and self.low < self.high):
+            raise ValueError(f"the range of {self.name} is two finite numbers, LO < HI; received {shown(self.low)} and {shown(self.high)}")
+        if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or not 2 <= self.count <= MOST:
+            raise ValueError(f"the number of starts along {self.name} is an integer from 2 to {MOST}; received {shown(self.count)}")
 
     @property
     def values(self) -> np.ndarray:
@@ -101,7 +102,10 @@ class StartGrid:
             raise ValueError(f"a basin needs two state coordinates to vary; received {self.x.name} twice")
         for name in {self.x.name, self.y.name} & set(self.fixed):
             raise ValueError(f"{name} varies over the grid; expected no fixed value")
-        if not 0.0 <= self.phase < 2.0 * math.pi:
+        for name, value in self.fixed.items():
+            if not is_finite(value):
+                raise ValueError(f"the value of {name} is a finite number; received {shown(value)}")
+        if not (is_finite(self.phase) and 0.0 <= self.phase < 2.0 * math.pi):
             raise ValueError(f"phase is a number from 0 to below 2 pi; received {shown(self.phase)}")
         if len(self) > MOST:
             raise ValueError(f"the grid has {len(self)} starts; expected {MOST} at most")

@@ -79,21 +79,25 @@ def _tried(follower: StartFollower, centre: Carried, sticking: int, p: int, metr
     width = len(centre.state)
     random = np.random.default_rng(0).standard_normal((DIRECTIONS, width))
     random /= np.linalg.norm(random, axis=1)[:, None]
-    steps = np.linalg.solve(metric, np.concatenate([random, np.eye(width), -np.eye(width)]).T).T
-    bits = np.array([sticking], dtype=np.int64)
-    own = follower.follow(centre.state[None], p, sticking=bits)
-    size = float(np.linalg.norm(metric @ centre.state)) or float(np.linalg.norm(metric, 2))
-    for _ in range(HALVINGS):
-        tried = np.concatenate([centre.state + shell * size * steps for shell in SHELLS])
+    steps = np.linalg.solve(metric, np.concatenate([np.eye(width), -np.eye(width), random]).T).T
+    own = follower.follow(centre.state[None], p, sticking=np.array([sticking], dtype=np.int64))
+    wanted = None if rests else int(own.impacts[0])
+
+    def contracts(tried: np.ndarray) -> bool:
         if sticking:
             tried = np.array([follower.carried_state(state, sticking).state for state in tried])
         tried = tried[inside(follower.system, tried)]
         before = np.linalg.norm((tried - centre.state) @ metric.T, axis=1)
         found = follower.follow(tried, p, sticking=np.full(len(tried), sticking, dtype=np.int64))
         after = np.linalg.norm((found.states - centre.state) @ metric.T, axis=1)
-        closer = np.all(after <= factor * before + SLACK * size)
-        same = np.all(found.outcome == OPEN) and np.all(found.sticking == sticking)
-        if len(tried) and closer and same and (rests or np.all(found.impacts == own.impacts)):
-            return 0.5 * size
+        same = np.all(found.outcome == OPEN) and np.all(found.sticking == sticking) and (wanted is None or np.all(found.impacts == wanted))
+        return bool(len(tried) and same and np.all(after <= factor * before + SLACK * size))
+
+    size = float(np.linalg.norm(metric @ centre.state)) or float(np.linalg.norm(metric, 2))
+    for _ in range(HALVINGS):
+        # Most ellipsoids that are too large fail on the axes of the largest shell.
+        if contracts(centre.state + size * steps[: 2 * width]):
+            if contracts(np.concatenate([centre.state + shell * size * steps for shell in SHELLS])):
+                return 0.5 * size
         size *= 0.5
     return None

@@ -142,7 +142,7 @@ class Basin:
     frequency : float
         Base frequency of the loads.
     saddles_from : str
-        Where saddles were looked for: "file", or "boundary".
+        Where saddles were looked for: "file", "boundary", or "part of the boundary" if that took too long.
     """
 
     grid: StartGrid

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,8 +53,11 @@ LONGEST = 12
 NEAR = 0.1
 """Distance of a return, beside the size of the motion, up to which Newton's method begins there."""
 
-PATIENCE = 1500
-"""Periods after which a motion on the boundary counts as on the other side."""
+PATIENCE = 600
+"""Periods after which a motion that is not caught counts as on the other side."""
+
+BUDGET = 100_000
+"""Periods that are followed in all."""
 
 
 def saddles_of(plan: BasinPlan, basin: Basin) -> list[Saddle]:
@@ -68,20 +72,22 @@ def saddles_of(plan: BasinPlan, basin: Basin) -> list[Saddle]:
     return found
 
 
-def saddles_between(plan: BasinPlan, basin: Basin, known: tuple[Known, np.ndarray], follower: StartFollower) -> list[Saddle]:
-    """The saddles that are found from the boundaries between the basins."""
+def saddles_between(plan: BasinPlan, basin: Basin, known: tuple[Known, np.ndarray], follower: StartFollower) -> tuple[list[Saddle], bool]:
+    """The saddles that are found from the boundaries between the basins, and whether all places were tried that are chosen there."""
     found: list[Saddle] = []
-    rows, owners = known
+    sides = _Sides(follower, *known)
     for one, other in _edges(basin):
+        if sides.periods > BUDGET:
+            return found, False
         pair = np.stack([basin.grid.states[one], basin.grid.states[other]])
         begun = follower.follow(pair, 0, phase=basin.grid.phase)
-        saddle = _tracked(plan, basin, begun.states if basin.grid.phase else pair, begun.sticking, rows, owners, follower)
+        saddle = _tracked(plan, basin, begun.states if basin.grid.phase else pair, begun.sticking, sides)
         if saddle is not None:
             _add(found, saddle)
             image = mirrored_orbit(saddle.problem, saddle.unknowns)
             if image is not None:
                 _add(found, saddle_of(*image, basin.grid.phase))
-    return found
+    return found, True
 
 
 def _add(found: list[Saddle], saddle: Saddle) -> None:
@@ -100,28 +106,40 @@ def _edges(basin: Basin) -> Iterator[tuple[int, int]]:
         for i, j, p, q in zip(*(part[(a != b) & (a >= 0) & (b >= 0)].tolist() for part in (a, b, left, right)), strict=True):
             pairs.setdefault((min(i, j), max(i, j)), []).append((p, q))
     count = 0
-    for edges in pairs.values():
+    # Beside chaos each bisection takes long: other boundaries come first.
+    for edges in (pairs[key] for key in sorted(pairs, key=lambda key: sum(not basin.attractors[k].period for k in key))):
         for k in np.unique(np.linspace(0, len(edges) - 1, 2 * EDGES + 1)[1::2].astype(int)).tolist():
             if count < MOST_EDGES:
                 count += 1
                 yield edges[k]
 
 
-def _tracked(
-    plan: BasinPlan, basin: Basin, pair: np.ndarray, sticking: np.ndarray, known: Known, owners: np.ndarray, follower: StartFollower
-) -> Saddle | None:
+@dataclass(eq=False)
+class _Sides:
+    """To which attractor a state at phase 0 leads, by the neighbourhoods that are known; periods: that were followed for it."""
+
+    follower: StartFollower
+    known: Known
+    owners: np.ndarray
+    periods: int = 0
+
+    def __call__(self, state: np.ndarray) -> int:
+        caught = self.follower.follow(state[None], PATIENCE, self.known)
+        self.periods += int(caught.periods[0])
+        return int(self.owners[caught.row[0]]) if caught.outcome[0] == CAUGHT else -1
+
+
+def _tracked(plan: BasinPlan, basin: Basin, pair: np.ndarray, sticking: np.ndarray, side: _Sides) -> Saddle | None:
     """The saddle to which a pair (2, 2n) of states at phase 0 on both sides of a boundary leads; None where none is found."""
-
-    def side(states: np.ndarray) -> int:
-        caught = follower.follow(states[None], PATIENCE, known)
-        return int(owners[caught.row[0]]) if caught.outcome[0] == CAUGHT else -1
-
+    follower = side.follower
     if np.any(sticking):
         return None
     own = side(pair[0])
     if own == side(pair[1]):
         return None
     for _ in range(ROUNDS):
+        if side.periods > BUDGET:
+            return None
         for _ in range(BISECTIONS):
             middle = 0.5 * (pair[0] + pair[1])
             pair[0 if side(middle) == own else 1] = middle
