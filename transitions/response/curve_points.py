@@ -1,0 +1,81 @@
+"""Families that start at a point of a curve of bifurcations or grazings, in any parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from branches.admissible import unphysical
+from branches.curves.grazing import observed
+from branches.curves.record import BifurcationCurve
+from branches.forced.family import ForcedFamily
+from branches.forced.onwards import ResponseStart
+from branches.forced.primitive import primitive_orbit
+from branches.forced.resequencing import with_touch, without_impact
+from bvp.closures import EndsError
+from bvp.forced import ForcedProblem
+from bvp.released import ReleasedProblem
+from transitions.response.path import ParameterPath
+
+__all__ = ["starts_on_curve"]
+
+_GRAZES = 1e-7
+"""Clearance and impact speed, in units of arclength, that are zero at a point of a curve."""
+
+_BESIDE = (1e-3, 1e-4, 1e-5)
+"""Arclengths from a grazing orbit to the start of a family: the first one that leads to an orbit."""
+
+
+def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, direction: str = "both") -> list[ResponseStart]:
+    """The starts of the families in the parameter of a path through the orbit at a point of a curve.
+
+    At a grazing there are several: with the impact and without it, each on the side where its orbits exist. The family of a start ends at
+    the grazing.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+        Of forced orbits.
+    index : int
+        Of the point.
+    path : ParameterPath
+        The parameters that vary, in the system of the curve.
+    direction : {"both", "up", "down"}
+
+    Raises
+    ------
+    ValueError
+        For free orbits, if the path's equations do not hold at the point, and where no orbit is next to it.
+    """
+    if isinstance(curve.plane.problem, ReleasedProblem):
+        raise ValueError("the curve is one of free orbits; expected one of responses to periodic loads")
+    problem, y = path.through(*primitive_orbit(curve.plane.problem, curve.unknowns[index, : curve.plane.size]))
+    seen = observed(problem, y)
+    speed, clearance = seen["speed"] / problem.segment.scale[problem.degrees_of_freedom], seen["clearance"] / problem.segment.scale[0]
+    if not min(abs(speed) if problem.sequence else np.inf, abs(clearance)) < _GRAZES:
+        return [ResponseStart(problem, y, direction)]
+    found = [*_beside(problem, y)]
+    for change in (without_impact,) if abs(speed) < _GRAZES and problem.sequence else (with_touch,):
+        try:
+            made = change(problem, seen)
+        except EndsError:
+            continue
+        if made is not None:
+            found += _beside(*primitive_orbit(*made))
+    if not found:
+        raise ValueError("no orbit of a family is next to this grazing")
+    return [ResponseStart(*one, direction) for one in found]
+
+
+def _beside(problem: ForcedProblem, y: np.ndarray) -> Iterator[tuple[ForcedProblem, np.ndarray]]:
+    """The orbits next to a grazing one in its family, on each side where there are some."""
+    family = ForcedFamily(problem)
+    begin = family.begin(y)
+    for sign in (1.0, -1.0) if begin.converged else ():
+        turned = family.step(begin.y, sign * begin.tangent, 0.0)
+        for length in _BESIDE if turned.converged else ():
+            step = family.step(turned.y, turned.tangent, length)
+            if step.converged and unphysical(problem, step.extra) is None and step.extra["speed"] > 0.0 and step.extra["clearance"] > 0.0:
+                yield problem, step.y
+                break
