@@ -50,16 +50,24 @@ def curve_figure(curves: Sequence[BifurcationCurve], *, title: str = "", window:
     return figure
 
 
-def draw_curves(figure: Figure, axes: Axes, curves: Sequence[BifurcationCurve], *, window: Any = None, more: Sequence[Any] = ()) -> None:
-    """Draw curves into a panel, with its axes and a legend. more: further handles of the legend."""
+def draw_curves(
+    figure: Figure,
+    axes: Axes,
+    curves: Sequence[BifurcationCurve],
+    *,
+    window: Any = None,
+    more: Sequence[Any] = (),
+    logs: tuple[bool, bool] = (False, False),
+) -> None:
+    """Draw curves into a panel, with its axes and a legend. more: further handles of the legend. logs: which axes are logarithmic."""
     from matplotlib.lines import Line2D
 
     first = curves[0].names
     places = [curve.parameters[:, [curve.names.index(name) for name in first]] for curve in curves]
     together = np.concatenate(places)
     for k, (name, letter) in enumerate(zip(first, "xy", strict=True)):
-        limits = style.limits_of(np.array(window[k]) if window is not None else together[:, k], 0.03)
-        style.set_axis(axes, letter, limits, 8, "", style.symbol_of(name))
+        limits = style.limits_of(np.array(window[k]) if window is not None else together[:, k], 0.03, log=logs[k])
+        style.set_axis(axes, letter, limits, 8, "", style.symbol_of(name), log=logs[k])
     shown: dict[tuple[str, bool], None] = {}
     for number, (curve, place) in enumerate(zip(curves, places, strict=True), 1):
         for begin, end, solid in _pieces(curve):
