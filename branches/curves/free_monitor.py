@@ -15,6 +15,8 @@ from branches.curves.free import BOTH, SYMMETRIES, Breaking, Symmetry
 from branches.curves.free_grazing import Grazing, approach_speeds, beside_grazing
 from branches.curves.monitor import Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
+from branches.presentation import symmetries
+from bvp.closures import cycle_of
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
 from bvp.multipoint import Solution
@@ -139,7 +141,10 @@ class FreeMonitor:
             others.append(TestFunction(meets, "crossing", False, f"a second critical multiplier: {kind}, {words}"))
         self._folds = code == "SN"
         cusp = (TestFunction("CP", "crossing", False, "cusp: two folds meet", True),) if self._folds else ()
-        self.tests = (*window_tests(plane, window), *GRAZING.values(), *cusp, *others)
+        # Between two ends of one kind an orbit can get both kinds of reversals: then it is its own image, begun at the other end.
+        self._exchanged = not periodic and not doubled and problem.quarters == 2 and problem.inner > 0
+        image = (TestFunction(_SYMMETRIC[code], "crossing", True, _GOES_BACK),) if self._exchanged else ()
+        self.tests = (*window_tests(plane, window), *GRAZING.values(), *cusp, *others, *image)
 
     def values(
         self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
@@ -156,6 +161,9 @@ class FreeMonitor:
             coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / size
             found.append(coefficient)
         found += self._critical.values(at, scale)
+        if self._exchanged:
+            flights = problem.flight_times(at.y)
+            found.append(float(flights[0] - flights[-1]))
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, FreePoint(problem, solution, coefficient)
 
@@ -169,7 +177,22 @@ class FreeMonitor:
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
             data.update(describe_grazing(self.problem, at.extra.solution, verb))
             return EventDetails(f"{self.code}-GR", True, data)
+        if test.label == _GOES_BACK and not self._is_symmetric(at.y):
+            return None
         return EventDetails(test.code, test.terminal, data)
+
+    def _is_symmetric(self, y: np.ndarray) -> bool:
+        """Whether an orbit has both kinds of reversals."""
+        plain, at = self.problem.orbit_problem(y)
+        return len({e for _, e in symmetries(cycle_of(plain, at), _NEARLY).reversals}) == 2
+
+
+_GOES_BACK = "the orbits get the half-period symmetry: the curve goes back as its image"
+_SYMMETRIC = {"SN": "DP", "SB": "R2", "PD": "FF"}
+"""What such a point is on the curve of symmetric orbits."""
+
+_NEARLY = 1e-4
+"""Difference of states and times of a symmetric orbit that is located. The equations are singular there, and steps fail nearby."""
 
 
 class FreeGrazingMonitor:

@@ -158,6 +158,17 @@ def test_symmetry_breaking_in_sigma_and_the_double_one(branches):
     assert distance(double[0], value) < 1e-11 and distance(double[1], at.h) < 1e-11
 
 
+def test_curve_of_orbits_without_half_period_symmetry_ends_at_the_double_breaking(branches):
+    """The orbits become symmetric there, and the curve of their symmetry breaking would go back as its image."""
+    plane, curve, y = start(branches["U21-"], "SB", ("energy", "mu"), (FREE, (0.1, 0.3)))
+    run, _ = followed(plane, curve, y)
+    (double,) = places(plane, run, "R2")
+    (alpha,) = [plane.values(event.point.y)["quarter_period"] for event in run.events if event.code == "R2"]
+    value, at = double_breaking(alpha, double[0], 0.1)
+    # The equations are singular there, and the event is bracketed.
+    assert distance(double[0], value) < 1e-6 and distance(double[1], at.h) < 1e-6
+
+
 def test_the_other_symmetry_breaking(branches):
     """At mu = 0.2 both kinds exist. The stops are kept where the perturbation is antisymmetric about the start."""
     branch = branches["mu = 0.2"]
