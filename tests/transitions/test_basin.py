@@ -184,6 +184,14 @@ def test_chaos_is_one_attractor():
     assert found.kind is AttractorKind.CHAOS and found.exponent > 0.05 and np.all(basin.attractor == 0)
 
 
+def test_loads_of_two_frequencies_need_no_parameter():
+    """Oracle: the sum of the steady responses to both loads."""
+    basin, _ = find_basin(plan_of(oscillator(), [Harmonic(0.5, [1.0]), Harmonic(1.5, [0.5])], count=3))
+    (found,) = basin.attractors
+    total = sum(a / (1.0 - w**2 + 0.1j * w) for w, a in ((0.5, 1.0), (1.5, 0.5)))
+    assert found.family == "half-period-1:" and basin.frequency == 0.5 and abs(found.states[0, 0] - total.real) < 1e-9
+
+
 def test_motion_that_grows_without_bound_is_named():
     """Oracle: negative damping, and a stop that takes nothing."""
     basin, _ = find_basin(plan_of(oscillator(-0.1, reach=1e12, restitution=1.0), [Harmonic(0.6, [1.0])]))

@@ -26,6 +26,7 @@ from transitions.basin.grid import BasinAxis, StartGrid
 from transitions.basin.identity import mirrored, named_by, same_states
 from transitions.basin.record import IMPOSSIBLE, UNDECIDED, Attractor, Basin
 from transitions.response.path import ParameterPath
+from transitions.sweep.forced import harmonics_of
 
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch
@@ -103,9 +104,20 @@ class _Search:
     reasons: dict[int, str] = field(default_factory=dict)
 
 
-def path_of(parametric: ParametricSystem) -> ParameterPath:
-    """The system at the values of its parameters, as a path along the frequency of its loads: none of its orbits is followed."""
-    return ParameterPath(parametric, [BASE if BASE in parametric.names else parametric.names[0]])
+def path_of(parametric: ParametricSystem, values: Mapping[str, float] | None = None) -> ParameterPath:
+    """The system at the values of its parameters, as a path along the frequency of its loads: none of its orbits is followed.
+
+    A system without a parameter gets the base frequency of its loads as one."""
+    if not parametric.names:
+        base, multiples = harmonics_of(parametric.forces())
+        given = parametric.describe()
+        loads = [
+            {key: value for key, value in load.items() if key != "frequency"} | ({"harmonic": k} if k else {})
+            for load, k in zip(given["forces"], multiples, strict=True)
+        ]
+        parametric = type(parametric).from_description(given | {"parameters": {BASE: base}, "forces": loads})
+    name = BASE if BASE in parametric.names else parametric.names[0]
+    return ParameterPath(parametric, [name], (), dict(values or {}))
 
 
 def basin(
@@ -167,7 +179,7 @@ def basin(
     >>> [(one.family, one.period) for one in found.attractors], found.counts.tolist(), len(found.saddles)
     ([('period-2:+', 2), ('period-1:', 1)], [41, 23], 1)
     """
-    path = ParameterPath(system, path_of(system).names, (), dict(values or {}))
+    path = path_of(system, values)
     axes = [BasinAxis(*axis, count) for axis, count in zip((x, y), grid, strict=True)]
     starts = StartGrid(path.parametric.system(path.values).coordinates, axes[0], axes[1], dict(fixed or {}), phase)
     found, interrupted = find_basin(BasinPlan(path, starts, most, branches), executor)
