@@ -19,6 +19,7 @@ from branches.curves.plane import ParameterPlane, plane_of
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.family import SETTINGS
+from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.primitive import full_period, primitive_orbit, twice
 from branches.interrupted import with_computed
 from bvp.forced import ForcedProblem
@@ -26,7 +27,9 @@ from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_again", "curve_start", "curve_through", "extend_curve", "follow_curve", "step_at"]
+__all__ = [
+    "CURVES", "CurveStart", "NoCurve", "curve_again", "curve_at", "curve_start", "curve_through", "extend_curve", "follow_curve", "step_at",
+]  # fmt: skip
 
 CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
 """Events that can be continued in two parameters."""
@@ -119,6 +122,39 @@ def curve_start(
             raise NoCurve("the angle of its pair of multipliers is not known")
         unknowns = np.append(unknowns, math.cos(angle))
     return CurveStart(plane, code, grazing, unknowns, origin)
+
+
+def curve_at(
+    branch: ForcedBranch, event: ForcedEvent | str, names: Sequence[str], keep: Sequence[str] = (), origin: str = ""
+) -> CurveStart:
+    """The start of a curve at an event of a response.
+
+    Parameters
+    ----------
+    branch : ForcedBranch
+        Such as one of `saltus.trace_response`.
+    event : ForcedEvent or str
+        One of its events, or the id of one, such as "PD1".
+    names : sequence of str
+        The parameters that vary. The first two span the plane.
+    keep : sequence of str
+        Equations that determine the others, two less than there are names.
+    origin : str
+        Where the curve is started, in words.
+
+    Raises
+    ------
+    NoCurve
+        For an event that has no curve.
+    ValueError
+        For an event that the branch has not, and for parameters that the problem cannot have.
+    """
+    known = {own.id: own for own in branch.events}
+    id = event if isinstance(event, str) else event.id
+    if id not in known:
+        raise ValueError(f"the branch has no event {id}; known: {', '.join(known) or 'none'}")
+    at = known[id]
+    return curve_start(branch.problem, branch.unknowns[at.point], at.type, names, keep, angle=at.angle, origin=origin or at.id)
 
 
 def follow_curve(
@@ -253,7 +289,7 @@ def step_at(problem: Curve, curve: BifurcationCurve, index: int, sign: float = 1
     m, u = curve.unknowns.shape[1], curve.plane.size
     scale = np.concatenate([curve.plane.scales(begin.y[:u]), np.ones(m - u)])
     if sign * float((begin.tangent[:m] / scale) @ (curve.tangents[index] / scale)) < 0.0:
-        begin = problem.step(begin.y, np.concatenate([-begin.tangent[:m], begin.tangent[m:]]), 0.0)
+        begin = problem.step(begin.y, -begin.tangent, 0.0)
     return begin if begin.converged else None
 
 

@@ -5,21 +5,34 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bvp.interrupts import defer_interrupts
-from saltus import compiling, options, outputs
+from saltus import compiling, curves, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
 from saltus.options import whole_above_zero
 from saltus.response_starts import file_and_event
-from saltus.terminal import ProgressBar, table_lines, terminal_width
+from saltus.terminal import ProgressBar, terminal_width
 
 if TYPE_CHECKING:
+    from branches.catalogue.rows import SceneRecord
     from branches.curves.record import BifurcationCurve
     from branches.curves.tracing import CurveStart
+    from branches.forced.branch import ForcedBranch, ForcedEvent
     from continuation.problem import Event
 
 FAILURES = ("MINIMUM_STEP", "NO_START")
+
+Window = tuple[tuple[float, float], tuple[float, float]]
+
+
+class _Given(NamedTuple):
+    """What START names: where the curve starts; the curve that goes on; the event of a family, and the family."""
+
+    start: CurveStart
+    known: BifurcationCurve | None = None
+    begins: tuple[ForcedBranch, ForcedEvent] | None = None
 
 
 def _windows(text: str) -> tuple[tuple[float, float], ...]:
@@ -32,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "start", metavar="START", nargs="?",
         help="FILE:EVENT, an event of a JSON file of saltus continue, such as response.json:NS1; FILE[:EVENT] of saltus curve: the curve "
-        "again, in another range, or with --to another one there",
+        "goes on in a wider range, or with --to another one there; ID:EVENT or ID of a curve with --catalogue",
     )  # fmt: skip
     parser.add_argument(
         "--in", dest="parameters", metavar="P1,P2[,..]", type=options.names,
@@ -46,18 +59,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end at N points in total")
     parser.add_argument("--direction", metavar="WAY", choices=("up", "down", "both"), help="up: P1 rises at first; down; both (default)")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
+    parser.add_argument("--save", action="store_true", help="save the curve in a catalogue of responses, and the family that it starts at")
+    parser.add_argument("--catalogue", metavar="FILE", help="the catalogue to keep it in, and in which START is looked up if it is no file")
     options.add_scene(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
-    start, window, given = _start(arguments)
+    given = _given(arguments)
+    start, window = given.start, _window(arguments, given)
+    place, record = _place(arguments, given)
     compiling.prepare_for(start.plane.problem.system, "curve")
-    from branches.curves.files import curves_record, curves_table
-    from branches.curves.tracing import NoCurve, follow_curve
+    from branches.curves.extending import can_go_on, is_within
+    from branches.curves.tracing import NoCurve, extend_curve, follow_curve
 
+    known = given.known if given.known is not None and is_within(given.known, window) else None
     files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(start.plane.names)}"])
+    if known is not None and not any(can_go_on(known, last, window) for last in (False, True)):
+        files.report(["note   the curve ends at events, or where the range ends; nothing is left to follow"])
     curve: BifurcationCurve | None = None
     code = DONE
     with defer_interrupts() as interrupt:
@@ -68,9 +88,10 @@ def run(arguments: argparse.Namespace) -> int:
                     a, b = start.plane.linearised(event.point.y[: start.plane.size]).parameters
                     bar.line(f"  {event.code:<6} {a:.12g}  {b:.12g}  {event.details.get('note') or ''}".rstrip(), files.words)
 
-                curve = follow_curve(
-                    start, window, points=arguments.points, direction=arguments.direction or "both", on_event=found, on_point=bar.update
-                )
+                given_options: dict[str, Any] = {
+                    "points": arguments.points, "direction": arguments.direction or "both", "on_event": found, "on_point": bar.update
+                }  # fmt: skip
+                curve = follow_curve(start, window, **given_options) if known is None else extend_curve(known, window, **given_options)
         except NoCurve as error:
             raise BadInput(f"{arguments.start}: {one_line(error)}") from error
         except (KeyboardInterrupt, RuntimeError) as error:
@@ -80,46 +101,69 @@ def run(arguments: argparse.Namespace) -> int:
             interrupted = isinstance(error, KeyboardInterrupt)
             say("interrupted, with the points that were computed so far" if interrupted else one_line(error))
             code = INTERRUPTED if interrupted else FAILED
-        files.report(report_lines(curve, terminal_width(files.words)))
+        files.report(curves.report_lines(curve, terminal_width(files.words)))
         if any(end.reason in FAILURES for end in curve.ended):
             code = max(code, FAILED)
-        curves = [curve]
-        code = max(
-            code,
-            files.write(
-                {"json": lambda: outputs.json_text(curves_record(curves))},
-                table=lambda: curves_table(curves),
-                about=lambda: outputs.json_text({key: value for key, value in curves_record(curves).items() if key != "curves"}),
-                figure=("branches.curves.figure:curve_figure", curves, {"title": given}),
-            ),
-        )
+        code = max(code, curves.write(files, [curve], os.path.basename(arguments.start)))
+        if place is not None:
+            code = max(code, _save(curve, place, record, given, files, code))
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
 
 
-def report_lines(curve: BifurcationCurve, width: int | None) -> list[str]:
-    """The table of a curve's points of codimension two, and its ends."""
-    first, second = curve.names
-    low, high = curve.span
-    lines = [f"curve  {curve.code}: {len(curve)} points, {first} = {low[0]:.8g} to {high[0]:.8g}, {second} = {low[1]:.8g} to {high[1]:.8g}"]
-    rows = []
-    for event in curve.events:
-        a, b = curve.parameters[event.point]
-        rows.append((event.id, f"{a:.14g}", f"{b:.14g}", event.status, event.note or ""))
-    if rows:
-        lines += table_lines(("event", first, second, "status", "remark"), rows, width=width, columns="lrrlt")
-    lines += dict.fromkeys(f"end    {end.text}" for end in curve.ended)
-    return lines
+def _save(
+    curve: BifurcationCurve, place: Path, record: SceneRecord | None, given: _Given, files: outputs.Outputs, code: int
+) -> int:  # fmt: skip
+    """Keep the curve in a catalogue; return the exit code."""
+    from branches.catalogue.widening import CannotWiden
+
+    if code == INTERRUPTED:
+        say("a curve that was not followed to its ends is not kept in a catalogue")
+        return code
+    try:
+        files.report(curves.save(curve, place, record, given.begins))
+    except CannotWiden as refused:
+        say(one_line(refused))
+        return FAILED
+    return DONE
 
 
-def _start(arguments: argparse.Namespace) -> tuple[CurveStart, tuple[tuple[float, float], tuple[float, float]], str]:
-    """Where the curve starts, the ranges of its parameters, and a title. What cannot be followed is refused."""
+def _place(arguments: argparse.Namespace, given: _Given) -> tuple[Path | None, SceneRecord | None]:
+    """The catalogue to save in, if that is asked for, and its scene. A place where that is not possible is refused before the work."""
+    if not arguments.save:
+        return None, None
+    if given.begins is not None:
+        from branches.catalogue.responses import system_of
+        from branches.catalogue.rows import SceneRecord
+        from saltus.response_catalogues import place_of_responses
+
+        problem = given.begins[0].problem
+        record = SceneRecord(system_of(problem), parameters={"names": list(problem.released), "keep": list(problem.keep)})
+        return place_of_responses(arguments, record, file_and_event(arguments.start)[0]), record
+    if arguments.catalogue is None:
+        raise BadInput(f"--catalogue FILE is required: {arguments.start} does not name the families on the sides of the curve")
+    if not os.path.exists(arguments.catalogue):
+        raise BadInput(f"there is no catalogue {arguments.catalogue}; expected that of the families on the sides of the curve")
+    outputs.check_writable(arguments.catalogue, database=True)
+    from branches.catalogue import Catalogue
+
+    with Catalogue(arguments.catalogue, "a") as catalogue:
+        if not catalogue.scene.parameters:
+            raise BadInput(f"{arguments.catalogue} holds families in the energy; expected a catalogue of responses")
+    return Path(arguments.catalogue), None
+
+
+def _given(arguments: argparse.Namespace) -> _Given:
+    """Where the curve starts. What cannot be followed is refused."""
     if arguments.start is None:
         raise BadInput("START is required: FILE:EVENT, an event of a JSON file of saltus continue or saltus curve")
     source, event = file_and_event(arguments.start)
-    if not os.path.exists(source):
+    stored = not os.path.exists(source) and arguments.catalogue is not None
+    if not os.path.exists(source) and not stored:
         raise BadInput(f"no file {source}; expected FILE:EVENT, an event of a JSON file of saltus continue or saltus curve")
+    if arguments.catalogue is not None and not stored and not arguments.save:
+        raise BadInput(f"{source} is a file, and nothing is looked up in a catalogue; expected --save with --catalogue")
     names = arguments.parameters
     if names is not None:
         keep = arguments.keep or []
@@ -132,19 +176,37 @@ def _start(arguments: argparse.Namespace) -> tuple[CurveStart, tuple[tuple[float
                 f"{len(names)} parameters need {len(names) - 2} equations --keep" if len(names) > 2 else "two parameters need no --keep"
             )
             raise BadInput(f"--in {','.join(names)}: {wanted}; received {len(keep)}")
-    from branches.curves.files import is_curve_record
+    if stored:
+        return _of_catalogue(arguments)
+    from branches.curves.files import curves_of, is_curve_record
     from branches.reading import RecordError, load_json
 
     try:
         record = load_json(source, "events")
+        if is_curve_record(record):
+            return _of_curves(arguments, source, event, curves_of(record, source))
     except RecordError as error:
         raise BadInput(one_line(error)) from error
-    start = _of_curve(arguments, source, event, record) if is_curve_record(record) else _of_family(arguments, source, event, record)
-    return start, _window(arguments, start), os.path.basename(arguments.start)
+    return _of_family(arguments, source, event, record)
 
 
-def _window(arguments: argparse.Namespace, start: CurveStart) -> tuple[tuple[float, float], tuple[float, float]]:
+def _of_catalogue(arguments: argparse.Namespace) -> _Given:
+    """The start at an event of a family of a catalogue, or a curve of it."""
+    from branches.catalogue import Catalogue
+    from branches.forced.branch import ForcedBranch
+
+    with Catalogue(arguments.catalogue) as catalogue:
+        found, event = curves.in_catalogue(catalogue, arguments.start)
+    if not isinstance(found, ForcedBranch):
+        return _of_curves(arguments, arguments.start.removesuffix(f":{event}"), event, [found])
+    _require_plane(arguments, found.id)
+    known = {one.id: (found, one) for one in found.events}
+    return _of_response(arguments, found.id, event, known)._replace(begins=None)
+
+
+def _window(arguments: argparse.Namespace, given: _Given) -> Window:
     """The ranges of the two parameters, in the order of the plane."""
+    start = given.start
     if arguments.range is None:
         raise BadInput("--range LO:HI,LO:HI is required: the ranges of the two parameters")
     if len(arguments.range) != 2:
@@ -160,30 +222,32 @@ def _window(arguments: argparse.Namespace, start: CurveStart) -> tuple[tuple[flo
     return ranges[first], ranges[second]
 
 
-def _of_family(arguments: argparse.Namespace, source: str, event: str | None, record: Any) -> CurveStart:
-    """The start at an event of a family."""
-    from transitions.response.files import is_response
-
+def _require_plane(arguments: argparse.Namespace, source: str) -> None:
     if arguments.to is not None:
         raise BadInput(f"--to {arguments.to}: {source} is a family; expected an event of a curve, or no --to")
     if arguments.parameters is None:
         raise BadInput("--in P1,P2 is required: the two parameters of the plane")
+
+
+def _of_family(arguments: argparse.Namespace, source: str, event: str | None, record: Any) -> _Given:
+    """The start at an event of a family."""
+    from transitions.response.files import is_response, named_events, read_responses
+
+    _require_plane(arguments, source)
     if is_response(record):
-        return _of_response(arguments, source, event)
+        return _of_response(arguments, source, event, named_events(read_responses(source)))
     raise BadInput(f"{source} holds no response; expected a JSON file of saltus continue --in NAME, or of saltus curve")
 
 
-def _of_response(arguments: argparse.Namespace, source: str, event: str | None) -> CurveStart:
-    from branches.curves.tracing import NoCurve, curve_start
-    from transitions.response.files import named_events, read_responses
+def _of_response(
+    arguments: argparse.Namespace, source: str, event: str | None, known: dict[str, tuple[ForcedBranch, ForcedEvent]]
+) -> _Given:  # fmt: skip
+    from branches.curves.tracing import NoCurve, curve_at
 
-    known = named_events(read_responses(source))
     branch, found = known[_known_event(source, event, known)]
     try:
-        return curve_start(
-            branch.problem, branch.unknowns[found.point], found.type, arguments.parameters, arguments.keep or (), angle=found.angle,
-            origin=f"{found.id} of {os.path.basename(source)}",
-        )  # fmt: skip
+        origin = f"{found.id} of {os.path.basename(source)}"
+        return _Given(curve_at(branch, found, arguments.parameters, arguments.keep or (), origin), begins=(branch, found))
     except NoCurve as error:
         raise BadInput(f"{source}:{event} cannot be continued: {one_line(error)}") from error
     except ValueError as error:
@@ -204,35 +268,23 @@ def _known_event(source: str, event: str | None, known: Any) -> str:
     return event
 
 
-def _of_curve(arguments: argparse.Namespace, source: str, event: str | None, record: Any) -> CurveStart:
-    """The start on a curve: the curve again, or another one at an event of it."""
-    from branches.curves.files import curves_of
-    from branches.curves.tracing import CurveStart, NoCurve, curve_through
-    from branches.reading import RecordError
+def _of_curves(arguments: argparse.Namespace, source: str, event: str | None, found: Sequence[BifurcationCurve]) -> _Given:
+    """The start on a curve: the curve goes on, or another one starts at an event of it."""
+    from branches.curves.tracing import NoCurve, curve_again, curve_through
 
-    try:
-        curves = curves_of(record, source)
-    except RecordError as error:
-        raise BadInput(one_line(error)) from error
-    if arguments.parameters is not None and set(arguments.parameters) != set(curves[0].names):
-        raise BadInput(f"--in {','.join(arguments.parameters)}: {source} has {', '.join(curves[0].names)}; expected these, or no --in")
-    known = {
-        (f"{number}." if number > 1 else "") + one.id: (curve, one)
-        for number, curve in enumerate(curves, 1)
-        for one in curve.events
-    }  # fmt: skip
+    if arguments.parameters is not None and set(arguments.parameters) != set(found[0].names):
+        raise BadInput(f"--in {','.join(arguments.parameters)}: {source} has {', '.join(found[0].names)}; expected these, or no --in")
     name = os.path.basename(source)
     if event is None:
         if arguments.to is not None:
-            raise BadInput(f"--to {arguments.to}: at which event? expected {source}:EVENT with one of {', '.join(known) or 'none'}")
-        if len(curves) > 1:
-            raise BadInput(f"{source} has {len(curves)} curves; expected {source}:EVENT, an event of one of them")
-        curve = curves[0]
-        return CurveStart(curve.plane, curve.code, curve.grazing, curve.unknowns[curve.start], f"the curve of {name}")
-    curve, found = known[_known_event(source, event, known)]
+            raise BadInput(f"--to {arguments.to}: at which event? expected {source}:EVENT")
+        if len(found) > 1:
+            raise BadInput(f"{source} has {len(found)} curves; expected {source}:EVENT, an event of one of them")
+        return _Given(curve_again(found[0], f"the curve of {name}"), known=found[0])
+    curve, point, place = curves.place_named(found, source, event)
     if arguments.to is None:
-        return CurveStart(curve.plane, curve.code, curve.grazing, curve.unknowns[curve.start], f"the curve of {name}")
+        return _Given(curve_again(curve, f"the curve of {name}"), known=curve)
     try:
-        return curve_through(curve, found.point, arguments.to)._replace(origin=f"{event} of {name}")
+        return _Given(curve_through(curve, point, arguments.to)._replace(origin=f"{place} of {name}"))
     except NoCurve as error:
         raise BadInput(f"{source}:{event} --to {arguments.to}: {one_line(error)}") from error

@@ -1,0 +1,259 @@
+"""Curves in the plane of two parameters: their files on the command line, what is printed of them, and catalogues that keep them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from saltus import __version__, outputs
+from saltus.errors import BadInput, nearest, one_line
+from saltus.terminal import table_lines, terminal_width
+
+if TYPE_CHECKING:
+    from branches.catalogue import Catalogue
+    from branches.catalogue.curves import CurveRow
+    from branches.catalogue.rows import SceneRecord
+    from branches.curves.record import BifurcationCurve
+    from branches.forced.branch import ForcedBranch, ForcedEvent
+
+__all__ = [
+    "catalogue_lines", "in_catalogue", "is_curve_file", "place_named", "read", "report_lines", "row_lines", "row_record", "save", "show",
+    "write",
+]  # fmt: skip
+
+_POINT = re.compile(r"(?:(\d+)\.)?#(.*)")
+
+
+def is_curve_file(path: str) -> bool:
+    """Whether a path leads to a JSON file of curves."""
+    if not os.path.isfile(path):
+        return False
+    from branches.curves.files import is_curve_record
+    from branches.reading import RecordError, load_json
+
+    try:
+        return is_curve_record(load_json(path, "curves"))
+    except RecordError:
+        return False
+
+
+def read(path: str) -> list[BifurcationCurve]:
+    """The curves of a file; BadInput for one that cannot be read."""
+    from branches.curves.files import read_curves
+    from branches.reading import RecordError
+
+    try:
+        return read_curves(path)
+    except RecordError as error:
+        raise BadInput(one_line(error)) from error
+
+
+def place_named(curves: Sequence[BifurcationCurve], source: str, place: str | None) -> tuple[BifurcationCurve, int, str]:
+    """The curve, the index of its point, and the name of a place: an event, CP1, or the number of a point, #120; of the second curve and
+    later ones with its number before it, 2.CP1 and 2.#120."""
+    from branches.curves.files import named_places
+
+    known = named_places(curves)
+    events = ", ".join(known) or "none"
+    if place is None:
+        raise BadInput(f"{source}: which point? expected {source}:EVENT with one of {events}, or {source}:#N, a point by its number")
+    match = _POINT.fullmatch(place)
+    if match:
+        number = int(match[1] or 1)
+        if not 1 <= number <= len(curves):
+            raise BadInput(f"{source}:{place}: there is no curve {number}; expected 1 to {len(curves)}")
+        curve = curves[number - 1]
+        if not match[2].isdecimal() or int(match[2]) >= len(curve):
+            raise BadInput(f"{source}:{place}: no such point; the curve has the points #0 to #{len(curve) - 1}")
+        return curve, int(match[2]), place
+    matches = [key for key in known if key == place or key.rpartition(".")[2].rstrip("0123456789") == place]
+    if len(matches) > 1:
+        raise BadInput(f"{source}:{place}: matches {', '.join(matches)}; expected one of them")
+    if not matches:
+        raise BadInput(f"{source} has no event {place}{nearest(place, known)}; it has {events}, and the points #0 to #{len(curves[0]) - 1}")
+    curve, event = known[matches[0]]
+    return curve, event.point, matches[0]
+
+
+# -- printing -----------------------------------------------------------------------------------------------------------------
+
+
+def report_lines(curve: BifurcationCurve, width: int | None, number: int | None = None) -> list[str]:
+    """The table of a curve's points of codimension two, and its ends."""
+    first, second = curve.names
+    low, high = curve.span
+    title = f"curve  {curve.code}" if number is None else f"curve {number}: {curve.code}"
+    lines = [f"{title}: {len(curve)} points, {first} = {low[0]:.8g} to {high[0]:.8g}, {second} = {low[1]:.8g} to {high[1]:.8g}"]
+    rows = []
+    for event in curve.events:
+        a, b = curve.parameters[event.point]
+        rows.append((event.id, f"{a:.14g}", f"{b:.14g}", event.status, event.note or ""))
+    if rows:
+        lines += table_lines(("event", first, second, "status", "remark"), rows, width=width, columns="lrrlt")
+    lines += dict.fromkeys(f"end    {end.text}" for end in curve.ended)
+    return lines
+
+
+def show(arguments: argparse.Namespace) -> int:
+    """Print what a file of curves has, and draw it; return the exit code."""
+    files = outputs.outputs_of(arguments)
+    curves = read(arguments.name)
+    if not files.to_stdout:
+        for number, curve in enumerate(curves, 1):
+            files.report(report_lines(curve, terminal_width(files.words), number if len(curves) > 1 else None))
+    return write(files, curves, os.path.basename(arguments.name))
+
+
+def write(files: outputs.Outputs, curves: Sequence[BifurcationCurve], title: str) -> int:
+    """Write the files of some curves of one system; return the exit code."""
+    from branches.curves.files import curves_record, curves_table
+
+    if "plot" in files.places:
+        other = next((curve for curve in curves if set(curve.names) != set(curves[0].names)), None)
+        if other is not None:
+            planes = " and ".join(",".join(curve.names) for curve in (curves[0], other))
+            raise BadInput(f"--plot shows one plane of two parameters; received curves in {planes}, expected those of one of them")
+    return files.write(
+        {"json": lambda: outputs.json_text(curves_record(curves))},
+        table=lambda: curves_table(curves),
+        about=lambda: outputs.json_text({key: value for key, value in curves_record(curves).items() if key != "curves"}),
+        figure=("branches.curves.figure:curve_figure", curves, {"title": title}),
+    )
+
+
+# -- catalogues ---------------------------------------------------------------------------------------------------------------
+
+
+def in_catalogue(catalogue: Catalogue, text: str) -> tuple[Any, str | None]:
+    """The family (`ForcedBranch`) or the curve (`BifurcationCurve`) of ID[:EVENT] in a catalogue, and the event."""
+    from branches.catalogue.curves import find_curve
+    from branches.naming.matching import NameNotFound
+
+    if not catalogue.scene.parameters:
+        raise BadInput(f"{catalogue.path} holds families in the energy; expected a catalogue of responses")
+    head, _, last = text.rpartition(":")
+    for name, event in ((text, None), (head, last)):
+        if not name:
+            continue
+        row = find_curve(catalogue, name)
+        if row is not None:
+            return catalogue.curve(row.id), event
+        try:
+            return catalogue.branch(catalogue.find(name).id), event
+        except (NameNotFound, ValueError):
+            continue
+    known = ", ".join([row.id for row in catalogue.all_families()] + [row.id for row in catalogue.curve_rows()]) or "nothing"
+    raise BadInput(f"{catalogue.path} has no family and no curve {head or text}; it has {known}")
+
+
+def save(
+    curve: BifurcationCurve, place: Path, record: SceneRecord | None, begins: tuple[ForcedBranch, ForcedEvent] | None = None
+) -> list[str]:
+    """Keep a curve in a catalogue, and the family that has the event it starts at; return lines about the result.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+    place : Path
+    record : SceneRecord or None
+        The scene of a catalogue that is made if there is none.
+    begins : (ForcedBranch, ForcedEvent), optional
+        The event and its family.
+    """
+    from branches.catalogue import Catalogue
+    from branches.catalogue.responses import kept_branch
+    from branches.catalogue.widening import CannotWiden, Kept
+    from saltus.terminal import range_text
+
+    words = {Kept.NEW: "saved", Kept.KNOWN: "known", Kept.WIDER: "wider"}
+    lines = []
+    with Catalogue(place, "a", scene=record, provenance={"saltus": __version__}) as catalogue:
+        if begins is not None:
+            branch = kept_branch(catalogue, begins[0])
+            try:
+                kept = catalogue.widen(branch)
+            except CannotWiden as refused:
+                lines.append(f"note   {branch.id} stays kept as it is: {one_line(refused)}")
+            else:
+                name = record.parameters["names"][0] if record is not None else branch.name
+                lines.append(f"{words[kept]}  {branch.id} in {place}, with {name} = {range_text(catalogue.family(branch.id).h)}")
+        kept, id = catalogue.keep_curve(curve)
+        row = next(row for row in catalogue.curve_rows() if row.id == id)
+        spans = ", ".join(f"{name} = {range_text(span)}" for name, span in zip(row.names, row.ranges, strict=True))
+        lines.append(f"{words[kept]}  {id} in {place}, with {spans}")
+        edges = [edge for found, edge in catalogue.curve_edges() if found.id == id]
+        lines += [f"edge   {edge.source} {edge.source_event}: {_other_side(edge)}" for edge in edges]
+        if not edges:
+            lines.append(f"note   {place} has no family with an event on the curve: expected one saved, too")
+    return lines
+
+
+def _other_side(edge: Any) -> str:
+    """The other side of a curve, in words."""
+    if edge.target != edge.source:
+        return f"curve to {edge.target} {edge.target_event}".rstrip()
+    return f"curve; {edge.note}, not in the catalogue" if edge.note else "curve; the family is on both sides"
+
+
+def catalogue_lines(catalogue: Catalogue, id: str, width: int | None) -> list[str]:
+    """The table of the curves through the events of a family; nothing without one."""
+    rows = []
+    for curve, edge in catalogue.curve_edges(id):
+        event, other, there = edge.source_event, edge.target, edge.target_event
+        if edge.source != id:
+            event, other, there = edge.target_event, edge.source, edge.source_event
+        spans = [f"{name} {low:.6g}:{high:.6g}" for name, (low, high) in zip(curve.names, curve.ranges, strict=True)]
+        rows.append((event or "-", curve.id, *spans, "same" if other == id else str(other), "" if other == id else there, edge.note or ""))
+    head = ("event", "curve", "first parameter", "second parameter", "other side", "its event", "remark")
+    return ["", *table_lines(head, rows, width=width, columns="lillilt")] if rows else []
+
+
+def row_record(catalogue: Catalogue, row: CurveRow) -> dict[str, Any]:
+    """A stored curve without its points, as plain data, and its edges."""
+    from saltus.catalogues import edge_record
+
+    edges = [edge_record(edge) for found, edge in catalogue.curve_edges() if found.id == row.id]
+    first, second = ({"name": name, "range": list(span)} for name, span in zip(row.names, row.ranges, strict=True))
+    header = row.header
+    return {
+        "id": row.id, "code": row.code, "first": first, "second": second, "points": row.points, "closed": header["closed"],
+        "origin": header["origin"], "window": header["window"], "ended": header["ended"], "events": header["events"], "edges": edges,
+    }  # fmt: skip
+
+
+def row_lines(catalogue: Catalogue, row: CurveRow, width: int | None) -> list[str]:
+    """What is printed of a stored curve: its points of codimension two, its ends, and the families on its sides."""
+    from branches.curves.record import WORDS
+    from saltus.terminal import wrapped
+
+    header = row.header
+    spans = [f"{name} = {low:.12g} to {high:.12g}" for name, (low, high) in zip(row.names, row.ranges, strict=True)]
+    lines = [
+        f"curve    {row.id}",
+        f"type     {WORDS[row.code]}",
+        f"plane    {', '.join(spans)}",
+        f"points   {row.points}" + (", closed" if header["closed"] else ""),
+        f"started  at {header['origin'] or 'a point'}",
+        *(f"ended    at the {place} point: {end['text']}" for place, end in zip(("first", "last"), header["ended"], strict=True)),
+    ]
+    lines = wrapped(lines, width, 9)
+    rows = [
+        (event["id"], *(f"{event['values'][name]:.14g}" for name in row.names), event["status"], event["note"] or "")
+        for event in header["events"]
+    ]  # fmt: skip
+    if rows:
+        lines += ["", *table_lines(("event", *row.names, "status", "remark"), rows, width=width, columns="lrrlt")]
+    symbol = catalogue.scene.axes.symbols[0]
+    sides = [
+        (f"{edge.h:.10g}", edge.source, edge.source_event, str(edge.target), edge.target_event, edge.note or "")
+        for found, edge in catalogue.curve_edges()
+        if found.id == row.id
+    ]  # fmt: skip
+    if not sides:
+        return [*lines, "", "sides    no family of the catalogue has an event on the curve"]
+    head = (symbol, "family", "event", "other side", "its event", "remark")
+    return [*lines, "", *table_lines(head, sides, width=width, columns="lililt")]
