@@ -28,7 +28,7 @@ from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, STOP
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised, SingularCondition
 
-__all__ = ["BOTH", "SYMMETRIES", "Breaking", "Symmetry", "Turned", "free_condition", "smallest_singular"]
+__all__ = ["BOTH", "SYMMETRIES", "Breaking", "Fold", "Symmetry", "Turned", "free_condition", "names_quarter_period", "smallest_singular"]
 
 Symmetry = tuple[bool, bool]
 """Whether a perturbation is antisymmetric about the start, and about the far end."""
@@ -87,7 +87,7 @@ class _Rows(NamedTuple):
     ends: tuple[int, int]
 
 
-def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False, False)) -> SingularCondition:
+def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False, False), in_energy: bool = False) -> SingularCondition:
     """The condition of a bifurcation of free orbits.
 
     Parameters
@@ -98,6 +98,8 @@ def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False
     symmetry : (bool, bool)
         Whether the critical perturbation is antisymmetric about the start, and about the far end. (False, False) for SN, and for orbits
         closed on themselves.
+    in_energy : bool
+        Of a fold: see `Fold`.
 
     Raises
     ------
@@ -107,7 +109,7 @@ def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False
     problem = plane.problem
     assert isinstance(problem, ReleasedProblem)
     if code == "SN":
-        return _fold(plane)
+        return Fold(plane, in_energy).condition
     if problem.structure.periodic:
         if code != "PD":
             raise ValueError("an orbit without a reversal has no symmetry that can break")
@@ -117,20 +119,57 @@ def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False
     return Breaking(plane).condition(symmetry)
 
 
-def _fold(plane: ParameterPlane) -> SingularCondition:
-    """All equations, and both parameters kept."""
-    problem, none = plane.problem, np.zeros((plane.size, plane.size))
+class Fold:
+    """The critical matrix of a fold.
 
-    def matrices(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
-        return np.vstack([at.jacobian, at.gradients]), none
+    Parameters
+    ----------
+    plane : ParameterPlane
+    in_energy : bool
+        At fixed parameters of the system. Else the surface of orbits has a fold over the plane: these are two folds where the plane, or an
+        equation of the user, has the quarter period.
+    """
 
-    def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
-        found = np.zeros((plane.size, plane.size))
-        second = second_along(problem, at.y, direction)
-        found[:-2], found[-1] = second[:-1], second[-1]
-        return found
+    def __init__(self, plane: ParameterPlane, in_energy: bool = False):
+        problem = plane.problem
+        assert isinstance(problem, ReleasedProblem)
+        self.problem, self.size = problem, plane.size
+        self._energy: ReleasedProblem | None = None
+        if in_energy and names_quarter_period(plane):
+            keep = (*problem.keep[:-1], "energy = 1")
+            self._energy = ReleasedProblem(
+                problem.parametric, problem.ends, problem.sequence, problem.released, keep, values=problem.values, energy=problem.energy
+            )
+            self._energy._table._known = problem._table._known
+            self._rows = _parameter_rows(problem)
 
-    return SingularCondition(matrices, along, 1.0)
+    def matrix(self, at: Linearised) -> np.ndarray:
+        """The matrix, (u, u)."""
+        if self._energy is None:
+            return np.vstack([at.jacobian, at.gradients])
+        return np.vstack([at.jacobian[: self.size - len(self._rows) - 1], self._rows, self._energy.jacobian(at.y)[-1]])
+
+    @property
+    def condition(self) -> SingularCondition:
+        """The condition that it is singular."""
+        none = np.zeros((self.size, self.size))
+
+        def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
+            found = np.zeros((self.size, self.size))
+            second = second_along(self.problem, at.y, direction)
+            if self._energy is None:
+                found[:-2], found[-1] = second[:-1], second[-1]
+                return found
+            count = self.size - len(self._rows) - 1
+            found[:count], found[-1] = second[:count], second_along(self._energy, at.y, direction)[-1]
+            return found
+
+        return SingularCondition(lambda at: (self.matrix(at), none), along, 1.0)
+
+
+def names_quarter_period(plane: ParameterPlane) -> bool:
+    """Whether the plane, or an equation that holds on it, has the quarter period."""
+    return "quarter_period" in plane.names or any("quarter_period" in text for text in plane.problem.keep)
 
 
 def _parameter_rows(problem: ReleasedProblem) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
-from branches.curves.free import BOTH, SYMMETRIES, Breaking, Symmetry
+from branches.curves.free import BOTH, SYMMETRIES, Breaking, Fold, Symmetry
 from branches.curves.free_grazing import Grazing, approach_speeds, beside_grazing
 from branches.curves.monitor import Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
@@ -64,6 +64,7 @@ class _Critical:
     def __init__(self, plane: ParameterPlane, without: Iterable[Symmetry], doubled: bool = False):
         problem = plane.problem
         assert isinstance(problem, ReleasedProblem)
+        self.fold = Fold(plane, in_energy=True)
         self.breaking = None if problem.structure.periodic else Breaking(plane)
         # A period doubling of a quarter period is solved on half of it, where two perturbations are critical at once.
         skipped = {*without, *([(False, True), (True, False)] if doubled else [])}
@@ -74,7 +75,7 @@ class _Critical:
         found = []
         for symmetry in self.symmetries:
             if symmetry == FOLD:
-                matrix = np.vstack([at.jacobian, at.gradients])
+                matrix = self.fold.matrix(at)
             else:
                 assert self.breaking is not None
                 matrix = self.breaking.matrix(at, symmetry)

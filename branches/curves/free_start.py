@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.curves.free import SYMMETRIES, Breaking, Symmetry, free_condition, smallest_singular
+from branches.curves.free import SYMMETRIES, Breaking, Symmetry, free_condition, names_quarter_period, smallest_singular
 from branches.curves.free_grazing import free_grazing_at, free_grazing_condition
 from branches.curves.free_monitor import FOLD, FreeGrazingMonitor, FreeMonitor, event_of, observed_free
 from branches.curves.monitor import Window
@@ -98,7 +98,7 @@ def free_curve_start(
         window = window[1], window[0]
     if code == "SN":
         plane, start = plane_of(problem, y, names, keep)
-        return plane, Curve(plane, free_condition(plane, "SN"), FreeMonitor(plane, "SN", FOLD, window)), start
+        return plane, Curve(plane, _fold(plane, start), FreeMonitor(plane, "SN", FOLD, window)), start
     if code == "GR":
         made, start, grazing = free_grazing_at(problem, y, observed_free(problem, y))
         plane, start = plane_of(made, start, names, keep)
@@ -108,6 +108,13 @@ def free_curve_start(
         raise ValueError(_why_none(problem, y, code))
     monitor = FreeMonitor(found.plane, found.code, found.symmetry, window, found.doubled)
     return found.plane, Curve(found.plane, found.condition, monitor), found.y
+
+
+def _fold(plane: ParameterPlane, y: np.ndarray) -> SingularCondition:
+    """The condition of the kind of fold that an orbit is at."""
+    found = [free_condition(plane, "SN", in_energy=in_energy) for in_energy in (False, *([True] if names_quarter_period(plane) else []))]
+    at, scale = plane.linearised(y), plane.scales(y)
+    return min(found, key=lambda condition: smallest_singular(condition, at, scale)[0])
 
 
 class _Candidate(NamedTuple):

@@ -190,6 +190,18 @@ def test_in_two_parameters_of_the_system_at_one_energy(branches):
     require_reference(points[::5], lambda line, _: line.fold())
 
 
+@pytest.mark.parametrize(("names", "keep"), [(("quarter_period", "mu"), None), (("mu", "sigma"), "quarter_period = {alpha!r}")])
+def test_fold_in_the_energy_over_the_quarter_period(branches, names, keep):
+    """The surface of orbits has no fold over this plane. The curve is that of the folds in the energy."""
+    event = of_type(branches["S11O00-"], "SN")
+    kept = () if keep is None else (keep.format(alpha=event.alpha),)
+    window = (FREE, (0.05, 0.2)) if keep is None else ((0.05, 0.2), (0.05, 0.2))
+    plane, curve, y = start(branches["S11O00-"], "SN", names, window, keep=kept)
+    _, points = followed(plane, curve, y)
+    assert len(points) > 4
+    require_reference(points[::3], lambda line, _: line.fold())
+
+
 @pytest.mark.parametrize(("label", "mode"), [("S11O00-", 1), ("S13O00+", 0)])
 def test_impact_that_vanishes_on_a_linear_mode(branches, label, mode):
     """Oracle: h = w^2/(2 b^2)."""
