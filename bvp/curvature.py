@@ -70,7 +70,7 @@ class Curvature:
         if not self.is_exact:
             return differences_along(self.problem, y, a)
         found = np.empty((self.problem.unknowns - 1, self.problem.unknowns))
-        fill_second(self._bending, np.array(y, dtype=float), np.array(a, dtype=float), found)
+        fill_second(self.bending, np.array(y, dtype=float), np.array(a, dtype=float), found)
         return found
 
     def second(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -91,8 +91,8 @@ class Curvature:
             return self.third(y, a, b, c)
         directions = np.array([a, b, c])
         out = np.empty(problem.unknowns - 1, dtype=directions.dtype)
-        work = np.empty((4, self._bending.orbit.phase.shape[2]), dtype=directions.dtype)
-        fill_third(self._bending, np.array(y, dtype=float), directions, work, out)
+        work = np.empty((4, self.bending.orbit.phase.shape[2]), dtype=directions.dtype)
+        fill_third(self.bending, np.array(y, dtype=float), directions, work, out)
         return out
 
     def tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
@@ -107,7 +107,7 @@ class Curvature:
         return _tables(kept, values, len(problem.released) + len(values) - len(problem.parametric.names), order)
 
     @cached_property
-    def _bending(self) -> Bending:
+    def bending(self) -> Bending:
         """The problem for the kernel."""
         problem, segment = self.problem, self.problem.segment
         released, modes, n = segment.released, problem.contact_modes, problem.degrees_of_freedom

@@ -10,8 +10,8 @@ Equilibria, SIAM 2000, chapter 3)
     [ v'  0 ] [ g ] = [ 1 ]         [ w'  0 ] [ g ] = [ 1 ]         dg = - W' dB V
 
 A pair exp(+-i theta) has the unknown kappa = cos theta, and the matrix of B0 V + B1 V L = 0 with the companion matrix L of
-x^2 - 2 kappa x + 1. That is regular where the pair meets at 1 or -1. A tangent carries its borders behind it, so that a step depends on
-its arguments alone.
+x^2 - 2 kappa x + 1. That is regular where the pair meets at 1 or -1. A tangent carries its curvature and the borders behind it, so that a
+step depends on its arguments alone.
 """
 
 from __future__ import annotations
@@ -26,14 +26,22 @@ from scipy.linalg.lapack import dgesv, dgetrf, dgetrs
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["Condition", "Curve", "Held", "Linearised", "Monitor", "ScalarCondition", "SingularCondition", "Surface"]
+__all__ = [
+    "Condition", "Corrected", "Curve", "Held", "ITERATIONS", "Linearised", "Monitor", "Null", "ROUNDING", "SETTLED", "ScalarCondition",
+    "SingularCondition", "Surface", "orthonormal",
+]  # fmt: skip
 
-_ITERATIONS = 10
-_SETTLED = 1e-11
+ITERATIONS = 10
+"""Most iterations of a step."""
+
+SETTLED = 1e-12
 """Largest Newton update, in units of the unknowns' sizes, that is the last one: the next one is rounding."""
 
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Largest update that can be rounding, where updates do not shrink any more."""
+
+_SHORT = 1e-6
+"""Length of a step over which the tangent hardly turns: its curvature is that of the step before."""
 
 
 class Linearised(NamedTuple):
@@ -115,8 +123,10 @@ class ScalarCondition:
 
 
 class Null(NamedTuple):
-    """Null vectors of a pencil at the multiplier: right (m, d) in the unknowns' own units, left (m, d); and scaled (m, m), B1."""
+    """Null vectors of a pencil at the unknowns y (u,): right (d m, d) in units of the unknowns' sizes, left (d m, d); shifted (m, m), B1 in
+    the same units; along (d m, u), the derivatives of B0 times the first null vector."""
 
+    y: np.ndarray
     right: np.ndarray
     left: np.ndarray
     shifted: np.ndarray
@@ -183,11 +193,11 @@ class SingularCondition:
         if self.own:
             turned = np.concatenate([np.zeros(m), 2.0 * (shifted @ first[m:])])
             gradient = np.column_stack([gradient, -left.T @ turned])
-        renewed = np.concatenate([_orthonormal(left).T.ravel(), _orthonormal(right[:size]).T.ravel()])
-        return Held(values, gradient, renewed, Null(right[:size], left, shifted, slopes))
+        renewed = np.concatenate([orthonormal(left).T.ravel(), orthonormal(right[:size]).T.ravel()])
+        return Held(values, gradient, renewed, Null(at.y, right[:size], left, shifted, slopes))
 
 
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
+def orthonormal(columns: np.ndarray) -> np.ndarray:
     """The columns made orthonormal, in their order and orientation."""
     first = columns[:, 0] / math.sqrt(float(columns[:, 0] @ columns[:, 0]))
     if columns.shape[1] == 1:
@@ -208,6 +218,21 @@ class Monitor(Protocol):
         ...
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None: ...
+
+
+class Corrected(NamedTuple):
+    """A point of a curve as a step finds it: its unknowns y (m,), the equations of the surface there, the condition and the unit tangent
+    along (m,) before the last update, the sizes of the unknowns of the surface, and what a `Step` has of the corrector."""
+
+    y: np.ndarray
+    at: Linearised
+    held: Held
+    along: np.ndarray
+    scale: np.ndarray
+    turn: float
+    contraction: float
+    iterations: int
+    residual: float
 
 
 class Curve:
@@ -238,65 +263,86 @@ class Curve:
             return _failed(y)
         null = null * math.copysign(1.0, null[int(np.argmax(np.abs(null)))]) * self._sizes(scale)
         way = self._directions(y) @ null
-        return self.step(y, np.concatenate([null / math.sqrt(float(way @ way)), borders]), 0.0)._replace(turn=1.0)
+        return self.step(y, self.directed(null / math.sqrt(float(way @ way)), borders), 0.0)._replace(turn=1.0)
+
+    def directed(self, along: np.ndarray, borders: np.ndarray) -> np.ndarray:
+        """The tangent of a step from a unit vector (m,) and the borders of the condition; its curvature is not known."""
+        return np.concatenate([along, np.zeros(along.size), borders])
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
-        """See `continuation.Problem`; the tangent carries the borders of the condition behind it."""
+        """See `continuation.Problem`."""
         u, m = self.surface.size, y.size
-        along, borders = tangent[:m], tangent[m:]
+        found = self.corrected(y, tangent, ds)
+        if found is None:
+            return _failed(y)
+        new, at, held, along = found[:4]
+        measured = self.monitor.values(at, new[u:], held, along, found.scale)
+        if measured is None:
+            return _failed(y)
+        values, extra = measured
+        if ds == 0.0:
+            bent = np.zeros(m)
+        elif abs(ds) < _SHORT:
+            bent = tangent[m : 2 * m]
+        else:
+            bent = (along - tangent[:m]) / ds
+        return Step(
+            converged=True,
+            y=new,
+            tangent=np.concatenate([along, bent, held.borders]),
+            position=(*self.surface.position(new[:u]).tolist(), *new[u:].tolist()),
+            turn=found.turn,
+            contraction=found.contraction,
+            iterations=found.iterations,
+            residual=found.residual,
+            parameter=float(at.parameters[0]),
+            slope=float(at.gradients[0] @ along[:u]),
+            tests=list(values),
+            extra=extra,
+        )
+
+    def corrected(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Corrected | None:
+        """The point of a step; None where Newton's method fails."""
+        u, m = self.surface.size, y.size
+        along, borders = tangent[:m], tangent[2 * m :]
         scale = self.surface.scales(y[:u])
         sizes, metric = self._sizes(scale), self._directions(y)
         direction = metric @ along
         row = direction @ metric
-        new = y + ds * along
+        new = y + ds * (along + 0.5 * ds * tangent[m : 2 * m])
+        right = np.zeros((m, 2))
+        right[-1, 1] = 1.0
         last, contraction = math.inf, 0.0
         iteration = 0
-        for iteration in range(1, _ITERATIONS + 1):  # noqa: B007
+        for iteration in range(1, ITERATIONS + 1):  # noqa: B007
             at = self.surface.linearised(new[:u])
             held = self.condition.held(at, new[u:], borders, scale)
             matrix = self._matrix(at, held)
             matrix[-1] = row
-            right = np.concatenate([at.residual, held.values, [row @ (new - y) - ds]])
-            found = dgesv(matrix * sizes, right)
-            update = found[2]
+            right[: len(at.residual), 0], right[len(at.residual) : -1, 0] = at.residual, held.values
+            right[-1, 0] = row @ (new - y) - ds
+            _, _, solved, singular = dgesv(matrix * sizes, right)
+            update = solved[:, 0]
             length = float(np.abs(update).max())
-            if found[3] != 0 or not math.isfinite(length):
-                return _failed(y)
-            settled = length <= _SETTLED or (length <= _ROUNDING and length > 0.25 * last)
-            if not settled and last < math.inf and length > _ROUNDING:
+            if singular or not math.isfinite(length):
+                return None
+            settled = length <= SETTLED or (length <= ROUNDING and length > 0.25 * last)
+            if not settled and last < math.inf and length > ROUNDING:
                 contraction = max(contraction, length / last)
             new = new - update * sizes
             last = length
             if settled:
                 break
         else:
-            return _failed(y)
-        last_row = np.zeros(m)
-        last_row[-1] = 1.0
-        turned = dgesv(matrix * sizes, last_row)[2] * sizes
+            return None
+        turned = solved[:, 1] * sizes
         way = self._directions(new) @ turned
-        turned /= math.sqrt(float(way @ way))
-        way /= math.sqrt(float(way @ way))
-        cosine = float(direction @ way)
+        size = math.sqrt(float(way @ way))
+        turn = float(direction @ way) / size
+        if not math.isfinite(turn):
+            return None
         at = self.surface.linearised(new[:u])
-        measured = self.monitor.values(at, new[u:], held, turned, scale)
-        if measured is None or not math.isfinite(cosine):
-            return _failed(y)
-        values, extra = measured
-        return Step(
-            converged=True,
-            y=new,
-            tangent=np.concatenate([turned, held.borders]),
-            position=(*self.surface.position(new[:u]).tolist(), *new[u:].tolist()),
-            turn=cosine,
-            contraction=contraction,
-            iterations=iteration,
-            residual=self.surface.worst(at),
-            parameter=float(at.parameters[0]),
-            slope=float(at.gradients[0] @ turned[:u]),
-            tests=list(values),
-            extra=extra,
-        )
+        return Corrected(new, at, held, turned / size, scale, turn, contraction, iteration, self.surface.worst(at))
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """See `continuation.Problem`."""

@@ -27,7 +27,7 @@ def forced_condition(plane: ParameterPlane, code: str) -> SingularCondition:
     shifted = closing_block(plane)
 
     def matrices(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
-        return np.vstack([at.jacobian, at.gradients]) - shifted, shifted
+        return at.extra - shifted, shifted
 
     def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
         found = np.zeros((plane.size, plane.size))

@@ -17,10 +17,10 @@ from bvp.multipoint import dense_jacobian
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised
 
-__all__ = ["ParameterPlane", "closing_block", "plane_of"]
+__all__ = ["LEAST", "ParameterPlane", "closing_block", "plane_of"]
 
 
-_LEAST = 1e-3
+LEAST = 1e-3
 """Least size of a state, in units of arclength."""
 
 
@@ -36,8 +36,8 @@ class ParameterPlane:
 
     Attributes
     ----------
-    size : int
-        u, the number of unknowns.
+    size, place : int
+        u, the number of unknowns, and the place of the first parameter among them.
     domains : tuple of (float, float)
         In which each parameter can lie.
     """
@@ -46,22 +46,26 @@ class ParameterPlane:
         self.problem, self.names = problem, names
         self.size = problem.unknowns
         self._kept_value = float(problem.keep[-1].partition("=")[2])
-        self._place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
+        self.place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
         # The unknowns of the first node that have a unit.
         self._units = problem.segment.scale
         known = problem.parametric.names
         self.domains = tuple(problem.parametric.domain(name) if name in known else (0.0, math.inf) for name in names)
 
     def linearised(self, y: np.ndarray) -> Linearised:
-        """See `continuation.curves.Surface`. extra: the derivatives of all rows of the problem."""
+        """See `continuation.curves.Surface`. extra (u, u): the derivatives of the equations, and of the two parameters."""
         problem = self.problem
         residual = problem.residual(y)
-        jacobian = dense_jacobian(problem._factor, problem.size + 1)
-        gradients = np.zeros((2, self.size))
-        gradients[0, self._place] = 1.0
-        gradients[1] = jacobian[-1]
-        parameters = np.array([y[self._place], residual[-1] + self._kept_value])
-        return Linearised(y, residual[:-1], jacobian[:-1], parameters, gradients)
+        rows = np.empty((self.size, self.size))
+        rows[:-1] = dense_jacobian(problem._factor, problem.size + 1)
+        rows[-1] = rows[-2]
+        rows[-2] = 0.0
+        rows[-2, self.place] = 1.0
+        return Linearised(y, residual[:-1], rows[:-2], self.parameters(y, residual), rows[-2:], rows)
+
+    def parameters(self, y: np.ndarray, residual: np.ndarray) -> np.ndarray:
+        """The two parameters at y, from the residual of all equations of the problem (u - 1,)."""
+        return np.array([y[self.place], residual[-1] + self._kept_value])
 
     def worst(self, at: Linearised) -> float:
         """See `continuation.curves.Surface`."""
@@ -87,7 +91,7 @@ class ParameterPlane:
         problem = self.problem
         found, width = problem.scales(y), problem.size + 1
         states = found[: (problem.inner + 1) * width].reshape(-1, width)[:, : 2 * problem.degrees_of_freedom]
-        np.maximum(states, _LEAST * self._units[: states.shape[1]], out=states)
+        np.maximum(states, LEAST * self._units[: states.shape[1]], out=states)
         found[found == 0.0] = 1.0
         return found
 

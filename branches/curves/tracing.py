@@ -17,6 +17,7 @@ from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
 from branches.curves.plane import ParameterPlane, plane_of
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
+from branches.curves.steps import CompiledCurve
 from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent
@@ -67,7 +68,8 @@ def curve_problem(plane: ParameterPlane, code: str, grazing: Grazing | None, win
     """A curve as a `continuation.Problem`."""
     if grazing is not None:
         return Curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window))
-    return Curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
+    follower = CompiledCurve if plane.problem.curvature.is_exact else Curve
+    return follower(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
 
 
 def curve_start(
@@ -437,7 +439,7 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
     borders = fold.condition.first(at, np.zeros(0), scale)
     direction = borders[-wider.size :] * scale
     way = wider.directions(begun) @ direction
-    tangent = np.concatenate([direction / math.sqrt(float(way @ way)), borders])
+    tangent = fold.directed(direction / math.sqrt(float(way @ way)), borders)
     for distance in _ASIDE:
         step = fold.step(begun, tangent, distance)
         if step.converged:

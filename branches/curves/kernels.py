@@ -1,0 +1,276 @@
+"""Compiled steps along curves of bifurcations of orbits: the Newton iteration of `continuation.curves.Curve` with a `SingularCondition`."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy import int64
+
+from bvp.kernels.bent_orbit import Bending
+from bvp.kernels.compiled import call_at, inlined, kernel
+from bvp.kernels.flight import copy_1, set_1, set_2
+from bvp.kernels.forced import LoadedSegment
+from bvp.kernels.linear import factorise, substitute, substitute_transposed
+from bvp.kernels.multipoint import Factor
+from bvp.kernels.newton import LINEARISED, set_scale
+from bvp.kernels.step import Landing, Request
+
+__all__ = ["CONTRACTION", "CONVERGED", "ITERATIONS", "RESIDUAL", "TURN", "CurveArrays", "CurveData", "take_curve_step"]
+
+CONVERGED, ITERATIONS, CONTRACTION, TURN, RESIDUAL = range(5)
+"""Entries of the result of a step."""
+
+
+class CurveData(NamedTuple):
+    """A curve, whose u + e unknowns are those of its orbits and those of its condition. d = 1 + e."""
+
+    step: int  # address of `bvp.kernels.forced.forced_step`
+    bend: int  # address of `bvp.kernels.curvature.second_along`
+    segment: LoadedSegment
+    factor: Factor
+    bending: Bending
+    landing: Landing  # scratch of the step
+    metric: np.ndarray  # (4, N) scratch of the step
+    zero: np.ndarray  # (2 u,)
+    shifted: np.ndarray  # (u, u) B1
+    multiplier: float  # lambda; nan for a pair
+    place: int  # of the first parameter of the plane
+    least: float  # least size of a state, in units of arclength
+    settled: float  # update, in units of the unknowns' sizes, from which on the next one is rounding
+    rounding: float  # largest update that can be rounding
+    iterations: int  # most of them
+
+
+class CurveArrays(NamedTuple):
+    """The new point of a step, and scratch: s = d u."""
+
+    y: np.ndarray  # (u + e,)
+    tangent: np.ndarray  # (u + e,)
+    scale: np.ndarray  # (u + e,) sizes of the unknowns
+    result: np.ndarray  # (5,)
+    residual: np.ndarray  # (u - 1,)
+    rows: np.ndarray  # (u, u) derivatives of the equations, and of the two parameters
+    values: np.ndarray  # (d,) of the condition
+    gradient: np.ndarray  # (d, u + e)
+    right: np.ndarray  # (d, s + d) solutions of the bordered systems, and their last entries
+    left: np.ndarray  # (d, s + d)
+    slopes: np.ndarray  # (s, u) derivatives of the matrix times the first null vector
+    bordered: np.ndarray  # (s + d, s + d)
+    matrix: np.ndarray  # (u + e, u + e)
+    pivots: np.ndarray  # (s + d,) int64
+    update: np.ndarray  # (u + e,)
+    row: np.ndarray  # (u + e,)
+    direction: np.ndarray  # (N,)
+    held: np.ndarray  # (u,) the orbit where the condition was computed last
+    orbit: np.ndarray  # (u,)
+    along: np.ndarray  # (u,)
+
+
+@inlined
+def _linearise(curve, arrays):
+    """The residual and the derivatives of all rows at the unknowns of arrays.y."""
+    factor, rows, orbit = curve.factor, arrays.rows, arrays.orbit
+    u, width = orbit.shape[0], curve.segment.gap.shape[1] + 1
+    for r in range(u):
+        orbit[r] = arrays.y[r]
+    set_1(factor.scale, 1.0)
+    request = Request(0.0, math.nan, int64(LINEARISED))
+    call_at(curve.step, (curve.segment, factor, orbit, curve.zero, request, curve.metric, curve.landing))
+    for r in range(u - 1):
+        arrays.residual[r] = factor.work[6, r]
+    set_2(rows, 0.0)
+    flights = factor.window.shape[0]
+    for r in range(flights):
+        base = max(0, (r // width - 1) * width)
+        for c in range(min(factor.window.shape[1], u - base)):
+            rows[r, base + c] = factor.window[r, c]
+    for r in range(factor.closing.shape[0]):
+        copy_1(factor.closing[r], rows[flights + r])
+    # The last equation keeps the second parameter.
+    copy_1(rows[u - 2], rows[u - 1])
+    set_1(rows[u - 2], 0.0)
+    rows[u - 2, curve.place] = 1.0
+
+
+@inlined
+def _set_sizes(curve, arrays):
+    """The sizes of the unknowns, of the orbit that was evaluated last."""
+    segment, scale = curve.segment, arrays.scale
+    set_scale(segment, arrays.orbit, curve.factor)
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    for r in range(arrays.orbit.shape[0]):
+        scale[r] = curve.factor.scale[r]
+        part = r % (width + 1)
+        if part < size and r < (segment.shape[0] + 1) * (width + 1):
+            scale[r] = max(scale[r], curve.least * segment.scale[part])
+        if scale[r] == 0.0:
+            scale[r] = 1.0
+    for r in range(arrays.orbit.shape[0], scale.shape[0]):
+        scale[r] = 1.0
+
+
+@inlined
+def _unit(curve, y, r):
+    """What a unit of arclength is for entry r of the first node."""
+    unit = curve.segment.scale[r]
+    return unit if unit > 0.0 else y[r]
+
+
+@inlined
+def _border(curve, arrays, borders):
+    """Write the bordered matrix that is singular without its borders."""
+    rows, shifted, scale, matrix = arrays.rows, curve.shifted, arrays.scale, arrays.bordered
+    u = rows.shape[0]
+    d = arrays.values.shape[0]
+    s = d * u
+    set_2(matrix, 0.0)
+    for r in range(u):
+        for c in range(u):
+            moved = shifted[r, c] * scale[c]
+            fixed = rows[r, c] * scale[c] - moved
+            if d == 1:
+                matrix[r, c] = fixed + curve.multiplier * moved
+            else:
+                matrix[r, c] = fixed
+                matrix[r, u + c] = moved
+                matrix[u + r, c] = -moved
+                matrix[u + r, u + c] = fixed + 2.0 * arrays.y[u] * moved
+    for j in range(d):
+        for r in range(s):
+            matrix[r, s + j] = borders[j * s + r]
+            matrix[s + j, r] = borders[(d + j) * s + r]
+
+
+@inlined
+def _hold(curve, arrays, borders):
+    """The condition and its derivatives."""
+    u = arrays.rows.shape[0]
+    d = arrays.values.shape[0]
+    s = d * u
+    right, left, slopes, gradient, along = arrays.right, arrays.left, arrays.slopes, arrays.gradient, arrays.along
+    _border(curve, arrays, borders)
+    factorise(arrays.bordered, arrays.pivots)
+    for j in range(d):
+        set_1(right[j], 0.0)
+        right[j, s + j] = 1.0
+        copy_1(right[j], left[j])
+        substitute(arrays.bordered, arrays.pivots, right[j])
+        substitute_transposed(arrays.bordered, arrays.pivots, left[j])
+    for k in range(d):
+        for r in range(u):
+            along[r] = right[0, k * u + r] * arrays.scale[r]
+        part = slopes[k * u : (k + 1) * u]
+        call_at(curve.bend, (curve.bending, arrays.orbit, along, part[: u - 1]))
+        copy_1(part[u - 2], part[u - 1])
+        set_1(part[u - 2], 0.0)
+    set_2(gradient, 0.0)
+    for j in range(d):
+        # values: the last entries of the first solution
+        arrays.values[j] = right[0, s + j]
+        for r in range(s):
+            for c in range(u):
+                gradient[j, c] -= left[j, r] * slopes[r, c]
+        if d == 2:
+            for r in range(u):
+                total = 0.0
+                for c in range(u):
+                    total += curve.shifted[r, c] * arrays.scale[c] * right[0, u + c]
+                gradient[j, u] -= 2.0 * left[j, u + r] * total
+
+
+@inlined
+def _set_matrix(arrays):
+    """Write the matrix of Newton's equations, with scaled columns."""
+    rows, matrix, scale = arrays.rows, arrays.matrix, arrays.scale
+    u, m, d = rows.shape[0], matrix.shape[0], arrays.values.shape[0]
+    for c in range(m):
+        for r in range(u - 2):
+            matrix[r, c] = rows[r, c] * scale[c] if c < u else 0.0
+        for j in range(d):
+            matrix[u - 2 + j, c] = arrays.gradient[j, c] * scale[c]
+        matrix[m - 1, c] = arrays.row[c] * scale[c]
+
+
+@kernel
+def take_curve_step(curve, y, tangent, ds, arrays):
+    """See `continuation.curves.Curve.step`. tangent: as there, with its curvature and the borders of the condition behind it."""
+    new, update, row, direction, result, scale = arrays.y, arrays.update, arrays.row, arrays.direction, arrays.result, arrays.scale
+    u, m, width = arrays.rows.shape[0], arrays.matrix.shape[0], arrays.direction.shape[0]
+    borders = tangent[2 * m :]
+    result[CONVERGED] = 0.0
+    copy_1(y, new)
+    _linearise(curve, arrays)
+    _set_sizes(curve, arrays)
+    set_1(row, 0.0)
+    for r in range(width):
+        direction[r] = tangent[r] / _unit(curve, y, r)
+        row[r] = direction[r] / _unit(curve, y, r)
+    for r in range(u, m):
+        row[r] = tangent[r]
+    for r in range(m):
+        new[r] = y[r] + ds * (tangent[r] + 0.5 * ds * tangent[m + r])
+    last = math.inf
+    contraction = 0.0
+    iteration = 0
+    while True:
+        iteration += 1
+        _linearise(curve, arrays)
+        _hold(curve, arrays, borders)
+        _set_matrix(arrays)
+        factorise(arrays.matrix, arrays.pivots)
+        update[m - 1] = -ds
+        for r in range(m):
+            if r < u - 2:
+                update[r] = arrays.residual[r]
+            elif r < m - 1:
+                update[r] = arrays.values[r - (u - 2)]
+            update[m - 1] += row[r] * (new[r] - y[r])
+        substitute(arrays.matrix, arrays.pivots, update)
+        length = 0.0
+        for r in range(m):
+            length = max(length, abs(update[r]))
+            if not math.isfinite(update[r]):
+                return
+        settled = length <= curve.settled or (length <= curve.rounding and length > 0.25 * last)
+        if not settled and last < math.inf and length > curve.rounding:
+            contraction = max(contraction, length / last)
+        last = length
+        if settled:
+            for r in range(u):
+                arrays.held[r] = new[r]
+        for r in range(m):
+            new[r] -= update[r] * scale[r]
+        if settled:
+            break
+        if iteration == curve.iterations:
+            return
+    turned = arrays.tangent
+    set_1(turned, 0.0)
+    turned[m - 1] = 1.0
+    substitute(arrays.matrix, arrays.pivots, turned)
+    total = 0.0
+    turn = 0.0
+    for r in range(m):
+        turned[r] *= scale[r]
+        if r < width:
+            way = turned[r] / _unit(curve, new, r)
+            total += way * way
+            turn += way * direction[r]
+        elif r >= u:
+            total += turned[r] * turned[r]
+            turn += turned[r] * tangent[r]
+    total = math.sqrt(total)
+    for r in range(m):
+        turned[r] /= total
+    _linearise(curve, arrays)
+    worst = 0.0
+    for r in range(u - 2):
+        worst = max(worst, abs(arrays.residual[r]) / scale[r])
+    result[CONVERGED] = 1.0 if math.isfinite(turn) and total > 0.0 else 0.0
+    result[ITERATIONS] = iteration
+    result[CONTRACTION] = contraction
+    result[TURN] = turn / total
+    result[RESIDUAL] = worst

@@ -1,0 +1,79 @@
+"""Curves of bifurcations of orbits whose steps are compiled."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from branches.curves.kernels import CONTRACTION, CONVERGED, ITERATIONS, RESIDUAL, TURN, CurveArrays, CurveData, take_curve_step
+from branches.curves.plane import LEAST, ParameterPlane, closing_block
+from bvp.kernels import curvature
+from bvp.kernels.forced import forced_step
+from bvp.kernels.multipoint import RESULT
+from bvp.kernels.newton import LINEARISED
+from bvp.kernels.step import Landing, Request
+from continuation import curves
+from continuation.curves import Corrected, Curve, Held, Linearised, Monitor, Null, SingularCondition, orthonormal
+
+__all__ = ["CompiledCurve"]
+
+
+class CompiledCurve(Curve):
+    """A curve of SN, PD, SB or NS of forced orbits with exact derivatives. Its points are those of `Curve`.
+
+    Parameters
+    ----------
+    plane : ParameterPlane
+    condition : SingularCondition
+        That of `branches.curves.pencils.forced_condition`.
+    monitor : Monitor
+    """
+
+    def __init__(self, plane: ParameterPlane, condition: SingularCondition, monitor: Monitor):
+        super().__init__(plane, condition, monitor)
+        self.plane, self.order = plane, condition.order
+        self._multiplier = math.nan if condition.multiplier is None else condition.multiplier
+
+    @cached_property
+    def _data(self) -> CurveData:
+        plane, problem = self.plane, self.plane.problem
+        u = plane.size
+        landing = Landing(np.zeros(u), np.zeros(2 * u), np.zeros(len(RESULT)))
+        metric, zero, bending = np.zeros((4, problem.size)), np.zeros(2 * u), problem.curvature.bending
+        request = Request(0.0, math.nan, LINEARISED)
+        step = forced_step.entry(problem.segment, problem._factor, landing.y, zero, request, metric, landing).address
+        bend = curvature.second_along.entry(bending, landing.y, landing.y, np.zeros((u - 1, u))).address
+        return CurveData(
+            step, bend, problem.segment, problem._factor, bending, landing, metric, zero, closing_block(plane), self._multiplier,
+            plane.place, LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
+        )  # fmt: skip
+
+    @cached_property
+    def _arrays(self) -> CurveArrays:
+        u, d = self.plane.size, self.order
+        m, s = u + d - 1, d * u
+        return CurveArrays(
+            np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(5), np.zeros(u - 1), np.zeros((u, u)), np.zeros(d), np.zeros((d, m)),
+            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros((s, u)), np.zeros((s + d, s + d)), np.zeros((m, m)),
+            np.zeros(s + d, dtype=np.int64), np.zeros(m), np.zeros(m), np.zeros(self.plane.problem.size), np.zeros(u),
+            np.zeros(u), np.zeros(u),
+        )  # fmt: skip
+
+    def corrected(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Corrected | None:
+        """See `Curve`."""
+        arrays, u, s = self._arrays, self.plane.size, self.order * self.plane.size
+        take_curve_step(self._data, np.array(y, dtype=float), np.array(tangent, dtype=float), float(ds), arrays)
+        result = arrays.result.tolist()
+        if result[CONVERGED] != 1.0:
+            return None
+        new, residual, rows, scale = arrays.y.copy(), arrays.residual.copy(), arrays.rows.copy(), arrays.scale[:u].copy()
+        at = Linearised(new[:u], residual[:-1], rows[:-2], self.plane.parameters(new, residual), rows[-2:], rows)
+        right, left = arrays.right[:, :s].T.copy(), arrays.left[:, :s].T.copy()
+        borders = np.concatenate([orthonormal(left).T.ravel(), orthonormal(right).T.ravel()])
+        null = Null(arrays.held.copy(), right, left, self._data.shifted * scale, arrays.slopes.copy())
+        held = Held(arrays.values.copy(), arrays.gradient.copy(), borders, null)
+        return Corrected(
+            new, at, held, arrays.tangent.copy(), scale, result[TURN], result[CONTRACTION], int(result[ITERATIONS]), result[RESIDUAL]
+        )
