@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
 
 __all__ = [
-    "catalogue_lines", "in_catalogue", "is_curve_file", "place_named", "read", "report_lines", "row_lines", "row_record", "save", "show",
-    "write",
+    "catalogue_lines", "in_catalogue", "is_curve_file", "list_lines", "no_curve", "place_named", "read", "refuse_curve", "report_lines",
+    "row_lines", "row_record", "rows_record", "save", "show", "write",
 ]  # fmt: skip
 
 _POINT = re.compile(r"(?:(\d+)\.)?#(.*)")
@@ -84,13 +84,13 @@ def place_named(curves: Sequence[BifurcationCurve], source: str, place: str | No
 
 def report_lines(curve: BifurcationCurve, width: int | None, number: int | None = None) -> list[str]:
     """The table of a curve's points of codimension two, and its ends."""
-    first, second = curve.names
-    low, high = curve.span
+    (first, second), values = curve.shown
+    low, high = values.min(axis=0), values.max(axis=0)
     title = f"curve  {curve.code}" if number is None else f"curve {number}: {curve.code}"
     lines = [f"{title}: {len(curve)} points, {first} = {low[0]:.8g} to {high[0]:.8g}, {second} = {low[1]:.8g} to {high[1]:.8g}"]
     rows = []
     for event in curve.events:
-        a, b = curve.parameters[event.point]
+        a, b = values[event.point]
         rows.append((event.id, f"{a:.14g}", f"{b:.14g}", event.status, event.note or ""))
     if rows:
         lines += table_lines(("event", first, second, "status", "remark"), rows, width=width, columns="lrrlt")
@@ -148,6 +148,20 @@ def in_catalogue(catalogue: Catalogue, text: str) -> tuple[Any, str | None]:
             continue
     known = ", ".join([row.id for row in catalogue.all_families()] + [row.id for row in catalogue.curve_rows()]) or "nothing"
     raise BadInput(f"{catalogue.path} has no family and no curve {head or text}; it has {known}")
+
+
+def no_curve(catalogue: Catalogue, name: str) -> BadInput:
+    """The error for a curve that a catalogue does not have."""
+    known = [row.id for row in catalogue.curve_rows()]
+    return BadInput(f"{catalogue.path} has no curve {name}{nearest(name, known) or '; it has ' + (', '.join(known) or 'none')}")
+
+
+def refuse_curve(catalogue: Catalogue, name: str) -> None:
+    """Refuse the id of a curve that a catalogue does not have; do nothing for another name."""
+    from branches.curves.record import WORDS
+
+    if name.partition(":")[0] in WORDS and ":" in name:
+        raise no_curve(catalogue, name)
 
 
 def save(
@@ -210,6 +224,27 @@ def catalogue_lines(catalogue: Catalogue, id: str, width: int | None) -> list[st
         rows.append((event or "-", curve.id, *spans, "same" if other == id else str(other), "" if other == id else there, edge.note or ""))
     head = ("event", "curve", "first parameter", "second parameter", "other side", "its event", "remark")
     return ["", *table_lines(head, rows, width=width, columns="lillilt")] if rows else []
+
+
+def rows_record(catalogue: Catalogue) -> list[dict[str, Any]]:
+    """The curves of a catalogue in a few words, as plain data."""
+    return [
+        {
+            "id": row.id, "code": row.code, "names": list(row.names), "ranges": [list(span) for span in row.ranges], "points": row.points,
+            "events": row.events,
+        }
+        for row in catalogue.curve_rows()
+    ]  # fmt: skip
+
+
+def list_lines(records: Sequence[dict[str, Any]], width: int | None) -> list[str]:
+    """The table of the curves of a catalogue; nothing without one."""
+    rows = []
+    for record in records:
+        spans = [f"{name} {low:.6g}:{high:.6g}" for name, (low, high) in zip(record["names"], record["ranges"], strict=True)]
+        rows.append((record["id"], *spans, str(record["points"]), str(record["events"])))
+    head = ("curve", "first parameter", "second parameter", "points", "events")
+    return ["", *table_lines(head, rows, width=width, columns="illrr")] if rows else []
 
 
 def row_record(catalogue: Catalogue, row: CurveRow) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import options
+from saltus.curves import is_curve_file
 from saltus.errors import BadInput, one_line
 from saltus.response_starts import check_range, event_named, file_and_event, further, in_names, is_response_file
 from saltus.terminal import stability_word
@@ -34,6 +35,8 @@ _NEAR = 0.01
 def wants_free_family(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a family of free orbits in a parameter."""
     start = arguments.start or ""
+    if is_curve_file(file_and_event(start)[0]):
+        return False
     if arguments.parameter is None and not _free_branches(start):
         return False
     path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start

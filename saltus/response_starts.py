@@ -8,10 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from saltus import compiling, options
+from saltus import compiling, curves, options
 from saltus.errors import BadInput, nearest, one_line
 
 if TYPE_CHECKING:
+    from branches.curves.record import BifurcationCurve
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.forced.onwards import ResponseStart
     from bvp.parameters import ParametricSystem
@@ -42,6 +43,8 @@ class ResponseRequest:
         The branches of the file that it starts from.
     source, event : str or None
         That file, and the event in it.
+    point : (BifurcationCurve, int), optional
+        The curve that it starts from, and the index of the point.
     """
 
     path: ParameterPath
@@ -50,6 +53,7 @@ class ResponseRequest:
     given: tuple[ForcedBranch, ...] = ()
     source: str | None = None
     event: str | None = None
+    point: tuple[BifurcationCurve, int] | None = None
 
 
 def add_start_arguments(parser: argparse.ArgumentParser) -> None:
@@ -133,10 +137,12 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     from transitions.response.path import ParameterPath
 
     source, event = file_and_event(arguments.start)
-    if event is not None and arguments.direction is not None:
+    if event is not None and arguments.direction is not None and not curves.is_curve_file(source):
         raise BadInput(f"--direction {arguments.direction}: families lead away from the event {event}; expected no --direction")
     if not os.path.exists(source):
         raise BadInput(f"no file {source}; expected rest, simulate, or a JSON file of saltus continue --in NAME, FILE[:EVENT]")
+    if curves.is_curve_file(source):
+        return _request_of_curve(arguments, names, keep, source, event)
     given = read_responses(source)
     problem, title = given[0].problem, ""
     if arguments.scene is not None or options.parameters_of(arguments):
@@ -153,6 +159,33 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
 
 
+def _request_of_curve(
+    arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...], source: str, place: str | None
+) -> ResponseRequest:
+    """The response through a point of a curve."""
+    from transitions.response.path import ParameterPath
+
+    if arguments.scene is not None or options.parameters_of(arguments):
+        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
+    curve, index, name = curves.place_named(curves.read(source), source, place)
+    problem = curve.plane.problem
+    if problem.ends is not None:
+        raise BadInput(f"{source}: the curve is one of free orbits; expected one of responses to periodic loads")
+    values = problem.parameters(curve.unknowns[index, : curve.plane.size])
+    parametric = in_names(problem.parametric.replaced(values), names)
+    try:
+        path = ParameterPath(parametric, names, keep)
+    except ValueError as error:
+        raise BadInput(f"--keep: {one_line(error)}") from error
+    interval = arguments.range
+    if interval is None and path.name in curve.names:
+        interval = curve.window[curve.names.index(path.name)]
+    if interval is None:
+        raise BadInput(f"--range LO:HI is required: {source} has no range of {path.name}")
+    check_range(path.name, path.values[path.name], interval)
+    return ResponseRequest(path, interval, "", (), source, name, (curve, index))
+
+
 def prepare_kernels(request: ResponseRequest, arguments: argparse.Namespace) -> None:
     """Compile the kernels of responses, and those of a simulation where one is the start."""
     groups = ["response", *(["simulated response"] if arguments.start == "simulate" else [])]
@@ -162,6 +195,8 @@ def prepare_kernels(request: ResponseRequest, arguments: argparse.Namespace) -> 
 def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: Report) -> list[ResponseStart]:
     """The orbits from which the families of a request are followed; `report` gets the lines about them."""
     direction = arguments.direction or "both"
+    if request.point is not None:
+        return _from_curve(request, direction, report)
     if request.given:
         return _from_file(request, direction)
     path = request.path
@@ -232,6 +267,22 @@ def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
     low, high = interval
     if not low <= value <= high:
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
+
+
+def _from_curve(request: ResponseRequest, direction: str, report: Report) -> list[ResponseStart]:
+    """The families through a point of a curve."""
+    from transitions.response.curve_points import starts_on_curve
+
+    assert request.point is not None
+    curve, index = request.point
+    try:
+        starts = starts_on_curve(curve, index, request.path, direction)
+    except ValueError as error:
+        raise BadInput(f"{request.source}:{request.event}: {one_line(error)}") from error
+    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, curve.parameters[index].tolist(), strict=True))
+    sides = f": {len(starts)} families meet at this grazing" if len(starts) > 1 else ""
+    report([f"start  {request.event} of {request.source}, a point of a curve {curve.code} at {where}{sides}"])
+    return starts
 
 
 def _from_rest(request: ResponseRequest, direction: str, report: Report) -> list[ResponseStart]:

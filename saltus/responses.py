@@ -14,6 +14,7 @@ import numpy as np
 
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
+from saltus.curves import is_curve_file
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
 from saltus.response_starts import add_start_arguments, file_and_event, is_response_file, prepare_kernels, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
@@ -79,6 +80,8 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a response. What then does not fit is refused."""
     start = arguments.start or ""
     wanted = arguments.parameter is not None or start in ("rest", "simulate") or is_response_file(file_and_event(start)[0])
+    if not wanted and is_curve_file(file_and_event(start)[0]):
+        raise BadInput(f"--in NAME is required: the parameter in which the family through {start} is followed")
     given = [f"--{name.replace('_', '-').replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
     if not wanted and given:
         source = file_and_event(start)[0]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from saltus import catalogues, compiling, options, outputs
+from saltus import catalogues, compiling, curves, options, outputs
 from saltus.errors import BadInput, nearest
 from saltus.options import whole_above_zero
 from saltus.terminal import ProgressBar, counted
@@ -28,6 +28,7 @@ WHAT = {
     "points": "a row for each point: CSV, JSON, NPZ or MAT",
     "orbits": "a row for each orbit: CSV, JSON, NPZ or MAT",
     "response": "forced responses: a figure, or their points",
+    "curves": "curves in the plane of two parameters: a figure, or their points",
 }
 PICTURES = ("fep", "velocities")
 
@@ -41,6 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             _add_figure_options(part)
         elif what == "response":
             _add_response_options(part)
+        elif what == "curves":
+            part.add_argument("names", metavar="ID", nargs="*", help="ids of curves (default: all)")
+            outputs.add_arguments(part, "plot", "json", "csv", "npz", "mat")
+            catalogues.add_arguments(part)
         else:
             _add_data(part, what)
         part.set_defaults(parser=part)
@@ -54,7 +59,28 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput(f"missing: {' or '.join(known)} (see saltus export {arguments.what} --help)")
     if arguments.what == "response":
         return _response(arguments, files)
+    if arguments.what == "curves":
+        return _curves(arguments, files)
     return _figure(arguments, files) if arguments.what in PICTURES else _data(arguments, files)
+
+
+def _curves(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
+    """Draw the curves of a catalogue, or write their points."""
+    from branches.catalogue.curves import find_curve
+
+    with catalogues.open_catalogue(arguments) as catalogue:
+        known = [row.id for row in catalogue.curve_rows()]
+        if not known:
+            raise BadInput(f"{catalogue.path} has no curve; expected one saved by saltus curve START --save")
+        chosen: dict[str, None] = {}
+        for name in arguments.names:
+            row = find_curve(catalogue, name)
+            if row is None:
+                raise curves.no_curve(catalogue, name)
+            chosen[row.id] = None
+        compiling.prepare("parameter" if catalogue.scene.is_free else "response")
+        found, title = [catalogue.curve(id) for id in chosen or known], catalogue.scene.title
+    return curves.write(files, found, title)
 
 
 def _add_response_options(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, options, outputs
+from saltus import catalogues, curves, options, outputs
 from saltus.terminal import counted, range_text, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
         families = catalogue.families(**filters)
         total, names = len(catalogue), list(catalogue.scene.reference_points)
         axes, is_of_responses = catalogue.scene.axes, bool(catalogue.scene.parameters)
+        kept = curves.rows_record(catalogue)
         records = [catalogues.in_axes(catalogue, catalogues.family_record(row)) for row in families]
 
     rows: list[tuple[str, ...]] = []
@@ -48,9 +49,10 @@ def run(arguments: argparse.Namespace) -> int:
         rows, head, columns = [row[1:-1] for row in rows], head[1:-1], columns[1:-1]
     lines = table_lines(head, rows, width=terminal_width(sys.stdout), columns=columns)
     about = {"parameter": axes.symbols[0]} if is_of_responses else {}
+    listed = {"curves": kept} if is_of_responses else {}
     return files.finish(
-        [*lines, f"{len(families)} of {counted(total, 'family')}"],
-        lambda: {"schema": catalogues.SCHEMA, **about, "filters": filters, "families": records},
+        [*lines, f"{len(families)} of {counted(total, 'family')}", *curves.list_lines(kept, terminal_width(sys.stdout))],
+        lambda: {"schema": catalogues.SCHEMA, **about, "filters": filters, "families": records, **listed},
         table=lambda: family_table(records),
     )
 

@@ -1,4 +1,4 @@
-"""`saltus show NAME`: one family of a catalogue, with its labels, events, neighbours and stability, or a file of responses."""
+"""`saltus show NAME`: one family of a catalogue, with its labels, events, neighbours and stability; a curve; or a file of them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, outputs, responses
+from saltus import catalogues, curves, outputs, responses
 from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
 from saltus.errors import BadInput
 from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
     from branches.catalogue import Catalogue, Edge
+    from branches.catalogue.curves import CurveRow
     from branches.catalogue.find import NameMatch
     from branches.catalogue.rows import Axes
     from branches.orbit import Orbit
@@ -20,9 +21,10 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("name", metavar="NAME", help="S13O00+, U83@h=1.9, an id or its beginning, L11+, or a JSON file of responses")
+    what = "S13O00+, U83@h=1.9, an id or its beginning, L11+, or a JSON file of responses or curves"
+    parser.add_argument("name", metavar="NAME", help=what)
     outputs.add_arguments(
-        parser, "json", plot="draw the orbit that the suffix of NAME selects, or a response: FILE.png, FILE.pdf or FILE.svg"
+        parser, "json", plot="draw the orbit that the suffix of NAME selects, a response, or a curve: FILE.png, FILE.pdf or FILE.svg"
     )
     catalogues.add_arguments(parser)
 
@@ -31,9 +33,21 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     if responses.is_response_file(arguments.name):
         return responses.show(arguments)
+    if curves.is_curve_file(arguments.name):
+        return curves.show(arguments)
     files = outputs.outputs_of(arguments)
+
+    from branches.catalogue.curves import find_curve
+
     with catalogues.open_catalogue(arguments) as catalogue:
-        match = catalogue.find(arguments.name)
+        try:
+            match = catalogue.find(arguments.name)
+        except ValueError:
+            row = find_curve(catalogue, arguments.name)
+            if row is None:
+                curves.refuse_curve(catalogue, arguments.name)
+                raise
+            return _curve(catalogue, row, files)
         record = catalogues.in_axes(catalogue, _record(catalogue, match))
         lines = _lines(catalogue, match)
         figure: outputs.Drawing
@@ -48,6 +62,18 @@ def run(arguments: argparse.Namespace) -> int:
     return files.finish(lines, lambda: record, figure=figure, notes={"plot": shown})
 
 
+def _curve(catalogue: Catalogue, row: CurveRow, files: outputs.Outputs) -> int:
+    """Print a curve, and write its files; return the exit code."""
+    record = catalogues.in_axes(catalogue, curves.row_record(catalogue, row))
+    drawn = [catalogue.curve(row.id)] if "plot" in files.places else []
+    return files.finish(
+        curves.row_lines(catalogue, row, terminal_width(sys.stdout)),
+        lambda: {"schema": SCHEMA, "curve": record},
+        figure=("branches.curves.figure:curve_figure", drawn, {"title": catalogue.scene.title}),
+        notes={"plot": row.id},
+    )
+
+
 def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     """All that there is to say, as plain data."""
     from saltus.scene.model import explain
@@ -59,7 +85,8 @@ def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     events = [event_record(event) for event in catalogue.events(row.id)]
     family: dict[str, Any] = {"schema": SCHEMA, "family": family_record(row)}
     if catalogue.scene.parameters:
-        return {**family, "path": catalogue.scene.parameters, "events": events, "neighbours": neighbours}
+        through = [{"curve": row.id, "edge": edge_record(edge)} for row, edge in catalogue.curve_edges(row.id)]
+        return {**family, "path": catalogue.scene.parameters, "events": events, "neighbours": neighbours, "curves": through}
     return {**family, "model": explain(catalogue.system, row.id), "events": events, "neighbours": neighbours}
 
 
@@ -122,7 +149,7 @@ def _lines(catalogue: Catalogue, match: NameMatch) -> list[str]:
         if row.response is not None:  # its events have no label
             cells, head, columns = [(*line[:2], *line[3:]) for line in cells], (*head[:2], *head[3:]), "rlllllt"
         lines += ["", *table_lines(head, cells, width=width, columns=columns)]
-    return lines + _neighbours(neighbours, width, axes)
+    return lines + _neighbours(neighbours, width, axes) + curves.catalogue_lines(catalogue, row.id, width)
 
 
 def _neighbours(neighbours: list[dict[str, Any]], width: int | None, axes: Axes) -> list[str]:

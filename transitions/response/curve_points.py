@@ -31,7 +31,7 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     """The starts of the families in the parameter of a path through the orbit at a point of a curve.
 
     At a grazing there are several: with the impact and without it, each on the side where its orbits exist. The family of a start ends at
-    the grazing.
+    the grazing, so it is followed both ways from an orbit next to it.
 
     Parameters
     ----------
@@ -42,6 +42,7 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     path : ParameterPath
         The parameters that vary, in the system of the curve.
     direction : {"both", "up", "down"}
+        Where families meet at a grazing: those that are above or below its parameter.
 
     Raises
     ------
@@ -65,7 +66,12 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
             found += _beside(*primitive_orbit(*made))
     if not found:
         raise ValueError("no orbit of a family is next to this grazing")
-    return [ResponseStart(*one, direction) for one in found]
+    place = 2 * problem.degrees_of_freedom + 1
+    side = {"both": 0.0, "up": 1.0, "down": -1.0}[direction]
+    kept = [(made, other) for made, other in found if side * (other[place] - y[place]) >= 0.0]
+    if not kept:
+        raise ValueError(f"all families that meet at this grazing are on its other side; expected another direction than {direction}")
+    return [ResponseStart(*one, "both") for one in kept]
 
 
 def _beside(problem: ForcedProblem, y: np.ndarray) -> Iterator[tuple[ForcedProblem, np.ndarray]]:
