@@ -62,7 +62,7 @@ def draw_curves(
     """Draw curves into a panel, with its axes and a legend. more: further handles of the legend. logs: which axes are logarithmic."""
     from matplotlib.lines import Line2D
 
-    first = curves[0].names
+    first = curves[0].shown[0]
     places = [curve.parameters[:, [curve.names.index(name) for name in first]] for curve in curves]
     together = np.concatenate(places)
     for k, (name, letter) in enumerate(zip(first, "xy", strict=True)):

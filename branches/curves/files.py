@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from branches.curves.free import FreeKind
 from branches.curves.grazing import Grazing
 from branches.curves.identity import curve_id
 from branches.curves.plane import ParameterPlane
@@ -58,6 +59,7 @@ _CURVE = {
     "id?": "a string",
     "code": "a string",
     "names": ["a string", 2],
+    "shown?": ["a string", 2],
     "ends?": ["a string", 2],
     "solved": ["a string"],
     "load_periods": "an integer",
@@ -111,9 +113,12 @@ def curve_header(curve: BifurcationCurve) -> dict[str, Any]:
     problem = curve.plane.problem
     ends = {} if problem.ends is None else {"ends": list(problem.ends), "energy": getattr(problem, "energy", None)}
     grazing = {} if curve.grazing is None else {"grazing": plain(curve.grazing._asdict())}
+    if curve.free is not None:
+        grazing["free"] = plain(curve.free._asdict())
     return {
         "code": curve.code,
         "names": list(curve.names),
+        "shown": list(curve.shown[0]),
         **ends,
         "solved": list(problem.sequence),
         "load_periods": problem.load_periods,
@@ -133,7 +138,7 @@ def curve_header(curve: BifurcationCurve) -> dict[str, Any]:
 
 def curves_table(curves: Sequence[BifurcationCurve]) -> Table:
     """The points of some curves in columns. A column of a parameter that a curve does not have is NaN there."""
-    names = list(dict.fromkeys(name for curve in curves for name in curve.names))
+    names = list(dict.fromkeys(name for curve in curves for name in curve.shown[0]))
     values = {name: [] for name in names}  # type: dict[str, list[np.ndarray]]
     for curve in curves:
         for name in names:
@@ -249,7 +254,12 @@ def restored_curve(parametric: ParametricSystem, item: Mapping[str, Any], column
         plane=plane, code=item["code"], grazing=None if given is None else Grazing(**_grazing(given)), **columns,
         events=tuple(CurveEvent(**{**event, "bracket": tuple(event["bracket"])}) for event in item["events"]),
         ended=(ended[0], ended[1]), start=item["start"], closed=item["closed"], window=(window[0], window[1]), origin=item["origin"],
+        free=_free_kind(item.get("free")), axes=tuple(item.get("shown", ())),
     )  # fmt: skip
+
+
+def _free_kind(given: Mapping[str, Any] | None) -> FreeKind | None:
+    return None if given is None else FreeKind(**{**given, "symmetry": tuple(given["symmetry"])})
 
 
 def _bound(value: float | None, sign: float) -> float:

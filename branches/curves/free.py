@@ -38,6 +38,15 @@ SYMMETRIES: tuple[Symmetry, ...] = (BOTH, (False, True), (True, False))
 """Those that break a symmetry of an orbit between two ends."""
 
 
+class FreeKind(NamedTuple):
+    """What is critical on a curve of free orbits: the symmetry of the perturbation; whether the orbits are symmetric in half the period
+    that is solved for; whether a fold is one in the energy, see `free_condition`."""
+
+    symmetry: Symmetry
+    doubled: bool = False
+    in_energy: bool = False
+
+
 class Turned(ReleasedProblem):
     """The problem of a family with the end conditions of antisymmetric perturbations. It is linearised, and never solved.
 

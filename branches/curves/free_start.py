@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.curves.free import SYMMETRIES, Breaking, Symmetry, free_condition, names_quarter_period, smallest_singular
+from branches.curves.free import SYMMETRIES, Breaking, FreeKind, Symmetry, free_condition, names_quarter_period, smallest_singular
 from branches.curves.free_grazing import free_grazing_at, free_grazing_condition
 from branches.curves.free_monitor import FOLD, FreeGrazingMonitor, FreeMonitor, event_of, observed_free
+from branches.curves.grazing import Grazing
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane, plane_of
 from branches.orbit import Orbit
@@ -21,7 +22,7 @@ from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from continuation.curves import Curve, SingularCondition
 
-__all__ = ["FREE_CURVES", "free_curve_start", "released_of"]
+__all__ = ["FREE_CURVES", "free_curve", "free_curve_start", "free_event", "released_of"]
 
 FREE_CURVES = ("SN", "SB", "PD", "BP", "GR")
 """Events of free orbits that can be continued in two parameters."""
@@ -92,29 +93,47 @@ def free_curve_start(
     ValueError
         For an event that cannot be continued, and for parameters that the problem cannot have. The message says why.
     """
-    if code not in FREE_CURVES:
-        raise ValueError(f"an event of type {code} has no curve of free orbits; expected one of {', '.join(FREE_CURVES)}")
     if names[0] in RESERVED:  # the first parameter of a plane is one of the system
         window = window[1], window[0]
+    plane, code, kind, start = free_event(problem, y, code, names, keep)
+    return plane, free_curve(plane, code, kind, start, window), start
+
+
+def free_event(
+    problem: ReleasedProblem, y: np.ndarray, code: str, names: Sequence[str], keep: Sequence[str]
+) -> tuple[ParameterPlane, str, FreeKind | Grazing, np.ndarray]:
+    """What is continued at an event: the plane, the type, what is critical or grazes, and the orbit. Arguments and errors as for
+    `free_curve_start`."""
+    if code not in FREE_CURVES:
+        raise ValueError(f"an event of type {code} has no curve of free orbits; expected one of {', '.join(FREE_CURVES)}")
     if code == "SN":
         plane, start = plane_of(problem, y, names, keep)
-        return plane, Curve(plane, _fold(plane, start), FreeMonitor(plane, "SN", FOLD, window)), start
+        return plane, "SN", FreeKind(FOLD, False, _is_in_energy(plane, start)), start
     if code == "GR":
         made, start, grazing = free_grazing_at(problem, y, observed_free(problem, y))
         plane, start = plane_of(made, start, names, keep)
-        return plane, Curve(plane, free_grazing_condition(plane, grazing), FreeGrazingMonitor(plane, grazing, start, window)), start
+        return plane, "GR", grazing, start
     found = min(_candidates(problem, y, code, names, keep), key=lambda one: one.singular, default=None)
     if found is None or found.singular > _SINGULAR:
         raise ValueError(_why_none(problem, y, code))
-    monitor = FreeMonitor(found.plane, found.code, found.symmetry, window, found.doubled)
-    return found.plane, Curve(found.plane, found.condition, monitor), found.y
+    return found.plane, found.code, FreeKind(found.symmetry, found.doubled), found.y
 
 
-def _fold(plane: ParameterPlane, y: np.ndarray) -> SingularCondition:
-    """The condition of the kind of fold that an orbit is at."""
-    found = [free_condition(plane, "SN", in_energy=in_energy) for in_energy in (False, *([True] if names_quarter_period(plane) else []))]
+def free_curve(plane: ParameterPlane, code: str, kind: FreeKind | Grazing, y: np.ndarray, window: Window) -> Curve:
+    """A curve of free orbits as a `continuation.Problem`. y: an orbit of it. window: in the order of the plane."""
+    if isinstance(kind, Grazing):
+        return Curve(plane, free_grazing_condition(plane, kind), FreeGrazingMonitor(plane, kind, y, window))
+    condition = free_condition(plane, code, kind.symmetry, kind.in_energy)
+    return Curve(plane, condition, FreeMonitor(plane, code, kind.symmetry, window, kind.doubled))
+
+
+def _is_in_energy(plane: ParameterPlane, y: np.ndarray) -> bool:
+    """Whether the fold that an orbit is at is one in the energy, where that differs from the fold over the plane."""
+    if not names_quarter_period(plane):
+        return False
     at, scale = plane.linearised(y), plane.scales(y)
-    return min(found, key=lambda condition: smallest_singular(condition, at, scale)[0])
+    sizes = [smallest_singular(free_condition(plane, "SN", in_energy=given), at, scale)[0] for given in (False, True)]
+    return sizes[1] < sizes[0]
 
 
 class _Candidate(NamedTuple):

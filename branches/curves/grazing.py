@@ -60,10 +60,10 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
         For a grazing that cannot be continued.
     """
     if vanishes(problem, solution.y):
-        made = without_moment(problem, solution.y)
-        if made is None:
+        narrow = without_moment(problem, solution.y)
+        if narrow is None:
             raise ValueError("the stop sticks for the whole period there, and no orbit with an impact has this limit as an equation")
-        problem, solution = made[0], observed(made[0], made[1])
+        problem, solution = narrow[0], observed(narrow[0], narrow[1])
     sizes = {
         "clearance": abs(solution["clearance"]) / problem.segment.scale[0],
         "speed": abs(solution["speed"]) / problem.segment.scale[problem.degrees_of_freedom],

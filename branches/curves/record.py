@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from branches.curves.free import FreeKind
 from branches.curves.grazing import Grazing
 from branches.curves.plane import ParameterPlane
 from branches.events import Ended
@@ -79,6 +80,10 @@ class BifurcationCurve:
         Ranges of the two parameters in which it was followed.
     origin : str
         Where it was started, in words.
+    free : FreeKind or None
+        What is critical on a curve of bifurcations of free orbits.
+    axes : tuple of str
+        The two parameters in the order in which tables and figures show them; empty for that of the plane.
     """
 
     plane: ParameterPlane
@@ -97,6 +102,8 @@ class BifurcationCurve:
     closed: bool
     window: tuple[tuple[float, float], tuple[float, float]]
     origin: str = ""
+    free: FreeKind | None = None
+    axes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.unknowns)
@@ -111,6 +118,13 @@ class BifurcationCurve:
     def names(self) -> tuple[str, str]:
         """The two parameters."""
         return self.plane.names
+
+    @property
+    def shown(self) -> tuple[tuple[str, str], np.ndarray]:
+        """The two parameters in the order in which they are shown, and their values (N, 2)."""
+        if self.axes != self.names[::-1]:
+            return self.names, self.parameters
+        return (self.names[1], self.names[0]), self.parameters[:, ::-1]
 
     @property
     def span(self) -> tuple[list[float], list[float]]:

@@ -12,6 +12,8 @@ import numpy as np
 
 from branches.curves.collapse import Narrow, with_collapsed_ends
 from branches.curves.extending import can_go_on, is_within, joined
+from branches.curves.free import FreeKind
+from branches.curves.free_start import free_curve, free_event
 from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing_condition, observed
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
@@ -24,6 +26,7 @@ from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.primitive import full_period, primitive_orbit, twice
 from branches.interrupted import with_computed
 from bvp.forced import ForcedProblem
+from bvp.released import ReleasedProblem
 from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
@@ -58,14 +61,19 @@ class CurveStart(NamedTuple):
     grazing: Grazing | None
     y: np.ndarray
     origin: str = ""
+    free: FreeKind | None = None
 
     def curve(self, window: Window) -> Curve:
         """The curve as a `continuation.Problem`."""
-        return curve_problem(self.plane, self.code, self.grazing, window)
+        return curve_problem(self.plane, self.code, self.free or self.grazing, self.y, window)
 
 
-def curve_problem(plane: ParameterPlane, code: str, grazing: Grazing | None, window: Window) -> Curve:
-    """A curve as a `continuation.Problem`."""
+def curve_problem(plane: ParameterPlane, code: str, kind: FreeKind | Grazing | None, y: np.ndarray, window: Window) -> Curve:
+    """A curve as a `continuation.Problem`. y: an orbit of it."""
+    if isinstance(plane.problem, ReleasedProblem):
+        assert kind is not None
+        return free_curve(plane, code, kind, y, window)
+    grazing = kind if isinstance(kind, Grazing) else None
     if grazing is not None:
         return Curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window))
     follower = CompiledCurve if plane.problem.curvature.is_exact else Curve
@@ -106,6 +114,14 @@ def curve_start(
     """
     if code not in CURVES:
         raise NoCurve(f"{_REASONS.get(code, 'it is no bifurcation')}; expected one of {', '.join(CURVES)}")
+    if isinstance(problem, ReleasedProblem):
+        try:
+            plane, code, kind, unknowns = free_event(problem, y, code, names, keep)
+        except ValueError as error:
+            raise NoCurve(str(error)) from error
+        if isinstance(kind, Grazing):
+            return CurveStart(plane, code, kind, unknowns, origin)
+        return CurveStart(plane, code, None, unknowns, origin, kind)
     grazing = None
     if code == "BP":
         primitive, single = primitive_orbit(problem, y)
@@ -216,7 +232,7 @@ def follow_curve(
 
 def curve_again(curve: BifurcationCurve, origin: str = "") -> CurveStart:
     """The start that a curve was followed from."""
-    return CurveStart(curve.plane, curve.code, curve.grazing, curve.unknowns[curve.start], origin or curve.origin)
+    return CurveStart(curve.plane, curve.code, curve.grazing, curve.unknowns[curve.start], origin or curve.origin, curve.free)
 
 
 def extend_curve(
@@ -383,6 +399,7 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
         multipliers=np.array([step.extra.multipliers for step in steps]),
         coefficient=np.array([step.extra.coefficient for step in steps]),
         events=tuple(events), ended=(ended[0], ended[1]), start=run.start, closed=run.closed, window=window, origin=start.origin,
+        free=start.free,
     )  # fmt: skip
 
 
@@ -408,6 +425,9 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     plane, u = curve.plane, curve.plane.size
     y = curve.unknowns[index, :u]
     origin = f"a point of a curve {curve.code}"
+    if isinstance(plane.problem, ReleasedProblem):
+        others = [name for name in plane.problem.released if name not in plane.names]
+        return curve_start(plane.problem, y, code, [*plane.names, *others], plane.problem.keep[:-1], origin=origin)
     if code == "GR":
         return _grazing_through(curve, y, origin)
     kinds = {event.type for event in curve.events if event.point == index}

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bvp.description import RESERVED
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, curves, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
@@ -75,7 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.curves.tracing import NoCurve, extend_curve, follow_curve
 
     known = given.known if given.known is not None and is_within(given.known, window) else None
-    files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(start.plane.names)}"])
+    shown_names = (arguments.parameters or start.plane.names)[:2]
+    files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(shown_names)}"])
     if known is not None and not any(can_go_on(known, last, window) for last in (False, True)):
         files.report(["note   the curve ends at events, or where the range ends; nothing is left to follow"])
     curve: BifurcationCurve | None = None
@@ -85,8 +88,9 @@ def run(arguments: argparse.Namespace) -> int:
             with interrupt.released(), ProgressBar(arguments.points) as bar:
 
                 def found(event: Event) -> None:
-                    a, b = start.plane.linearised(event.point.y[: start.plane.size]).parameters
-                    bar.line(f"  {event.code:<6} {a:.12g}  {b:.12g}  {event.details.get('note') or ''}".rstrip(), files.words)
+                    values = start.plane.linearised(event.point.y[: start.plane.size]).parameters
+                    shown = "  ".join(f"{values[start.plane.names.index(name)]:.12g}" for name in shown_names)
+                    bar.line(f"  {event.code:<6} {shown}  {event.details.get('note') or ''}".rstrip(), files.words)
 
                 given_options: dict[str, Any] = {
                     "points": arguments.points, "direction": arguments.direction or "both", "on_event": found, "on_point": bar.update
@@ -101,6 +105,8 @@ def run(arguments: argparse.Namespace) -> int:
             interrupted = isinstance(error, KeyboardInterrupt)
             say("interrupted, with the points that were computed so far" if interrupted else one_line(error))
             code = INTERRUPTED if interrupted else FAILED
+        if arguments.parameters is not None:
+            curve = replace(curve, axes=tuple(arguments.parameters[:2]))
         files.report(curves.report_lines(curve, terminal_width(files.words)))
         if any(end.reason in FAILURES for end in curve.ended):
             code = max(code, FAILED)
@@ -236,7 +242,39 @@ def _of_family(arguments: argparse.Namespace, source: str, event: str | None, re
     _require_plane(arguments, source)
     if is_response(record):
         return _of_response(arguments, source, event, named_events(read_responses(source)))
-    raise BadInput(f"{source} holds no response; expected a JSON file of saltus continue --in NAME, or of saltus curve")
+    return _of_free_family(arguments, source, event)
+
+
+def _of_free_family(arguments: argparse.Namespace, source: str, event: str | None) -> _Given:
+    """The start at an event of a family in the energy."""
+    from branches.curves.free_start import released_of
+    from branches.curves.tracing import NoCurve, curve_start
+    from branches.reading import RecordError, read_branch
+    from bvp.parameters import ParametricSystem
+
+    try:
+        branch = read_branch(source)
+    except RecordError as error:
+        raise BadInput(f"{one_line(error)}; expected a JSON file of saltus continue or saltus curve") from error
+    known = {one.id: one for one in branch.events}
+    found = known[_known_event(source, event, known)]
+    parametric = None
+    if arguments.scene is not None or options.parameters_of(arguments):
+        scene = options.scene_of(arguments)
+        parametric = scene.parametric or ParametricSystem.of(scene.system)
+        if scene.system.describe() != branch.system.describe():
+            raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+    try:
+        problem, y = released_of(branch.orbit(found.point), arguments.parameters, parametric)
+        origin = f"{found.id} of {os.path.basename(source)}"
+        return _Given(curve_start(problem, y, found.type, arguments.parameters, arguments.keep or (), origin=origin))
+    except NoCurve as error:
+        raise BadInput(f"{source}:{event} cannot be continued: {one_line(error)}") from error
+    except ValueError as error:
+        known_names = (parametric or ParametricSystem.of(branch.system)).names
+        names = [*known_names, *RESERVED]
+        near = next((nearest(name, names) or "" for name in arguments.parameters if name not in names), "")
+        raise BadInput(f"--in {','.join(arguments.parameters)}: {one_line(error)}{near}") from error
 
 
 def _of_response(
@@ -274,6 +312,7 @@ def _of_curves(arguments: argparse.Namespace, source: str, event: str | None, fo
 
     if arguments.parameters is not None and set(arguments.parameters) != set(found[0].names):
         raise BadInput(f"--in {','.join(arguments.parameters)}: {source} has {', '.join(found[0].names)}; expected these, or no --in")
+    arguments.parameters = arguments.parameters or found[0].shown[0]
     name = os.path.basename(source)
     if event is None:
         if arguments.to is not None:
