@@ -23,6 +23,7 @@ __all__ = ["main", "program"]
 COMMANDS = {
     "continue": "follow the family with a name, and print its events",
     "curve": "follow a bifurcation or a grazing in the plane of two parameters",
+    "chart": "follow all curves from the events of a branch, and simulate what attracts between them",
     "discover": "find every symmetric periodic orbit at an energy, within bounds",
     "orbit": "show one orbit of a named family: its impacts, multipliers and shape",
     "build": "find and follow every family within bounds, and save them in a catalogue",
