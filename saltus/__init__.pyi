@@ -52,6 +52,10 @@ from transitions.basin.figure import basin_figure as basin_figure
 from transitions.basin.record import Attractor as Attractor
 from transitions.basin.record import Basin as Basin
 from transitions.basin.record import Saddle as Saddle
+from transitions.chart.chart import Chart as Chart
+from transitions.chart.chart import find_chart as find_chart
+from transitions.chart.figure import chart_figure as chart_figure
+from transitions.chart.plan import ChartPlan as ChartPlan
 from transitions.families import families_of as families_of
 from transitions.figure import draw_transition as draw_transition
 from transitions.frequencies import decompose as decompose

@@ -146,6 +146,25 @@ def find_chart(
     -------
     Chart, bool
         And whether Ctrl-C came: the chart has what was found until then.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If Ctrl-C came before the first curve.
+
+    Examples
+    --------
+    The grazing and the doubling of an oscillator lead to a fold, at w = sqrt(1 - c^2/4).
+
+    >>> import saltus
+    >>> oscillator = saltus.load_scene("damped_impact_oscillator").parametric
+    >>> branches = saltus.trace_response(oscillator, "w", (0.95, 1.05), values={"A": 0.12})
+    >>> plan = saltus.ChartPlan(branches, ("w", "A"), ((0.95, 1.05), (0.08, 0.2)), levels=0, grid=(0, 0))
+    >>> chart, interrupted = find_chart(plan)
+    >>> [curve.code for curve in chart.curves]
+    ['GR', 'PD', 'SN']
+    >>> [(point.types, [round(value, 9) for value in point.place]) for point in chart.points]
+    [(('SN-GR', 'PD-GR'), [0.998749218, 0.099906206])]
     """
     search = CurveSearch(plan, on_curve or (lambda number, curve: None), on_point)
     regions, interrupted = None, False

@@ -59,6 +59,10 @@ class ChartPlan:
     periods : int
         Most periods of the loads that a motion of a cell is simulated.
 
+    See Also
+    --------
+    transitions.chart.chart.find_chart : computes it
+
     Raises
     ------
     ValueError
