@@ -1,0 +1,104 @@
+"""The absorber in the plane of frequency and amplitude: the table of points of codimension two of docs/absorber.md."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from branches.curves.tracing import curve_at, curve_through, follow_curve
+from branches.forced.family import ForcedFamily
+from branches.forced.tracing import follow_response
+from bvp.forced import ForcedProblem
+from saltus.scene import load_scene
+from tests.branches.curve_oracles import AbsorberOrbit
+from tests.branches.forced_systems import absorber_families
+from tests.docs.pages import page, table
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
+
+WINDOW = ((0.5, 3.0), (0.02, 3.5))
+ROWS = [
+    (code, curves.split(", "), float(w), float(f))
+    for code, curves, w, f in table(page("../absorber.md"), "In the plane of frequency and amplitude")
+]
+"""The rows of the table: code, curves, w, F."""
+
+
+def through(branch, code, number=0):
+    event = [event for event in branch.events if event.type == code][number]
+    return follow_curve(curve_at(branch, event, ("w", "F")), WINDOW)
+
+
+def point(curve, code, place):
+    """Index of the point of a curve with a type of event that is nearest to a place."""
+    found = [event for event in curve.events if event.type == code]
+    return min(found, key=lambda event: np.abs(curve.parameters[event.point] - place).max()).point
+
+
+@cache
+def curve(name):
+    """The curves of the table."""
+    symmetric = absorber_families()[0]
+    if name in ("NS", "SN"):
+        return through(symmetric, name)
+    if name == "GR":
+        return through(symmetric, "GR", 1)
+    if name == "SB":
+        parametric = load_scene("absorber", w=0.79).parametric
+        found = settled_orbit(ParameterPath(parametric, ["w"]), settle(parametric.system(), parametric.forces()))
+        return through(follow_response(found.problem, found.y, (0.72, 0.9)), "SB")
+    breaking = curve("SB")
+    if name == "NS'":
+        return follow_curve(curve_through(breaking, point(breaking, "R2", (0.59, 1.1)), "NS"), WINDOW)
+    place = {"SN'": (0.7807, 0.3018), "SN''": (0.9194, 0.0289)}[name]
+    return follow_curve(curve_through(breaking, point(breaking, "DP", place), "SN"), WINDOW)
+
+
+def test_the_table_has_the_points_that_matter():
+    assert {code for code, *_ in ROWS} >= {"CP", "DP", "R1", "R2", "R3", "R4", "FN", "PN", "FF", "GH", "SN-GR", "SB-GR", "NS-GR"}
+    assert len(ROWS) == 20
+
+
+@pytest.mark.parametrize(("code", "curves", "w", "f"), ROWS)
+def test_each_point_is_on_its_curves(code, curves, w, f):
+    """Each curve of a row locates the point with its own equations, to 1e-9."""
+    for name in curves:
+        found = curve(name)
+        place = found.parameters[point(found, code, (w, f))]
+        assert place == pytest.approx([w, f], abs=1e-9)
+
+
+MULTIPLIERS = {"R1": 1.0, "R2": -1.0, "R3": np.exp(2j * math.pi / 3.0), "R4": 1j, "DP": -1.0, "CP": 1.0}
+
+
+@pytest.mark.parametrize("code", MULTIPLIERS)
+def test_points_have_their_multipliers(code):
+    """Oracle: products of matrix exponentials and saltation matrices. A double multiplier is known to the root of rounding."""
+    for kind, curves, w, f in ROWS:
+        if kind == code:
+            found = curve(curves[0])
+            orbit = AbsorberOrbit.of(found.plane.problem, found.unknowns[point(found, code, (w, f)), : found.plane.size])
+            distances = np.sort(np.abs(orbit.multipliers() - MULTIPLIERS[code]))
+            assert distances[0] < (1e-6 if code in ("R1", "R2") else 1e-9)
+            if code in ("R1", "R2"):
+                assert distances[1] < 1e-6
+
+
+@pytest.mark.parametrize("name", ["SB", "SN'", "NS'"])
+def test_a_branch_through_each_part_of_a_curve_has_the_event(name):
+    """The family over w at the amplitude of a point of the curve has the event there, to 1e-9."""
+    found = curve(name)
+    problem, code = found.plane.problem, name.strip("'")
+    for i in np.linspace(0, len(found) - 1, 5).astype(int)[1:-1]:
+        y = found.unknowns[i, : found.plane.size]
+        w = found.parameters[i, 0]
+        options = {"load_periods": problem.load_periods, "half": problem.half, "values": problem.parameters(y)}
+        single = ForcedProblem(problem.parametric, problem.sequence, ("w",), **options)
+        nodes = problem.nodes(y)
+        start = single.pack(nodes[:, :4], nodes[:, 4], [w], problem.flight_times(y))
+        branch = follow_response(single, ForcedFamily(single).begin(start), (w - 0.01, w + 0.01))
+        assert min(abs(event.values["w"] - w) for event in branch.events if event.type == code) < 1e-9
