@@ -1,4 +1,4 @@
-"""Curves of bifurcations and grazings of forced orbits in two parameters against closed forms, many digits and the branches through them."""
+"""Curves of forced orbits in two parameters against closed forms, many digits and the branches through their points."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ import pytest
 
 from branches.curves.record import BifurcationCurve
 from branches.curves.tracing import NoCurve, curve_start, curve_through, follow_curve
-from branches.forced.tracing import follow_response
+from branches.forced.family import ForcedFamily
+from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import AbsorberOrbit, ImpactOscillator, doubling_stop, fold_stop
 from tests.branches.forced_systems import absorber_families, oscillator, settled
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
 
 EVERYWHERE = ((-math.inf, math.inf), (-math.inf, math.inf))
 COCO = ImpactOscillator("0.1", "0.8")
@@ -241,3 +246,66 @@ def test_a_parameter_without_effect_is_refused():
     branch = absorber_families()[0]
     with pytest.raises(NoCurve, match="does not depend on rho"):
         follow_curve(started(branch, event_of(branch, "GR", 1), ("w", "rho")), EVERYWHERE)
+
+
+def pressing():
+    """x'' + 0.1 x' + x = A cos(w t), x <= 0.3, impacts without rebound: a stop that sticks."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"A": 2.0, "w": 0.3},
+            "system": {
+                "mass": [[1.0]],
+                "damping": [[0.1]],
+                "stiffness": [[1.0]],
+                "stops": [{"c": [1.0], "upper": 0.3, "restitution": 0.0}],
+            },
+            "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
+        }
+    )
+
+
+@cache
+def sticking_families():
+    """Families over A, each behind the grazing of the one before."""
+    path = ParameterPath(pressing(), ["A"])
+    found = settled_orbit(path, settle(path.parametric.system(path.values), path.parametric.forces(path.values)))
+    families = [follow_response(found.problem, found.y, (0.1, 3.0))]
+    for _ in range(3):
+        event = event_of(families[-1], "GR")
+        problem, step = switch_response(families[-1], event)[0]
+        families.append(follow_response(problem, step, (0.1, 3.0)))
+    return families
+
+
+@pytest.mark.parametrize(
+    ("family", "note"),
+    [
+        (0, "the contact force at stop + is zero where it begins to stick"),
+        (1, "the impacts at stop + before it sticks vanish"),
+        (3, "sticking at stop + vanishes"),
+    ],
+)
+def test_grazings_of_a_stop_that_sticks(family, note):
+    """The family over A through a point of the curve ends there, to 1e-9: onset and end of sticking, and the force that vanishes."""
+    branch = sticking_families()[family]
+    event = next(event for event in branch.events if event.type == "GR" and note in (event.note or ""))
+    curve = follow_curve(started(branch, event, ("A", "w")), ((0.1, 8.0), (0.2, 0.5)))
+    assert len(curve) > 20 and curve.residual.max() < 1e-12
+    checked = 0
+    for i in range(1, len(curve) - 1, len(curve) // 6):
+        y, amplitude = curve.unknowns[i], curve.parameters[i, 0]
+        values = curve.plane.problem.parameters(y)
+        single = ForcedProblem(curve.plane.problem.parametric, curve.plane.problem.sequence, ("A",), values=values)
+        nodes = curve.plane.problem.nodes(y)
+        start = single.pack(nodes[:, :2], nodes[:, 2], [amplitude], curve.plane.problem.flight_times(y))
+        family_there = ForcedFamily(single)
+        begin = family_there.begin(start)
+        # Beside the grazing, on the side on which it is an orbit.
+        for ds in (1e-3, -1e-3):
+            step = family_there.step(begin.y, begin.tangent, ds)
+            if step.converged and min(step.extra[name] for name in ("clearance", "speed", "flight")) > 0.0:
+                near = follow_response(single, step, (0.05, 10.0), points=60)
+                ends = [event.values["A"] for event in near.events if event.type == "GR"]
+                assert min(abs(end - amplitude) for end in ends) < 1e-9 * amplitude
+                checked += 1
+    assert checked >= 3

@@ -82,7 +82,9 @@ def test_the_folds_of_the_cusp(start):
     """Oracle: 27 a^2 = 4 b^3 at each point, and the cusp at the origin, from both folds."""
     curve = Curve(cusp_plane(), cusp_fold_condition(), Watch(cusp=quadratic))
     (x, a), _ = cusp_fold(1.0)
-    run = follow_both_ways(curve, np.array([start * x + 1e-3, start * a, 1.0]), SETTINGS, stop_when=lambda point: abs(point.step.y[2]) > 3.0)
+    run = follow_both_ways(
+        curve, np.array([start * x + 1e-3, start * a, 1.0]), SETTINGS, stop_when=lambda point: abs(point.step.y[2]) > 3.0
+    )
     for point in run.points:
         x, a, b = point.step.y
         assert a == pytest.approx(-2.0 * x**3, abs=1e-13) and b == pytest.approx(3.0 * x * x, abs=1e-13)
