@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from saltus import options
+from saltus import curves, options
 from saltus.curves import is_curve_file
 from saltus.errors import BadInput, one_line
 from saltus.response_starts import check_range, event_named, file_and_event, further, in_names, is_response_file
@@ -36,7 +36,7 @@ def wants_free_family(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a family of free orbits in a parameter."""
     start = arguments.start or ""
     if is_curve_file(file_and_event(start)[0]):
-        return False
+        return curves.read(file_and_event(start)[0])[0].plane.problem.ends is not None
     if arguments.parameter is None and not _free_branches(start):
         return False
     path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start
@@ -72,6 +72,8 @@ def free_start(
     given = _free_branches(arguments.start or "")
     if given:
         return _from_file(arguments, given)
+    if is_curve_file(file_and_event(arguments.start or "")[0]):
+        return _from_curve(arguments, report)
     arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
     scene = options.scene_of(arguments)
     what = arguments.name or f"--from {arguments.start}"
@@ -94,6 +96,40 @@ def free_start(
     orbit = _orbit(arguments, scene, parametric, names, keep, report)
     title = f"{orbit.label or '-'.join(orbit.ends)}, {' and '.join(keep)}"
     return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], interval, title
+
+
+def _from_curve(
+    arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]
+) -> tuple[list[ResponseStart], tuple[float, float], str]:
+    """The family through a point of a curve. Without --keep it keeps its energy, or its quarter period in a plane with that."""
+    from bvp.description import RESERVED
+    from transitions.response.curve_points import free_start_on_curve
+
+    source, place = file_and_event(arguments.start)
+    if arguments.name is not None:
+        raise BadInput(f"received {arguments.name} and --from {source}; expected one of them")
+    if arguments.scene is not None or options.parameters_of(arguments):
+        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
+    curve, index, name = curves.place_named(curves.read(source), source, place)
+    problem, y = curve.plane.problem, curve.unknowns[index, : curve.plane.size]
+    if not arguments.keep and len(arguments.parameter) == 1:
+        kept = next((one for one in curve.names if one in RESERVED), RESERVED[0])
+        arguments.keep = [f"{kept} = {problem.known_values(y)[kept]!r}"]
+    names, keep = _names(arguments)
+    parametric = in_names(problem.parametric.replaced(problem.parameters(y)), names)
+    interval = arguments.range
+    if interval is None and names[0] in curve.names:
+        interval = curve.window[curve.names.index(names[0])]
+    if interval is None:
+        raise BadInput(f"--range LO:HI is required: {source} has no range of {names[0]}")
+    check_range(names[0], parametric.values[names[0]], interval)
+    try:
+        start = free_start_on_curve(curve, index, parametric, names, keep, arguments.direction or "both")
+    except ValueError as error:
+        raise BadInput(f"{source}:{name}: {one_line(error)}") from error
+    where = " and ".join(f"{one} = {value:.12g}" for one, value in zip(curve.names, curve.parameters[index].tolist(), strict=True))
+    report([f"start  {name} of {source}, a point of a curve {curve.code} at {where}"])
+    return [start], _until_limit(parametric, names[0], interval), ""
 
 
 def _until_limit(parametric: ParametricSystem, name: str, interval: tuple[float, float]) -> tuple[float, float]:

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from branches.admissible import unphysical
 from branches.curves.grazing import observed
 from branches.curves.record import BifurcationCurve
-from branches.forced.family import ForcedFamily
+from branches.forced.family import ForcedFamily, parameter_family
 from branches.forced.onwards import ResponseStart
 from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
+from branches.released.family import placed
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from transitions.response.path import ParameterPath
 
-__all__ = ["starts_on_curve"]
+__all__ = ["free_start_on_curve", "starts_on_curve"]
+
+_HOLDS = 1e-9
+"""Largest residual of an equation that holds at a point."""
 
 _GRAZES = 1e-7
 """Clearance and impact speed, in units of arclength, that are zero at a point of a curve."""
@@ -55,7 +60,7 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     seen = observed(problem, y)
     speed, clearance = seen["speed"] / problem.segment.scale[problem.degrees_of_freedom], seen["clearance"] / problem.segment.scale[0]
     if not min(abs(speed) if problem.sequence else np.inf, abs(clearance)) < _GRAZES:
-        return [ResponseStart(problem, y, direction)]
+        return [_through(problem, y, direction)]
     found = [*_beside(problem, y)]
     for change in (without_impact,) if abs(speed) < _GRAZES and problem.sequence else (with_touch,):
         try:
@@ -72,6 +77,43 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     if not kept:
         raise ValueError(f"all families that meet at this grazing are on its other side; expected another direction than {direction}")
     return [ResponseStart(*one, "both") for one in kept]
+
+
+def free_start_on_curve(
+    curve: BifurcationCurve, index: int, parametric: ParametricSystem, names: Sequence[str], keep: Sequence[str], direction: str = "both"
+) -> ResponseStart:
+    """The start of the family of free orbits through a point of a curve, in some parameters with equations that hold at the point.
+
+    Raises
+    ------
+    ValueError
+        For names and equations that cannot be, or that do not hold at the point.
+    """
+    problem = curve.plane.problem
+    assert isinstance(problem, ReleasedProblem)
+    solution = placed(problem, curve.unknowns[index, : curve.plane.size])
+    if solution is None:
+        raise ValueError("the orbit there could not be solved for; expected another point")
+    own = solution.problem
+    made = ReleasedProblem(parametric, own.ends, own.sequence, names, keep, energy=own.energy(solution.y))
+    y = made.of_orbit(own, solution.y)
+    rows = made.residual(y) / np.where(made.scales(y)[: made.unknowns - 1] > 0.0, made.scales(y)[: made.unknowns - 1], 1.0)
+    if not np.abs(rows).max() < _HOLDS:
+        raise ValueError(f"{' and '.join(keep)} does not hold at the point, which has {_values(curve, index)}")
+    return _through(made, y, direction)
+
+
+def _values(curve: BifurcationCurve, index: int) -> str:
+    known = curve.plane.values(curve.unknowns[index, : curve.plane.size])
+    return ", ".join(f"{name} = {known[name]:.15g}" for name in dict.fromkeys((*curve.names, "energy", "quarter_period")))
+
+
+def _through(problem: ForcedProblem, y: np.ndarray, direction: str) -> ResponseStart:
+    """The start of a family at one of its orbits with its tangent: at a fold the orbit has no neighbour at its parameter."""
+    step = parameter_family(problem).begin(y)
+    if not step.converged:
+        raise ValueError("the orbit there could not be solved for; expected another point")
+    return ResponseStart(problem, step, direction)
 
 
 def _beside(problem: ForcedProblem, y: np.ndarray) -> Iterator[tuple[ForcedProblem, np.ndarray]]:
