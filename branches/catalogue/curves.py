@@ -73,7 +73,8 @@ class CurveRow(NamedTuple):
     points, events : int
         How many.
     details : str
-        JSON: `curve`, all but its points, as in its file; and `meetings`, each with the parameter and the period of the families.
+        JSON: `curve`, all but its points, as in its file; `defaults` of the parameters of its system, which its arclength depends on; and
+        `meetings`, each with the parameter and the period of the families.
     npz : bytes
         Its points: a compressed numpy file with an array for each column.
     """
@@ -214,7 +215,8 @@ def curve_row(catalogue: CatalogueStore, curve: BifurcationCurve) -> CurveRow:
     low, high = (np.array(values)[order].tolist() for values in curve.span)
     file = io.BytesIO()
     np.savez_compressed(file, **{key: getattr(curve, name) for key, name in COLUMNS.items()})
-    details = {"curve": curve_header(curve), "meetings": meetings_of(catalogue, curve)}
+    defaults = dict(curve.plane.problem.parametric.values)
+    details = {"curve": curve_header(curve), "defaults": defaults, "meetings": meetings_of(catalogue, curve)}
     return CurveRow(
         curve_id(curve), curve.code, *names, low[0], high[0], low[1], high[1], len(curve), len(curve.events), compact_json(details),
         file.getvalue(),
@@ -235,7 +237,7 @@ def curve_of_row(catalogue: CatalogueStore, row: CurveRow) -> BifurcationCurve:
     try:
         with np.load(io.BytesIO(row.npz)) as stored:
             columns = {name: stored[key] for key, name in COLUMNS.items()}
-        return restored_curve(catalogue.parametric, row.header, columns)
+        return restored_curve(catalogue.parametric.replaced(json.loads(row.details)["defaults"]), row.header, columns)
     except (LookupError, TypeError, ValueError, OSError, EOFError, BadZipFile) as error:
         raise CatalogueDamaged(f"{catalogue.path} is damaged: curve {row.id} cannot be read: {error}") from error
 
@@ -256,15 +258,12 @@ def keep_curve(catalogue: CatalogueStore, curve: BifurcationCurve) -> tuple[Kept
         If the curve overlaps another part and could not be followed through both.
     """
     from branches.curves.extending import is_within
-    from branches.curves.files import COLUMNS, curve_header, restored_curve
     from branches.curves.identity import canonical_names
     from branches.curves.tracing import extend_curve
 
     if not catalogue.scene.parameters:
         raise CatalogueError(f"{catalogue.path} holds families in the energy, and a curve lies between families in a parameter")
     catalogue.require_system(_described(catalogue, curve))
-    columns = {name: getattr(curve, name) for name in COLUMNS.values()}
-    curve = restored_curve(catalogue.parametric, curve_header(curve), columns)
     replaced: list[str] = []
     while True:
         same = [row for row in catalogue.curve_rows() if (row.code, row.names) == (curve.code, canonical_names(curve))]
