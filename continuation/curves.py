@@ -34,7 +34,7 @@ __all__ = [
 ITERATIONS = 10
 """Most iterations of a step."""
 
-SETTLED = 1e-12
+SETTLED = 1e-11
 """Largest Newton update, in units of the unknowns' sizes, that is the last one: the next one is rounding."""
 
 ROUNDING = 1e-9

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy import int64
 
 from bvp.kernels.bent_orbit import Bending
 from bvp.kernels.compiled import call_at, inlined, kernel
@@ -76,7 +75,7 @@ def _linearise(curve, arrays):
     for r in range(u):
         orbit[r] = arrays.y[r]
     set_1(factor.scale, 1.0)
-    request = Request(0.0, math.nan, int64(LINEARISED))
+    request = Request(0.0, math.nan, LINEARISED)
     call_at(curve.step, (curve.segment, factor, orbit, curve.zero, request, curve.metric, curve.landing))
     for r in range(u - 1):
         arrays.residual[r] = factor.work[6, r]

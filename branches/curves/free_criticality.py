@@ -1,0 +1,348 @@
+"""Whether what begins at a bifurcation of free orbits is stable, and how its energy changes: docs/theory.md, section 21.
+
+The orbit is solved over the segment of the orbits that begin there. There the event is a branch point of equations whose second and third
+derivatives are exact, and the reduced equation of Lyapunov and Schmidt follows from these.
+
+References
+----------
+K. R. Meyer, Trans. AMS 149 (1970) 95. A. Vanderbauwhede, SIAM J. Math. Anal. 21 (1990) 954.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.orbit import Orbit
+from branches.presentation import canonical_orbit, embed, is_solved_as_it_is
+from bvp.checks import EPSILON
+from bvp.closures import cycle_of
+from bvp.criticality import Criticality
+from bvp.curvature import second_along, third
+from bvp.kernels.multipoint import RESULT
+from bvp.multipliers import floquet_multipliers
+from bvp.multipoint import MultipointProblem, Solution
+from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
+from bvp.stability import half_map_of
+from bvp.system import ImpactSystem
+
+__all__ = ["FREE_NORMAL_FORMS", "free_criticality", "free_criticality_of", "reduced_equation"]
+
+FREE_NORMAL_FORMS = ("SN", "SB", "PD")
+"""Bifurcations of free orbits with a coefficient."""
+
+_SINGULAR = 1e-5
+"""A matrix is singular at a located event where its smallest singular value is below this part of the next one."""
+
+_SYMMETRIC = 1e-5
+"""Largest part of a term that a symmetry excludes."""
+
+_DIFFERENCES = 1e-6
+"""Relative error of derivatives that come from differences."""
+
+_BESIDE = 1e-5
+"""Distance along the family, in units of the unknowns, over which the change of a multiplier is measured."""
+
+_REAL = 1e-3
+"""Largest imaginary part of a number that is real but for rounding."""
+
+_AGREED = 0.1
+"""Largest relative difference of that change over twice the distance."""
+
+
+class Reduced(NamedTuple):
+    """Along the family that begins, the parameter is that of the event plus coefficient x^2; error: of the coefficient."""
+
+    coefficient: float
+    error: float
+
+
+class _Parent(NamedTuple):
+    """The orbit at the event, between its own reversals: in the unknowns of its family, and as an orbit of the system there."""
+
+    problem: ReleasedProblem
+    y: np.ndarray
+    plain: MultipointProblem
+    at: np.ndarray
+
+
+def free_criticality(orbit: Orbit, code: str) -> Criticality | None:
+    """Whether what begins at an event of a family in the energy is stable.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        At the event, such as ``branch.orbit(event.point)``.
+    code : {"SN", "SB", "PD"}
+
+    Returns
+    -------
+    Criticality or None
+        The coefficient a: the energy is h + a x^2 + ... along the fold, or along the orbits that begin at SB and PD. x is the distance from
+        the orbit at the event in the metric of the family, at the start of the segment over which those orbits are solved. At a PD of an
+        orbit that is solved as a quarter two families begin, and the coefficient is that of the one that reverses about the start.
+        Supercritical: a stable family begins, if no other multiplier leaves the unit circle. Subcritical: none is stable. None where the
+        orbit has no such bifurcation, or its equations cannot be reduced.
+
+    Raises
+    ------
+    ValueError
+        For another code.
+    """
+    if code not in FREE_NORMAL_FORMS:
+        raise ValueError(f"a normal form of {', '.join(FREE_NORMAL_FORMS)} is known; received {code}")
+    try:
+        problem = _problem_of(orbit.problem)
+    except (ValueError, RuntimeError):
+        return None
+    return free_criticality_of(problem, problem.of_orbit(orbit.problem, orbit.solution.y), code)
+
+
+def free_criticality_of(problem: ReleasedProblem, y: np.ndarray, code: str) -> Criticality | None:
+    """The same for an event of a family in a parameter.
+
+    Parameters
+    ----------
+    problem : ReleasedProblem
+        Its first released parameter takes the place of the energy. Without released parameters the family is one in the energy.
+    y : (u,) ndarray
+        The orbit at the event.
+    code : {"SN", "SB", "PD"}
+    """
+    if code not in FREE_NORMAL_FORMS:
+        raise ValueError(f"a normal form of {', '.join(FREE_NORMAL_FORMS)} is known; received {code}")
+    try:
+        return _criticality(problem, y, code)
+    except (ValueError, RuntimeError, np.linalg.LinAlgError):
+        return None
+
+
+def _criticality(problem: ReleasedProblem, y: np.ndarray, code: str) -> Criticality | None:
+    if code == "SN":
+        found = reduced_equation(problem, y, fold=True)
+        return None if found is None else Criticality(found.coefficient, found.error, None)
+    plain, at = problem.orbit_problem(y)
+    if not is_solved_as_it_is(plain, at):
+        plain, at = canonical_orbit(plain, at)
+        problem, y = _over(problem, problem.parameters(y), plain, at)
+    parent = _Parent(problem, y, plain, at)
+    if plain.quarters == 1 and code == "PD":
+        return _both_doublings(parent)
+    best = None
+    for window, level in _windows(plain, code):
+        wide, unknowns = _embedded(parent, window)
+        matrix = _Linear(wide, unknowns)
+        if matrix.singular < _SINGULAR:
+            best = matrix, level
+            break
+    if best is None:
+        return None
+    found = _breaking(best[0])
+    side = _unstable_side(parent, best[1])
+    if found is None or side == 0:
+        return None
+    kind = "degenerate" if not abs(found.coefficient) > found.error else "supercritical" if found.coefficient * side > 0 else "subcritical"
+    return Criticality(found.coefficient, found.error, kind)
+
+
+def _both_doublings(parent: _Parent) -> Criticality | None:
+    """At a double period the half map turns its plane by a quarter: the multiplier -1 of the full period does not leave the circle. Two
+    families begin. On one side of the event one of them is stable, and on different sides none is."""
+    both = []
+    for window in ((0, 4), (1, 5)):
+        matrix = _Linear(*_embedded(parent, window))
+        found = _breaking(matrix) if matrix.singular < _SINGULAR else None
+        if found is None:
+            return None
+        both.append(found)
+    first, second = both
+    if not all(abs(one.coefficient) > one.error for one in both):
+        return Criticality(first.coefficient, first.error, "degenerate")
+    kind = "supercritical" if first.coefficient * second.coefficient > 0.0 else "subcritical"
+    return Criticality(first.coefficient, first.error, kind)  # type: ignore[arg-type]
+
+
+def reduced_equation(problem: ReleasedProblem, y: np.ndarray, fold: bool = False) -> Reduced | None:
+    """The coefficient of what begins at a branch point at which a symmetry breaks, or of a fold.
+
+    Parameters
+    ----------
+    problem : ReleasedProblem
+        Of the orbits that begin, with the event as an orbit that has more symmetry.
+    y : (u,) ndarray
+    fold : bool
+    """
+    matrix = _Linear(problem, y)
+    if not matrix.singular < _SINGULAR:
+        return None
+    return matrix.fold() if fold else _breaking(matrix)
+
+
+def _windows(plain: MultipointProblem, code: str) -> Sequence[tuple[tuple[int, int] | int, int]]:
+    """Over what the orbits that begin are solved, and the nu of the critical pair (`bvp.stability`)."""
+    if plain.periodic:
+        return [(2, -1)] if code == "PD" else []
+    half: list[tuple[tuple[int, int] | int, int]] = [((0, 2), -1), ((1, 3), -1)]
+    if code == "PD":
+        return half
+    return [*half, (1, 0)] if plain.quarters == 1 else [(1, 0)]
+
+
+def _problem_of(plain: MultipointProblem) -> ReleasedProblem:
+    """The problem of a family in the energy. Its system is given by numbers, so that no expressions are loaded."""
+    system = plain.system
+    if system.smooth_forces is not None:
+        raise ValueError("the energy of smooth forces is no quadratic form")
+    numbers = ImpactSystem(system.mass, system.damping, system.stiffness, system.stops)
+    return ReleasedProblem(ParametricSystem.of(numbers), plain.ends, plain.sequence, (), ())
+
+
+def _over(
+    problem: ReleasedProblem, values: dict[str, float], plain: MultipointProblem, at: np.ndarray
+) -> tuple[ReleasedProblem, np.ndarray]:
+    """The problem of an orbit of the system over another segment, with its unknowns."""
+    energy = plain.energy(at)
+    made = ReleasedProblem(problem.parametric, plain.ends, plain.sequence, problem.released, problem.keep, values=values, energy=energy)
+    return made, made.of_orbit(plain, at)
+
+
+def _embedded(parent: _Parent, window: tuple[int, int] | int) -> tuple[ReleasedProblem, np.ndarray]:
+    """The orbit over a window of its time."""
+    presentation = embed(parent.plain, parent.at, window)
+    wide = MultipointProblem(parent.plain.system, presentation.ends, presentation.sequence)
+    return _over(parent.problem, parent.problem.parameters(parent.y), wide, presentation.unknowns(wide))
+
+
+class _Linear:
+    """The equations at an orbit, with the parameter of the family fixed in a last row. Columns are in units of the unknowns, and rows have
+    length 1."""
+
+    def __init__(self, problem: ReleasedProblem, y: np.ndarray):
+        self.problem, self.y = problem, y
+        scale = problem.scales(y)
+        self.scale = np.where(scale > 0.0, scale, 1.0)
+        self.n = problem.degrees_of_freedom
+        jacobian = problem.jacobian(y)
+        last = np.zeros((1, problem.unknowns))
+        if problem.released:
+            last[0, 2 * self.n + 1] = 1.0
+        else:
+            stiffness, mass = problem.system.stiffness, problem.system.mass
+            self.energy = np.zeros((2 * self.n, 2 * self.n))
+            self.energy[: self.n, : self.n], self.energy[self.n :, self.n :] = stiffness, mass
+            last[0, : 2 * self.n] = self.energy @ y[: 2 * self.n]
+        matrix = np.vstack([jacobian, last]) * self.scale
+        lengths = np.linalg.norm(matrix, axis=1)
+        self.level = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
+        self.matrix = matrix * self.level[:, None]
+        left, values, right = np.linalg.svd(self.matrix)
+        self.singular = float(values[-1] / values[-2]) if values[-2] > 0.0 else math.inf
+        self.condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
+        self.left, self.right = left[:, -1], right[-1]
+        self.unit = self._length(self.scale * self.right)
+        self.exact = problem.curvature.is_exact
+
+    def _length(self, v: np.ndarray) -> float:
+        """The length of a direction at the start of the segment, in the metric of the family in the energy, at fixed energy."""
+        system, n = self.problem.system, self.n
+        z = self.y[: 2 * n]
+        twice = float(z[:n] @ system.stiffness @ z[:n] + z[n:] @ system.mass @ z[n:])
+        state = system.modes.from_state @ v[: 2 * n]
+        time, change = float(np.sum(self.problem.flight_times(self.y))), float(np.sum(self.problem.flight_times(v)))
+        return math.sqrt(float(state @ state) / twice + (change / time) ** 2)
+
+    def bend(self, v: np.ndarray) -> np.ndarray:
+        """The second derivative along a direction, with the last row, (u, u), in scaled rows."""
+        found = np.zeros((len(v), len(v)))
+        found[:-1] = second_along(self.problem, self.y, v)
+        if not self.problem.released:
+            found[-1, : 2 * self.n] = self.energy @ v[: 2 * self.n]
+        return found * self.level[:, None]
+
+    def solve(self, right: np.ndarray) -> tuple[np.ndarray, float]:
+        """A solution without part along the null vector, and the part of the right side that has none."""
+        size = len(right)
+        bordered = np.zeros((size + 1, size + 1))
+        bordered[:size, :size], bordered[:size, size], bordered[size, :size] = self.matrix, self.left, self.right
+        found = np.linalg.solve(bordered, np.append(right, 0.0))
+        return self.scale * found[:size], float(found[size])
+
+    def fold(self) -> Reduced:
+        """p = p_0 + a x^2 along the family."""
+        v = self.scale * self.right / self.unit
+        squared = self.bend(v) @ v
+        last = float(self.left[-1] * self.level[-1])
+        error = self.rounding * float(np.abs(self.left) @ np.abs(squared))
+        return Reduced(0.5 * float(self.left @ squared) / last, error / abs(last))
+
+    @property
+    def rounding(self) -> float:
+        """Relative error of the derivatives."""
+        return EPSILON * self.condition if self.exact else _DIFFERENCES
+
+
+def _breaking(matrix: _Linear) -> Reduced | None:
+    """a = -(W F'''[V, V, V]/6 + W F''[V, H]/2) / (W F''[V, y'])."""
+    left, v = matrix.left, matrix.scale * matrix.right / matrix.unit
+    bend = matrix.bend(v)
+    squared = bend @ v
+    if abs(float(left @ squared)) > _SYMMETRIC * float(np.abs(left) @ np.abs(squared)) + EPSILON:
+        return None
+    bent, _ = matrix.solve(-squared)
+    forced = np.zeros(len(v))
+    forced[-1] = matrix.level[-1]
+    if abs(left[-1]) > _SYMMETRIC:
+        return None
+    along, _ = matrix.solve(forced)
+    cubed = np.append(third(matrix.problem, matrix.y, v, v, v), 0.0) * matrix.level
+    terms = [cubed / 6.0, 0.5 * (bend @ bent)]
+    slopes = bend @ along
+    numerator, slope = float(left @ (terms[0] + terms[1])), float(left @ slopes)
+    numerator_error = matrix.rounding * sum(float(np.abs(left) @ np.abs(term)) for term in terms)
+    slope_error = matrix.rounding * float(np.abs(left) @ np.abs(slopes))
+    if not abs(slope) > slope_error:
+        return None
+    coefficient = -numerator / slope
+    return Reduced(coefficient, (numerator_error + abs(coefficient) * slope_error) / abs(slope))
+
+
+def _unstable_side(parent: _Parent, level: int) -> int:
+    """On which side of the event the critical pair of the parent is off the unit circle: 1 above it in the parameter, -1 below, 0 not
+    known."""
+    problem, y = parent.problem, parent.y
+    scale = problem.scales(y)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    way = np.linalg.svd(problem.jacobian(y) * scale)[2][-1] * scale
+    changes = []
+    for part in (_BESIDE, 2.0 * _BESIDE):
+        (ahead, above), (behind, below) = (_critical_nu(parent, y + sign * part * way, level) for sign in (1.0, -1.0))
+        changes.append((ahead - behind) / (above - below))
+    first, second = changes
+    if not (math.isfinite(first) and abs(first - second) < _AGREED * abs(first)):
+        return 0
+    return int(math.copysign(1.0, first)) * (1 if level == 0 else -1)
+
+
+def _critical_nu(parent: _Parent, y: np.ndarray, level: int) -> tuple[float, float]:
+    """The distance from a level of the nu nearest to it, NaN where that is no real pair; and the parameter."""
+    problem, plain, n = parent.problem, parent.plain, parent.problem.degrees_of_freedom
+    if problem.released:
+        plain, at = problem.orbit_problem(y)
+        parameter = float(y[2 * n + 1])
+    else:
+        states = problem.nodes(y)[:, : 2 * n] @ plain.modes.from_state.T
+        at = plain.pack(states[0], states[1:], problem.flight_times(y))
+        parameter = float(plain.energy(at))
+    if plain.periodic:
+        values = floquet_multipliers(cycle_of(plain, at)).values
+        apart = (values + 1.0 / values - 2.0) / 4.0 - level
+    else:
+        found = Solution(at, np.zeros(2 * at.size), np.zeros(0), plain.end_states(at), np.full(len(RESULT), math.nan))
+        phi, m = half_map_of(plain, found)[0], plain.pairs
+        apart = np.linalg.eigvals(phi[:m, m:].T @ phi[m:, :m] if level == 0 else phi[m:, m:].T @ phi[:m, :m])
+    nearest = complex(apart[int(np.argmin(np.abs(apart)))])
+    return (nearest.real if abs(nearest.imag) <= _REAL * abs(nearest) else math.nan), parameter
