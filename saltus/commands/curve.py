@@ -77,6 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     from branches.curves.tracing import NoCurve, extend_curve, follow_curve
 
     known = given.known if given.known is not None and is_within(given.known, window) else None
+    if known is not None and arguments.points is not None and arguments.points <= len(known):
+        raise BadInput(f"--points {arguments.points}: the curve has {len(known)} points already, expected more")
     shown_names = (arguments.parameters or start.plane.names)[:2]
     files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(shown_names)}"])
     if known is not None and not any(can_go_on(known, last, window) for last in (False, True)):
@@ -172,16 +174,10 @@ def _given(arguments: argparse.Namespace) -> _Given:
         raise BadInput(f"{source} is a file, and nothing is looked up in a catalogue; expected --save with --catalogue")
     names = arguments.parameters
     if names is not None:
-        keep = arguments.keep or []
         if len(names) < 2:
             raise BadInput(f"--in {','.join(names)}: a curve lies in the plane of two parameters; received {len(names)}, expected P1,P2")
         if len(set(names)) < len(names):
             raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
-        if len(keep) != len(names) - 2:
-            wanted = (
-                f"{len(names)} parameters need {len(names) - 2} equations --keep" if len(names) > 2 else "two parameters need no --keep"
-            )
-            raise BadInput(f"--in {','.join(names)}: {wanted}; received {len(keep)}")
     if stored:
         return _of_catalogue(arguments)
     from branches.curves.files import curves_of, is_curve_record
@@ -258,6 +254,7 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
         raise BadInput(f"{one_line(error)}; expected a JSON file of saltus continue or saltus curve") from error
     known = {one.id: one for one in branch.events}
     found = known[_known_event(source, event, known)]
+    _require_equations(arguments, True)
     parametric = None
     if arguments.scene is not None or options.parameters_of(arguments):
         scene = options.scene_of(arguments)
@@ -283,6 +280,7 @@ def _of_response(
     from branches.curves.tracing import NoCurve, curve_at
 
     branch, found = known[_known_event(source, event, known)]
+    _require_equations(arguments, branch.problem.ends is not None)
     try:
         origin = f"{found.id} of {os.path.basename(source)}"
         return _Given(curve_at(branch, found, arguments.parameters, arguments.keep or (), origin), begins=(branch, found))
@@ -295,6 +293,16 @@ def _of_response(
 def _near(names: Sequence[str], branch: Any) -> str:
     known = branch.problem.parametric.names
     return next((nearest(name, known) or "" for name in names if name not in known), "")
+
+
+def _require_equations(arguments: argparse.Namespace, free: bool) -> None:
+    """Refuse another number of equations than the parameters need. free: of a free family, whose orbits have an energy besides."""
+    names, received = arguments.parameters, len(arguments.keep or ())
+    wanted = len(names) - 2 + (free and not set(names[:2]) & set(RESERVED))
+    if received != wanted:
+        count = f"{wanted} equation{'s' * (wanted != 1)} --keep" if wanted else "no --keep"
+        more = ", such as --keep energy=0.8" if free and wanted else ""
+        raise BadInput(f"--in {','.join(names)}: {len(names)} parameters need {count}{more}; received {received}")
 
 
 def _known_event(source: str, event: str | None, known: Any) -> str:
