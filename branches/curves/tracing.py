@@ -32,7 +32,8 @@ from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
 __all__ = [
-    "CURVES", "CurveStart", "NoCurve", "curve_again", "curve_at", "curve_start", "curve_through", "extend_curve", "follow_curve", "step_at",
+    "CURVES", "CurveStart", "NoCurve", "curve_again", "curve_at", "curve_start", "curve_through", "extend_curve", "first_point",
+    "follow_curve", "step_at",
 ]  # fmt: skip
 
 CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
@@ -205,11 +206,7 @@ def follow_curve(
     KeyboardInterrupt
         With the curve up to there as its attribute `branch`.
     """
-    curve = start.curve(window)
-    first = curve.begin(start.y)
-    if not first.converged:
-        raise NoCurve(_why_no_start(curve, start))
-    _require_both(curve, first, start)
+    curve, first = first_point(start, window)
     settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
     count = 0
 
@@ -341,6 +338,22 @@ def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCur
 _ANYWHERE = (-math.inf, math.inf), (-math.inf, math.inf)
 
 
+def first_point(start: CurveStart, window: Window) -> tuple[Curve, Step]:
+    """A curve, and its first point.
+
+    Raises
+    ------
+    NoCurve
+        Where the start is on no curve, and where the event does not depend on the parameters.
+    """
+    curve = start.curve(window)
+    first = curve.begin(start.y)
+    if not first.converged:
+        raise NoCurve(_why_no_start(curve, start))
+    _require_both(curve, first, start)
+    return curve, first
+
+
 def _require_both(curve: Curve, first: Step, start: CurveStart) -> None:
     """Refuse a parameter on which the event does not depend: the other one is constant along the curve."""
     u, plane = start.plane.size, start.plane
@@ -416,6 +429,14 @@ def _ended(plane: ParameterPlane, end: End, point: Point) -> Ended:
 
 def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     """The start of another curve that passes through a point of a curve, or emanates there.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+    index : int
+        Of the point, such as ``event.point``.
+    code : {"SN", "PD", "SB", "NS", "GR"}
+        The type of the other curve.
 
     Raises
     ------

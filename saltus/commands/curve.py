@@ -74,11 +74,16 @@ def run(arguments: argparse.Namespace) -> int:
     place, record = _place(arguments, given)
     compiling.prepare_for(start.plane.problem.system, "curve")
     from branches.curves.extending import can_go_on, is_within
-    from branches.curves.tracing import NoCurve, extend_curve, follow_curve
+    from branches.curves.tracing import NoCurve, extend_curve, first_point, follow_curve
 
     known = given.known if given.known is not None and is_within(given.known, window) else None
     if known is not None and arguments.points is not None and arguments.points <= len(known):
         raise BadInput(f"--points {arguments.points}: the curve has {len(known)} points already, expected more")
+    if known is None:
+        try:
+            first_point(start, window)  # what cannot be followed is refused before anything is printed
+        except NoCurve as error:
+            raise BadInput(f"{arguments.start}: {one_line(error)}") from error
     shown_names = (arguments.parameters or start.plane.names)[:2]
     files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(shown_names)}"])
     if known is not None and not any(can_go_on(known, last, window) for last in (False, True)):

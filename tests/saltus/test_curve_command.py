@@ -1,0 +1,108 @@
+"""`saltus curve`: bifurcations and grazings in the plane of two parameters, from events of families, and what is refused."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from tests.branches.curve_oracles import ImpactOscillator, ReferenceBackbone
+from tests.saltus.running import refused, run
+
+RANGE = ("--range", "0.7:1.4,0.02:3")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A response, a family in the energy, and a curve of each."""
+    from saltus.__main__ import main
+
+    folder = tmp_path_factory.mktemp("curves")
+    response, family, fold = folder / "response.json", folder / "S11.json", folder / "fold.json"
+    simulated = ("--scene", "damped_impact_oscillator", "--set", "w=1.1", "--set", "A=0.3", "--from", "simulate", "--in", "A")
+    assert main(["continue", *simulated, "--range", "0.05:1", "--json", str(response)]) == 0
+    assert main(["continue", "S11-", "--json", str(family), "--energy", "0.01:1"]) == 0
+    assert main(["curve", f"{response}:SN1", "--in", "w,A", *RANGE, "--json", str(fold)]) == 0
+    return {"response": response, "family": family, "fold": fold}
+
+
+def test_a_fold_in_all_formats(files, folder, capsys):
+    """Oracle: the closed form. All files have the same points."""
+    written = ("--json", "c.json", "--csv", "c.csv", "--npz", "c.npz", "--mat", "c.mat", "--plot", "c.png")
+    code, out, err = run(capsys, "curve", f"{files['response']}:SN1", "--in", "w,A", *RANGE, *written)
+    assert code == 0, err
+    row = next(line for line in out.splitlines() if line.startswith("SN-GR1"))
+    assert [float(cell) for cell in row.split()[1:3]] == pytest.approx([0.99874921777190895, 0.09990620601340443], abs=1e-12)
+    record = json.loads((folder / "c.json").read_text())["curves"][0]
+    points = np.array([point["parameters"] for point in record["points"]])
+    for w, amplitude in points[::5]:
+        assert amplitude == pytest.approx(float(ImpactOscillator("0.1", "0.8").fold(w).amplitude), rel=1e-12)
+    with (folder / "c.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["w"]) for row in rows] == points[:, 0].tolist()
+    assert np.load(folder / "c.npz")["A"].tolist() == points[:, 1].tolist()
+    assert loadmat(folder / "c.mat")["A"].ravel().tolist() == points[:, 1].tolist()
+    assert (folder / "c.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_standard_output_carries_only_the_data(files, folder, capsys):
+    code, out, _ = run(capsys, "curve", f"{files['response']}:SN1", "--in", "w,A", *RANGE, "--json", "-")
+    assert code == 0 and json.loads(out)["kind"] == "curve"
+
+
+def test_the_fold_of_a_free_family(files, folder, capsys):
+    """Oracle: the closed form in many digits. Tables and files have the parameters in the order that was asked for."""
+    place = f"{files['family']}:SN1"
+    code, out, err = run(capsys, "curve", place, "--in", "energy,mu", "--range", "0.01:10,0.02:1", "--csv", "c.csv", "--plot", "c.png")
+    assert code == 0, err
+    assert next(line for line in out.splitlines() if line.startswith("event")).split()[:3] == ["event", "energy", "mu"]
+    with (folder / "c.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[4:6] == ["energy", "mu"]
+    for row in rows[:: len(rows) // 6]:
+        exact = ReferenceBackbone(row["mu"], "0.1").fold()
+        assert float(row["energy"]) == pytest.approx(float(exact.energy), rel=1e-11)
+
+
+def test_another_curve_at_a_point(files, folder, capsys):
+    code, out, err = run(capsys, "curve", f"{files['fold']}:SN-GR1", "--to", "GR", *RANGE)
+    assert code == 0, err
+    assert out.startswith("start  SN-GR1 of fold.json: curve GR in w and A")
+    assert "PD-GR1" in out and "SN-GR1" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "START is required"),
+        (("none.json:SN1", "--in", "w,A", *RANGE), "no file none.json; expected FILE:EVENT"),
+        (("{response}", "--in", "w,A", *RANGE), "which event? expected"),
+        (("{response}:SN9", "--in", "w,A", *RANGE), "has no event SN9; nearest: SN1; it has"),
+        (("{response}:SN1", *RANGE), "--in P1,P2 is required"),
+        (("{response}:SN1", "--in", "w", *RANGE), "a curve lies in the plane of two parameters; received 1, expected P1,P2"),
+        (("{response}:SN1", "--in", "w,A,c", *RANGE), "3 parameters need 1 equation --keep; received 0"),
+        (("{response}:SN1", "--in", "w,A", "--keep", "c=0.1", *RANGE), "2 parameters need no --keep; received 1"),
+        (("{response}:SN1", "--in", "w,w", *RANGE), "a parameter is given twice"),
+        (("{response}:SN1", "--in", "w,AA", *RANGE), "unknown parameter AA; expected one of k, c, A, w, d, e; nearest: A"),
+        (("{response}:SN1", "--in", "w,energy", *RANGE), "unknown parameter energy"),
+        (("{response}:SN1", "--in", "w,A"), "--range LO:HI,LO:HI is required"),
+        (("{response}:SN1", "--in", "w,A", "--range", "0.7:1.4"), "--range has 1 range; expected two"),
+        (("{response}:SN1", "--in", "w,A", "--range", "0.7:1,0.02:3"), "--range 0.7:1 of w does not contain the start, which has w = 1.1"),
+        (("{response}:SN1", "--in", "w,A", "--to", "GR", *RANGE), "is a family; expected an event of a curve, or no --to"),
+        (("{response}:EP1", "--in", "w,A", *RANGE), "cannot be continued: the end of a run is no bifurcation; expected one of SN, PD"),
+        (("{response}:GR1", "--in", "A,e", "--range", "0.05:1,0.1:0.9"), "the GR does not depend on e: it stays at A = 0.237065"),
+        (("{family}:RT1", "--in", "energy,mu", "--range", "0.01:10,0.02:1"), "a p:q resonance changes no stability"),
+        (("{family}:SN1", "--in", "energy,quarter_period", "--range", "0.01:10,0.02:2"), "a plane needs a parameter of the system"),
+        (("{family}:SN1", "--in", "energy,muu", "--range", "0.01:10,0.02:1"), "unknown parameter muu"),
+        (
+            ("{family}:SN1", "--in", "mu,sigma", "--range", "0.01:1,0.02:1"),
+            "2 parameters need 1 equation --keep, such as --keep energy=0.8",
+        ),
+        (("{fold}:SN-GR1", "--to", "NS", *RANGE), "no curve NS passes through the point"),
+        (("{fold}:SN-GR1", "--in", "w,c", *RANGE), "has w, A; expected these, or no --in"),
+    ],
+)
+def test_what_is_refused(files, folder, capsys, words, message):
+    """One line that names what was received and what was expected, and exit code 2."""
+    refused(run(capsys, "curve", *(word.format(**files) for word in words)), message)
