@@ -178,6 +178,11 @@ def is_curve_record(record: Any) -> bool:
 def read_curves(path: str | os.PathLike[str]) -> list[BifurcationCurve]:
     """The curves of a file.
 
+    Parameters
+    ----------
+    path : path-like
+        A JSON file of `saltus curve`, `saltus chart` or `save_curves`.
+
     Raises
     ------
     RecordError
@@ -273,7 +278,20 @@ def _grazing(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def save_curves(curves: Sequence[BifurcationCurve], path: str | os.PathLike[str]) -> None:
-    """Write some curves of one system as JSON; `read_curves` reads them. An older file is replaced only by a complete one."""
+    """Write some curves of one system as JSON; `read_curves` reads them. An older file is replaced only by a complete one.
+
+    Parameters
+    ----------
+    curves : sequence of BifurcationCurve
+    path : path-like
+
+    Raises
+    ------
+    ValueError
+        For no curve.
+    """
+    if not curves:
+        raise ValueError("there is no curve to save; expected one at least")
     record = curves_record(curves)
     lines = [f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in record.items() if key != "curves"]
     listed = ",\n    ".join(json.dumps(curve, allow_nan=False) for curve in record["curves"])
