@@ -62,7 +62,7 @@ def test_the_fold_of_a_free_family(files, folder, capsys):
     assert list(rows[0])[4:6] == ["energy", "mu"]
     for row in rows[:: len(rows) // 6]:
         exact = ReferenceBackbone(row["mu"], "0.1").fold()
-        assert float(row["energy"]) == pytest.approx(float(exact.energy), rel=1e-11)
+        assert float(row["energy"]) == pytest.approx(float(exact.h), rel=1e-11)
 
 
 def test_another_curve_at_a_point(files, folder, capsys):
