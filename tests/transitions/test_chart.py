@@ -256,5 +256,6 @@ def test_planes_that_cannot_be(branches, names, keep):
 
 def test_kinds_in_words():
     """Contract."""
-    assert MotionKind("periodic", 1, 0, True).text == "period 1, no impacts"
+    assert MotionKind("periodic", 1, 0, True).text == "period 1, no impacts, symmetric"
+    assert MotionKind("periodic", 1, 0).text == "period 1, no impacts"
     assert MotionKind("periodic", 3, 1, False, True).text == "period 3, 1 impact, sticks"

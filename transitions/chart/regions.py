@@ -20,7 +20,8 @@ class MotionKind(NamedTuple):
     """What kind of attractor it is: attractors of one kind are not told apart.
 
     kind: a value of `AttractorKind`. period: in periods of the loads, 0 if there is none. impacts: in the period. symmetric: whether
-    x(t + T/2) = -x(t). sticks: whether a stop sticks for a part of the period.
+    x(t + T/2) = -x(t); not told of linear motion without impacts, which has no other choice. sticks: whether a stop sticks for a part of
+    the period.
     """
 
     kind: str
@@ -41,7 +42,7 @@ class MotionKind(NamedTuple):
         if self.kind != AttractorKind.PERIODIC.value:
             return self.kind
         count = "no impacts" if not self.impacts else f"{self.impacts} impact{'s' * (self.impacts != 1)}"
-        more = ", symmetric" if self.symmetric and self.impacts else ""
+        more = ", symmetric" if self.symmetric else ""
         return f"period {self.period}, {count}{more}{', sticks' if self.sticks else ''}"
 
 
@@ -52,7 +53,8 @@ def kind_of_attractor(attractor: Attractor, impacts: int, sticks: bool) -> Motio
     problem = attractor.problem
     if problem is not None:  # bounces that are summed are one impact
         impacts = len(problem.impacts) * (2 if problem.half else 1)
-    return MotionKind(attractor.kind.value, attractor.period, impacts, attractor.family.startswith("half-"), sticks)
+    free = bool(impacts) or (problem is not None and problem.is_smooth)
+    return MotionKind(attractor.kind.value, attractor.period, impacts, free and attractor.family.startswith("half-"), sticks)
 
 
 @brief
