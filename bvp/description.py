@@ -125,9 +125,11 @@ def load_entries(
     forces: Sequence[Mapping[str, Any]], values: Sequence[Mapping[str, Any]], mass: Sequence[Sequence[Any]]
 ) -> list[dict[str, Any]]:
     """The loads of a description as `bvp.entries.entries_of` takes them. values: the same loads, with expressions for their texts."""
+    loads: list[dict[str, Any]] = []
+    if not forces:
+        return loads
     from sympy import cos, sin
 
-    loads: list[dict[str, Any]] = []
     for force, given in zip(forces, values, strict=True):
         if "times" in force:
             raise ValueError("a load is a record, which has no period; expected harmonic and constant loads")

@@ -203,12 +203,15 @@ def _sum(terms: Sequence[Any]) -> Any:
 
 def _symmetric(matrix: Sequence[Sequence[Any]], name: str) -> list[Any]:
     """The entries, row by row, of a matrix that has to be symmetric for all values of the parameters."""
-    import sympy
-
     n = len(matrix)
     rows = [list(row) for row in matrix]
     for i in range(n):
         for j in range(i):
+            if isinstance(matrix[i][j], int | float) and isinstance(matrix[j][i], int | float):
+                rows[i][j] = rows[j][i] = 0.5 * (float(matrix[i][j]) + float(matrix[j][i]))
+                continue
+            import sympy
+
             here, there = exact(matrix[i][j]), exact(matrix[j][i])
             if here != there and here.free_symbols | there.free_symbols and sympy.simplify(here - there) != 0:
                 raise InvalidSystem(f"{name} must be symmetric; entry ({j + 1}, {i + 1}) is {there} and ({i + 1}, {j + 1}) is {here}")

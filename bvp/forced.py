@@ -261,6 +261,8 @@ class ForcedProblem:
 
     def _system_at(self, at: tuple[float, ...]) -> Matrices:
         """The system at values of all parameters, whose entries the kernels have evaluated; beside smooth forces only its matrices."""
+        if not self.released:
+            return self.system
         values = dict(zip(self.parametric.names, at, strict=True))
         low, high = self.parametric.domain(self.released[0])
         if self._leaves_unseen and low <= values[self.released[0]] <= high:

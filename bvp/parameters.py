@@ -337,9 +337,11 @@ class ParametricSystem:
         InvalidSystem
             For a text that is no equation, or has a name that is no parameter.
         """
-        import sympy
-
         from bvp.programs import derivatives_of, program_of
+
+        if not texts:
+            return program_of([], [])
+        import sympy
 
         more = {name: sympy.Symbol(name, real=True) for name in others}
         known = dict(self._symbols) | more | {name: self._expressions[name] for name in self.derived if name in self._expressions}
@@ -396,6 +398,8 @@ class ParametricSystem:
 
     @cached_property
     def _symbols(self) -> dict[str, Any]:
+        if not self.names:
+            return {}
         import sympy
 
         return {name: sympy.Symbol(name, real=True) for name in self.names}
@@ -403,6 +407,8 @@ class ParametricSystem:
     @cached_property
     def _expressions(self) -> dict[str, Any]:
         """The expression of independent parameters that each text and derived parameter is."""
+        if not self.names and not self.derived and not self._texts:
+            return {}
         import sympy
 
         known = dict(self._symbols) | {"pi": sympy.pi}

@@ -97,6 +97,8 @@ def program_of(expressions: Sequence[Any], symbols: Sequence[Any]) -> Program:
     >>> len(program.code), run(program, np.array([1.0, 3.0]), np.zeros(scratch_size(program, 2)), out), out.round(6).tolist()
     (4, True, [16.0, 2.0, 0.333333])
     """
+    if not expressions:
+        return Program(np.zeros((0, 3), dtype=np.int64), np.zeros(0), np.zeros(0, dtype=np.int64))
     import sympy
 
     writer = _Writer(symbols)

@@ -11,7 +11,7 @@ K. R. Meyer, Trans. AMS 149 (1970) 95. A. Vanderbauwhede, SIAM J. Math. Anal. 21
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +40,12 @@ _SINGULAR = 1e-5
 
 _SYMMETRIC = 1e-5
 """Largest part of a term that a symmetry excludes."""
+
+_ZERO = 1e-10
+"""A second derivative by the unknowns in their own units that is rounding."""
+
+_STEP = 1e-2
+"""Largest step of differences of the energy, in units of the displacements."""
 
 _DIFFERENCES = 1e-6
 """Relative error of derivatives that come from differences."""
@@ -132,21 +138,18 @@ def _criticality(problem: ReleasedProblem, y: np.ndarray, code: str) -> Critical
     parent = _Parent(problem, y, plain, at)
     if plain.quarters == 1 and code == "PD":
         return _both_doublings(parent)
-    best = None
     for window, level in _windows(plain, code):
-        wide, unknowns = _embedded(parent, window)
-        matrix = _Linear(wide, unknowns)
+        matrix = _Linear(*_embedded(parent, window))
         if matrix.singular < _SINGULAR:
-            best = matrix, level
-            break
-    if best is None:
-        return None
-    found = _breaking(best[0])
-    side = _unstable_side(parent, best[1])
-    if found is None or side == 0:
-        return None
-    kind = "degenerate" if not abs(found.coefficient) > found.error else "supercritical" if found.coefficient * side > 0 else "subcritical"
-    return Criticality(found.coefficient, found.error, kind)
+            found, side = _breaking(matrix), _unstable_side(parent, level)
+            return (
+                None if found is None or side == 0 else _named(found, found.coefficient * side > 0.0, abs(found.coefficient) > found.error)
+            )
+    return None
+
+
+def _named(found: Reduced, stable: bool, known: bool) -> Criticality:
+    return Criticality(found.coefficient, found.error, "degenerate" if not known else "supercritical" if stable else "subcritical")
 
 
 def _both_doublings(parent: _Parent) -> Criticality | None:
@@ -160,10 +163,7 @@ def _both_doublings(parent: _Parent) -> Criticality | None:
             return None
         both.append(found)
     first, second = both
-    if not all(abs(one.coefficient) > one.error for one in both):
-        return Criticality(first.coefficient, first.error, "degenerate")
-    kind = "supercritical" if first.coefficient * second.coefficient > 0.0 else "subcritical"
-    return Criticality(first.coefficient, first.error, kind)  # type: ignore[arg-type]
+    return _named(first, first.coefficient * second.coefficient > 0.0, all(abs(one.coefficient) > one.error for one in both))
 
 
 def reduced_equation(problem: ReleasedProblem, y: np.ndarray, fold: bool = False) -> Reduced | None:
@@ -193,12 +193,11 @@ def _windows(plain: MultipointProblem, code: str) -> Sequence[tuple[tuple[int, i
 
 
 def _problem_of(plain: MultipointProblem) -> ReleasedProblem:
-    """The problem of a family in the energy. Its system is given by numbers, so that no expressions are loaded."""
+    """The problem of a family in the energy."""
     system = plain.system
-    if system.smooth_forces is not None:
-        raise ValueError("the energy of smooth forces is no quadratic form")
-    numbers = ImpactSystem(system.mass, system.damping, system.stiffness, system.stops)
-    return ReleasedProblem(ParametricSystem.of(numbers), plain.ends, plain.sequence, (), ())
+    if system.smooth_forces is None:  # given by numbers, so that no expressions are loaded
+        system = ImpactSystem(system.mass, system.damping, system.stiffness, system.stops)
+    return ReleasedProblem(ParametricSystem.of(system), plain.ends, plain.sequence, (), ())
 
 
 def _over(
@@ -231,26 +230,23 @@ class _Linear:
         if problem.released:
             last[0, 2 * self.n + 1] = 1.0
         else:
-            stiffness, mass = problem.system.stiffness, problem.system.mass
-            self.energy = np.zeros((2 * self.n, 2 * self.n))
-            self.energy[: self.n, : self.n], self.energy[self.n :, self.n :] = stiffness, mass
-            last[0, : 2 * self.n] = self.energy @ y[: 2 * self.n]
+            gradient, self.energy = _energy_slopes(problem, y[: 2 * self.n])
+            last[0, : 2 * self.n] = gradient
         matrix = np.vstack([jacobian, last]) * self.scale
         lengths = np.linalg.norm(matrix, axis=1)
         self.level = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
         self.matrix = matrix * self.level[:, None]
         left, values, right = np.linalg.svd(self.matrix)
         self.singular = float(values[-1] / values[-2]) if values[-2] > 0.0 else math.inf
-        self.condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
+        condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
+        self.rounding = EPSILON * condition if problem.curvature.is_exact else _DIFFERENCES
         self.left, self.right = left[:, -1], right[-1]
         self.unit = self._length(self.scale * self.right)
-        self.exact = problem.curvature.is_exact
 
     def _length(self, v: np.ndarray) -> float:
         """The length of a direction at the start of the segment, in the metric of the family in the energy, at fixed energy."""
         system, n = self.problem.system, self.n
-        z = self.y[: 2 * n]
-        twice = float(z[:n] @ system.stiffness @ z[:n] + z[n:] @ system.mass @ z[n:])
+        twice = 2.0 * _energy(self.problem, self.y[: 2 * n])
         state = system.modes.from_state @ v[: 2 * n]
         time, change = float(np.sum(self.problem.flight_times(self.y))), float(np.sum(self.problem.flight_times(v)))
         return math.sqrt(float(state @ state) / twice + (change / time) ** 2)
@@ -263,13 +259,13 @@ class _Linear:
             found[-1, : 2 * self.n] = self.energy @ v[: 2 * self.n]
         return found * self.level[:, None]
 
-    def solve(self, right: np.ndarray) -> tuple[np.ndarray, float]:
-        """A solution without part along the null vector, and the part of the right side that has none."""
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """The solution without part along the null vector, up to the part of the right side that has none."""
         size = len(right)
         bordered = np.zeros((size + 1, size + 1))
         bordered[:size, :size], bordered[:size, size], bordered[size, :size] = self.matrix, self.left, self.right
-        found = np.linalg.solve(bordered, np.append(right, 0.0))
-        return self.scale * found[:size], float(found[size])
+        found: np.ndarray = np.linalg.solve(bordered, np.append(right, 0.0))[:size]
+        return self.scale * found
 
     def fold(self) -> Reduced:
         """p = p_0 + a x^2 along the family."""
@@ -279,10 +275,41 @@ class _Linear:
         error = self.rounding * float(np.abs(self.left) @ np.abs(squared))
         return Reduced(0.5 * float(self.left @ squared) / last, error / abs(last))
 
-    @property
-    def rounding(self) -> float:
-        """Relative error of the derivatives."""
-        return EPSILON * self.condition if self.exact else _DIFFERENCES
+
+def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:
+    """H of a state (u, v)."""
+    system, n = problem.system, problem.degrees_of_freedom
+    u, v = state[:n], state[n:]
+    smooth = 0.0 if system.smooth_forces is None else float(system.smooth_forces.energy(u))
+    return 0.5 * float(u @ system.stiffness @ u + v @ system.mass @ v) + smooth
+
+
+def _energy_slopes(problem: ReleasedProblem, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first and second derivatives of H at a state, (2 n,) and (2 n, 2 n); of smooth forces from differences."""
+    system, n = problem.system, problem.degrees_of_freedom
+    second = np.zeros((2 * n, 2 * n))
+    second[:n, :n], second[n:, n:] = system.stiffness, system.mass
+    first = second @ state
+    smooth = system.smooth_forces
+    if smooth is not None:
+        slopes, bends = _differences(lambda u: float(smooth.energy(u)), state[:n])
+        first[:n] += slopes
+        second[:n, :n] += bends
+    return first, second
+
+
+def _differences(function: Callable[[np.ndarray], float], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first and second derivatives of a function, from differences with two steps."""
+    steps = _STEP * (float(np.max(np.abs(u))) or 1.0) * np.array([1.0, 0.5])
+    axes = np.eye(len(u))
+    first, second = np.zeros((2, len(u))), np.zeros((2, len(u), len(u)))
+    for k, step in enumerate(steps):
+        for i, one in enumerate(axes):
+            first[k, i] = (function(u + step * one) - function(u - step * one)) / (2.0 * step)
+            for j, other in enumerate(axes):
+                corners = (a * b * function(u + step * (a * one + b * other)) for a in (1, -1) for b in (1, -1))
+                second[k, i, j] = sum(corners) / (4.0 * step * step)
+    return (4.0 * first[1] - first[0]) / 3.0, (4.0 * second[1] - second[0]) / 3.0
 
 
 def _breaking(matrix: _Linear) -> Reduced | None:
@@ -290,20 +317,21 @@ def _breaking(matrix: _Linear) -> Reduced | None:
     left, v = matrix.left, matrix.scale * matrix.right / matrix.unit
     bend = matrix.bend(v)
     squared = bend @ v
-    if abs(float(left @ squared)) > _SYMMETRIC * float(np.abs(left) @ np.abs(squared)) + EPSILON:
+    size = float(np.abs(left) @ np.abs(bend) @ np.abs(v))
+    if abs(float(left @ squared)) > _SYMMETRIC * size + _ZERO / matrix.unit**2:
         return None
-    bent, _ = matrix.solve(-squared)
+    bent = matrix.solve(-squared)
     forced = np.zeros(len(v))
     forced[-1] = matrix.level[-1]
     if abs(left[-1]) > _SYMMETRIC:
         return None
-    along, _ = matrix.solve(forced)
+    along = matrix.solve(forced)
     cubed = np.append(third(matrix.problem, matrix.y, v, v, v), 0.0) * matrix.level
     terms = [cubed / 6.0, 0.5 * (bend @ bent)]
     slopes = bend @ along
     numerator, slope = float(left @ (terms[0] + terms[1])), float(left @ slopes)
-    numerator_error = matrix.rounding * sum(float(np.abs(left) @ np.abs(term)) for term in terms)
-    slope_error = matrix.rounding * float(np.abs(left) @ np.abs(slopes))
+    numerator_error = matrix.rounding * float(np.abs(left) @ (np.abs(terms[0]) + np.abs(bend) @ np.abs(bent)))
+    slope_error = matrix.rounding * float(np.abs(left) @ np.abs(bend) @ np.abs(along))
     if not abs(slope) > slope_error:
         return None
     coefficient = -numerator / slope

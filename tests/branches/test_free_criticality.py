@@ -1,0 +1,202 @@
+"""Normal forms of free orbits. Oracles: orbits solved in many digits, closed forms, and the families that begin at events."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import mpmath as mp
+import pytest
+
+import saltus
+from branches.curves.free_criticality import free_criticality, free_criticality_of
+from branches.curves.free_start import released_of
+from branches.linear_modes import families_at, linear_modes
+from branches.switching import emanating_families, switch
+from bvp.stability import stability
+from tests.branches.curve_oracles import DIGITS, ReferenceBackbone, exact
+from tests.branches.traced import traced
+
+LINE = ReferenceBackbone()
+
+
+class ModalOrbit:
+    """Orbits of the reference system from u = 0 to u = 0 with some impacts, in modal coordinates and many digits."""
+
+    def __init__(self, sides, line=LINE):
+        (w1, b1), (w2, b2) = line.modes
+        self.w, self.b, self.sides = (w1, w2), (mp.sqrt(b1), mp.sqrt(b2)), sides
+
+    def conditions(self, v1, v2, *times):
+        """The gaps at the impacts less those of the stops, and the displacements at the end."""
+        q, v, found = [mp.mpf(0)] * 2, [v1, v2], []
+        for time, side in zip(times, (*self.sides, None), strict=True):
+            turned = [mp.cos_sin(w * time) for w in self.w]
+            q, v = (
+                [c * x + s * y / w for x, y, w, (c, s) in zip(q, v, self.w, turned, strict=True)],
+                [c * y - s * x * w for x, y, w, (c, s) in zip(q, v, self.w, turned, strict=True)],
+            )
+            if side is None:
+                return [*found, *q]
+            found.append(sum(b * x for b, x in zip(self.b, q, strict=True)) - side)
+            speed = 2 * sum(b * y for b, y in zip(self.b, v, strict=True)) / sum(b * b for b in self.b)
+            v = [y - speed * b for y, b in zip(v, self.b, strict=True)]
+        raise AssertionError
+
+    def solved(self, guess, apart):
+        """The velocities and times, (2 + k + 1), of the orbit whose first and last flights differ by some time."""
+        return mp.findroot(lambda *x: [*self.conditions(*x), x[2] - x[-1] - apart], guess, tol=mp.mpf(10) ** (-2 * DIGITS + 10))
+
+
+def velocities_of(alpha, line=LINE):
+    """Modal velocities at the origin of the orbit with one impact in half a period, which hits the stop at alpha ."""
+    speed = 1 / line.half_period_sum(alpha)
+    return [mp.sqrt(b) * speed / mp.cos(w * alpha) for w, b in line.modes]
+
+
+@cache
+def many_digit_breaking(alpha, sides):
+    """h'' / (2 x'^2) of the orbits that begin where a symmetry of the backbone breaks. sides: of the impacts between two origins."""
+    with mp.workdps(DIGITS + 10):
+        orbit = ModalOrbit(sides)
+        times = [alpha, *([2 * alpha] * (len(sides) - 1)), alpha]
+        step = mp.mpf(10) ** -10
+        middle = [*velocities_of(alpha), *times]
+        ahead, behind = (orbit.solved(middle, sign * step) for sign in (1, -1))
+        energies = [(x[0] ** 2 + x[1] ** 2) / 2 for x in (ahead, behind)]
+        half = [(one - other) / 2 for one, other in zip(ahead[:2], behind[:2], strict=True)]
+        energy = (middle[0] ** 2 + middle[1] ** 2) / 2
+        squared = (half[0] ** 2 + half[1] ** 2) / (2 * energy)
+        return float((sum(energies) / 2 - energy) / squared)
+
+
+def located(branch, code, number=0):
+    """An event of a branch, and the orbit there."""
+    event = [event for event in branch.events if event.type == code][number]
+    return event, branch.orbit(event.point)
+
+
+def test_breaking_of_the_symmetry_of_a_backbone():
+    """Oracle: the broken orbits solved in fifty digits, from a closed form of the symmetric one."""
+    event, orbit = located(traced("S13O00+", low=0.2, high=3.0), "SB")
+    with mp.workdps(DIGITS):
+        alpha = mp.findroot(LINE.breaking_condition, exact(event.alpha))
+    wanted = many_digit_breaking(alpha, (1,))
+    found = free_criticality(orbit, "SB")
+    assert found.kind == "subcritical" and found.error < 1e-12
+    assert found.coefficient == pytest.approx(wanted, rel=1e-8)
+
+
+def test_doubling_of_a_backbone():
+    """Oracle: the doubled orbits solved in fifty digits, where tau_half of the closed form vanishes."""
+    event, orbit = located(traced("S11O00-", low=0.06, high=0.3), "PD")
+    with mp.workdps(DIGITS):
+        alpha = mp.findroot(LINE.tau_half, exact(event.alpha))
+    wanted = many_digit_breaking(alpha, (1, -1))
+    found = free_criticality(orbit, "PD")
+    assert found.kind == "supercritical"
+    assert found.coefficient == pytest.approx(wanted, rel=1e-8)
+
+
+def test_fold_of_a_backbone():
+    """Oracle: the second derivative of the closed form of the energy."""
+    event, orbit = located(traced("S11O00-", low=0.06, high=0.3), "SN")
+    with mp.workdps(DIGITS):
+        alpha = mp.findroot(LINE.fold_condition, exact(event.alpha))
+        energy = LINE.energy(alpha)
+        speeds = [mp.diff(lambda at, k=k: velocities_of(at)[k], alpha) for k in (0, 1)]
+        length = sum(v * v for v in speeds) / (2 * energy) + 1 / alpha**2
+        wanted = float(mp.diff(lambda at: sum(v * v for v in velocities_of(at)) / 2, alpha, 2) / 2 / length)
+    found = free_criticality(orbit, "SN")
+    assert found.kind is None and found.coefficient == pytest.approx(wanted, rel=1e-8)
+
+
+@pytest.mark.parametrize(("label", "code"), [("S13O00+", "SB"), ("S11O00-", "PD")])
+def test_family_in_a_parameter(label, code):
+    """Oracle: the orbits that begin are a surface over the energy and the parameter, so that the ratio of the coefficients
+    is the slope of the curve of events, which a closed form has."""
+    event, orbit = located(traced(label, low=0.06, high=3.0), code)
+    problem, y = released_of(orbit, ("mu",))
+    in_parameter, in_energy = free_criticality_of(problem, y, code), free_criticality(orbit, code)
+
+    def energy(mu):
+        line = ReferenceBackbone(mu=mu)
+        condition = line.breaking_condition if code == "SB" else line.tau_half
+        return line.energy(mp.findroot(condition, exact(event.alpha)))
+
+    with mp.workdps(DIGITS):
+        step = mp.mpf(10) ** -12
+        slope = float((energy(mp.mpf("0.1") + step) - energy(mp.mpf("0.1") - step)) / (2 * step))
+    assert in_parameter.coefficient == pytest.approx(-in_energy.coefficient / slope, rel=1e-7)
+    assert in_parameter.kind == in_energy.kind
+
+
+def chain_family():
+    """A family of three masses that starts at a linear mode."""
+    chain = saltus.load_scene("three_mass_chain").system
+    found = families_at(linear_modes(chain)[0], 1, 1, energy=(0.05, 0.5))
+    return next(one.branch for one in found if any(event.type == "PD" for event in one.branch.events))
+
+
+FAMILIES = {
+    "S13O00+": lambda: traced("S13O00+", low=0.2, high=3.0),
+    "S11O00-": lambda: traced("S11O00-", low=0.06, high=0.3),
+    "S31O11+": lambda: traced("S31O11+", low=0.05, high=20.0),
+    "U2111-": lambda: traced("U2111-", low=0.05, high=50.0),
+    "U21-": lambda: traced("U21-", low=0.05, high=50.0),
+    "U8353-": lambda: traced("U8353-", low=0.5, high=5.0),
+    "three masses": chain_family,
+}
+EXPECTED = {
+    "S13O00+": {"SB1": "subcritical"},
+    "S11O00-": {"PD1": "supercritical"},
+    "S31O11+": {"PD1": "subcritical", "SB1": "supercritical"},
+    "U2111-": {"PD1": "supercritical", "PD2": "supercritical"},
+    "U21-": {"SB1": "subcritical", "SB2": "subcritical"},
+    "U8353-": {},
+    "three masses": {"PD1": "supercritical"},
+}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_families_that_begin(name):
+    """Oracle: the first orbits of the families that begin: whether their energy is above that of the event, and whether they are stable."""
+    check(FAMILIES[name](), EXPECTED[name])
+
+
+def check(branch, expected):
+    """Compare all SB and PD of a family with the families that begin there."""
+    found = {}
+    for event in branch.events:
+        if event.type not in ("SB", "PD"):
+            continue
+        known = free_criticality(branch.orbit(event.point), event.type)
+        found[event.id] = known.kind
+        families = emanating_families(branch, event)
+        stable = [stability(one.problem, one.step.extra).stable for one in families]
+        assert (known.kind == "supercritical") is any(stable), event.id
+        assert (families[0].step.parameter > event.h) is (known.coefficient > 0.0), event.id
+        for other in families[1:] if branch.problem.quarters == 1 and event.type == "PD" else ():
+            assert ((other.step.parameter - event.h) * known.coefficient > 0.0) is (known.kind == "supercritical")
+    assert found == expected
+
+
+def test_smooth_forces():
+    """Oracle: as above."""
+    system = saltus.load_scene("cubic_and_stops").system
+    found = saltus.discover(system, 1.0, quarter_period=4.0, impacts=3, ends=("origin-stop",))
+    families = [saltus.trace(one, energy=(0.9, 1.7)) for one in found.orbits if one.sequence == "-"]
+    (branch,) = (family for family in families if any(event.type == "PD" for event in family.events))
+    check(branch, {"PD1": "supercritical", "SB1": "subcritical"})
+
+
+def test_what_has_no_normal_form():
+    branch = traced("S13O00+", low=0.2, high=3.0)
+    closed = switch(traced("U21-", low=0.05, high=50.0), "SB1", energy=(0.05, 50.0))[0]
+    assert closed.problem.periodic
+    assert free_criticality(closed.orbit(1), "SB") is free_criticality(closed.orbit(1), "PD") is None
+    event, orbit = located(branch, "SB")
+    with pytest.raises(ValueError, match="a normal form of SN, SB, PD is known; received RT"):
+        free_criticality(orbit, "RT")
+    assert free_criticality(orbit, "PD") is None
+    assert free_criticality(orbit, "SN") is None
+    assert free_criticality(branch.orbit(event.point + 3), "SB") is None
