@@ -18,9 +18,9 @@ import math
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgecon, dgetrf, dgetrs, dlange, zgecon, zgetrf, zgetrs, zlange
 
 from bvp.checks import EPSILON
+from bvp.kernels.normal_form import StateEquations, cubic_coefficient, set_equations
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
@@ -85,7 +85,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     if code == "NS" and angle is None:
         angle = _angle(problem, y)
     wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
-    form = _NormalForm(NormalForms(problem), np.asarray(y, dtype=float))
+    form = _NormalForm(problem, np.asarray(y, dtype=float))
     coefficient, error = form.coefficient(code, wanted)
     # The orbit is near the bifurcation: its own multiplier gives another coefficient.
     nearby, _ = form.coefficient(code, form.multiplier(wanted))
@@ -98,7 +98,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
 
 def normal_form(problem: ForcedProblem, y: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
     """The coefficient that `criticality` gives, and its error, of an orbit whose critical multiplier is known."""
-    return NormalForms(problem).coefficient(np.asarray(y, dtype=float), code, multiplier)
+    return _NormalForm(problem, np.asarray(y, dtype=float)).coefficient(code, complex(multiplier))
 
 
 def _angle(problem: ForcedProblem, y: np.ndarray) -> float:
@@ -110,13 +110,14 @@ def _angle(problem: ForcedProblem, y: np.ndarray) -> float:
 
 
 class CriticalOrbit(NamedTuple):
-    """What is known of an orbit with a critical multiplier lambda.
+    """What is known of an orbit y (u,) with a critical multiplier lambda.
 
-    jacobian (.., u): of the equations of the problem, or of the first ones, all but those of the user at least. scale (u,): sizes of the
-    unknowns. right (u,), left (..): null vectors of the Jacobian at lambda, right in the unknowns' own units, left by its transpose.
+    jacobian (.., u): of the equations of the problem, all but the last ones of the user at least. scale (u,): sizes of the unknowns.
+    right (u,), left (..): null vectors of the Jacobian at lambda, right in the unknowns' own units, left by its transpose.
     bend (.., u): F''(y)[right, .].
     """
 
+    y: np.ndarray
     jacobian: np.ndarray
     scale: np.ndarray
     right: np.ndarray
@@ -125,7 +126,7 @@ class CriticalOrbit(NamedTuple):
 
 
 class NormalForms:
-    """The normal forms of the orbits of a problem, many of them.
+    """The normal forms of orbits of a problem.
 
     Parameters
     ----------
@@ -137,52 +138,51 @@ class NormalForms:
         n, inner, width = problem.degrees_of_freedom, problem.inner, problem.size + 1
         state = np.arange(2 * n + 1)
         places = np.array([*state, problem.size])
-        self.columns = np.concatenate([i * width + places for i in range(inner + 1)])
+        columns = np.concatenate([i * width + places for i in range(inner + 1)])
         last = inner * width
-        self.rows = np.concatenate([*(i * width + places for i in range(inner)), last + np.arange(2 * n + 2)])
-        self.places = self.rows[:, None] * problem.unknowns + self.columns
-        self.feedback = np.zeros((len(self.rows), len(self.columns)))
-        closing = len(self.rows) - (2 * n + 2) + state[: 2 * n + int(problem.has_clock)]
-        self.feedback[closing, state[: len(closing)]] = [*[problem.segment.closing[0]] * (2 * n), 1.0][: len(closing)]
-        self.metric = problem.segment.scale[: 2 * n + 1]
+        rows = np.concatenate([*(i * width + places for i in range(inner)), last + np.arange(2 * n + 2)])
+        size = len(rows)
+        feedback = np.zeros((size, size))
+        closing = size - (2 * n + 2) + state[: 2 * n + int(problem.has_clock)]
+        feedback[closing, state[: len(closing)]] = [*[problem.segment.closing[0]] * (2 * n), 1.0][: len(closing)]
+        self.equations = StateEquations(
+            rows, columns, feedback, problem.segment.scale[: 2 * n + 1].copy(), np.zeros((size, size)), np.zeros((size, size)),
+            np.zeros(size), np.zeros(size), np.zeros((size, size), complex), np.zeros((9, size), complex), np.zeros(size, np.int64),
+        )  # fmt: skip
 
-    def coefficient(self, y: np.ndarray, code: str, multiplier: complex, orbit: CriticalOrbit | None = None) -> tuple[float, float]:
-        """The coefficient that `criticality` gives, and its error, of an orbit y (u,) whose critical multiplier is known."""
-        return _NormalForm(self, y, orbit).coefficient(code, complex(multiplier))
+    def cubic(self, orbit: CriticalOrbit, code: str, multiplier: complex) -> tuple[float, float]:
+        """The coefficient of PD, SB or NS, and its error."""
+        curvature, right = self.problem.curvature, orbit.right
+        set_equations(self.equations, orbit.jacobian, orbit.scale)
+        cubic = curvature.third_of_states(orbit.y, right, right, right.conj() if code == "NS" else right)
+        arrays = [np.asarray(array, dtype=complex) for array in (right, orbit.left, orbit.bend, cubic)]
+        value, size = cubic_coefficient(self.equations, *arrays, multiplier.real, multiplier.imag, code == "NS")
+        return value, size * (EPSILON if curvature.is_exact else _DIFFERENCES)
 
 
 class _NormalForm:
     """The linear equations of an orbit at given parameters, with scaled rows and columns."""
 
-    def __init__(self, forms: NormalForms, y: np.ndarray, orbit: CriticalOrbit | None = None):
-        self.forms, self.problem, self.y, self.orbit = forms, forms.problem, y, orbit
-        jacobian = self.problem.jacobian(y) if orbit is None else orbit.jacobian
-        scale = (self.problem.scales(y) if orbit is None else orbit.scale)[forms.columns]
-        self.feedback = forms.feedback * scale
-        self.matrix = jacobian.ravel()[forms.places] * scale + self.feedback
-        self.level = 1.0 / np.max(np.abs(self.matrix) + np.abs(self.feedback), axis=1)
-        self.matrix *= self.level[:, None]
-        self.feedback *= self.level[:, None]
-        self.scale = scale
-        self.unit = scale[: len(forms.metric)] / forms.metric
+    def __init__(self, problem: ForcedProblem, y: np.ndarray):
+        self.forms, self.problem, self.y = NormalForms(problem), problem, y
+        self.jacobian, self.whole_scale = problem.jacobian(y), problem.scales(y)
+        self.equations = self.forms.equations
+        set_equations(self.equations, self.jacobian, self.whole_scale)
 
     def transfer(self, multiplier: complex) -> np.ndarray:
         """T(lambda)."""
-        found: np.ndarray = self.matrix - (multiplier.real if multiplier.imag == 0.0 else multiplier) * self.feedback
-        return found
+        found: np.ndarray = self.equations.matrix - multiplier * self.equations.feedback
+        return found.real if multiplier.imag == 0.0 else found
 
     def null(self, multiplier: complex) -> tuple[np.ndarray, np.ndarray]:
         """The vectors p and q."""
-        if self.orbit is None:
-            left, _, right = np.linalg.svd(self.transfer(multiplier))
-            q, p = right[-1].conj(), left[:, -1]
-        else:
-            q = self.orbit.right[self.forms.columns] / self.scale
-            p = self.orbit.left[self.forms.rows].conj() / self.level
-        start = self.unit * q[: len(self.unit)]
+        left, _, right = np.linalg.svd(self.transfer(multiplier))
+        q, p = right[-1].conj(), left[:, -1]
+        metric = self.equations.metric
+        start = self.equations.scale[: len(metric)] / metric * q[: len(metric)]
         largest = start[np.argmax(np.abs(start))]
-        q = q * (abs(largest) / largest / math.sqrt(np.vdot(start, start).real))
-        return p / np.conj(np.vdot(p, self.feedback @ q)), q
+        q = q * (abs(largest) / largest / np.linalg.norm(start))
+        return p / np.conj(np.vdot(p, self.equations.feedback @ q)), q
 
     def multiplier(self, near: complex) -> complex:
         """The multiplier of the orbit near a number, by Newton's method with null vectors."""
@@ -195,57 +195,15 @@ class _NormalForm:
                 break
         return found
 
-    def bend(self, q: np.ndarray) -> np.ndarray:
-        """B(q, .), to be applied to whole directions."""
-        if self.orbit is not None:
-            # The known null vector is a multiple of q.
-            k = self.forms.columns[np.argmax(np.abs(q))]
-            return self.orbit.bend[self.forms.rows] * (self.whole(q)[k] / self.orbit.right[k] * self.level[:, None])
-        return self.problem.curvature.second_along(self.y, self.whole(q))[self.forms.rows] * self.level[:, None]
-
-    def third(self, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """C(a, b, c)."""
-        found = self.problem.curvature.third_of_states(self.y, self.whole(a), self.whole(b), self.whole(c))
-        return self.level * found[self.forms.rows]
-
-    def whole(self, vector: np.ndarray) -> np.ndarray:
-        """A scaled vector as a direction of all unknowns; the parameters stay."""
-        found = np.zeros(self.problem.unknowns, dtype=vector.dtype)
-        found[self.forms.columns] = self.scale * vector
-        return found
-
-    def solve(self, multiplier: complex, right: np.ndarray) -> tuple[np.ndarray, float]:
-        """The solution of T(lambda) h = right, as a whole direction, and an estimate of the matrix's condition."""
-        matrix = self.transfer(multiplier)
-        if np.iscomplexobj(matrix) or np.iscomplexobj(right):
-            factorise, substitute, size, condition = zgetrf, zgetrs, zlange, zgecon
-        else:
-            factorise, substitute, size, condition = dgetrf, dgetrs, dlange, dgecon
-        factor, pivots, singular = factorise(matrix)
-        if singular:
-            raise np.linalg.LinAlgError("the multiplier of a term of the normal form is one of the orbit")
-        inverse, _ = condition(factor, size("1", matrix))
-        return self.whole(substitute(factor, pivots, right)[0]), 1.0 / float(inverse) if inverse > 0.0 else math.inf
-
     def coefficient(self, code: str, multiplier: complex) -> tuple[float, float]:
         """The coefficient at a multiplier, and its error."""
         p, q = self.null(multiplier)
-        level = EPSILON if self.problem.curvature.is_exact else _DIFFERENCES
-        bend = self.bend(q)
-        squared = bend @ self.whole(q)
+        equations, curvature = self.equations, self.problem.curvature
+        right, left = np.zeros(self.problem.unknowns, q.dtype), np.zeros(len(self.jacobian), p.dtype)
+        right[equations.columns], left[equations.rows] = equations.scale * q, equations.level * p.conj()
+        bend = curvature.second_along(self.y, right)
         if code == "SN":
+            squared = equations.level * (bend @ right)[equations.rows]
+            level = EPSILON if curvature.is_exact else _DIFFERENCES
             return 0.5 * float(np.vdot(p, squared)), level * float(np.abs(p) @ np.abs(squared))
-        if code != "NS":
-            bent, condition = self.solve(multiplier * multiplier, -squared)
-            terms = [self.third(q, q, q) / 6.0, 0.5 * (bend @ bent)]
-            turned: complex = 1.0
-            conditions = [1.0, condition]
-        else:
-            conjugate = q.conj()
-            first, of_first = self.solve(complex(abs(multiplier) ** 2), -(bend @ self.whole(conjugate)))
-            other, of_other = self.solve(multiplier * multiplier, -squared)
-            terms = [0.5 * self.third(q, q, conjugate), bend @ first, 0.5 * (bend.conj() @ other)]
-            turned = multiplier.conjugate() / abs(multiplier)
-            conditions = [1.0, of_first, of_other]
-        sizes = [condition * float(np.abs(p) @ np.abs(term)) for condition, term in zip(conditions, terms, strict=True)]
-        return sum(float((turned * np.vdot(p, term)).real) for term in terms), level * sum(sizes)
+        return self.forms.cubic(CriticalOrbit(self.y, self.jacobian, self.whole_scale, right, left, bend), code, multiplier)

@@ -10,10 +10,10 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.plane import ParameterPlane
-from bvp.criticality import normal_form
+from bvp.criticality import CriticalOrbit, NormalForms
 from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import Solution
-from continuation.curves import Held, Linearised
+from continuation.curves import Held, Linearised, Null
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
@@ -85,6 +85,7 @@ class BifurcationMonitor:
 
     def __init__(self, plane: ParameterPlane, code: str, window: Window):
         self.plane, self.code, self.window = plane, code, window
+        self._forms = NormalForms(plane.problem)
         self.tests = (
             *window_tests(plane, window),
             *GRAZING.values(),
@@ -109,7 +110,7 @@ class BifurcationMonitor:
         coefficient = math.nan
         if self.code == "NS":
             rest = _without(multipliers, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))), 2)
-            coefficient = self._coefficient(at.y, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))))
+            coefficient = self._coefficient(at, null, scale, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))))
             others = _rest_tests(rest)
             # The coefficient has poles where another multiplier is 1.
             regular = coefficient * _bounded(others[0]) * (1.0 - cosine)
@@ -123,18 +124,22 @@ class BifurcationMonitor:
             if self.code == "SN":
                 coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / float(np.linalg.norm(null.right[:, 0]))
             else:
-                coefficient = self._coefficient(at.y, critical)
+                coefficient = self._coefficient(at, null, scale, critical)
             # It has poles where another multiplier is 1, and where two are critical.
             found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]) * double)
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, CurvePoint(solution, multipliers, coefficient, cosine)
 
-    def _coefficient(self, y: np.ndarray, multiplier: complex) -> float:
+    def _coefficient(self, at: Linearised, null: Null, scale: np.ndarray, multiplier: complex) -> float:
         """The cubic coefficient of the normal form; nan where rounding decides its sign."""
-        try:
-            value, error = normal_form(self.plane.problem, y, self.code, multiplier)
-        except (np.linalg.LinAlgError, ValueError):
-            return math.nan
+        m = len(null.shifted)
+        right, left, bend = null.right[:m, 0], null.left[:m, 0], null.along[:m]
+        if self.code == "NS":
+            # The null vectors of the pair's companion form, of which each of the two multipliers is a combination.
+            right, bend = right - multiplier * null.right[m:, 0], bend - multiplier * null.along[m:]
+            left = left + multiplier * null.left[m:, 0]
+        orbit = CriticalOrbit(null.y, at.jacobian, scale, right * scale, left, bend)
+        value, error = self._forms.cubic(orbit, self.code, multiplier)
         return value if abs(value) > error else math.nan
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

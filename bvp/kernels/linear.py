@@ -76,3 +76,44 @@ def substitute_transposed(factors, pivots, x):
         value = x[pivots[k]]
         x[pivots[k]] = x[k]
         x[k] = value
+
+
+@kernel
+def norm_1(matrix):
+    """The largest sum of the moduli of a column."""
+    largest = 0.0
+    for c in range(matrix.shape[1]):
+        total = 0.0
+        for r in range(matrix.shape[0]):
+            total += abs(matrix[r, c])
+        largest = max(largest, total)
+    return largest
+
+
+@kernel
+def inverse_norm(factors, pivots, x):
+    """A lower bound of `norm_1` of the inverse, rarely below a third of it: Hager's, SIAM J. Sci. Stat. Comput. 5 (1984) 311.
+    x (2, m), as the factors: scratch."""
+    size = factors.shape[0]
+    best = 0.0
+    place = -1
+    for attempt in range(3):
+        for r in range(size):
+            x[0, r] = 1.0 / size if place < 0 else 1.0 if r == place else 0.0
+        substitute(factors, pivots, x[0])
+        total = 0.0
+        for r in range(size):
+            total += abs(x[0, r])
+            x[1, r] = x[0, r].conjugate() / abs(x[0, r]) if abs(x[0, r]) > 0.0 else 1.0
+        best = max(best, total)
+        if attempt == 2:
+            break
+        substitute_transposed(factors, pivots, x[1])
+        largest = -1
+        for r in range(size):
+            if largest < 0 or abs(x[1, r]) > abs(x[1, largest]):
+                largest = r
+        if largest == place:
+            break
+        place = largest
+    return best

@@ -7,15 +7,20 @@ import math
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy.linalg
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import saltus
 from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import follow_response, switch_response
-from bvp.criticality import criticality
+from bvp.criticality import criticality, normal_form
+from bvp.curvature import second, third
 from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
 from tests.branches.test_absorber import located
+from tests.bvp.test_curvature import KINDS, problem_of
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle
@@ -197,6 +202,68 @@ def test_a_subcritical_doubling_of_an_oscillator_with_a_cubic_spring():
         doubled, step = switch_response(branch, event)[0]
         other = follow_response(doubled, step, branch.interval, direction="along", points=3)
         assert outside(doubled, other.unknowns[1]) == min(beside) + (kind == "subcritical")
+
+
+def plain_equations(problem, y):
+    """T(lambda) = first - lambda last in units of the unknowns, with the places of its rows and columns."""
+    n, inner, width = problem.degrees_of_freedom, problem.inner, problem.size + 1
+    states = [i * width + np.array([*range(2 * n + 1), problem.size]) for i in range(inner + 1)]
+    columns = np.concatenate(states)
+    rows = np.concatenate([*states[:-1], inner * width + np.arange(2 * n + 2)])
+    last = np.zeros((len(rows), len(rows)))
+    for e in range(2 * n + int(problem.has_clock)):
+        last[len(rows) - 2 * n - 2 + e, e] = problem.segment.closing[0] if e < 2 * n else 1.0
+    scale = problem.scales(y)[columns]
+    return (problem.jacobian(y)[np.ix_(rows, columns)] + last) * scale, last * scale, rows, columns, scale
+
+
+def plain_cubic(problem, y, multiplier, pair):
+    """The coefficient of PD or NS from singular vectors, LAPACK's solutions, and derivatives of third order in infinitesimals."""
+    first, last, rows, columns, scale = plain_equations(problem, y)
+    left, _, right = np.linalg.svd(first - multiplier * last)
+    p, q = left[:, -1], right[-1].conj()
+    metric = problem.segment.scale[: 2 * problem.degrees_of_freedom + 1]
+    start = (scale * q)[: len(metric)] / metric
+    largest = start[np.argmax(np.abs(start))]
+    q = q * abs(largest) / largest / np.linalg.norm(start)
+    p = p / np.vdot(p, last @ q).conj()
+
+    def whole(vector):
+        found = np.zeros(problem.unknowns, dtype=complex)
+        found[columns] = scale * vector
+        return found
+
+    def bent(a, b):
+        return second(problem, y, whole(a), whole(b))[rows]
+
+    def solved(value, right_side):
+        return np.linalg.solve(first - value * last, -right_side)
+
+    other = q.conj() if pair else q
+    cubic = third(problem, y, whole(q), whole(q), whole(other))[rows]
+    h = solved(multiplier**2, bent(q, q))
+    if not pair:
+        return np.vdot(p, cubic / 6.0 + bent(q, h) / 2.0).real
+    g = solved(abs(multiplier) ** 2, bent(q, other))
+    return (np.conj(multiplier) / abs(multiplier) * np.vdot(p, cubic / 2.0 + bent(q, g) + bent(other, h) / 2.0)).real
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(st.tuples(st.integers(1, 3), st.sampled_from(KINDS[:3]), st.integers(1, 3), st.integers(0, 10**6)))
+def test_the_compiled_coefficient_is_that_of_plain_algebra(case):
+    """Oracle: singular vectors, LAPACK and infinitesimals; several impacts, half a period, sticking, harmonics."""
+    n, kind, impacts, seed = case
+    problem, y = problem_of(n, kind, impacts, ["b"], np.random.default_rng(seed))
+    first, last, *_ = plain_equations(problem, y)
+    values = scipy.linalg.eigvals(first, last)
+    values = values[np.isfinite(values) & (np.abs(values) > 1e-3) & (np.abs(values) < 1e3)]
+    values = values[[np.sum(np.abs(values - value) < 1e-2 * abs(value)) == 1 for value in values]]
+    assume(len(values) > 0)
+    for value in values[values.imag >= 0.0]:
+        pair = value.imag > 0.0
+        found, error = normal_form(problem, y, "NS" if pair else "PD", complex(value))
+        assert error < 1e-5 * abs(found)
+        assert found == pytest.approx(plain_cubic(problem, y, value if pair else value.real, pair), rel=1e-11, abs=error)
 
 
 @pytest.mark.parametrize("code", ["NS", "SN"])
