@@ -52,7 +52,6 @@ _BEGINS = {
     "PD": "a family of twice the period begins there",
     "SB": "families without the symmetry begin there",
     "GR": "a family with other impacts begins there",
-    "NS": "quasi-periodic motion begins there",
     "BP": "another family crosses there",
 }
 
@@ -169,7 +168,7 @@ def _edges_of(catalogue: CatalogueStore, row: CurveRow) -> Iterator[Edge]:
                 )  # fmt: skip
                 if at == event.id and to in catalogue:
                     targets.setdefault(str(to), other)
-        if row.code == "SN":
+        if row.code in ("SN", "NS"):
             yield Edge(source, event.id, row.code, "curve", source, event.h, event.alpha, event.id, event.stop)
         elif not targets:
             note = _BEGINS[row.code]

@@ -15,7 +15,7 @@ from branches.curves.tracing import CurveStart, curve_again, curve_at, extend_cu
 from branches.forced.tracing import follow_response
 from branches.reading import RecordError
 from tests.branches.curve_oracles import doubling_stop
-from tests.branches.forced_systems import oscillator, settled
+from tests.branches.forced_systems import absorber_families, oscillator, settled
 
 NARROW, WIDE = ((2.4, 2.7), (-1.0, 1.0)), ((1.9, 3.1), (-1.0, 1.0))
 
@@ -54,6 +54,20 @@ def test_an_extended_curve_is_that_of_one_run():
     for w, s in found.parameters[inside][::7]:
         assert s == pytest.approx(float(doubling_stop(w, 0.8)), rel=1e-11)
     assert curve_id(found) == curve_id(whole) != curve_id(narrow)
+
+
+def test_points_of_codimension_two_of_an_extended_curve():
+    """Oracle: one run in the wide range, to 1e-9, on the curve NS of the absorber."""
+    first = absorber_families()[0]
+    event = next(event for event in first.events if event.type == "NS")
+    start, window = curve_at(first, event, ("w", "F")), ((0.8, 2.4), (0.1, 1.0))
+    narrow = follow_curve(start, ((1.2, 1.4), (0.25, 0.35)))
+    found, one_run = extend_curve(narrow, window), follow_curve(start, window)
+    assert len(narrow.events) < len(found.events) and {"NS-GR", "PN", "GH"} <= {event.type for event in found.events}
+    assert [event.id for event in found.events] == [event.id for event in one_run.events]
+    for (_, *numbers, _), (_, *expected, _) in zip(located(found), located(one_run), strict=True):
+        assert numbers == pytest.approx(expected, abs=1e-9)
+    assert curve_id(found) == curve_id(one_run)
 
 
 def test_only_open_ends_go_on():
