@@ -60,6 +60,23 @@ EXAMPLES: dict[str, list[str]] = {
         "continue S13+ --in mu --range 0.09:0.12 --keep energy=0.8 --json b.json",
         "continue --from b.json:RT1 --points 20",
     ],
+    "curve": [
+        "continue --scene absorber --from rest --in w --range 0.7:2.2 --json b.json",
+        "continue --from b.json:GR1 --json c.json",
+        "curve c.json:SB1 --in w,F --range 0.5:1.5,0.2:0.4 --points 20",
+        "curve c.json:2.NS1 --in w,F --range 0.5:1.5,0.2:0.4 --points 20",
+        "curve c.json:GR1 --in w,F --range 0.5:1.5,0.2:0.4 --points 20",
+    ],
+    "free curve": [
+        "continue S11- --energy 0.05:0.2 --json a.json",
+        "curve a.json:SN1 --in energy,mu --range 0.01:1,0.09:0.11 --points 20",
+        "continue S13+ --energy 0.3:0.8 --json b.json",
+        "curve b.json:SB1 --in energy,mu --range 0.01:1,0.09:0.11 --points 20",
+    ],
+    "smooth curve": [
+        "continue --scene ueda_oscillator --set B=0.5 --set w=0.4 --from rest --in w --range 0.25:0.45 --json a.json",
+        "curve a.json:SN1 --in w,B --range 0.2:0.5,0.4:0.6 --points 10",
+    ],
     "smooth": [
         "continue S11- --scene cubic_nes --energy 1e-2:0.1 --points 20",
         "continue --scene beam_on_cubic_spring --from mode:2 --points 8",

@@ -72,7 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
     given = _given(arguments)
     start, window = given.start, _window(arguments, given)
     place, record = _place(arguments, given)
-    compiling.prepare_for(start.plane.problem.system, "curve")
+    problem = start.plane.problem
+    compiling.prepare_for(problem.system, "curve" if problem.ends is None else "free curve")
     from branches.curves.extending import can_go_on, is_within
     from branches.curves.tracing import NoCurve, extend_curve, first_point, follow_curve
 
