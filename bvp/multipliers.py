@@ -9,6 +9,7 @@ transformations to a product pencil (`bvp.kernels.pencil`), whose eigenvalues ar
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -91,8 +92,6 @@ class Multipliers:
     def trace(self) -> float:
         """Sum of the nontrivial multipliers; for n = 2 this is tau."""
         return float(np.real(np.sum(self.values)))
-
-
 
 
 class _SystemData(NamedTuple):
@@ -300,9 +299,20 @@ def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
     return worst, float(sine[worst])
 
 
+_FEW = 16
+"""Numbers that Python sorts faster than numpy."""
+
+
+def _order(value: complex) -> tuple[float, float]:
+    modulus = abs(value)
+    return -round(math.log(modulus), 9) if modulus > 0.0 else math.inf, cmath.phase(value)
+
+
 def sort_multipliers(values: np.ndarray) -> np.ndarray:
     """By modulus descending, then by angle ascending from -pi; moduli equal to 1e-9 count as equal."""
     values = np.asarray(values, dtype=complex)
+    if len(values) <= _FEW and np.isfinite(values).all():
+        return np.array(sorted(values.tolist(), key=_order), dtype=complex)
     with np.errstate(divide="ignore"):
         modulus = np.round(np.log(np.abs(values)), 9)
     return values[np.lexsort((np.angle(values), -modulus))]

@@ -135,7 +135,7 @@ class ReleasedProblem(ForcedProblem):
         problem, at = self.orbit_problem(y)
         return self.parameters(y) | {"energy": problem.energy(at), "quarter_period": problem.quarter_period(at)}
 
-    def multipliers(self, y: np.ndarray) -> np.ndarray:
+    def multipliers(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
         """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1. NaN where an impact grazes."""
         problem, at = self.orbit_problem(y)
         cycle = cycle_of(problem, at)

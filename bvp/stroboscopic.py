@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from bvp.contact_sequence import ContactEvent
     from bvp.system import ImpactSystem
 
-__all__ = ["stroboscopic_multipliers"]
+__all__ = ["loses_directions", "stroboscopic_multipliers"]
 
 
 class _Passage(NamedTuple):
@@ -79,6 +79,11 @@ def stroboscopic_multipliers(
     inverse, matrix, found = np.tile(np.array([1, 0], np.int64), nodes), np.empty((size, size)), np.empty((2, size))
     steps = product_eigenvalues(chain, inverse, np.empty((3, 3)), matrix, found)
     return None if steps < 1 or not np.all(np.isfinite(found)) else found[0] + 1j * found[1]
+
+
+def loses_directions(system: ImpactSystem, events: Sequence[ContactEvent]) -> bool:
+    """Whether a stop sticks along the orbit, or an impact leaves no speed."""
+    return any(_rank(system, event) < 2 * system.degrees_of_freedom for event in events)
 
 
 def _held(system: ImpactSystem, event: ContactEvent) -> np.ndarray:
