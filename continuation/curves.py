@@ -28,7 +28,7 @@ from continuation.problem import EventDetails, Point, Step, TestFunction
 
 __all__ = [
     "Condition", "Corrected", "Curve", "Held", "ITERATIONS", "Linearised", "Monitor", "Null", "ROUNDING", "SETTLED", "ScalarCondition",
-    "SingularCondition", "Surface", "orthonormal",
+    "SingularCondition", "Surface",
 ]  # fmt: skip
 
 ITERATIONS = 10
@@ -193,11 +193,11 @@ class SingularCondition:
         if self.own:
             turned = np.concatenate([np.zeros(m), 2.0 * (shifted @ first[m:])])
             gradient = np.column_stack([gradient, -left.T @ turned])
-        renewed = np.concatenate([orthonormal(left).T.ravel(), orthonormal(right[:size]).T.ravel()])
+        renewed = np.concatenate([_orthonormal(left).T.ravel(), _orthonormal(right[:size]).T.ravel()])
         return Held(values, gradient, renewed, Null(at.y, right[:size], left, shifted, slopes))
 
 
-def orthonormal(columns: np.ndarray) -> np.ndarray:
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """The columns made orthonormal, in their order and orientation."""
     first = columns[:, 0] / math.sqrt(float(columns[:, 0] @ columns[:, 0]))
     if columns.shape[1] == 1:

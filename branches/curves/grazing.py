@@ -238,7 +238,7 @@ class GrazingMonitor:
         fixed = np.vstack([at.jacobian, at.gradients]) * scale
         shifted = self._shifted * scale
         finite = finite_multipliers(fixed, shifted)
-        tests = [_signed_smallest(fixed), _signed_smallest(fixed - 2.0 * shifted), pair_product(finite)]
+        tests = [_signed_smallest(fixed), _signed_smallest(fixed - 2.0 * shifted), pair_product(finite.tolist())]
         values = [*window_values(self.plane, at.parameters, self.window), clearance, slowest, least_flight, bend, *tests]
         return values, CurvePoint(solution, finite, math.nan, math.nan)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from bvp.kernels.bent_orbit import Bending
 from bvp.kernels.compiled import call_at, inlined, kernel
-from bvp.kernels.flight import copy_1, set_1, set_2
+from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.forced import LoadedSegment
 from bvp.kernels.linear import factorise, substitute, substitute_transposed
 from bvp.kernels.multipoint import Factor
@@ -55,6 +55,7 @@ class CurveArrays(NamedTuple):
     gradient: np.ndarray  # (d, u + e)
     right: np.ndarray  # (d, s + d) solutions of the bordered systems, and their last entries
     left: np.ndarray  # (d, s + d)
+    borders: np.ndarray  # (2 d s,) the first s entries of left and right, made orthonormal
     slopes: np.ndarray  # (s, u) derivatives of the matrix times the first null vector
     bordered: np.ndarray  # (s + d, s + d)
     matrix: np.ndarray  # (u + e, u + e)
@@ -181,6 +182,25 @@ def _hold(curve, arrays, borders):
 
 
 @inlined
+def _renew(arrays):
+    """Write the borders of the next step."""
+    d, s, borders = arrays.values.shape[0], arrays.slopes.shape[0], arrays.borders
+    for part in range(2):
+        vectors = arrays.left if part == 0 else arrays.right
+        for j in range(d):
+            line = borders[(part * d + j) * s : (part * d + j + 1) * s]
+            copy_1(vectors[j, :s], line)
+            for before in range(j):
+                known = borders[(part * d + before) * s : (part * d + before + 1) * s]
+                along = inner(known, line)
+                for r in range(s):
+                    line[r] -= along * known[r]
+            length = math.sqrt(inner(line, line))
+            for r in range(s):
+                line[r] /= length
+
+
+@inlined
 def _set_matrix(arrays):
     """Write the matrix of Newton's equations, with scaled columns."""
     rows, matrix, scale = arrays.rows, arrays.matrix, arrays.scale
@@ -264,6 +284,7 @@ def take_curve_step(curve, y, tangent, ds, arrays):
     total = math.sqrt(total)
     for r in range(m):
         turned[r] /= total
+    _renew(arrays)
     _linearise(curve, arrays)
     worst = 0.0
     for r in range(u - 2):

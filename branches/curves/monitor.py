@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,30 +103,28 @@ class BifurcationMonitor:
         ends = problem._factor.before.copy()
         problem._observe(at.y, ends, result)
         solution = Solution(at.y, np.concatenate([tangent[: at.y.size], np.zeros(at.y.size)]), self.plane.position(at.y), ends, result)
-        multipliers = problem.multipliers(at.y)
+        multipliers = problem.multipliers(at.y, evaluated=True)
         guards = [solution["clearance"], solution["speed"], solution["flight"]]
-        m = len(null.shifted)
-        right, left = null.right[:, 0] / np.linalg.norm(null.right[:, 0]), null.left[:, 0] / np.linalg.norm(null.left[:, 0])
         cosine = float(own[0]) if len(own) else math.nan
         found: list[float]
         coefficient = math.nan
         if self.code == "NS":
-            rest = _without(multipliers, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))), 2)
-            coefficient = self._coefficient(at, null, scale, complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine))))
-            others = _rest_tests(rest)
+            critical = complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine)))
+            coefficient = self._coefficient(at, null, scale, critical)
+            others = _rest_tests(_without(multipliers, (critical, critical.conjugate())))
             # The coefficient has poles where another multiplier is 1.
             regular = coefficient * _bounded(others[0]) * (1.0 - cosine)
             found = [regular, cosine - 1.0, cosine + 1.0, cosine + 0.5, cosine, *others]
         else:
-            critical = 1.0 if self.code == "SN" else -1.0
-            rest = _without(multipliers, critical, 1)
-            double = float(left @ (null.shifted @ right))
-            others = _rest_tests(rest)
-            found = [double, others[1 if critical > 0.0 else 0], others[2]]
+            right, left = null.right[:, 0], null.left[:, 0]
+            size, product = math.sqrt(right @ right), math.sqrt((left @ left) * (right @ right))
+            double = float(left @ (null.shifted @ right)) / product
+            others = _rest_tests(_without(multipliers, (1.0 if self.code == "SN" else -1.0,)))
+            found = [double, others[1 if self.code == "SN" else 0], others[2]]
             if self.code == "SN":
-                coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / float(np.linalg.norm(null.right[:, 0]))
+                coefficient = float(left @ (null.along @ (right * scale))) / (product * size)
             else:
-                coefficient = self._coefficient(at, null, scale, critical)
+                coefficient = self._coefficient(at, null, scale, -1.0)
             # It has poles where another multiplier is 1, and where two are critical.
             found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]) * double)
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
@@ -173,12 +173,12 @@ _ENDS = {"NS": ("R1", "R2")}
 """Those that a curve cannot pass."""
 
 
-def _without(multipliers: np.ndarray, value: complex, count: int) -> np.ndarray:
-    """The multipliers without the one that is nearest to a value, and its conjugate."""
-    rest = multipliers
-    for target in (value, np.conj(value))[:count]:
-        if len(rest):
-            rest = np.delete(rest, int(np.argmin(np.abs(rest - target))))
+def _without(multipliers: np.ndarray, values: Sequence[complex]) -> list[complex]:
+    """The multipliers without the ones that are nearest to some values."""
+    rest: list[complex] = multipliers.tolist()
+    for value in values:
+        if rest:
+            rest.remove(min(rest, key=lambda one: abs(one - value)))
     return rest
 
 
@@ -187,16 +187,16 @@ def _bounded(value: float) -> float:
     return value / (1.0 + abs(value))
 
 
-def _rest_tests(rest: np.ndarray) -> list[float]:
+def _rest_tests(rest: Sequence[complex]) -> list[float]:
     """Products over multipliers: of 1 - mu, of 1 + mu, and of 1 - mu_i mu_j over pairs."""
-    return [float(np.prod(1.0 - rest).real), float(np.prod(1.0 + rest).real), pair_product(rest)]
+    less, more = math.prod(1.0 - mu for mu in rest), math.prod(1.0 + mu for mu in rest)
+    return [complex(less).real, complex(more).real, pair_product(rest)]
 
 
-def pair_product(multipliers: np.ndarray) -> float:
+def pair_product(multipliers: Sequence[complex]) -> float:
     """The product of 1 - mu_i mu_j over pairs of those that are finite; nan where there is no pair."""
-    known = multipliers[np.isfinite(multipliers)]
-    first, second = np.triu_indices(len(known), 1)
-    return float(np.prod(1.0 - known[first] * known[second]).real) if len(first) else math.nan
+    known = [mu for mu in multipliers if cmath.isfinite(mu)]
+    return complex(math.prod(1.0 - a * b for a, b in combinations(known, 2))).real if len(known) > 1 else math.nan
 
 
 def has_pair(multipliers: np.ndarray, known: float) -> bool:

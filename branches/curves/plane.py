@@ -49,6 +49,7 @@ class ParameterPlane:
         self.place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
         # The unknowns of the first node that have a unit.
         self._units = problem.segment.scale
+        self._divisors, self._logarithms = np.where(self._units > 0.0, self._units, 1.0), np.flatnonzero(self._units == 0.0)
         known = problem.parametric.names
         self.domains = tuple(problem.parametric.domain(name) if name in known else (0.0, math.inf) for name in names)
 
@@ -73,10 +74,8 @@ class ParameterPlane:
 
     def position(self, y: np.ndarray) -> np.ndarray:
         """The first node in units of arclength."""
-        node, units = y[: self.problem.size], self._units
-        found: np.ndarray = np.where(
-            units > 0.0, node / np.where(units > 0.0, units, 1.0), np.log(np.where(units > 0.0, 1.0, np.abs(node)))
-        )
+        found: np.ndarray = y[: self.problem.size] / self._divisors
+        found[self._logarithms] = np.log(np.abs(y[self._logarithms]))
         return found
 
     def directions(self, y: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from bvp.kernels.multipoint import RESULT
 from bvp.kernels.newton import LINEARISED
 from bvp.kernels.step import Landing, Request
 from continuation import curves
-from continuation.curves import Corrected, Curve, Held, Linearised, Monitor, Null, SingularCondition, orthonormal
+from continuation.curves import Corrected, Curve, Held, Linearised, Monitor, Null, SingularCondition
 
 __all__ = ["CompiledCurve"]
 
@@ -56,7 +56,7 @@ class CompiledCurve(Curve):
         m, s = u + d - 1, d * u
         return CurveArrays(
             np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(5), np.zeros(u - 1), np.zeros((u, u)), np.zeros(d), np.zeros((d, m)),
-            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros((s, u)), np.zeros((s + d, s + d)), np.zeros((m, m)),
+            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros(2 * d * s), np.zeros((s, u)), np.zeros((s + d, s + d)), np.zeros((m, m)),
             np.zeros(s + d, dtype=np.int64), np.zeros(m), np.zeros(m), np.zeros(self.plane.problem.size), np.zeros(u),
             np.zeros(u), np.zeros(u),
         )  # fmt: skip
@@ -71,9 +71,8 @@ class CompiledCurve(Curve):
         new, residual, rows, scale = arrays.y.copy(), arrays.residual.copy(), arrays.rows.copy(), arrays.scale[:u].copy()
         at = Linearised(new[:u], residual[:-1], rows[:-2], self.plane.parameters(new, residual), rows[-2:], rows)
         right, left = arrays.right[:, :s].T.copy(), arrays.left[:, :s].T.copy()
-        borders = np.concatenate([orthonormal(left).T.ravel(), orthonormal(right).T.ravel()])
         null = Null(arrays.held.copy(), right, left, self._data.shifted * scale, arrays.slopes.copy())
-        held = Held(arrays.values.copy(), arrays.gradient.copy(), borders, null)
+        held = Held(arrays.values.copy(), arrays.gradient.copy(), arrays.borders.copy(), null)
         return Corrected(
             new, at, held, arrays.tangent.copy(), scale, result[TURN], result[CONTRACTION], int(result[ITERATIONS]), result[RESIDUAL]
         )
