@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 
 from branches.admissible import force_event
 from branches.curves.monitor import CurvePoint, Window, has_pair, pair_product, window_tests, window_values
@@ -19,6 +20,7 @@ from branches.forced.closing import vanishes, without_moment
 from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
 from bvp.forced import ForcedProblem
+from bvp.kernels.dense import determinant, least_singular
 from bvp.kernels.forced import fly_loaded
 from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.multipoint import CLEARANCE, QUARTER_PERIOD, RESULT
@@ -210,7 +212,6 @@ class GrazingMonitor:
         """See `continuation.curves.Monitor`."""
         problem, grazing = self.plane.problem, self.grazing
         y, flights, ends = at.y, problem.flight_times(at.y), problem._factor.before.copy()
-        problem.residual(y)
         # Releases have no speed.
         flights_hit = (problem.impacts - 1) % (problem.inner + 1) if problem.sequence else np.zeros(0, dtype=int)
         if grazing.kind == "speed":
@@ -223,9 +224,11 @@ class GrazingMonitor:
             row = problem.segment.side[i] * problem.segment.gap[i, :n]
             bend = -float(row @ _flown(problem, problem.nodes(y)[i], flights[i], i)[2][n : 2 * n])
             if self._single is None:
-                clearance = _clearance_beside(problem, y, i)
+                clearance = _clearance_beside(problem, y, i, ends)
             else:
-                clearance = _clearance_beside(self._single.problem, self._single.unknowns(y), self._single.problem.inner)
+                one, shown = self._single.problem, self._single.unknowns(y)
+                one.residual(shown)
+                clearance = _clearance_beside(one, shown, one.inner, one._factor.before)
         elif grazing.kind == "flight":
             shown = np.array(y)
             problem.flight_times(shown)[grazing.flight] = 0.0
@@ -234,8 +237,7 @@ class GrazingMonitor:
             flights = np.delete(flights, grazing.flight)
         least_flight = float(flights.min(initial=math.inf))
         slowest = float(speeds.min(initial=math.inf))
-        problem.residual(y)  # the arrays are those of y again
-        fixed = np.vstack([at.jacobian, at.gradients]) * scale
+        fixed = at.extra * scale
         shifted = self._shifted * scale
         finite = finite_multipliers(fixed, shifted)
         tests = [_signed_smallest(fixed), _signed_smallest(fixed - 2.0 * shifted), pair_product(finite.tolist())]
@@ -255,14 +257,12 @@ class GrazingMonitor:
 def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
     """The multipliers of orbits that graze, (2 n,): those of the pencil, of which one has no bound and is NaN. matrix, shifted: B at
     lambda = 1, and B1."""
-    rows = np.flatnonzero(shifted.any(axis=1))
-    columns = np.flatnonzero(shifted.any(axis=0))
+    rows, columns = np.nonzero(shifted)
     found = np.full(len(rows) - len(rows) % 2, complex(math.nan, math.nan))
-    try:
-        solved = np.linalg.solve(matrix, shifted[:, columns])[columns]
-    except np.linalg.LinAlgError:
+    _, _, solved, singular = dgesv(matrix, shifted[:, columns])
+    if singular or not np.isfinite(solved).all():  # rounding can hide that the matrix is singular
         return found
-    inverse = np.linalg.eigvals(solved)
+    inverse = np.linalg.eigvals(solved[columns])
     kept = np.sort_complex(inverse[np.argsort(-np.abs(inverse))][: len(found) - 1])
     found[: len(kept)] = 1.0 - 1.0 / kept
     return found
@@ -307,13 +307,13 @@ def _is_at_instant(problem: ForcedProblem, solution: Solution, flight: int) -> b
     return where == flight or (where == (flight - 1) % count and time > problem.flight_times(solution.y)[where] - short)
 
 
-def _clearance_beside(problem: ForcedProblem, y: np.ndarray, i: int) -> float:
-    """The least clearance of an orbit but that of the impact without speed that ends flight i: what is next to it is left out."""
+def _clearance_beside(problem: ForcedProblem, y: np.ndarray, i: int, ends: np.ndarray) -> float:
+    """The least clearance of an orbit but that of the impact without speed that ends flight i: what is next to it is left out. ends: the
+    states after the flights of the orbit, which was evaluated last."""
     after = (i + 1) % (problem.inner + 1)
-    shown, short = np.array(y), _NEXT * problem.period(y)
+    shown, ends = np.array(y), ends.copy()
     nodes, times = problem.nodes(shown), problem.flight_times(shown)
-    problem.residual(y)
-    ends = problem._factor.before.copy()
+    short = _NEXT * float(times.sum()) * (2.0 if problem.half else 1.0)
     ends[i] = _flown(problem, nodes[i], times[i] - short, i)[0]
     nodes[after] = _flown(problem, nodes[after], short, after)[0]
     times[i] -= short
@@ -328,6 +328,7 @@ _WORDS = {"SB": "symmetry breaking", "PD": "period doubling"}
 
 
 def _signed_smallest(matrix: np.ndarray) -> float:
-    """The smallest singular value with the sign of the determinant."""
-    sign, _ = np.linalg.slogdet(matrix)
-    return float(sign * np.linalg.svd(matrix, compute_uv=False)[-1])
+    """A lower bound of the smallest singular value, sharp to the root of the matrix's size, with the sign of the determinant."""
+    factors = np.array(matrix)
+    sign = math.copysign(1.0, determinant(factors))
+    return sign * float(least_singular(factors, np.empty_like(factors)))

@@ -1,4 +1,7 @@
-"""Compiled steps along curves of bifurcations of orbits: the Newton iteration of `continuation.curves.Curve` with a `SingularCondition`."""
+"""Compiled steps along curves of bifurcations and grazings: Newton's iteration of `continuation.curves.Curve`.
+
+The second derivatives of an orbit take longer than all the rest. Every other iteration keeps the gradient of the condition.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,20 @@ from bvp.kernels.bent_orbit import Bending
 from bvp.kernels.compiled import call_at, inlined, kernel
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.forced import LoadedSegment
+from bvp.kernels.forced_sticking import orbit_flight
 from bvp.kernels.linear import factorise, substitute, substitute_transposed
+from bvp.kernels.loads import loaded_rate
 from bvp.kernels.multipoint import Factor
 from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import Landing, Request
 
-__all__ = ["CONTRACTION", "CONVERGED", "ITERATIONS", "RESIDUAL", "TURN", "CurveArrays", "CurveData", "take_curve_step"]
+__all__ = [
+    "CONTRACTION", "CONVERGED", "DURATION", "ITERATIONS", "RESIDUAL", "SINGULAR", "SPEED", "TURN", "CurveArrays", "CurveData",
+    "take_curve_step",
+]  # fmt: skip
+
+SINGULAR, SPEED, DURATION = range(3)
+"""Conditions: a singular matrix, an impact without speed, a flight without duration."""
 
 CONVERGED, ITERATIONS, CONTRACTION, TURN, RESIDUAL = range(5)
 """Entries of the result of a step."""
@@ -33,8 +44,10 @@ class CurveData(NamedTuple):
     landing: Landing  # scratch of the step
     metric: np.ndarray  # (4, N) scratch of the step
     zero: np.ndarray  # (2 u,)
+    kind: int  # of the condition
     shifted: np.ndarray  # (u, u) B1
     multiplier: float  # lambda; nan for a pair
+    flight: int  # that ends with the impact, or has no duration
     place: int  # of the first parameter of the plane
     least: float  # least size of a state, in units of arclength
     settled: float  # update, in units of the unknowns' sizes, from which on the next one is rounding
@@ -145,8 +158,8 @@ def _border(curve, arrays, borders):
 
 
 @inlined
-def _hold(curve, arrays, borders):
-    """The condition and its derivatives."""
+def _hold(curve, arrays, borders, bends):
+    """The condition that a matrix is singular, and its derivatives; where not `bends`, these stay as they are."""
     u = arrays.rows.shape[0]
     d = arrays.values.shape[0]
     s = d * u
@@ -159,6 +172,9 @@ def _hold(curve, arrays, borders):
         copy_1(right[j], left[j])
         substitute(arrays.bordered, arrays.pivots, right[j])
         substitute_transposed(arrays.bordered, arrays.pivots, left[j])
+        arrays.values[j] = right[0, s + j]
+    if not bends:
+        return
     for k in range(d):
         for r in range(u):
             along[r] = right[0, k * u + r] * arrays.scale[r]
@@ -168,8 +184,6 @@ def _hold(curve, arrays, borders):
         set_1(part[u - 2], 0.0)
     set_2(gradient, 0.0)
     for j in range(d):
-        # values: the last entries of the first solution
-        arrays.values[j] = right[0, s + j]
         for r in range(s):
             for c in range(u):
                 gradient[j, c] -= left[j, r] * slopes[r, c]
@@ -179,6 +193,28 @@ def _hold(curve, arrays, borders):
                 for c in range(u):
                     total += curve.shifted[r, c] * arrays.scale[c] * right[0, u + c]
                 gradient[j, u] -= 2.0 * left[j, u + r] * total
+
+
+@inlined
+def _graze(curve, arrays):
+    """The condition of a grazing, and its derivatives."""
+    segment, factor, gradient, rate = curve.segment, curve.factor, arrays.gradient, arrays.along
+    i, width = curve.flight, segment.gap.shape[1]
+    at = i * (width + 1)
+    set_2(gradient, 0.0)
+    if curve.kind == DURATION:
+        arrays.values[0] = arrays.orbit[at + width]
+        gradient[0, at + width] = 1.0
+        return
+    n = segment.flight.enter.shape[0] // 2
+    loaded_rate(orbit_flight(segment, i), factor.before[i], rate[:width])
+    arrays.values[0] = 0.0
+    for r in range(n):
+        weight = segment.side[i] * segment.gap[i, r]
+        arrays.values[0] += weight * factor.before[i, n + r]
+        gradient[0, at + width] += weight * rate[n + r]
+        for c in range(width):
+            gradient[0, at + c] += weight * factor.flights[i, n + r, c]
 
 
 @inlined
@@ -234,10 +270,14 @@ def take_curve_step(curve, y, tangent, ds, arrays):
     last = math.inf
     contraction = 0.0
     iteration = 0
+    bends = True
     while True:
         iteration += 1
         _linearise(curve, arrays)
-        _hold(curve, arrays, borders)
+        if curve.kind == SINGULAR:
+            _hold(curve, arrays, borders, bends)
+        else:
+            _graze(curve, arrays)
         _set_matrix(arrays)
         factorise(arrays.matrix, arrays.pivots)
         update[m - 1] = -ds
@@ -254,6 +294,11 @@ def take_curve_step(curve, y, tangent, ds, arrays):
             if not math.isfinite(update[r]):
                 return
         settled = length <= curve.settled or (length <= curve.rounding and length > 0.25 * last)
+        if settled and not bends and iteration < curve.iterations:
+            # The tangent needs the gradient of this point.
+            bends = True
+            continue
+        bends = not bends or curve.kind != SINGULAR
         if not settled and last < math.inf and length > curve.rounding:
             contraction = max(contraction, length / last)
         last = length
@@ -284,7 +329,8 @@ def take_curve_step(curve, y, tangent, ds, arrays):
     total = math.sqrt(total)
     for r in range(m):
         turned[r] /= total
-    _renew(arrays)
+    if curve.kind == SINGULAR:
+        _renew(arrays)
     _linearise(curve, arrays)
     worst = 0.0
     for r in range(u - 2):

@@ -7,7 +7,20 @@ from functools import cached_property
 
 import numpy as np
 
-from branches.curves.kernels import CONTRACTION, CONVERGED, ITERATIONS, RESIDUAL, TURN, CurveArrays, CurveData, take_curve_step
+from branches.curves.grazing import Grazing
+from branches.curves.kernels import (
+    CONTRACTION,
+    CONVERGED,
+    DURATION,
+    ITERATIONS,
+    RESIDUAL,
+    SINGULAR,
+    SPEED,
+    TURN,
+    CurveArrays,
+    CurveData,
+    take_curve_step,
+)
 from branches.curves.plane import LEAST, ParameterPlane, closing_block
 from bvp.kernels import curvature
 from bvp.kernels.forced import forced_step
@@ -15,26 +28,39 @@ from bvp.kernels.multipoint import RESULT
 from bvp.kernels.newton import LINEARISED
 from bvp.kernels.step import Landing, Request
 from continuation import curves
-from continuation.curves import Corrected, Curve, Held, Linearised, Monitor, Null, SingularCondition
+from continuation.curves import Condition, Corrected, Curve, Held, Linearised, Monitor, Null, SingularCondition
 
-__all__ = ["CompiledCurve"]
+__all__ = ["CompiledCurve", "forced_curve"]
+
+_KINDS = {"speed": SPEED, "flight": DURATION}
+"""Grazings whose condition is compiled."""
+
+
+def forced_curve(plane: ParameterPlane, condition: Condition, monitor: Monitor, grazing: Grazing | None = None) -> Curve:
+    """A curve of forced orbits; its steps are compiled where the derivatives of its equations are exact."""
+    compiled = plane.problem.curvature.is_exact and (grazing is None or grazing.kind in _KINDS)
+    return CompiledCurve(plane, condition, monitor, grazing) if compiled else Curve(plane, condition, monitor)
 
 
 class CompiledCurve(Curve):
-    """A curve of SN, PD, SB or NS of forced orbits with exact derivatives. Its points are those of `Curve`.
+    """A curve of forced orbits with exact derivatives: of SN, PD, SB, NS, or of grazings. Its points are those of `Curve`.
 
     Parameters
     ----------
     plane : ParameterPlane
-    condition : SingularCondition
-        That of `branches.curves.pencils.forced_condition`.
+    condition : Condition
+        Of `branches.curves.pencils.forced_condition`, or of `branches.curves.grazing.grazing_condition`.
     monitor : Monitor
+    grazing : Grazing, optional
+        What grazes: an impact without speed, or a flight without duration.
     """
 
-    def __init__(self, plane: ParameterPlane, condition: SingularCondition, monitor: Monitor):
+    def __init__(self, plane: ParameterPlane, condition: Condition, monitor: Monitor, grazing: Grazing | None = None):
         super().__init__(plane, condition, monitor)
-        self.plane, self.order = plane, condition.order
-        self._multiplier = math.nan if condition.multiplier is None else condition.multiplier
+        self.plane, self.order = plane, 1 + condition.own
+        self._kind, self._flight = (SINGULAR, 0) if grazing is None else (_KINDS[grazing.kind], grazing.flight)
+        multiplier = condition.multiplier if isinstance(condition, SingularCondition) else None
+        self._multiplier = math.nan if multiplier is None else multiplier
 
     @cached_property
     def _data(self) -> CurveData:
@@ -46,8 +72,8 @@ class CompiledCurve(Curve):
         step = forced_step.entry(problem.segment, problem._factor, landing.y, zero, request, metric, landing).address
         bend = curvature.second_along.entry(bending, landing.y, landing.y, np.zeros((u - 1, u))).address
         return CurveData(
-            step, bend, problem.segment, problem._factor, bending, landing, metric, zero, closing_block(plane), self._multiplier,
-            plane.place, LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
+            step, bend, problem.segment, problem._factor, bending, landing, metric, zero, self._kind, closing_block(plane),
+            self._multiplier, self._flight, plane.place, LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
         )  # fmt: skip
 
     @cached_property
@@ -70,9 +96,13 @@ class CompiledCurve(Curve):
             return None
         new, residual, rows, scale = arrays.y.copy(), arrays.residual.copy(), arrays.rows.copy(), arrays.scale[:u].copy()
         at = Linearised(new[:u], residual[:-1], rows[:-2], self.plane.parameters(new, residual), rows[-2:], rows)
-        right, left = arrays.right[:, :s].T.copy(), arrays.left[:, :s].T.copy()
-        null = Null(arrays.held.copy(), right, left, self._data.shifted * scale, arrays.slopes.copy())
-        held = Held(arrays.values.copy(), arrays.gradient.copy(), arrays.borders.copy(), null)
+        values, gradient = arrays.values.copy(), arrays.gradient.copy()
+        if self._kind == SINGULAR:
+            right, left = arrays.right[:, :s].T.copy(), arrays.left[:, :s].T.copy()
+            null = Null(arrays.held.copy(), right, left, self._data.shifted * scale, arrays.slopes.copy())
+            held = Held(values, gradient, arrays.borders.copy(), null)
+        else:
+            held = Held(values, gradient, np.zeros(0))
         return Corrected(
             new, at, held, arrays.tangent.copy(), scale, result[TURN], result[CONTRACTION], int(result[ITERATIONS]), result[RESIDUAL]
         )

@@ -19,7 +19,7 @@ from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
 from branches.curves.plane import ParameterPlane, plane_of
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
-from branches.curves.steps import CompiledCurve
+from branches.curves.steps import forced_curve
 from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent
@@ -76,9 +76,8 @@ def curve_problem(plane: ParameterPlane, code: str, kind: FreeKind | Grazing | N
         return free_curve(plane, code, kind, y, window)
     grazing = kind if isinstance(kind, Grazing) else None
     if grazing is not None:
-        return Curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window))
-    follower = CompiledCurve if plane.problem.curvature.is_exact else Curve
-    return follower(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
+        return forced_curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window), grazing)
+    return forced_curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
 
 
 def curve_start(
