@@ -100,6 +100,7 @@ class ForcedProblem:
         self.is_smooth = system.smooth_forces is not None
         self.sequence = tuple(sequence)
         self.released = tuple(released)
+        self._located = self.released[:1]
         self.load_periods, self.half = load_periods, half
         layout = parametric.layout
         self.has_clock = bool(layout.harmonics)
@@ -141,7 +142,7 @@ class ForcedProblem:
 
             forces = released_forces(parametric, self.values, self.released)
         self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2, forces)
-        self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released) else None
+        self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released, self._located) else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
         known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self.conserved)])
@@ -265,10 +266,10 @@ class ForcedProblem:
         if not self.released:
             return self.system
         values = dict(zip(self.parametric.names, at, strict=True))
-        low, high = self.parametric.domain(self.released[0])
-        if self._leaves_unseen and low <= values[self.released[0]] <= high:
+        domains = [(values[name], *self.parametric.domain(name)) for name in self._located] if self._leaves_unseen else []
+        if domains and all(low <= value <= high for value, low, high in domains):
             return self.parametric.system(values)
-        # A step beyond the domain of a parameter locates its end, if its limits are known: matrices can go on there.
+        # A step beyond the domain of such a parameter locates its end, if its limits are known: matrices can go on there.
         layout, n = self.parametric.layout, self.degrees_of_freedom
         entries = self.segment.released.entries
         mass, damping, stiffness = (entries[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness))
@@ -276,7 +277,12 @@ class ForcedProblem:
 
     @cached_property
     def _leaves_unseen(self) -> bool:
-        return self.parametric.leaves_unseen(self.released)
+        return self.parametric.leaves_unseen(self.released, self._located)
+
+    def locate_domains(self, names: Sequence[str]) -> None:
+        """Let steps go beyond the domains of these released parameters, by default of the first one: test functions locate their ends."""
+        self._located = tuple(names)
+        self.__dict__.pop("_leaves_unseen", None)
 
     def _refuse_bounces(self, released: np.ndarray) -> None:
         """Refuse stops that stick after impacts without loss, and plastic impacts that do not stay so. released: the entries that vary."""

@@ -342,7 +342,10 @@ class Curve:
         if not math.isfinite(turn):
             return None
         at = self.surface.linearised(new[:u])
-        return Corrected(new, at, held, turned / size, scale, turn, contraction, iteration, self.surface.worst(at))
+        worst = self.surface.worst(at)
+        if not math.isfinite(worst):  # the last update left what the surface can have
+            return None
+        return Corrected(new, at, held, turned / size, scale, turn, contraction, iteration, worst)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """See `continuation.Problem`."""

@@ -110,7 +110,8 @@ class BifurcationMonitor:
         coefficient = math.nan
         if self.code == "NS":
             critical = complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine)))
-            coefficient = self._coefficient(at, null, scale, critical)
+            if critical.imag > 0.0:  # behind 1:1 and 1:2 the pair is real, and bounds no torus
+                coefficient = self._coefficient(at, null, scale, critical)
             others = _rest_tests(_without(multipliers, (critical, critical.conjugate())))
             # The coefficient has poles where another multiplier is 1.
             regular = coefficient * _bounded(others[0]) * (1.0 - cosine)

@@ -51,6 +51,7 @@ class ParameterPlane:
         self._units = problem.segment.scale
         self._divisors, self._logarithms = np.where(self._units > 0.0, self._units, 1.0), np.flatnonzero(self._units == 0.0)
         known = problem.parametric.names
+        problem.locate_domains([name for name in names if name in problem.released])
         self.domains = tuple(problem.parametric.domain(name) if name in known else (0.0, math.inf) for name in names)
 
     def linearised(self, y: np.ndarray) -> Linearised:
