@@ -132,7 +132,6 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
 
 def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...]) -> ResponseRequest:
     """The response that goes on from a file."""
-    from branches.tables import plain
     from transitions.response.files import read_responses
     from transitions.response.path import ParameterPath
 
@@ -144,12 +143,8 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     if curves.is_curve_file(source):
         return _request_of_curve(arguments, names, keep, source, event)
     given = read_responses(source)
-    problem, title = given[0].problem, ""
-    if arguments.scene is not None or options.parameters_of(arguments):
-        scene = options.scene_of(arguments)
-        title = scene.title
-        if plain(_parametric(scene).describe()) != plain(problem.parametric.describe()):
-            raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+    problem = given[0].problem
+    title = require_same_scene(arguments, source, problem.parametric)
     if not names:
         names, keep = problem.released, problem.keep
     try:
@@ -157,6 +152,19 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
+
+
+def require_same_scene(arguments: argparse.Namespace, source: str, parametric: ParametricSystem) -> str:
+    """Refuse a scene that is not the one of a file; return its title, empty without a scene."""
+    if arguments.scene is None and not options.parameters_of(arguments):
+        return ""
+    from branches.tables import plain
+
+    arguments.scene_uses = ("ground", "forces", "springs")
+    scene = options.scene_of(arguments)
+    if plain(_parametric(scene).describe()) != plain(parametric.describe()):
+        raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+    return scene.title
 
 
 def _request_of_curve(
@@ -182,7 +190,7 @@ def _request_of_curve(
         interval = curve.window[curve.names.index(path.name)]
     if interval is None:
         raise BadInput(f"--range LO:HI is required: {source} has no range of {path.name}")
-    check_range(path.name, path.values[path.name], interval)
+    check_range(path.name, path.values[path.name], interval, "")
     return ResponseRequest(path, interval, "", (), source, name, (curve, index))
 
 
@@ -262,11 +270,12 @@ def in_names(parametric: ParametricSystem, names: Sequence[str]) -> ParametricSy
     return parametric
 
 
-def check_range(name: str, value: float, interval: tuple[float, float]) -> None:
-    """Refuse a range without the value of the start."""
+def check_range(name: str, value: float, interval: tuple[float, float], other: str | None = None) -> None:
+    """Refuse a range without the value of the start. other: what else can be done, in words; by default --set."""
+    other = f", or --set {name}=VALUE" if other is None else other
     low, high = interval
     if not low <= value <= high:
-        raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside, or --set {name}=VALUE")
+        raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside{other}")
 
 
 def _from_curve(request: ResponseRequest, direction: str, report: Report) -> list[ResponseStart]:

@@ -18,7 +18,7 @@ from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
 from branches.curves.plane import ParameterPlane, plane_of
-from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
+from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.curves.steps import forced_curve
 from branches.events import Ended
 from branches.family import SETTINGS
@@ -463,7 +463,8 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
             if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
                 first = next(step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0)
             return start._replace(y=first.y)
-    raise NoCurve(f"no curve {code} passes through the point; expected an event of type {', '.join(WORDS)} there")
+    there = ", ".join(sorted(kinds)) or "no event"
+    raise NoCurve(f"no curve {code} passes through the point, which has {there}; expected a point where a curve {code} meets this one")
 
 
 def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:

@@ -14,7 +14,7 @@ from bvp.interrupts import defer_interrupts
 from saltus import compiling, curves, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
 from saltus.options import whole_above_zero
-from saltus.response_starts import file_and_event
+from saltus.response_starts import file_and_event, require_same_scene
 from saltus.terminal import ProgressBar, terminal_width
 
 if TYPE_CHECKING:
@@ -286,6 +286,7 @@ def _of_response(
     from branches.curves.tracing import NoCurve, curve_at
 
     branch, found = known[_known_event(source, event, known)]
+    require_same_scene(arguments, source, branch.problem.parametric)
     _require_equations(arguments, branch.problem.ends is not None)
     try:
         origin = f"{found.id} of {os.path.basename(source)}"
@@ -324,6 +325,7 @@ def _of_curves(arguments: argparse.Namespace, source: str, event: str | None, fo
     """The start on a curve: the curve goes on, or another one starts at an event of it."""
     from branches.curves.tracing import NoCurve, curve_again, curve_through
 
+    require_same_scene(arguments, source, found[0].plane.problem.parametric)
     if arguments.parameters is not None and set(arguments.parameters) != set(found[0].names):
         raise BadInput(f"--in {','.join(arguments.parameters)}: {source} has {', '.join(found[0].names)}; expected these, or no --in")
     arguments.parameters = arguments.parameters or found[0].shown[0]

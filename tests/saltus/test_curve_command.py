@@ -106,3 +106,17 @@ def test_another_curve_at_a_point(files, folder, capsys):
 def test_what_is_refused(files, folder, capsys, words, message):
     """One line that names what was received and what was expected, and exit code 2."""
     refused(run(capsys, "curve", *(word.format(**files) for word in words)), message)
+
+
+@pytest.mark.parametrize("start", ["{response}:SN1", "{fold}", "{fold}:SN-GR1"])
+@pytest.mark.parametrize("words", [("--scene", "absorber"), ("--scene", "damped_impact_oscillator", "--set", "c=0.2")])
+def test_another_scene_than_that_of_the_file_is_refused(files, folder, capsys, start, words):
+    given = ("--in", "w,A", *RANGE, *words)
+    refused(run(capsys, "curve", start.format(**files), *given), "another system than the scene", "expected its scene, or none")
+
+
+def test_what_does_not_fit_a_point_of_a_curve_says_what_is_expected(files, folder, capsys):
+    start = ("curve", f"{files['fold']}:SN-GR1", "--to", "NS", *RANGE)
+    refused(run(capsys, *start), "no curve NS passes through the point, which has SN-GR", "expected a point where a curve NS meets")
+    outside = refused(run(capsys, "continue", "--from", f"{files['fold']}:#10", "--in", "A", "--range", "2:3"), "expected it inside")
+    assert "--set" not in outside
