@@ -15,7 +15,8 @@ class BranchEvent(NamedTuple):
 
     id: type and count along the branch, e.g. "SB1". point: index into `Branch.points`. number: count of points from the start orbit,
     negative below it. bracket: arclengths between which it certainly is. residual: of its test function. stop: contact touched or
-    left (GR). p_q: [p, q] of a p:q resonance. breaks: what an SB breaks. multiplier: modulus of the largest multiplier.
+    left (GR). p_q: [p, q] of a p:q resonance. breaks: what an SB breaks. multiplier: modulus of the largest multiplier. coefficient: of
+    the normal form at SN, SB and PD, if it was computed (`branches.curves.free_criticality`); criticality: what it means at SB and PD.
     """
 
     id: str
@@ -35,6 +36,14 @@ class BranchEvent(NamedTuple):
     note: str | None
     stable: bool | None
     multiplier: float | None
+    coefficient: float | None = None
+    criticality: str | None = None
+
+    @property
+    def normal_form(self) -> str:
+        """The criticality and the coefficient, as a table shows them."""
+        number = "" if self.coefficient is None else f"{self.coefficient:.4g}"
+        return " ".join(part for part in (self.criticality or "", number) if part)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         low, high = self.bracket

@@ -14,7 +14,7 @@ import numpy as np
 from branches.branch import Branch, BranchEvent, Ended
 from branches.files import one_line, read_input, reason
 from branches.orbit import Orbit
-from branches.record import EVENT, HARMONIC, SCALARS, SCHEMA
+from branches.record import EVENT, EVENT_FIELDS, HARMONIC, SCALARS, SCHEMA
 from branches.sequences import parse_sequence, segments_per_period
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.system import ImpactSystem
@@ -257,7 +257,9 @@ def branch_of_record(record: Any) -> Branch:
         raise RecordError(f"branch.pieces is {pieces}, expected 1 or more")
     problem = MultipointProblem(system, (head["ends"][0], head["ends"][1]), parse_sequence(head["sequence"]), pieces)
     _check_points(problem, points)
-    events = [BranchEvent(**{name: item[name] for name in EVENT} | {"bracket": tuple(item["bracket"])}) for item in record["events"]]
+    events = [
+        BranchEvent(**{name: item.get(name) for name in EVENT_FIELDS} | {"bracket": tuple(item["bracket"])}) for item in record["events"]
+    ]
     first, last = (Ended(item["reason"], item["text"]) for item in record["ended"])
     start = next((event.point - event.number for event in events), 0)
     low, high = head.get("energy") or (0.0, None)

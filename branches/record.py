@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from branches.search.orbit_search import Discovery
 
 __all__ = [
-    "EVENT", "HARMONIC", "SCALARS", "SCHEMA", "discovery_to_json", "half_period_impacts", "orbit_to_csv", "orbit_to_json", "save", "to_csv",
-    "to_dataframe", "to_json", "to_record",
+    "EVENT", "EVENT_FIELDS", "HARMONIC", "SCALARS", "SCHEMA", "discovery_to_json", "half_period_impacts", "orbit_to_csv", "orbit_to_json",
+    "save", "to_csv", "to_dataframe", "to_json", "to_record",
 ]  # fmt: skip
 
 SCHEMA = 2
@@ -60,8 +60,12 @@ EVENT = {
     "number": "an integer",
     "stable": "a boolean or null",
     "multiplier": "a number or null",
+    "coefficient?": "a number or null",
+    "criticality?": "a string or null",
 }
 """The fields of an event in the order of the file, each with its pattern (see `branches.reading`)."""
+
+EVENT_FIELDS = tuple(name.removesuffix("?") for name in EVENT)
 
 _UNBOUNDED = "not finite at this point, so null: multipliers"
 _NOT_COMPUTED = "not computed at this point, so null: harmonic"
@@ -91,7 +95,7 @@ def to_record(branch: Branch) -> dict[str, Any]:
             "others": [{"from": _place(piece.first), "to": _place(piece.last)} for piece in branch.others],
         },
         "points": points,
-        "events": [{name: plain(getattr(event, name)) for name in EVENT} | {"note": event.note or None} for event in branch.events],
+        "events": [{name: plain(getattr(event, name)) for name in EVENT_FIELDS} | {"note": event.note or None} for event in branch.events],
         "ended": [{"reason": str(end.reason), "text": end.text} for end in branch.ended],
     }
 

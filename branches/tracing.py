@@ -17,6 +17,7 @@ from branches.events import BranchEvent, Ended
 from branches.family import SETTINGS, Family
 from branches.full_family import solutions_of
 from branches.interrupted import with_branch, with_computed
+from branches.normal_forms import WITH_NORMAL_FORM, normal_form_at, with_normal_forms
 from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
@@ -61,6 +62,7 @@ def follow_family(
     on_point: Callable[[int], object] | None = None,
     settings: Settings = SETTINGS,
     rising: bool = True,
+    normal_forms: bool = False,
 ) -> Branch:
     """Follow the family of a solution.
 
@@ -87,6 +89,8 @@ def follow_family(
     settings : continuation.Settings
     rising : bool
         Whether a branch followed both ways is put in the order of energies rising at the start, or falling there.
+    normal_forms : bool
+        Whether SN, SB and PD get the coefficients of their normal forms.
 
     Raises
     ------
@@ -126,7 +130,7 @@ def follow_family(
         beyond = unphysical(problem, begin.extra) if begin.converged else None
         if beyond is not None:
             raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
-        collector = _Collector(problem, energy, on_event, on_point, sign, known)
+        collector = _Collector(problem, energy, on_event, on_point, sign, known, forms)
         try:
             run = follow_both_ways(
                 family,
@@ -143,6 +147,7 @@ def follow_family(
             raise with_computed(error, lambda run: _branch_of(problem, run, energy)) from None
         return run, (max(known[0], collector.count), max(known[1], sum(collector.types.values())))
 
+    forms: list[BranchEvent] | None = [] if normal_forms else None
     known, saddle = (0, 0), None
     finer = problem.in_enough_pieces(start.y if isinstance(start, Step) else start)
     while True:
@@ -159,6 +164,8 @@ def follow_family(
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     with defer_interrupts() as interrupt:
         branch = _branch_of(problem, run, energy)
+        if forms is not None:
+            branch = with_normal_forms(branch, forms)
         if on_end is not None:
             for ended in dict.fromkeys(branch.ended):
                 on_end(ended)
@@ -206,9 +213,13 @@ def report(
     on_event: Callable[[BranchEvent], object] | None = None,
     on_end: Callable[[Ended], object] | None = None,
     on_point: Callable[[int], object] | None = None,
+    normal_forms: bool = False,
 ) -> Branch:
-    """Call the callbacks of `follow_family` for a branch that was followed without them; return the branch."""
+    """Call the callbacks of `follow_family` for a branch that was followed without them; return the branch, with the normal forms of its
+    events if they are wanted."""
     try:
+        if normal_forms:
+            branch = with_normal_forms(branch)
         if on_point is not None:
             on_point(len(branch))
         if on_event is not None:
@@ -317,6 +328,8 @@ class _Collector:
     direction: int
     reported: tuple[int, int] = (0, 0)
     """Points and events that an earlier run along the same family reported."""
+    forms: list[BranchEvent] | None = None
+    """Receives the events with their normal forms, if these are wanted."""
     lasts: dict[int, int] = field(default_factory=lambda: {1: 0, -1: 0})
     """Index of the last point of each half."""
     sign: int = 1
@@ -347,8 +360,13 @@ class _Collector:
         if sum(self.types.values()) <= self.reported[1]:
             return
         number = self.sign * event.index
-        columns = Orbit(self.problem, event.point.extra).columns
-        self.on_event(record_of_event(event, f"{event.code}{self.types[event.code]}", 0, number, columns, 0, backward=self.sign < 0))
+        orbit = Orbit(self.problem, event.point.extra)
+        name = f"{event.code}{self.types[event.code]}"
+        found = record_of_event(event, name, 0, number, orbit.columns, 0, backward=self.sign < 0)
+        if self.forms is not None and found.type in WITH_NORMAL_FORM:
+            found = normal_form_at(orbit, found)
+            self.forms.append(found)
+        self.on_event(found)
 
 
 def event_along(event: Event, backward: bool) -> tuple[str, int, str | None]:

@@ -51,6 +51,7 @@ def trace(
     settings: Settings | None = None,
     reference_points: Mapping[str, Mapping[str, float]] | None = None,
     bounds: Mapping[str, Any] | None = None,
+    normal_forms: bool = False,
 ) -> Branch:
     """Follow a family of periodic orbits, given by its name or by one of its orbits.
 
@@ -85,6 +86,8 @@ def trace(
     bounds : mapping, optional
         ``energy`` (two values of h), ``quarter_period`` (time) and ``impacts`` (in half a period) in place of the scene's: where a name is
         searched.
+    normal_forms : bool
+        Whether SN, SB and PD get the coefficients of their normal forms, which take some milliseconds each.
 
     Returns
     -------
@@ -112,7 +115,7 @@ def trace(
         scene = load_scene(scene)
     options: dict[str, Any] = {
         "points": points, "direction": direction, "stop_at": stop_at, "stop_when": stop_when, "on_event": on_event, "on_end": on_end,
-        "on_point": on_point, **({} if settings is None else {"settings": settings}),
+        "on_point": on_point, "normal_forms": normal_forms, **({} if settings is None else {"settings": settings}),
     }  # fmt: skip
     energy = scene.bounds["energy"] if energy is None else energy
     if isinstance(name, Orbit):

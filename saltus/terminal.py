@@ -33,9 +33,9 @@ _GAP = 2
 _LEAST = 16
 """Width that a column of texts or ids keeps."""
 _ID = re.compile(r"(?:origin|rest|stop|periodic|(?:half-)?period-|free-)[^\s:]*:[^\s:]*:[0-9a-f]{8}")
-EVENT_ROW = "{:>6}  {:<4}  {:<14}  {:<18}  {:<18}  {:<9}  {:<12}  {}"
+EVENT_ROW = "{:>6}  {:<4}  {:<14}  {:<18}  {:<18}  {:<9}  {:<12}  {:<24}  {}"
 
-EVENT_COLUMNS = ("point", "type", "label", "energy h", "quarter alpha", "stable", "|multiplier|", "remark")
+EVENT_COLUMNS = ("point", "type", "label", "energy h", "quarter alpha", "stable", "|multiplier|", "normal form", "remark")
 
 
 def terminal_width(stream: TextIO) -> int | None:
@@ -200,7 +200,7 @@ def event_cells(event: Any) -> tuple[str, ...]:
     --------
     >>> from types import SimpleNamespace
     >>> event = SimpleNamespace(number=-12, type="SN", label="S11O00-", h=0.06911644996826901, alpha=1.13584395619551,
-    ...     stable=None, multiplier=1.0, stop=None, p_q=None, breaks=None, note=None)
+    ...     stable=None, multiplier=1.0, normal_form="0.1621", stop=None, p_q=None, breaks=None, note=None)
     >>> print(EVENT_ROW.format(*EVENT_COLUMNS), EVENT_ROW.format(*event_cells(event)), sep="\\n")
     point   type  label           energy h            quarter alpha       stable     |multiplier|  remark
      -12    SN    S11O00-         0.069116449968269   1.1358439561955     undecided  1
@@ -215,7 +215,8 @@ def event_cells(event: Any) -> tuple[str, ...]:
         remark = f"stop {event.stop}" if event.stop else ""
     return (
         str(event.number), event.type, event.label, f"{event.h:.14g}", f"{event.alpha:.14g}", stability_word(event.stable),
-        "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}", remark,
+        "unbounded" if event.multiplier is None else f"{event.multiplier:.8g}", event.normal_form,
+        remark,
     )  # fmt: skip
 
 

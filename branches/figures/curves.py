@@ -18,12 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 __all__ = [
-    "FREQUENCIES", "Inset", "MANY_FOLD", "PARTS", "curve_runs", "draw_curve", "draw_events", "draw_inset", "frequency_rows", "inset_ranges",
-    "legend_entries", "parse_inset", "smooth",
+    "FREQUENCIES", "HOLLOW", "Inset", "MANY_FOLD", "PARTS", "curve_runs", "draw_curve", "draw_events", "draw_inset", "frequency_rows",
+    "inset_ranges", "legend_entries", "parse_inset", "smooth",
 ]  # fmt: skip
 
 FREQUENCIES = {"index": ("frequency index", r"m\,2\pi/T"), "fundamental": ("frequency", r"2\pi/T")}
 """Text and symbol of the axis, by what a frequency-energy plot shows."""
+
+HOLLOW = "#FFFFFF"
+"""Face of the markers of subcritical events."""
 
 MANY_FOLD = 20.0
 """Frequencies that rise by more than this get a logarithmic axis: the low ones would be one line."""
@@ -162,20 +165,27 @@ def draw_curve(axes: Axes, runs: Mapping[int, np.ndarray], panel: str, fine: flo
             axes.plot(*crosses.T, linestyle="none", color=VERMILION, zorder=2.4, gid=f"{panel}-unstable-crosses", **cross)
 
 
-def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str, **look: Any) -> None:
-    """Draw a marker at the place (E, 2) of each event in data coordinates, with one line object for each type. `look` changes the usual
-    markers."""
+def draw_events(axes: Axes, kinds: Sequence[str], places: np.ndarray, panel: str, hollow: Sequence[bool] = (), **look: Any) -> None:
+    """Draw a marker at the place (E, 2) of each event in data coordinates, with one line object for each type, and one for its hollow
+    markers: those of subcritical events. `look` changes the usual markers."""
+    empty = np.array(hollow, dtype=bool) if len(hollow) else np.zeros(len(kinds), dtype=bool)
     for kind in dict.fromkeys(kinds):
-        x, y = places[[k == kind for k in kinds]].T
-        axes.plot(x, y, gid=f"{panel}-events-{kind}", **{"zorder": _BELOW.get(kind, 4.0), **EVENT_LOOKS[kind], **look})
+        for some, more in ((~empty, {}), (empty, {"markerfacecolor": HOLLOW, "zorder": 4.1})):
+            there = some & np.array([k == kind for k in kinds])
+            if there.any():
+                gid = f"{panel}{'-hollow' * bool(more)}-events-{kind}"
+                axes.plot(*places[there].T, gid=gid, **{"zorder": _BELOW.get(kind, 4.0), **EVENT_LOOKS[kind], **more, **look})
 
 
-def legend_entries(codes: Collection[int], kinds: Collection[str]) -> list[Line2D]:
-    """Legend entries for the stabilities with these codes and for types of events, in the order of `EVENT_LOOKS`."""
+def legend_entries(codes: Collection[int], kinds: Collection[str], hollow: bool = False) -> list[Line2D]:
+    """Legend entries for the stabilities with these codes, for types of events, in the order of `EVENT_LOOKS`, and for hollow markers."""
     from matplotlib.lines import Line2D
 
     looks = [{**_LINES[code], **(_CROSS if code == 0 else {})} for code in _LINES if code in codes]
-    return [Line2D([], [], **look) for look in [*looks, *(look for kind, look in EVENT_LOOKS.items() if kind in kinds)]]
+    looks += [look for kind, look in EVENT_LOOKS.items() if kind in kinds]
+    if hollow:
+        looks.append({**EVENT_LOOKS["SB"], "markerfacecolor": HOLLOW, "marker": "h", "label": "hollow: subcritical"})
+    return [Line2D([], [], **look) for look in looks]
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     limits = style.limits_of(energies, log=True)
     panels = _panels(branch, frequency)
     names, kinds = [event.id for event in branch.events], [event.type for event in branch.events]
+    hollow = _hollow(branch)
     with style.figure_settings():
         known, coordinates = harmonics_in(branch), branch.system.coordinates
         content = [(coordinates[k], known[coordinates[k]]) for k in _shown_coordinates(branch.system) if known]
@@ -91,19 +92,24 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
             log = panel.name == "frequency" and bool(np.nanmax(values) > MANY_FOLD * np.nanmin(values))
             style.set_axis(axes, "y", style.limits_of(values, margin, log=log), 5, panel.axis, panel.symbol, log=log)
             axes.set_ylabel(axes.get_ylabel() + panel.note)
-        entries = legend_entries({code for panel in panels for code in panel.runs}, kinds)
+        entries = legend_entries({code for panel in panels for code in panel.runs}, kinds, any(hollow))
         columns = -(-len(entries) // -(-len(entries) // 6))
         legend = style.legend_below(figure, entries, columns, title=" " if kinds else None)  # space for the text below
         left_out = in_all = 0
         for panel in panels:
             axes = mosaic[panel.name]
             draw_curve(axes, panel.runs, panel.name)
-            draw_events(axes, kinds, panel.events, panel.name, clip_on=False)
+            draw_events(axes, kinds, panel.events, panel.name, hollow, clip_on=False)
             missing, count = write_events(Room(axes, [panel.curve]), names, kinds, panel.events)
             left_out, in_all = left_out + missing, in_all + count
         if left_out:
             legend.set_title(f"{left_out} of {in_all} names have no room")
     return figure
+
+
+def _hollow(branch: Any) -> list[bool]:
+    """Whether the marker of each event is hollow."""
+    return [event.criticality == "subcritical" for event in branch.events]
 
 
 def write_events(room: Room, names: Sequence[str], kinds: Sequence[str], places: np.ndarray) -> tuple[int, int]:
@@ -350,7 +356,7 @@ def plot_branch(branch: Branch, ax: Axes | None = None, *, frequency: str = "ind
     ax = energy_axes(ax, panel.curve, panel.axis, panel.symbol)
     draw_curve(ax, panel.runs, "frequency")
     if events:
-        draw_events(ax, [event.type for event in branch.events], panel.events, "frequency")
+        draw_events(ax, [event.type for event in branch.events], panel.events, "frequency", _hollow(branch))
     return ax
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from branches.admissible import unphysical
+from branches.curves.free_criticality import FREE_NORMAL_FORMS, free_criticality_of
 from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.along_parameters import unbounded
@@ -25,9 +26,10 @@ from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch, branch_in_parameter
 from branches.tracing import event_along
 from bvp.contact_sequence import joined_sequence
-from bvp.criticality import NORMAL_FORMS, criticality
+from bvp.criticality import NORMAL_FORMS, Criticality, criticality
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged
+from bvp.released import ReleasedProblem
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
@@ -197,14 +199,18 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
 
 
 def _with_normal_form(problem: ForcedProblem, y: np.ndarray, event: ForcedEvent) -> ForcedEvent:
-    """The event with the coefficient of its normal form, where the problem is one of forced orbits."""
-    if event.type not in NORMAL_FORMS or problem.ends is not None:
+    """The event with the coefficient of its normal form."""
+    if event.type not in NORMAL_FORMS:
         return event
-    try:
-        found = criticality(problem, y, event.type, event.angle)
-    except (ValueError, np.linalg.LinAlgError):
-        return event
-    if not math.isfinite(found.coefficient):
+    found: Criticality | None
+    if isinstance(problem, ReleasedProblem):
+        found = free_criticality_of(problem, y, event.type) if event.type in FREE_NORMAL_FORMS else None
+    else:
+        try:
+            found = criticality(problem, y, event.type, event.angle)
+        except (ValueError, np.linalg.LinAlgError):
+            return event
+    if found is None or not math.isfinite(found.coefficient):
         return event
     return event._replace(coefficient=found.coefficient, criticality=found.kind)
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 __all__ = ["resolve", "trace_named"]
 
-CALLBACKS = ("on_event", "on_end", "on_point")
+CALLBACKS = ("on_event", "on_end", "on_point", "normal_forms")
 """Options of `follow_family` that do not change how a family is followed."""
 
 DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": None, "settings": SETTINGS}

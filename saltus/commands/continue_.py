@@ -163,6 +163,7 @@ def _follow(
                 on_event=lambda event: report(EVENT_ROW.format(*event_cells(event)).rstrip()),
                 on_end=end,
                 on_point=bar.update,
+                normal_forms=True,
             )
         except (KeyboardInterrupt, RuntimeError) as error:
             # The error carries the results computed before the interrupt.

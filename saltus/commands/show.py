@@ -143,8 +143,9 @@ def _lines(catalogue: Catalogue, match: NameMatch) -> list[str]:
     cells += [("stable", stability_word(p.value), *map(range_text, p[1:])) for p in row.stability]
     lines += table_lines(("along it", "", "arclength", *axes.names), cells, width=width)
     if row.events:
-        cells = [event_cells(event) for event in catalogue.events(row.id)]
-        head: tuple[str, ...] = (*EVENT_COLUMNS[:3], *axes.names, *EVENT_COLUMNS[5:])
+        # A catalogue has no normal forms.
+        cells = [(*line[:7], *line[8:]) for line in map(event_cells, catalogue.events(row.id))]
+        head: tuple[str, ...] = (*EVENT_COLUMNS[:3], *axes.names, *EVENT_COLUMNS[5:7], *EVENT_COLUMNS[8:])
         columns = "rllllllt"
         if row.response is not None:  # its events have no label
             cells, head, columns = [(*line[:2], *line[3:]) for line in cells], (*head[:2], *head[3:]), "rlllllt"

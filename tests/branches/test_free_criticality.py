@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 
 import mpmath as mp
@@ -10,7 +11,12 @@ import pytest
 import saltus
 from branches.curves.free_criticality import free_criticality, free_criticality_of
 from branches.curves.free_start import released_of
+from branches.figures.curves import HOLLOW
+from branches.figures.single import branch_figure
+from branches.forced.tracing import follow_response
 from branches.linear_modes import families_at, linear_modes
+from branches.normal_forms import with_normal_forms
+from branches.reading import branch_of_record, read_branch
 from branches.switching import emanating_families, switch
 from bvp.stability import stability
 from tests.branches.curve_oracles import DIGITS, ReferenceBackbone, exact
@@ -200,3 +206,46 @@ def test_what_has_no_normal_form():
     assert free_criticality(orbit, "PD") is None
     assert free_criticality(orbit, "SN") is None
     assert free_criticality(branch.orbit(event.point + 3), "SB") is None
+
+
+def test_events_of_a_branch_have_their_normal_form(tmp_path):
+    """Oracle: `free_criticality` at each event; a file keeps it, and one without it can be read."""
+    reported = []
+    branch = saltus.trace("S31O11+", energy=(0.05, 20.0), normal_forms=True, on_event=reported.append)
+    assert branch.id == traced("S31O11+", low=0.05, high=20.0).id
+    for event in branch.events:
+        known = free_criticality(branch.orbit(event.point), event.type) if event.type in ("SN", "SB", "PD") else None
+        assert (event.criticality, event.coefficient is None) == (known and known.kind, known is None)
+        if known is not None:
+            assert event.coefficient == pytest.approx(known.coefficient, rel=1e-6)
+    shown = {event.type: event.normal_form for event in reported}
+    assert shown["SB"] == "supercritical 1039" and shown["PD"] == "subcritical -1184" and shown["SN"] == "0.176" and not shown["GR"]
+    branch.save(tmp_path / "a.json")
+    assert [event.normal_form for event in read_branch(tmp_path / "a.json").events] == [event.normal_form for event in branch.events]
+    record = json.loads((tmp_path / "a.json").read_text())
+    for event in record["events"]:
+        del event["coefficient"], event["criticality"]
+    assert not any(event.normal_form for event in branch_of_record(record).events)
+    stepped = saltus.trace("S31O11+", energy=(0.1, 10.0), normal_forms=True, points=2000)
+    assert [event.criticality for event in stepped.events if event.type in ("PD", "SB")] == ["subcritical", "supercritical"]
+
+
+def test_subcritical_events_are_hollow():
+    """Oracle: the artists of the figure."""
+    branch = with_normal_forms(traced("S31O11+", low=0.05, high=20.0))
+    figure = branch_figure(branch)
+    lines = {line.get_gid(): line for axes in figure.axes for line in axes.lines}
+    assert lines["frequency-hollow-events-PD"].get_markerfacecolor() == HOLLOW
+    assert lines["frequency-events-SB"].get_markerfacecolor() != HOLLOW
+    assert "hollow: subcritical" in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    plain = branch_figure(traced("S31O11+", low=0.05, high=20.0))
+    assert not any("hollow" in (line.get_gid() or "") for axes in plain.axes for line in axes.lines)
+
+
+def test_family_in_a_parameter_reports_its_normal_forms():
+    """Oracle: the coefficient at the event."""
+    problem, y = released_of(traced("S13O00+", low=0.2, high=3.0).orbit_at(energy=0.5), ("mu",))
+    branch = follow_response(problem, y, (0.09, 0.12))
+    event = next(event for event in branch.events if event.type == "SB")
+    known = free_criticality_of(problem, branch.unknowns[event.point], "SB")
+    assert known.kind == event.criticality == "subcritical" and event.coefficient == pytest.approx(known.coefficient)

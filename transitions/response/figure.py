@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.figures import style
-from branches.figures.curves import curve_runs, draw_events
+from branches.figures.curves import curve_runs, draw_events, legend_entries
 from branches.figures.harmonics import draw_harmonics
 from branches.harmonics import amplitudes_along
 from branches.released.branch import ReleasedBranch
@@ -142,10 +142,7 @@ def response_figure(
         for number, curve_of in enumerate(backbones, 1):
             panel.plot(curve_of.x, curve_of.y, gid=f"backbone-{number}", zorder=1.9, **_BACKBONE)
         if places:
-            for subcritical in {*hollow}:
-                chosen = np.array(hollow) == subcritical
-                look = {"markerfacecolor": "#FFFFFF", "zorder": 4.1} if subcritical else {}
-                draw_events(panel, np.array(kinds)[chosen].tolist(), np.array(places)[chosen], f"response{'-hollow' * subcritical}", **look)
+            draw_events(panel, kinds, np.array(places), "response", hollow)
         values = np.concatenate([abscissa[:, 0] for abscissa in abscissas]) if interval is None or x else np.array(interval)
         limits = _draw_limits(panel, branches, name) if across == first.name else np.zeros(0)
         if limits.size:
@@ -165,9 +162,7 @@ def response_figure(
             if kind in kinds:
                 handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
         if any(hollow):
-            handles.append(
-                Line2D([], [], **style.EVENT_LOOKS["SB"] | {"markerfacecolor": "#FFFFFF", "marker": "h", "label": "hollow: subcritical"})
-            )
+            handles += legend_entries((), (), True)
         if limits.size:
             handles.append(Line2D([], [], **_LIMIT))
         style.legend_below(figure, handles, 6)

@@ -1,0 +1,55 @@
+"""Normal forms of the events of a family in the energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from branches.branch import Branch
+from branches.events import BranchEvent
+from branches.orbit import Orbit
+
+__all__ = ["WITH_NORMAL_FORM", "normal_form_at", "with_normal_forms"]
+
+WITH_NORMAL_FORM = ("SN", "SB", "PD")
+"""Events of free orbits that have a coefficient."""
+
+
+def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Branch:
+    """A branch whose folds, broken symmetries and period doublings have their coefficients.
+
+    Parameters
+    ----------
+    branch : Branch
+    known : iterable of BranchEvent
+        Those that have them already, in any order and with any id.
+
+    Examples
+    --------
+    >>> import saltus
+    >>> branch = with_normal_forms(saltus.trace("S13O00+", saltus.vibro_impact_nes(mu=0.1, sigma=0.1), energy=(0.2, 1.0)))
+    >>> branch.event("SB1").normal_form
+    'subcritical 1.267'
+    """
+    forms = {(event.type, event.h, event.alpha): event for event in known}
+    events = []
+    for event in branch.events:
+        same = forms.get((event.type, event.h, event.alpha))
+        if same is not None:
+            event = event._replace(coefficient=same.coefficient, criticality=same.criticality)
+        elif event.type in WITH_NORMAL_FORM and event.coefficient is None:
+            event = normal_form_at(branch.orbit(event.point), event)
+        events.append(event)
+    found = replace(branch, events=tuple(events))
+    found.__dict__.update({name: value for name, value in branch.__dict__.items() if name in ("id", "full_family", "wider")})
+    return found
+
+
+def normal_form_at(orbit: Orbit, event: BranchEvent) -> BranchEvent:
+    """An event with the coefficient of its normal form, where it has one. orbit: the one at the event."""
+    if event.type not in WITH_NORMAL_FORM:
+        return event
+    from branches.curves.free_criticality import free_criticality
+
+    found = free_criticality(orbit, event.type)
+    return event if found is None else event._replace(coefficient=found.coefficient, criticality=found.kind)
