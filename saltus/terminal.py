@@ -202,8 +202,8 @@ def event_cells(event: Any) -> tuple[str, ...]:
     >>> event = SimpleNamespace(number=-12, type="SN", label="S11O00-", h=0.06911644996826901, alpha=1.13584395619551,
     ...     stable=None, multiplier=1.0, normal_form="0.1621", stop=None, p_q=None, breaks=None, note=None)
     >>> print(EVENT_ROW.format(*EVENT_COLUMNS), EVENT_ROW.format(*event_cells(event)), sep="\\n")
-    point   type  label           energy h            quarter alpha       stable     |multiplier|  remark
-     -12    SN    S11O00-         0.069116449968269   1.1358439561955     undecided  1
+    point   type  label           energy h            quarter alpha       stable     |multiplier|  normal form               remark
+     -12    SN    S11O00-         0.069116449968269   1.1358439561955     undecided  1             0.1621
     """
     if event.note:
         remark = event.note
