@@ -25,6 +25,7 @@ TASKS = {
     "sections": "Poincare sections beside scipy's integrator",
     "studies": "many damped runs beside scipy's integrator",
     "forced": "a point of a forced family beside AUTO-07p, and beside one period by scipy's integrator",
+    "curves": "a point of a curve of bifurcations in two parameters beside a point of the family that it crosses",
     "smooth": "a point of a smooth family beside AUTO-07p, and beside shooting by scipy",
     "sweeps": "impacts a second of forced motion beside scipy's integrator",
     "hard-cases": "errors of the hard cases, into docs/reference/hard_cases.md",

@@ -526,7 +526,7 @@ class ForcedProblem:
         if self._orbit_map is not None:
             values = np.empty((2, size))
             outcome = orbit_multipliers(self._orbit_map, np.array(y, float), self._factor, GRAZING, values)
-            if outcome == FOUND and np.isfinite(values).all():
+            if outcome == FOUND:
                 return sort_multipliers(values[0] + 1j * values[1])
             return np.full(size, complex(math.nan, math.nan))
         scale = np.repeat(set_scale(self.segment, np.array(y, float), self._factor)[:2], self.degrees_of_freedom)

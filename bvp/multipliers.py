@@ -311,8 +311,10 @@ def _order(value: complex) -> tuple[float, float]:
 def sort_multipliers(values: np.ndarray) -> np.ndarray:
     """By modulus descending, then by angle ascending from -pi; moduli equal to 1e-9 count as equal."""
     values = np.asarray(values, dtype=complex)
-    if len(values) <= _FEW and np.isfinite(values).all():
-        return np.array(sorted(values.tolist(), key=_order), dtype=complex)
+    if len(values) <= _FEW:
+        found = values.tolist()
+        if all(map(cmath.isfinite, found)):
+            return np.array(sorted(found, key=_order), dtype=complex)
     with np.errstate(divide="ignore"):
         modulus = np.round(np.log(np.abs(values)), 9)
     return values[np.lexsort((np.angle(values), -modulus))]

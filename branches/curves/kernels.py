@@ -256,9 +256,6 @@ def take_curve_step(curve, y, tangent, ds, arrays):
     u, m, width = arrays.rows.shape[0], arrays.matrix.shape[0], arrays.direction.shape[0]
     borders = tangent[2 * m :]
     result[CONVERGED] = 0.0
-    copy_1(y, new)
-    _linearise(curve, arrays)
-    _set_sizes(curve, arrays)
     set_1(row, 0.0)
     for r in range(width):
         direction[r] = tangent[r] / _unit(curve, y, r)
@@ -274,6 +271,8 @@ def take_curve_step(curve, y, tangent, ds, arrays):
     while True:
         iteration += 1
         _linearise(curve, arrays)
+        if iteration == 1:
+            _set_sizes(curve, arrays)
         if curve.kind == SINGULAR:
             _hold(curve, arrays, borders, bends)
         else:

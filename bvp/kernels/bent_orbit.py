@@ -206,14 +206,15 @@ def _times(matrix, first, x, out):
 
 @kernel
 def _fly(b, i, z, t):
-    """Keep the flight i from a node z (N,) in the time t. W of its contact mode is left."""
+    """Keep the flight i from a node z (N,) in the time t, the last flight before it being i - 1. W of its contact mode is left."""
     work, orbit, count, n = b.work, b.orbit, b.columns.shape[0], b.stops.shape[1]
     size = work.units.shape[0]
     sticks = False
     for s in range(b.closed.shape[1]):
         sticks = sticks or b.closed[b.mode[i], s] == 1
-    _set_motion(b, b.mode[i], -1)
-    _set_rates(b, sticks)
+    if i == 0 or b.mode[i] != b.mode[i - 1]:
+        _set_motion(b, b.mode[i], -1)
+        _set_rates(b, sticks)
     exponential(count, work.rates, n, t, work.units, work.powers, work.flow)
     flow, rates = work.flow, work.rates
     if sticks:

@@ -1,5 +1,6 @@
 """Multipliers of an orbit under loads whose impacts take no direction away: eigenvalues of the product of its flights and saltations."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -74,4 +75,9 @@ def orbit_multipliers(found, y, factor, slowest, values):
                 for e in range(size):
                     total += factor.flights[after, r, e] * scale[e] * right[e, c]
                 flown[r, c] = total / scale[r] * (segment.closing[0] if i == flights - 1 else 1.0)
-    return FOUND if product_eigenvalues(chain, found.inverse, found.corner, found.product, values) >= 1 else FAILED
+    if product_eigenvalues(chain, found.inverse, found.corner, found.product, values) < 1:
+        return FAILED
+    for r in range(size):
+        if not math.isfinite(values[0, r]) or not math.isfinite(values[1, r]):
+            return FAILED
+    return FOUND

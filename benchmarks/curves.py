@@ -1,0 +1,225 @@
+"""`python -m benchmarks curves`: a point of a curve of bifurcations in two parameters, compared with a point of the family that it crosses.
+
+A point of a curve is predicted and corrected, with the condition of the bifurcation and all test functions: the coefficient of the normal
+form, multipliers, and the bounds of all flights. A point of a family has all of its own. The engine takes both kinds of points in single
+steps; families also take blocks of steps in compiled code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.measure import timed
+from benchmarks.report import Table, machine, number, show
+from branches.curves.record import BifurcationCurve
+from branches.curves.tracing import CurveStart, curve_at, follow_curve
+from branches.family import SETTINGS
+from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.family import ForcedFamily
+from branches.forced.tracing import follow_response, switch_response
+from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
+from continuation.control import control_of
+from continuation.problem import Goal, Problem, Recent, Step
+from saltus.errors import DONE
+from saltus.scene import load_scene
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
+
+__all__ = ["Case", "absorber_cases", "add_arguments", "curves_table", "doubling_stop", "fold_stop", "oscillator_cases"]
+
+RESTITUTION = 0.8
+"""Of the oscillator."""
+
+POINTS = 500
+
+STEP, FAMILY_STEP = 0.01, 0.003
+"""Lengths of single steps along a curve, and along a family."""
+
+NEXT = 1e-3
+"""Distance of another multiplier from the critical one, below which the critical one is known to the root of rounding."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Fill the parser."""
+    parser.add_argument("--quick", action="store_true", help="fewer curves and repeats")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    print("\n".join(machine()), flush=True)
+    show(curves_table(arguments.quick))
+    return DONE
+
+
+class Case(NamedTuple):
+    """A curve: its system, the event of a family where it is started, the parameters, their ranges, and the error of a curve."""
+
+    system: str
+    branch: ForcedBranch
+    event: ForcedEvent
+    names: tuple[str, str]
+    window: tuple[tuple[float, float], tuple[float, float]]
+    error: Callable[[BifurcationCurve], float]
+
+
+def _terms(w: float) -> tuple[float, float, float, float]:
+    """sin T, cos T, (1 + r) sin T/(1 - cos T) and (1 - r)/w of x'' + x = cos(w t) with the period T = 2 pi/w."""
+    sine, cosine = math.sin(2.0 * math.pi / w), math.cos(2.0 * math.pi / w)
+    return sine, cosine, (1.0 + RESTITUTION) * sine / (1.0 - cosine), (1.0 - RESTITUTION) / w
+
+
+def fold_stop(w: float) -> float:
+    """The place s of the stop at the fold of x'' + x = cos(w t), x <= s, with one impact a period."""
+    _, _, c, rest = _terms(w)
+    return -math.copysign(math.hypot(1.0, c / rest), c) / abs(1.0 - w * w)
+
+
+def doubling_stop(w: float) -> float:
+    """The place s of the stop at its period doubling: the derivative of the map from impact to impact has the eigenvalue -1."""
+    sine, cosine, c, rest = _terms(w)
+    push = (1.0 + RESTITUTION) * w * w * sine
+    k = 1.0 + RESTITUTION**2 - 2.0 * RESTITUTION * cosine + 0.5 * (1.0 + RESTITUTION) * sine * c * (1.0 - w * w)
+    return math.copysign(k, sine * k) / math.sqrt(k * k + c * k * push + 0.25 * (c * c + rest * rest) * push**2) / abs(1.0 - w * w)
+
+
+def oscillator_cases() -> list[Case]:
+    """SN and PD of x'' + x = cos(w t), x <= s, over the frequency and the place of the stop."""
+    parametric = ParametricSystem.from_description(
+        {
+            "parameters": {"w": 2.8, "s": -0.2},
+            "system": {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": "s", "restitution": RESTITUTION}]},
+            "forces": [{"load": [1.0], "amplitude": 1.0, "harmonic": 1}],
+        }
+    )
+    found = settle(parametric.system(), parametric.forces(), np.array([-1.0]))
+    problem = ForcedProblem(parametric, found.stops, ["s"], load_periods=found.period)
+    fractions = (found.impacts.times / found.period_of_loads + found.impacts.periods) / found.period
+    branch = follow_response(problem, problem.pack(found.impacts.after, fractions, [-0.2]), (-3.0, 1.0))
+
+    def error(form: Callable[[float], float]) -> Callable[[BifurcationCurve], float]:
+        return lambda curve: max(abs(s - form(w)) for w, s in curve.parameters if abs(w - 2.0) > NEXT)
+
+    window, forms = ((1.2, 6.0), (-5.0, 1.0)), {"SN": fold_stop, "PD": doubling_stop}
+    events = [next(event for event in branch.events if event.type == code) for code in forms]
+    return [Case("oscillator", branch, event, ("w", "s"), window, error(forms[event.type])) for event in events]
+
+
+def absorber_cases(codes: tuple[str, ...] = ("SN", "NS", "SB", "PD", "GR")) -> list[Case]:
+    """Curves of the shipped absorber over the frequency and the amplitude of its load, from its response and families that emanate from
+    it: with one impact more in half a period, and without the symmetry."""
+    parametric = load_scene("absorber").parametric
+    assert parametric is not None
+    found = settled_orbit(ParameterPath(parametric, ["w"]), settle(parametric.system(), parametric.forces()))
+    branches = [follow_response(found.problem, found.y, (0.7, 2.2))]
+    for code in ("GR", "SB"):
+        event = next(event for event in branches[-1].events if event.type == code)
+        branches.append(follow_response(*switch_response(branches[-1], event)[0], (0.7, 2.2)))
+    cases = []
+    for code in codes:
+        branch, event = next((branch, event) for branch in branches for event in branch.events if event.type == code)
+        cases.append(Case("absorber", branch, event, ("w", "F"), ((0.5, 3.0), (0.05, 3.5)), _critical_error))
+    return cases
+
+
+def _critical_error(curve: BifurcationCurve) -> float:
+    """How far the critical multiplier, from flights and saltation matrices, is from its value; at a grazing the impact speed."""
+    problem, worst = curve.plane.problem, 0.0
+    for y, multipliers in zip(curve.unknowns, curve.multipliers, strict=True):
+        if curve.grazing is not None:
+            worst = max(worst, float(np.abs(problem.impact_speeds(y[: curve.plane.size])).min()))
+            continue
+        value = 1.0 if curve.code == "SN" else -1.0 if curve.code != "NS" else complex(y[-1], math.sqrt(max(0.0, 1.0 - y[-1] ** 2)))
+        distances = np.sort(np.abs(multipliers - value))
+        if distances[1] > NEXT:
+            worst = max(worst, float(distances[0]))
+    return worst
+
+
+def curves_table(quick: bool) -> Table:
+    """Microseconds a point of each curve, and the ratio to a point of its family."""
+    cases = [*oscillator_cases(), *absorber_cases(("SN", "SB") if quick else ("SN", "NS", "SB", "PD", "GR"))]
+    return Table(
+        "Points of curves in two parameters",
+        (
+            "system", "curve", "flights", "us a point", "of the family", "ratio", "in blocks", "ratio", "points", "events",
+            "us a point, events and record", f"s for {POINTS} points", "error",
+        ),
+        [_row(case, quick) for case in cases],
+        (
+            "Least of some repeats. Us a point: single steps, with all test functions. Of the family: the same of the family on which the",
+            "curve is started; in blocks: its compiled steps. Error: of the oscillator, the distance from the closed form; of the absorber",
+            "the distance of the critical multiplier from its value, by flights and saltation matrices, or the speed of the impact that",
+            "grazes.",
+        ),
+    )  # fmt: skip
+
+
+def _row(case: Case, quick: bool) -> tuple[str, ...]:
+    start = curve_at(case.branch, case.event, case.names)
+    repeats = 2 if quick else 12
+    point = _step_seconds(start.curve(case.window), start.y, STEP, repeats)
+    y = case.branch.unknowns[_plain_point(case.branch, case.event)]
+    family = ForcedFamily(case.branch.problem)
+    single = _step_seconds(family, y, FAMILY_STEP, repeats)
+    block = _block_seconds(family, y, repeats)
+    curve, whole = _followed(start, case.window, quick)
+    return (
+        case.system, case.event.type, str(case.branch.problem.inner + 1), f"{1e6 * point:.0f}", f"{1e6 * single:.0f}",
+        f"{point / single:.1f}", f"{1e6 * block:.1f}", f"{point / block:.1f}", str(len(curve)), str(len(curve.events)),
+        f"{1e6 * whole:.0f}", f"{whole * POINTS:.2f}", number(case.error(curve), 2),
+    )  # fmt: skip
+
+
+def _plain_point(branch: ForcedBranch, event: ForcedEvent) -> int:
+    """The point of a branch halfway between an event and the one before it, or after it: which of them are further apart."""
+    places = sorted({0, len(branch) - 1, *(one.point for one in branch.events)})
+    k = places.index(event.point)
+    low, high = places[max(0, k - 1)], places[min(len(places) - 1, k + 1)]
+    beside = low if event.point - low > high - event.point else high
+    return (event.point + beside) // 2
+
+
+def _step_seconds(problem: Problem, y: np.ndarray, ds: float, repeats: int) -> float:
+    """Seconds of a single step as the engine takes it."""
+    begin, taken = problem.begin(y), 0
+
+    def run() -> int:
+        step: Step = begin
+        count = 0
+        while step.converged and count < 40:
+            step = problem.step(step.y, step.tangent, ds)
+            count += 1
+        return count
+
+    taken = run()
+    return min(timed(run)[1] for _ in range(repeats)) / taken
+
+
+def _block_seconds(family: ForcedFamily, y: np.ndarray, repeats: int) -> float:
+    """Seconds of a step in a compiled block of them."""
+    begin = family.begin(y)
+    unknown = [math.nan] * len(begin.tests)
+    control = control_of(SETTINGS)._replace(longest=0.1 * FAMILY_STEP)
+    assert family.advance is not None
+
+    def run() -> int:
+        arguments = Recent(begin, begin.tests, unknown, unknown), control.longest, Goal(begin), 200, control
+        return len(family.advance(*arguments).steps)  # type: ignore[misc]
+
+    taken = run()
+    return min(timed(run)[1] for _ in range(repeats)) / max(1, taken)
+
+
+def _followed(start: CurveStart, window: tuple[tuple[float, float], tuple[float, float]], quick: bool) -> tuple[BifurcationCurve, float]:
+    """The curve, and the seconds of one of its points with events and record."""
+    curve = follow_curve(start, window, points=POINTS)
+    seconds = min(timed(partial(follow_curve, start, window, points=POINTS))[1] for _ in range(1 if quick else 3))
+    return curve, seconds / len(curve)
