@@ -1,6 +1,6 @@
 """Compiled steps along curves of bifurcations and grazings: Newton's iteration of `continuation.curves.Curve`.
 
-The second derivatives of an orbit take longer than all the rest. Every other iteration keeps the gradient of the condition.
+Second derivatives of an orbit take longer than all the rest: every other iteration but the last keeps the gradient of the condition.
 """
 
 from __future__ import annotations
@@ -297,7 +297,8 @@ def take_curve_step(curve, y, tangent, ds, arrays):
             # The tangent needs the gradient of this point.
             bends = True
             continue
-        bends = not bends or curve.kind != SINGULAR
+        # Where updates are squared, the next one is the last.
+        bends = not bends or curve.kind != SINGULAR or length * length <= curve.settled
         if not settled and last < math.inf and length > curve.rounding:
             contraction = max(contraction, length / last)
         last = length
