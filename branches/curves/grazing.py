@@ -14,13 +14,13 @@ import numpy as np
 from scipy.linalg.lapack import dgesv
 
 from branches.admissible import force_event
-from branches.curves.monitor import CurvePoint, Window, has_pair, pair_product, window_tests, window_values
+from branches.curves.monitor import CurvePoint, Window, has_pair, meeting_of, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
 from branches.forced.closing import vanishes, without_moment
 from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
 from bvp.forced import ForcedProblem
-from bvp.kernels.dense import determinant, least_singular
+from bvp.kernels.dense import determinant, eigenvalues, least_singular
 from bvp.kernels.forced import fly_loaded
 from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.multipoint import CLEARANCE, QUARTER_PERIOD, RESULT
@@ -251,6 +251,10 @@ class GrazingMonitor:
             return None
         if test.code == "NS-GR" and not has_pair(at.extra.multipliers, math.nan):
             return None
+        if test.label.endswith(_SECOND[2]):
+            solution = observed(self.plane.problem, at.y)
+            if int(solution["flight_index"]) != self.grazing.flight and (met := meeting_of(self.plane.problem, solution)) is not None:
+                return met
         return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
 
 
@@ -262,8 +266,11 @@ def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
     _, _, solved, singular = dgesv(matrix, shifted[:, columns])
     if singular or not np.isfinite(solved).all():  # rounding can hide that the matrix is singular
         return found
-    inverse = np.linalg.eigvals(solved[columns])
-    kept = np.sort_complex(inverse[np.argsort(-np.abs(inverse))][: len(found) - 1])
+    real, imaginary = np.empty((2, len(columns)))
+    if not eigenvalues(np.ascontiguousarray(solved[columns]), real, imaginary):
+        return found
+    largest = sorted(map(complex, real.tolist(), imaginary.tolist()), key=abs, reverse=True)[: len(found) - 1]
+    kept = np.array(sorted(largest, key=lambda value: (value.real, value.imag)))
     found[: len(kept)] = 1.0 - 1.0 / kept
     return found
 

@@ -12,14 +12,16 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.plane import ParameterPlane
+from branches.forced.family import ForcedFamily
 from bvp.criticality import CriticalOrbit, NormalForms
+from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised, Null
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["BifurcationMonitor", "CurvePoint", "Window", "has_pair", "pair_product", "window_tests", "window_values"]
+__all__ = ["BifurcationMonitor", "CurvePoint", "Window", "has_pair", "meeting_of", "pair_product", "window_tests", "window_values"]
 
 Window = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of the two parameters."""
@@ -153,10 +155,23 @@ class BifurcationMonitor:
         if test.code == "GR":
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
             data.update(describe_grazing(self.plane.problem, point.solution, verb))
+            if verb == "merge" and (met := meeting_of(self.plane.problem, point.solution)) is not None:
+                return met
             return EventDetails(f"{self.code}-GR", True, data)
         if test.code in _NEED_PAIR[self.code] and not has_pair(point.multipliers, point.cosine):
             return None
         return EventDetails(test.code, test.terminal, data)
+
+
+def meeting_of(problem: ForcedProblem, solution: Solution) -> EventDetails | None:
+    """What it is that two impacts at different stops come at the same instant: they exchange their order (LB), or restitution does not
+    define what follows (EP). None for events at one stop."""
+    found = ForcedFamily(problem).merging(solution, {"stop": None, "note": ""})
+    if found.code == "GR":
+        return None
+    # The states are continuous there, and the multipliers are not: each order has a saltation of its own.
+    note = str(found.data["note"]).replace("the family continues", "the multipliers can jump there, so the curve ends")
+    return EventDetails(found.code, True, {**found.data, "note": note})
 
 
 _CODES = {

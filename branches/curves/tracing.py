@@ -448,9 +448,11 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     if isinstance(plane.problem, ReleasedProblem):
         others = [name for name in plane.problem.released if name not in plane.names]
         return curve_start(plane.problem, y, code, [*plane.names, *others], plane.problem.keep[:-1], origin=origin)
+    kinds = {event.type for event in curve.events if event.point == index}
+    if code == "GR" and "LB" in kinds:
+        raise NoCurve("impacts exchange their order there, which is no grazing; expected a grazing of the family in the other order")
     if code == "GR":
         return _grazing_through(curve, y, origin)
-    kinds = {event.type for event in curve.events if event.point == index}
     if code == "SN" and kinds & {"DP", "GPD"}:
         return _fold_emanating(curve, y, origin)
     pairs = curve.multipliers[index]
@@ -461,7 +463,10 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
         first = problem.begin(start.y)
         if first.converged and np.abs((first.y[:u] - y) / plane.scales(y)).max() < _NEAR:
             if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
-                first = next(step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0)
+                inside = [step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0]
+                if not inside:
+                    continue
+                first = inside[0]
             return start._replace(y=first.y)
     there = ", ".join(sorted(kinds)) or "no event"
     raise NoCurve(f"no curve {code} passes through the point, which has {there}; expected a point where a curve {code} meets this one")

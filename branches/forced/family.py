@@ -147,7 +147,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
             if verb == "touches" and solution["clearance_side"] == 0.0 and solution["clearance_time"] > 0.0:
                 return EventDetails("LB", True, data | {"note": f"{data['note']}: that is an impact of its own; the family continues"})
             if verb == "merge":
-                return self._merging(solution, data)
+                return self.merging(solution, data)
         elif test.code == "NS":
             angle = self._angle_of_pair(at)
             if angle is None:
@@ -167,7 +167,7 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         states = problem.nodes(y)[:, :size]
         return bool(np.abs(states[:count] - states[count:]).max() <= _SAME * np.abs(states).max())
 
-    def _merging(self, solution: Solution, data: dict[str, Any]) -> EventDetails:
+    def merging(self, solution: Solution, data: dict[str, Any]) -> EventDetails:
         """Two impacts at the same instant: at stops that do not interact they exchange their order, else the family ends."""
         problem = self.problem
         flight = int(solution["flight_index"])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, curves, outputs, responses
 from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
-from saltus.errors import BadInput
+from saltus.errors import BadInput, one_line
 from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
@@ -35,6 +36,13 @@ def run(arguments: argparse.Namespace) -> int:
         return responses.show(arguments)
     if curves.is_curve_file(arguments.name):
         return curves.show(arguments)
+    if os.path.isfile(arguments.name):
+        from branches.reading import RecordError, load_json
+
+        try:
+            load_json(arguments.name, "responses or curves")
+        except RecordError as error:
+            raise BadInput(one_line(error)) from error
     files = outputs.outputs_of(arguments)
 
     from branches.catalogue.curves import find_curve

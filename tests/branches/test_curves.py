@@ -8,9 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from branches.curves.grazing import observed
 from branches.curves.record import BifurcationCurve
 from branches.curves.tracing import NoCurve, curve_start, curve_through, follow_curve
 from branches.forced.family import ForcedFamily
+from branches.forced.resequencing import exchanged
 from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -309,3 +311,22 @@ def test_grazings_of_a_stop_that_sticks(family, note):
                 assert min(abs(end - amplitude) for end in ends) < 1e-9 * amplitude
                 checked += 1
     assert checked >= 3
+
+
+def test_a_curve_ends_where_impacts_exchange_their_order():
+    """Oracle: the multipliers of both orders of impacts at the end. One order has -1, the other one not."""
+    path = ParameterPath(load_scene("forced_chain").parametric, ["w"])
+    found = settled_orbit(path, settle(path.parametric.system(path.values), path.parametric.forces(path.values)))
+    first = follow_response(found.problem, found.y, (0.3, 1.0))
+    problem, step = switch_response(first, event_of(first, "LB"))[0]
+    branch = follow_response(problem, step, (0.3, 1.0))
+    doubling = min((event for event in branch.events if event.type == "PD"), key=lambda event: event.values["w"])
+    curve = follow_curve(started(branch, doubling, ("w", "F")), ((0.2, 1.0), (0.1, 2.0)))
+    event = next(event for event in curve.events if event.type == "LB")
+    assert event.point in (0, len(curve) - 1) and "exchange their order" in curve.ended[event.point > 0].text
+    y = curve.unknowns[event.point]
+    other, there = exchanged(curve.plane.problem, observed(curve.plane.problem, y))
+    assert np.abs(other.residual(there)[:-1]).max() < 1e-12
+    assert np.abs(curve.plane.problem.multipliers(y) + 1.0).min() < 1e-9 < 0.1 < np.abs(other.multipliers(there) + 1.0).min()
+    with pytest.raises(NoCurve, match="which is no grazing"):
+        curve_through(curve, event.point, "GR")
