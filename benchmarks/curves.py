@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from benchmarks.measure import timed
 from benchmarks.report import Table, machine, number, show
+from branches.curves.monitor import Window
 from branches.curves.record import BifurcationCurve
 from branches.curves.tracing import CurveStart, curve_at, follow_curve
 from branches.family import SETTINGS
@@ -66,7 +67,7 @@ class Case(NamedTuple):
     branch: ForcedBranch
     event: ForcedEvent
     names: tuple[str, str]
-    window: tuple[tuple[float, float], tuple[float, float]]
+    window: Window
     error: Callable[[BifurcationCurve], float]
 
 
@@ -150,32 +151,42 @@ def curves_table(quick: bool) -> Table:
         "Points of curves in two parameters",
         (
             "system", "curve", "flights", "us a point", "of the family", "ratio", "in blocks", "ratio", "points", "events",
-            "us a point, events and record", f"s for {POINTS} points", "error",
+            "us a point of a run", "of the family", "ratio", f"s for {POINTS} points", "error",
         ),
         [_row(case, quick) for case in cases],
         (
             "Least of some repeats. Us a point: single steps, with all test functions. Of the family: the same of the family on which the",
-            "curve is started; in blocks: its compiled steps. Error: of the oscillator, the distance from the closed form; of the absorber",
-            "the distance of the critical multiplier from its value, by flights and saltation matrices, or the speed of the impact that",
-            "grazes.",
+            "curve is started; in blocks: its compiled steps. Of a run: with events and record. Error of the oscillator: the distance from",
+            "the closed form. Of the absorber: the distance of the critical multiplier, by flights and saltation matrices, from its value,",
+            "or the speed of the impact that grazes.",
         ),
     )  # fmt: skip
 
 
 def _row(case: Case, quick: bool) -> tuple[str, ...]:
-    start = curve_at(case.branch, case.event, case.names)
-    repeats = 2 if quick else 12
-    point = _step_seconds(start.curve(case.window), start.y, STEP, repeats)
-    y = case.branch.unknowns[_plain_point(case.branch, case.event)]
-    family = ForcedFamily(case.branch.problem)
-    single = _step_seconds(family, y, FAMILY_STEP, repeats)
-    block = _block_seconds(family, y, repeats)
-    curve, whole = _followed(start, case.window, quick)
+    branch = case.branch
+    start = curve_at(branch, case.event, case.names)
+    family, y = ForcedFamily(branch.problem), branch.unknowns[_plain_point(branch, case.event)]
+    steps = _single_steps(start.curve(case.window), start.y, STEP), _single_steps(family, y, FAMILY_STEP), _blocks(family, y)
+    point, single, block = _least(steps, 3 if quick else 25)
+    curve = follow_curve(start, case.window, points=POINTS)
+    runs = partial(_curve_points, start, case.window), partial(_branch_points, branch)
+    whole, of_branch = _least(runs, 1 if quick else 4)
     return (
-        case.system, case.event.type, str(case.branch.problem.inner + 1), f"{1e6 * point:.0f}", f"{1e6 * single:.0f}",
-        f"{point / single:.1f}", f"{1e6 * block:.1f}", f"{point / block:.1f}", str(len(curve)), str(len(curve.events)),
-        f"{1e6 * whole:.0f}", f"{whole * POINTS:.2f}", number(case.error(curve), 2),
+        case.system, case.event.type, str(branch.problem.inner + 1), f"{1e6 * point:.0f}", f"{1e6 * single:.0f}", f"{point / single:.1f}",
+        f"{1e6 * block:.1f}", f"{point / block:.1f}", str(len(curve)), str(len(curve.events)), f"{1e6 * whole:.0f}",
+        f"{1e6 * of_branch:.0f}", f"{whole / of_branch:.1f}", f"{whole * POINTS:.2f}", number(case.error(curve), 2),
     )  # fmt: skip
+
+
+def _least(runs: Sequence[Callable[[], int]], repeats: int) -> list[float]:
+    """The least seconds of a point of each run, which gives the number of its points. The runs take turns."""
+    found = [math.inf] * len(runs)
+    for _ in range(repeats + 1):
+        for k, run in enumerate(runs):
+            points, seconds = timed(run)
+            found[k] = min(found[k], seconds / max(1, points))
+    return found
 
 
 def _plain_point(branch: ForcedBranch, event: ForcedEvent) -> int:
@@ -187,9 +198,9 @@ def _plain_point(branch: ForcedBranch, event: ForcedEvent) -> int:
     return (event.point + beside) // 2
 
 
-def _step_seconds(problem: Problem, y: np.ndarray, ds: float, repeats: int) -> float:
-    """Seconds of a single step as the engine takes it."""
-    begin, taken = problem.begin(y), 0
+def _single_steps(problem: Problem, y: np.ndarray, ds: float) -> Callable[[], int]:
+    """Steps one by one."""
+    begin = problem.begin(y)
 
     def run() -> int:
         step: Step = begin
@@ -199,12 +210,11 @@ def _step_seconds(problem: Problem, y: np.ndarray, ds: float, repeats: int) -> f
             count += 1
         return count
 
-    taken = run()
-    return min(timed(run)[1] for _ in range(repeats)) / taken
+    return run
 
 
-def _block_seconds(family: ForcedFamily, y: np.ndarray, repeats: int) -> float:
-    """Seconds of a step in a compiled block of them."""
+def _blocks(family: ForcedFamily, y: np.ndarray) -> Callable[[], int]:
+    """Steps in a compiled block."""
     begin = family.begin(y)
     unknown = [math.nan] * len(begin.tests)
     control = control_of(SETTINGS)._replace(longest=0.1 * FAMILY_STEP)
@@ -214,12 +224,12 @@ def _block_seconds(family: ForcedFamily, y: np.ndarray, repeats: int) -> float:
         arguments = Recent(begin, begin.tests, unknown, unknown), control.longest, Goal(begin), 200, control
         return len(family.advance(*arguments).steps)  # type: ignore[misc]
 
-    taken = run()
-    return min(timed(run)[1] for _ in range(repeats)) / max(1, taken)
+    return run
 
 
-def _followed(start: CurveStart, window: tuple[tuple[float, float], tuple[float, float]], quick: bool) -> tuple[BifurcationCurve, float]:
-    """The curve, and the seconds of one of its points with events and record."""
-    curve = follow_curve(start, window, points=POINTS)
-    seconds = min(timed(partial(follow_curve, start, window, points=POINTS))[1] for _ in range(1 if quick else 3))
-    return curve, seconds / len(curve)
+def _curve_points(start: CurveStart, window: Window) -> int:
+    return len(follow_curve(start, window, points=POINTS))
+
+
+def _branch_points(branch: ForcedBranch) -> int:
+    return len(follow_response(branch.problem, branch.unknowns[branch.start], branch.interval))
