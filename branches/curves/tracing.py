@@ -24,6 +24,7 @@ from branches.events import Ended
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.primitive import full_period, primitive_orbit, twice
+from branches.forced.tracing import OUT_OF_DOMAIN
 from branches.interrupted import with_computed
 from bvp.forced import ForcedProblem
 from bvp.released import ReleasedProblem
@@ -334,6 +335,9 @@ def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCur
         return None
 
 
+_BEYOND = (4.0 * SETTINGS.minimum_step, 1e-6)
+"""Arclengths from an end at which the system is looked at: steps to it fail earlier than the system does."""
+
 _ANYWHERE = (-math.inf, math.inf), (-math.inf, math.inf)
 
 
@@ -402,7 +406,7 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
                 (float(event.bracket[0]), float(event.bracket[1])), event.residual, event.details.get("stop"), event.details.get("note"),
             )
         )  # fmt: skip
-    ended = [_ended(plane, end, point) for end, point in zip(run.ends, (run.points[0], run.points[-1]), strict=True)]
+    ended = [_ended(plane, *one) for one in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True)]
     parameters = np.array([plane.linearised(y[: plane.size]).parameters for y in unknowns])
     return BifurcationCurve(
         plane=plane, code=start.code, grazing=start.grazing, unknowns=unknowns,
@@ -415,12 +419,16 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
     )  # fmt: skip
 
 
-def _ended(plane: ParameterPlane, end: End, point: Point) -> Ended:
-    """Why a curve ends at a point, in the terms of the user."""
+def _ended(plane: ParameterPlane, end: End, point: Point, sign: int) -> Ended:
+    """Why a curve ends at a point, in the terms of the user. sign: 1 at the last point, -1 at the first."""
     values = plane.linearised(point.step.y[: plane.size]).parameters
     place = " and ".join(f"{name} = {value:.12g}" for name, value in zip(plane.names, values, strict=True))
     if end.reason is EndReason.EVENT and point.event is not None:
         return Ended(end.reason.name, f"{point.event.code} at {place}: {point.event.details.get('note')}")
+    for distance in _BEYOND if end.reason is EndReason.MINIMUM_STEP else ():
+        why = plane.violation(point.step.y[: plane.size] + sign * distance * point.step.tangent[: plane.size])
+        if why is not None:
+            return Ended(OUT_OF_DOMAIN, f"the system ends at {place}: {why}")
     if end.reason is EndReason.CLOSED:
         return Ended(end.reason.name, "closed: the curve is back at its first point")
     return Ended(end.reason.name, f"at {place}: {end.text}")
