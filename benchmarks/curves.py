@@ -19,7 +19,8 @@ from benchmarks.measure import timed
 from benchmarks.report import Table, machine, number, show
 from branches.curves.monitor import Window
 from branches.curves.record import BifurcationCurve
-from branches.curves.tracing import CurveStart, curve_at, follow_curve
+from branches.curves.starting import CurveStart, curve_at
+from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily

@@ -10,8 +10,8 @@ from branches.catalogue.packing import pack_family as pack_family
 from branches.curves.files import read_curves as read_curves
 from branches.curves.files import save_curves as save_curves
 from branches.curves.record import BifurcationCurve as BifurcationCurve
-from branches.curves.tracing import curve_at as curve_at
-from branches.curves.tracing import curve_through as curve_through
+from branches.curves.starting import curve_at as curve_at
+from branches.curves.switching import curve_through as curve_through
 from branches.curves.tracing import extend_curve as extend_curve
 from branches.curves.tracing import follow_curve as follow_curve
 from branches.figures.atlas import draw_atlas as draw_atlas

@@ -1,4 +1,4 @@
-"""Following a curve in the plane of two parameters: from an event of a family, from another curve, and on from its ends."""
+"""Following a curve in the plane of two parameters: from its start, and on from its ends."""
 
 from __future__ import annotations
 
@@ -6,174 +6,26 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.curves.collapse import Narrow, with_collapsed_ends
 from branches.curves.extending import can_go_on, is_within, joined
-from branches.curves.free import FreeKind
-from branches.curves.free_start import free_curve, free_event
-from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing_condition, observed
-from branches.curves.monitor import BifurcationMonitor, Window
-from branches.curves.pencils import forced_condition
-from branches.curves.plane import ParameterPlane, plane_of
+from branches.curves.monitor import Window
+from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
-from branches.curves.steps import forced_curve
+from branches.curves.starting import CurveStart, NoCurve, curve_start
 from branches.events import Ended
 from branches.family import SETTINGS
-from branches.forced.branch import ForcedBranch, ForcedEvent
-from branches.forced.primitive import full_period, primitive_orbit, twice
 from branches.forced.tracing import OUT_OF_DOMAIN
 from branches.interrupted import with_computed
-from bvp.forced import ForcedProblem
-from bvp.released import ReleasedProblem
 from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = [
-    "CURVES", "CurveStart", "NoCurve", "curve_again", "curve_at", "curve_start", "curve_through", "extend_curve", "first_point",
-    "follow_curve", "step_at",
-]  # fmt: skip
-
-CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
-"""Events that can be continued in two parameters."""
-
-_REASONS = {
-    "EP": "the end of a run is no bifurcation",
-    "LB": "the label changes there without a bifurcation",
-    "IO": "an impulsive orbit is no bifurcation: its family passes it without a change",
-    "UZ": "a marked value is no bifurcation",
-    "RT": "a p:q resonance changes no stability: a curve of it is a level of the multipliers",
-}
+__all__ = ["curve_again", "extend_curve", "first_point", "follow_curve", "step_at"]
 
 _DIRECTIONS = {"both": 1, "up": 1, "down": -1, "along": 0}
-
-
-class NoCurve(ValueError):
-    """An event that cannot be continued in two parameters, or not in these; the message says why."""
-
-
-class CurveStart(NamedTuple):
-    """Where a curve is started: its plane, its condition, unknowns near a point of it, and what it is in words."""
-
-    plane: ParameterPlane
-    code: str
-    grazing: Grazing | None
-    y: np.ndarray
-    origin: str = ""
-    free: FreeKind | None = None
-
-    def curve(self, window: Window) -> Curve:
-        """The curve as a `continuation.Problem`."""
-        return curve_problem(self.plane, self.code, self.free or self.grazing, self.y, window)
-
-
-def curve_problem(plane: ParameterPlane, code: str, kind: FreeKind | Grazing | None, y: np.ndarray, window: Window) -> Curve:
-    """A curve as a `continuation.Problem`. y: an orbit of it."""
-    if isinstance(plane.problem, ReleasedProblem):
-        assert kind is not None
-        return free_curve(plane, code, kind, y, window)
-    grazing = kind if isinstance(kind, Grazing) else None
-    if grazing is not None:
-        return forced_curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window), grazing)
-    return forced_curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
-
-
-def curve_start(
-    problem: ForcedProblem,
-    y: np.ndarray,
-    code: str,
-    names: Sequence[str],
-    keep: Sequence[str] = (),
-    *,
-    angle: float | None = None,
-    origin: str = "",
-) -> CurveStart:
-    """The start of a curve at an event of a family.
-
-    Parameters
-    ----------
-    problem, y : ForcedProblem, (u,) float
-        The orbit at the event.
-    code : str
-        The event's type.
-    names, keep : sequence of str
-        See `branches.curves.plane.plane_of`.
-    angle : float, optional
-        Of the pair of multipliers (NS).
-    origin : str
-        Where the curve is started, in words.
-
-    Raises
-    ------
-    NoCurve
-        For an event that has no curve.
-    ValueError
-        For parameters that the problem cannot have.
-    """
-    if code not in CURVES:
-        raise NoCurve(f"{_REASONS.get(code, 'it is no bifurcation')}; expected one of {', '.join(CURVES)}")
-    if isinstance(problem, ReleasedProblem):
-        try:
-            plane, code, kind, unknowns = free_event(problem, y, code, names, keep)
-        except ValueError as error:
-            raise NoCurve(str(error)) from error
-        if isinstance(kind, Grazing):
-            return CurveStart(plane, code, kind, unknowns, origin)
-        return CurveStart(plane, code, None, unknowns, origin, kind)
-    grazing = None
-    if code == "BP":
-        primitive, single = primitive_orbit(problem, y)
-        if primitive is problem:
-            why = "two families of orbits cross there, and a second parameter parts them"
-            raise NoCurve(f"{why}; expected an event of type {', '.join(one for one in CURVES if one != 'BP')}")
-        problem, y, code = primitive, single, "SB" if primitive.half else "PD"
-    if code == "GR":
-        try:
-            problem, y, grazing = grazing_at(problem, observed(problem, y))
-        except ValueError as error:
-            raise NoCurve(str(error)) from error
-    plane, unknowns = plane_of(problem, y, names, keep)
-    if code == "NS":
-        if angle is None:
-            raise NoCurve("the angle of its pair of multipliers is not known")
-        unknowns = np.append(unknowns, math.cos(angle))
-    return CurveStart(plane, code, grazing, unknowns, origin)
-
-
-def curve_at(
-    branch: ForcedBranch, event: ForcedEvent | str, names: Sequence[str], keep: Sequence[str] = (), origin: str = ""
-) -> CurveStart:
-    """The start of a curve at an event of a response.
-
-    Parameters
-    ----------
-    branch : ForcedBranch
-        Such as one of `saltus.trace_response`.
-    event : ForcedEvent or str
-        One of its events, or the id of one, such as "PD1".
-    names : sequence of str
-        The parameters that vary. The first two span the plane.
-    keep : sequence of str
-        Equations that determine the others, two less than there are names.
-    origin : str
-        Where the curve is started, in words.
-
-    Raises
-    ------
-    NoCurve
-        For an event that has no curve.
-    ValueError
-        For an event that the branch has not, and for parameters that the problem cannot have.
-    """
-    known = {own.id: own for own in branch.events}
-    id = event if isinstance(event, str) else event.id
-    if id not in known:
-        raise ValueError(f"the branch has no event {id}; known: {', '.join(known) or 'none'}")
-    at = known[id]
-    return curve_start(branch.problem, branch.unknowns[at.point], at.type, names, keep, angle=at.angle, origin=origin or at.id)
 
 
 def follow_curve(
@@ -432,104 +284,3 @@ def _ended(plane: ParameterPlane, end: End, point: Point, sign: int) -> Ended:
     if end.reason is EndReason.CLOSED:
         return Ended(end.reason.name, "closed: the curve is back at its first point")
     return Ended(end.reason.name, f"at {place}: {end.text}")
-
-
-def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
-    """The start of another curve that passes through a point of a curve, or emanates there.
-
-    Parameters
-    ----------
-    curve : BifurcationCurve
-    index : int
-        Of the point, such as ``event.point``.
-    code : {"SN", "PD", "SB", "NS", "GR"}
-        The type of the other curve.
-
-    Raises
-    ------
-    NoCurve
-        Where no such curve is found.
-    """
-    plane, u = curve.plane, curve.plane.size
-    y = curve.unknowns[index, :u]
-    origin = f"a point of a curve {curve.code}"
-    if isinstance(plane.problem, ReleasedProblem):
-        others = [name for name in plane.problem.released if name not in plane.names]
-        return curve_start(plane.problem, y, code, [*plane.names, *others], plane.problem.keep[:-1], origin=origin)
-    kinds = {event.type for event in curve.events if event.point == index}
-    if code == "GR" and "LB" in kinds:
-        raise NoCurve("impacts exchange their order there, which is no grazing; expected a grazing of the family in the other order")
-    if code == "GR":
-        return _grazing_through(curve, y, origin)
-    if code == "SN" and kinds & {"DP", "GPD"}:
-        return _fold_emanating(curve, y, origin)
-    pairs = curve.multipliers[index]
-    for angle in _angles(pairs) if code == "NS" else (None,):
-        own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
-        start = CurveStart(plane, code, None, np.concatenate([y, own]), origin)
-        problem = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
-        first = problem.begin(start.y)
-        if first.converged and np.abs((first.y[:u] - y) / plane.scales(y)).max() < _NEAR:
-            if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
-                inside = [step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0]
-                if not inside:
-                    continue
-                first = inside[0]
-            return start._replace(y=first.y)
-    there = ", ".join(sorted(kinds)) or "no event"
-    raise NoCurve(f"no curve {code} passes through the point, which has {there}; expected a point where a curve {code} meets this one")
-
-
-def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
-    """The curve of folds that emanates where a doubling, or a symmetry breaking, changes its criticality: of the orbits of twice the
-    period, or without symmetry. There its equations are singular, so it is started beside the point, along the critical direction."""
-    problem, plane = curve.plane.problem, curve.plane
-    wide, whole = (full_period if problem.half else twice)(problem, y)
-    others = [name for name in problem.released if name not in plane.names]
-    wider, begun = plane_of(wide, whole, [*plane.names, *others], problem.keep[:-1])
-    start = CurveStart(wider, "SN", None, begun, origin)
-    fold = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
-    scale, at = wider.scales(begun), wider.linearised(begun)
-    borders = fold.condition.first(at, np.zeros(0), scale)
-    direction = borders[-wider.size :] * scale
-    way = wider.directions(begun) @ direction
-    tangent = fold.directed(direction / math.sqrt(float(way @ way)), borders)
-    for distance in _ASIDE:
-        step = fold.step(begun, tangent, distance)
-        if step.converged:
-            return start._replace(y=step.y)
-    raise NoCurve("no curve SN was found beside the point")
-
-
-_ASIDE = (0.05, 0.02, 0.1, 0.01, 0.005)
-"""Distances, in units of arclength, at which a curve is looked for beside a singular point."""
-
-_NEAR = 1e-6
-
-
-def _both(problem: Curve, first: Any) -> list[Any]:
-    return [problem.step(first.y, first.tangent, ds) for ds in (1e-3, -1e-3)]
-
-
-def _angles(multipliers: np.ndarray) -> list[float]:
-    """Angles at which a pair can be on the unit circle: of pairs there, and of two real ones that meet."""
-    upper = multipliers[(multipliers.imag >= 0.0) & (np.abs(np.abs(multipliers) - 1.0) < 1e-4)]
-    return sorted({round(float(np.angle(value)), 9) for value in upper}, reverse=True)
-
-
-def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
-    """The curve of grazings through a point where a curve leaves the orbits."""
-    plane, n = curve.plane, curve.plane.problem.degrees_of_freedom
-    solution = observed(plane.problem, y)
-    clear = min(abs(solution["clearance"]), abs(solution["speed"]) / plane.problem.segment.scale[n], abs(solution["flight"]))
-    if not clear < _NEAR:
-        raise NoCurve("no grazing is there; expected an event whose type ends with GR")
-    try:
-        problem, unknowns, grazing = grazing_at(plane.problem, solution)
-    except ValueError as error:
-        raise NoCurve(str(error)) from error
-    if problem is plane.problem:
-        return CurveStart(plane, "GR", grazing, unknowns, origin)
-    names = [*plane.names, *(name for name in problem.released if name not in plane.names)]
-    made, again = plane_of(problem, unknowns, names, problem.keep[:-1])
-    return CurveStart(made, "GR", grazing, again, origin)

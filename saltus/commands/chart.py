@@ -288,7 +288,7 @@ def _branches(arguments: argparse.Namespace) -> tuple[list[ForcedBranch], str]:
 
 def _check_start(arguments: argparse.Namespace, plan: ChartPlan) -> None:
     """Refuse branches without events for curves, and ranges without them."""
-    from branches.curves.tracing import CURVES
+    from branches.curves.starting import CURVES
 
     source, expected = arguments.source, ", ".join(CURVES)
     events = plan.events

@@ -20,7 +20,7 @@ from saltus.terminal import ProgressBar, terminal_width
 if TYPE_CHECKING:
     from branches.catalogue.rows import SceneRecord
     from branches.curves.record import BifurcationCurve
-    from branches.curves.tracing import CurveStart
+    from branches.curves.starting import CurveStart
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from continuation.problem import Event
 
@@ -75,7 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
     problem = start.plane.problem
     compiling.prepare_for(problem.system, "curve" if problem.ends is None else "free curve")
     from branches.curves.extending import can_go_on, is_within
-    from branches.curves.tracing import NoCurve, extend_curve, first_point, follow_curve
+    from branches.curves.starting import NoCurve
+    from branches.curves.tracing import extend_curve, first_point, follow_curve
 
     known = given.known if given.known is not None and is_within(given.known, window) else None
     if known is not None and arguments.points is not None and arguments.points <= len(known):
@@ -250,7 +251,7 @@ def _of_family(arguments: argparse.Namespace, source: str, event: str | None, re
 def _of_free_family(arguments: argparse.Namespace, source: str, event: str | None) -> _Given:
     """The start at an event of a family in the energy."""
     from branches.curves.free_start import released_of
-    from branches.curves.tracing import NoCurve, curve_start
+    from branches.curves.starting import NoCurve, curve_start
     from branches.reading import RecordError, read_branch
     from bvp.parameters import ParametricSystem
 
@@ -283,7 +284,7 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
 def _of_response(
     arguments: argparse.Namespace, source: str, event: str | None, known: dict[str, tuple[ForcedBranch, ForcedEvent]]
 ) -> _Given:  # fmt: skip
-    from branches.curves.tracing import NoCurve, curve_at
+    from branches.curves.starting import NoCurve, curve_at
 
     branch, found = known[_known_event(source, event, known)]
     require_same_scene(arguments, source, branch.problem.parametric)
@@ -323,7 +324,9 @@ def _known_event(source: str, event: str | None, known: Any) -> str:
 
 def _of_curves(arguments: argparse.Namespace, source: str, event: str | None, found: Sequence[BifurcationCurve]) -> _Given:
     """The start on a curve: the curve goes on, or another one starts at an event of it."""
-    from branches.curves.tracing import NoCurve, curve_again, curve_through
+    from branches.curves.starting import NoCurve
+    from branches.curves.switching import curve_through
+    from branches.curves.tracing import curve_again
 
     require_same_scene(arguments, source, found[0].plane.problem.parametric)
     if arguments.parameters is not None and set(arguments.parameters) != set(found[0].names):

@@ -8,7 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.curves.tracing import curve_at, curve_through, follow_curve
+from branches.curves.starting import curve_at
+from branches.curves.switching import curve_through
+from branches.curves.tracing import follow_curve
 from branches.forced.family import ForcedFamily
 from branches.forced.tracing import follow_response
 from bvp.forced import ForcedProblem

@@ -10,7 +10,9 @@ import pytest
 
 from branches.curves.grazing import observed
 from branches.curves.record import BifurcationCurve
-from branches.curves.tracing import NoCurve, curve_start, curve_through, follow_curve
+from branches.curves.starting import NoCurve, curve_start
+from branches.curves.switching import curve_through
+from branches.curves.tracing import follow_curve
 from branches.forced.family import ForcedFamily
 from branches.forced.resequencing import exchanged
 from branches.forced.tracing import follow_response, switch_response

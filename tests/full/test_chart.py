@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import saltus
-from branches.curves.tracing import CurveStart
+from branches.curves.starting import CurveStart
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import AbsorberOrbit
 from transitions.chart.chart import find_chart

@@ -12,7 +12,7 @@ import pytest
 
 import saltus
 from branches.curves.plane import plane_of
-from branches.curves.tracing import CurveStart, curve_start
+from branches.curves.starting import CurveStart, curve_start
 from bvp.motion import EventKind
 from bvp.simulate import Simulator
 from saltus.processes import open_executor

@@ -7,7 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.curves.tracing import curve_at, curve_through, extend_curve, follow_curve
+from branches.curves.starting import curve_at
+from branches.curves.switching import curve_through
+from branches.curves.tracing import extend_curve, follow_curve
 from branches.forced.onwards import trace_start
 from tests.branches.forced_systems import absorber_families
 from tests.branches.test_curves_extended import WIDE, curve

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.curves.record import BifurcationCurve, CurveEvent
-from branches.curves.tracing import CURVES, CurveStart, NoCurve, curve_start, curve_through, follow_curve
+from branches.curves.starting import CURVES, CurveStart, NoCurve, curve_start
+from branches.curves.switching import curve_through
+from branches.curves.tracing import follow_curve
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.primitive import primitive_orbit
 from bvp.forced import ForcedProblem

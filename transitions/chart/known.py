@@ -12,7 +12,7 @@ import numpy as np
 from branches.curves.grazing import Grazing
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve
-from branches.curves.tracing import CurveStart, curve_problem
+from branches.curves.starting import CurveStart, curve_problem
 from branches.forced.identity import invariants
 from branches.forced.known import kind_of
 

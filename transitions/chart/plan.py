@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from branches.curves.monitor import Window
-from branches.curves.tracing import CURVES
+from branches.curves.starting import CURVES
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from bvp.parameters import ParametricSystem
 from bvp.texts import shown

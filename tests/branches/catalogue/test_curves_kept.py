@@ -19,7 +19,9 @@ from branches.catalogue.responses import system_of
 from branches.catalogue.rows import SceneRecord
 from branches.catalogue.widening import Kept
 from branches.curves.files import COLUMNS
-from branches.curves.tracing import curve_at, curve_through, extend_curve, follow_curve
+from branches.curves.starting import curve_at
+from branches.curves.switching import curve_through
+from branches.curves.tracing import extend_curve, follow_curve
 from branches.forced.tracing import follow_response, switch_response
 from tests.branches.catalogue.families import scene
 from tests.branches.test_curves_extended import NARROW, WIDE, curve, family

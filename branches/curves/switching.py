@@ -1,0 +1,119 @@
+"""Other curves through a point of a curve in the plane of two parameters, and those that emanate there."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from branches.curves.grazing import grazing_at, observed
+from branches.curves.plane import plane_of
+from branches.curves.record import BifurcationCurve
+from branches.curves.starting import CurveStart, NoCurve, curve_start
+from branches.forced.primitive import full_period, twice
+from bvp.released import ReleasedProblem
+from continuation.curves import Curve
+
+__all__ = ["curve_through"]
+
+
+def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
+    """The start of another curve that passes through a point of a curve, or emanates there.
+
+    Parameters
+    ----------
+    curve : BifurcationCurve
+    index : int
+        Of the point, such as ``event.point``.
+    code : {"SN", "PD", "SB", "NS", "GR"}
+        The type of the other curve.
+
+    Raises
+    ------
+    NoCurve
+        Where no such curve is found.
+    """
+    plane, u = curve.plane, curve.plane.size
+    y = curve.unknowns[index, :u]
+    origin = f"a point of a curve {curve.code}"
+    if isinstance(plane.problem, ReleasedProblem):
+        others = [name for name in plane.problem.released if name not in plane.names]
+        return curve_start(plane.problem, y, code, [*plane.names, *others], plane.problem.keep[:-1], origin=origin)
+    kinds = {event.type for event in curve.events if event.point == index}
+    if code == "GR" and "LB" in kinds:
+        raise NoCurve("impacts exchange their order there, which is no grazing; expected a grazing of the family in the other order")
+    if code == "GR":
+        return _grazing_through(curve, y, origin)
+    if code == "SN" and kinds & {"DP", "GPD"}:
+        return _fold_emanating(curve, y, origin)
+    pairs = curve.multipliers[index]
+    for angle in _angles(pairs) if code == "NS" else (None,):
+        own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
+        start = CurveStart(plane, code, None, np.concatenate([y, own]), origin)
+        problem = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
+        first = problem.begin(start.y)
+        if first.converged and np.abs((first.y[:u] - y) / plane.scales(y)).max() < _NEAR:
+            if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
+                inside = [step for step in _both(problem, first) if step.converged and abs(step.y[-1]) < 1.0]
+                if not inside:
+                    continue
+                first = inside[0]
+            return start._replace(y=first.y)
+    there = ", ".join(sorted(kinds)) or "no event"
+    raise NoCurve(f"no curve {code} passes through the point, which has {there}; expected a point where a curve {code} meets this one")
+
+
+def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
+    """The curve of folds that emanates where a doubling, or a symmetry breaking, changes its criticality: of the orbits of twice the
+    period, or without symmetry. There its equations are singular, so it is started beside the point, along the critical direction."""
+    problem, plane = curve.plane.problem, curve.plane
+    wide, whole = (full_period if problem.half else twice)(problem, y)
+    others = [name for name in problem.released if name not in plane.names]
+    wider, begun = plane_of(wide, whole, [*plane.names, *others], problem.keep[:-1])
+    start = CurveStart(wider, "SN", None, begun, origin)
+    fold = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
+    scale, at = wider.scales(begun), wider.linearised(begun)
+    borders = fold.condition.first(at, np.zeros(0), scale)
+    direction = borders[-wider.size :] * scale
+    way = wider.directions(begun) @ direction
+    tangent = fold.directed(direction / math.sqrt(float(way @ way)), borders)
+    for distance in _ASIDE:
+        step = fold.step(begun, tangent, distance)
+        if step.converged:
+            return start._replace(y=step.y)
+    raise NoCurve("no curve SN was found beside the point")
+
+
+_ASIDE = (0.05, 0.02, 0.1, 0.01, 0.005)
+"""Distances, in units of arclength, at which a curve is looked for beside a singular point."""
+
+_NEAR = 1e-6
+
+
+def _both(problem: Curve, first: Any) -> list[Any]:
+    return [problem.step(first.y, first.tangent, ds) for ds in (1e-3, -1e-3)]
+
+
+def _angles(multipliers: np.ndarray) -> list[float]:
+    """Angles at which a pair can be on the unit circle: of pairs there, and of two real ones that meet."""
+    upper = multipliers[(multipliers.imag >= 0.0) & (np.abs(np.abs(multipliers) - 1.0) < 1e-4)]
+    return sorted({round(float(np.angle(value)), 9) for value in upper}, reverse=True)
+
+
+def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
+    """The curve of grazings through a point where a curve leaves the orbits."""
+    plane, n = curve.plane, curve.plane.problem.degrees_of_freedom
+    solution = observed(plane.problem, y)
+    clear = min(abs(solution["clearance"]), abs(solution["speed"]) / plane.problem.segment.scale[n], abs(solution["flight"]))
+    if not clear < _NEAR:
+        raise NoCurve("no grazing is there; expected an event whose type ends with GR")
+    try:
+        problem, unknowns, grazing = grazing_at(plane.problem, solution)
+    except ValueError as error:
+        raise NoCurve(str(error)) from error
+    if problem is plane.problem:
+        return CurveStart(plane, "GR", grazing, unknowns, origin)
+    names = [*plane.names, *(name for name in problem.released if name not in plane.names)]
+    made, again = plane_of(problem, unknowns, names, problem.keep[:-1])
+    return CurveStart(made, "GR", grazing, again, origin)
