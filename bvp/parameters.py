@@ -339,6 +339,8 @@ class ParametricSystem:
         """
         from bvp.programs import derivatives_of, program_of
 
+        for name in names:
+            self._require_known(name)
         if not texts:
             return program_of([], [])
         import sympy
@@ -352,8 +354,6 @@ class ParametricSystem:
                 raise InvalidSystem(f"an equation is LEFT = RIGHT, such as F = 0.3*w**2; received {shown(text)}")
             left, right = (self._read(side.strip(), f"the equation {text!r}", known) for side in sides)
             found.append(left - right)
-        for name in names:
-            self._require_known(name)
         variables = [*(self._symbols[name] for name in names), *more.values()]
         return program_of(derivatives_of(found, variables, order), [*self._symbols.values(), *more.values()])
 

@@ -58,7 +58,7 @@ def make_branch(alpha, stable=1, events=(), half_waves=1, system=None, label="S1
     for kind, i in events:
         number[kind] = number.get(kind, 0) + 1
         at = {key: given_points[key][i] for key in ("h", "alpha", "arclength")}
-        made.append(SimpleNamespace(id=f"{kind}{number[kind]}", type=kind, point=i, **at))
+        made.append(SimpleNamespace(id=f"{kind}{number[kind]}", type=kind, point=i, criticality=None, **at))
     return SimpleNamespace(
         system=system or make_system(), ends=("origin", "stop+"), sequence="", label=label, points=given_points, events=made
     )
