@@ -2,11 +2,32 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from bvp.texts import brief
 
-__all__ = ["BranchEvent", "DigitWork", "Ended"]
+__all__ = ["FREE_NORMAL_FORMS", "BranchEvent", "DigitWork", "Ended", "event_ids", "normal_form_text"]
+
+FREE_NORMAL_FORMS = ("SN", "SB", "PD")
+"""Bifurcations of free orbits whose normal form has a coefficient."""
+
+
+def event_ids(types: Iterable[str]) -> list[str]:
+    """Ids of events in order of arclength: type and count, "SB1"; with a hyphen behind a type that ends in a digit, "R1-1"."""
+    counts = Counter[str]()
+    ids = []
+    for type in types:
+        counts[type] += 1
+        ids.append(f"{type}{'-' if type[-1].isdigit() else ''}{counts[type]}")
+    return ids
+
+
+def normal_form_text(criticality: str | None, coefficient: float | None) -> str:
+    """The criticality and the coefficient of an event, as a table shows them; empty if neither is known."""
+    number = "" if coefficient is None else f"{coefficient:.4g}"
+    return " ".join(part for part in (criticality or "", number) if part)
 
 
 @brief
@@ -42,8 +63,7 @@ class BranchEvent(NamedTuple):
     @property
     def normal_form(self) -> str:
         """The criticality and the coefficient, as a table shows them."""
-        number = "" if self.coefficient is None else f"{self.coefficient:.4g}"
-        return " ".join(part for part in (self.criticality or "", number) if part)
+        return normal_form_text(self.criticality, self.coefficient)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         low, high = self.bracket

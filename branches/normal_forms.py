@@ -6,13 +6,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from branches.branch import Branch
-from branches.events import BranchEvent
+from branches.events import FREE_NORMAL_FORMS, BranchEvent
 from branches.orbit import Orbit
 
-__all__ = ["WITH_NORMAL_FORM", "normal_form_at", "with_normal_forms"]
-
-WITH_NORMAL_FORM = ("SN", "SB", "PD")
-"""Events of free orbits that have a coefficient."""
+__all__ = ["normal_form_at", "with_normal_forms"]
 
 
 def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Branch:
@@ -37,7 +34,7 @@ def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Bran
         same = forms.get((event.type, event.h, event.alpha))
         if same is not None:
             event = event._replace(coefficient=same.coefficient, criticality=same.criticality)
-        elif event.type in WITH_NORMAL_FORM and event.coefficient is None:
+        elif event.type in FREE_NORMAL_FORMS and event.coefficient is None:
             event = normal_form_at(branch.orbit(event.point), event)
         events.append(event)
     found = replace(branch, events=tuple(events))
@@ -47,7 +44,7 @@ def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Bran
 
 def normal_form_at(orbit: Orbit, event: BranchEvent) -> BranchEvent:
     """An event with the coefficient of its normal form, where it has one. orbit: the one at the event."""
-    if event.type not in WITH_NORMAL_FORM:
+    if event.type not in FREE_NORMAL_FORMS:
         return event
     from branches.curves.free_criticality import free_criticality
 

@@ -13,11 +13,11 @@ import numpy as np
 from branches.admissible import unphysical
 from branches.between_events import Barrier, decide_between
 from branches.branch import Branch
-from branches.events import BranchEvent, Ended
+from branches.events import FREE_NORMAL_FORMS, BranchEvent, Ended, event_ids
 from branches.family import SETTINGS, Family
 from branches.full_family import solutions_of
 from branches.interrupted import with_branch, with_computed
-from branches.normal_forms import WITH_NORMAL_FORM, normal_form_at, with_normal_forms
+from branches.normal_forms import normal_form_at, with_normal_forms
 from branches.orbit import Orbit, orbit_columns
 from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
@@ -271,11 +271,9 @@ def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
         points = {name: np.concatenate([column, outer[name]]) for name, column in points.items()}
         events += [_moved(event, place, length) for event in after.events]
         ended[1] = after.ended[1]
-    start, counts = branch.start - first + lead, Counter[str]()
-    for k, event in enumerate(events):
-        counts[event.type] += 1
-        events[k] = event._replace(id=f"{event.type}{counts[event.type]}", number=event.point - start)
-    cut = Branch(branch.problem, points, tuple(events), (ended[0], ended[1]), start, energy, digit_work=branch.digit_work)
+    start, ids = branch.start - first + lead, event_ids(event.type for event in events)
+    numbered = tuple(event._replace(id=id, number=event.point - start) for event, id in zip(events, ids, strict=True))
+    cut = Branch(branch.problem, points, numbered, (ended[0], ended[1]), start, energy, digit_work=branch.digit_work)
     return cut.known_within(branch)
 
 
@@ -363,7 +361,7 @@ class _Collector:
         orbit = Orbit(self.problem, event.point.extra)
         name = f"{event.code}{self.types[event.code]}"
         found = record_of_event(event, name, 0, number, orbit.columns, 0, backward=self.sign < 0)
-        if self.forms is not None and found.type in WITH_NORMAL_FORM:
+        if self.forms is not None and found.type in FREE_NORMAL_FORMS:
             found = normal_form_at(orbit, found)
             self.forms.append(found)
         self.on_event(found)
@@ -441,12 +439,11 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
     barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]
     columns["stable"], work = decide_between(problem, lambda i: (problem, solutions.y[i]), columns, barriers)
-    counts = Counter[str]()
-    events = []
-    for event, against in zip(run.events, backward, strict=True):
-        counts[event.code] += 1
-        name, number = f"{event.code}{counts[event.code]}", event.index - run.start
-        events.append(record_of_event(event, name, event.index, number, columns, event.index, backward=against))
+    ids = event_ids(event.code for event in run.events)
+    events = [
+        record_of_event(event, id, event.index, event.index - run.start, columns, event.index, backward=against)
+        for event, id, against in zip(run.events, ids, backward, strict=True)
+    ]
     ended = []
     for k, end in enumerate(run.ends):
         place = run.points[0] if k == 0 else run.points[-1]

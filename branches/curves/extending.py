@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -11,9 +10,10 @@ import numpy as np
 
 from branches.curves.monitor import Window
 from branches.curves.record import BifurcationCurve, CurveEvent
+from branches.events import event_ids
 from continuation.problem import EndReason
 
-__all__ = ["can_go_on", "is_within", "joined", "numbered"]
+__all__ = ["can_go_on", "is_within", "joined"]
 
 _OPEN = {reason.name for reason in (EndReason.POINTS, EndReason.NOT_ASKED, EndReason.INTERRUPTED)}
 """Ends from which a curve can go on."""
@@ -56,19 +56,15 @@ def joined(curve: BifurcationCurve, further: BifurcationCurve, last: bool) -> Bi
     columns: dict[str, Any] = {name: np.concatenate([getattr(curve, name), getattr(further, name)[1:]]) for name in _COLUMNS}
     return replace(
         curve, **columns, arclength=np.concatenate([curve.arclength, length + further.arclength[1:]]),
-        events=numbered([*kept, *(_moved(event, place, length) for event in further.events if event.point)]),
+        events=_numbered([*kept, *(_moved(event, place, length) for event in further.events if event.point)]),
         ended=(curve.ended[0], further.ended[1]), window=further.window,
     )  # fmt: skip
 
 
-def numbered(events: Iterable[CurveEvent]) -> tuple[CurveEvent, ...]:
-    """Events with their ids, type and count along the curve: "CP1", "R1-1"."""
-    counts = Counter[str]()
-    found = []
-    for event in events:
-        counts[event.type] += 1
-        found.append(event._replace(id=f"{event.type}{'-' if event.type[-1].isdigit() else ''}{counts[event.type]}"))
-    return tuple(found)
+def _numbered(events: Iterable[CurveEvent]) -> tuple[CurveEvent, ...]:
+    """Events with their ids along the curve."""
+    found = list(events)
+    return tuple(event._replace(id=id) for event, id in zip(found, event_ids(event.type for event in found), strict=True))
 
 
 def _reversed(curve: BifurcationCurve) -> BifurcationCurve:
@@ -78,7 +74,7 @@ def _reversed(curve: BifurcationCurve) -> BifurcationCurve:
     columns["tangents"] = -columns["tangents"]
     return replace(
         curve, **columns, arclength=length - curve.arclength[::-1],
-        events=numbered(_moved(event, place, length, -1) for event in curve.events[::-1]),
+        events=_numbered(_moved(event, place, length, -1) for event in curve.events[::-1]),
         ended=(curve.ended[1], curve.ended[0]), start=place - curve.start,
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from branches.events import FREE_NORMAL_FORMS
 from branches.orbit import Orbit
 from branches.presentation import canonical_orbit, embed, is_solved_as_it_is
 from bvp.checks import EPSILON
@@ -30,10 +31,7 @@ from bvp.released import ReleasedProblem
 from bvp.stability import half_map_of
 from bvp.system import ImpactSystem
 
-__all__ = ["FREE_NORMAL_FORMS", "free_criticality", "free_criticality_of", "reduced_equation"]
-
-FREE_NORMAL_FORMS = ("SN", "SB", "PD")
-"""Bifurcations of free orbits with a coefficient."""
+__all__ = ["free_criticality", "free_criticality_of", "reduced_equation"]
 
 _SINGULAR = 1e-5
 """A matrix is singular at a located event where its smallest singular value is below this part of the next one."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.curves.starting import CurveStart, NoCurve, curve_start
-from branches.events import Ended
+from branches.events import Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.tracing import OUT_OF_DOMAIN
 from branches.interrupted import with_computed
@@ -247,14 +246,11 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     m = unknowns.shape[1]
-    counts = Counter[str]()
     events = []
-    for event in run.events:
-        counts[event.code] += 1
-        number = f"{'-' if event.code[-1].isdigit() else ''}{counts[event.code]}"
+    for event, id in zip(run.events, event_ids(event.code for event in run.events), strict=True):
         events.append(
             CurveEvent(
-                event.code + number, event.code, event.index, plane.values(event.point.y[: plane.size]), event.arclength, event.status,
+                id, event.code, event.index, plane.values(event.point.y[: plane.size]), event.arclength, event.status,
                 (float(event.bracket[0]), float(event.bracket[1])), event.residual, event.details.get("stop"), event.details.get("note"),
             )
         )  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.events import Ended
+from branches.events import Ended, normal_form_text
 from branches.forced.identity import FullResponse, full_response
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
@@ -59,8 +59,7 @@ class ForcedEvent(NamedTuple):
     @property
     def normal_form(self) -> str:
         """The criticality and the coefficient, as a table shows them."""
-        number = "" if self.coefficient is None else f"{self.coefficient:.4g}"
-        return " ".join(part for part in (self.criticality or "", number) if part)
+        return normal_form_text(self.criticality, self.coefficient)
 
     @property
     def remark(self) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 
-from branches.events import Ended
+from branches.events import Ended, event_ids
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from continuation.problem import EndReason
 
@@ -77,9 +76,5 @@ def _moved(event: ForcedEvent, place: int, length: float, sign: int = 1) -> Forc
 
 def with_ids(branch: ForcedBranch) -> ForcedBranch:
     """The branch with its events counted anew."""
-    counts = Counter[str]()
-    events = []
-    for event in branch.events:
-        counts[event.type] += 1
-        events.append(event._replace(id=f"{event.type}{counts[event.type]}"))
-    return replace(branch, events=tuple(events))
+    ids = event_ids(event.type for event in branch.events)
+    return replace(branch, events=tuple(event._replace(id=id) for event, id in zip(branch.events, ids, strict=True)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -11,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from branches.admissible import unphysical
-from branches.curves.free_criticality import FREE_NORMAL_FORMS, free_criticality_of
-from branches.events import Ended
+from branches.curves.free_criticality import free_criticality_of
+from branches.events import FREE_NORMAL_FORMS, Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.along_parameters import unbounded
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
@@ -169,20 +168,17 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     run = with_exact_ends(parameter_family(problem), run)
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
-    counts = Counter[str]()
     events = []
     branch_points = [event for event in run.events if event.code == "BP"]
-    for event in run.events:
-        if event.code == "SN" and any(_is_one(event, other) for other in branch_points):
-            continue
-        counts[event.code] += 1
+    kept = [event for event in run.events if event.code != "SN" or not any(_is_one(event, other) for other in branch_points)]
+    for event, id in zip(kept, event_ids(event.code for event in kept), strict=True):
         details, at = event.details, event.point
         if "label" in details:  # its change reads in the order of arclength
             details = details | {"note": event_along(event, event.index < run.start and not (run.closed and event.index == 0))[2]}
         multipliers = details["multipliers"] if "multipliers" in details else problem.multipliers(at.y)
         largest = largest_multiplier(problem, multipliers)
         found = ForcedEvent(
-            f"{event.code}{counts[event.code]}", event.code, event.index, problem.known_values(at.y), event.arclength, event.status,
+            id, event.code, event.index, problem.known_values(at.y), event.arclength, event.status,
             (float(event.bracket[0]), float(event.bracket[1])), event.residual, details.get("stop"), details.get("angle"),
             details.get("note"), largest if math.isfinite(largest) else None,
         )  # fmt: skip
