@@ -12,7 +12,9 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.free import BOTH, SYMMETRIES, Breaking, Fold, Symmetry
-from branches.curves.free_grazing import Grazing, approach_speeds, beside_grazing
+from branches.curves.free_grazing import approach_speeds
+from branches.curves.grazing import Grazing, beside_grazing
+from branches.curves.grazing_monitor import SECOND_GRAZING, signed_smallest
 from branches.curves.monitor import Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
@@ -79,15 +81,14 @@ class _Critical:
             else:
                 assert self.breaking is not None
                 matrix = self.breaking.matrix(at, symmetry)
-            found.append(_signed_smallest(matrix * scale))
+            found.append(signed_smallest(_with_rows_of_one(matrix * scale)))
         return found
 
 
-def _signed_smallest(matrix: np.ndarray) -> float:
-    """The smallest singular value, for rows of length 1, with the sign of the determinant."""
+def _with_rows_of_one(matrix: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(matrix, axis=1)
-    rows = matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-    return float(np.linalg.slogdet(rows)[0] * np.linalg.svd(rows, compute_uv=False)[-1])
+    found: np.ndarray = matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,8 +220,7 @@ class FreeGrazingMonitor:
         events = [event_of(problem, symmetry) for symmetry in self._critical.symmetries]
         self.tests = (
             *window_tests(plane, window),
-            *(TestFunction("GR-GR", "guard", True, f"two grazings at once: {what}") for what in _SECOND),
-            TestFunction("GR-GR", "guard", True, "the touch is degenerate: the acceleration of the gap vanishes there"),
+            *SECOND_GRAZING,
             *(TestFunction(f"{code}-GR", "crossing", False, f"orbits with the impact: {words}") for code, words in events),
         )
 
@@ -229,12 +229,14 @@ class FreeGrazingMonitor:
     ) -> tuple[Sequence[float], Any] | None:
         """See `continuation.curves.Monitor`."""
         problem, grazing, ends = self.problem, self.grazing, self.problem._factor.before.copy()
-        flights = problem.flight_times(at.y)
+        flights, shown, shown_ends, bend = problem.flight_times(at.y), np.array(at.y), ends, 1.0
         if grazing.kind == "flight":
+            problem.flight_times(shown)[grazing.flight] = 0.0
             flights = np.delete(flights, grazing.flight)
+        else:
+            shown, shown_ends, bend = beside_grazing(problem, at.y, ends, grazing.flight, problem.structure.periodic)
         nodes, speeds = approach_speeds(problem, at.y, ends)
         slowest = float(np.min(speeds[np.isin(nodes, self._others) & ~_grazes(grazing, nodes)], initial=math.inf))
-        shown, shown_ends, bend = beside_grazing(problem, at.y, ends, grazing)
         solution = observed_free(problem, shown, shown_ends)
         solution = Solution(at.y, solution.tangent, solution.position, ends, solution.result)
         problem.residual(at.y)
@@ -254,8 +256,6 @@ class FreeGrazingMonitor:
 
 _SLOW = 1e-7
 """Part of the largest velocity or displacement below which the impact of a located grazing has no speed."""
-
-_SECOND = ("a flight touches a stop", "the speed of another impact reaches zero", "a flight time reaches zero")
 
 
 def _grazes(grazing: Grazing, nodes: np.ndarray) -> np.ndarray:

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.curves.free import SYMMETRIES, Breaking, FreeKind, Symmetry, free_condition, names_quarter_period, smallest_singular
-from branches.curves.free_grazing import free_grazing_at, free_grazing_condition
+from branches.curves.free_grazing import free_grazing_at
 from branches.curves.free_monitor import FOLD, FreeGrazingMonitor, FreeMonitor, event_of, observed_free
-from branches.curves.grazing import Grazing
+from branches.curves.grazing import Grazing, grazing_condition
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane, plane_of
 from branches.orbit import Orbit
@@ -122,7 +122,7 @@ def free_event(
 def free_curve(plane: ParameterPlane, code: str, kind: FreeKind | Grazing, y: np.ndarray, window: Window) -> Curve:
     """A curve of free orbits as a `continuation.Problem`. y: an orbit of it. window: in the order of the plane."""
     if isinstance(kind, Grazing):
-        return Curve(plane, free_grazing_condition(plane, kind), FreeGrazingMonitor(plane, kind, y, window))
+        return Curve(plane, grazing_condition(plane, kind), FreeGrazingMonitor(plane, kind, y, window))
     condition = free_condition(plane, code, kind.symmetry, kind.in_energy)
     return Curve(plane, condition, FreeMonitor(plane, code, kind.symmetry, window, kind.doubled))
 

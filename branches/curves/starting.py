@@ -10,7 +10,8 @@ import numpy as np
 
 from branches.curves.free import FreeKind
 from branches.curves.free_start import free_curve, free_event
-from branches.curves.grazing import Grazing, GrazingMonitor, grazing_at, grazing_condition, observed
+from branches.curves.grazing import Grazing, grazing_at, grazing_condition, observed
+from branches.curves.grazing_monitor import GrazingMonitor
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
 from branches.curves.plane import ParameterPlane, plane_of
