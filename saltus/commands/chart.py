@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from saltus import compiling, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
 from saltus.options import ValueType, whole_above_zero
+from saltus.response_starts import require_same_scene
 from saltus.terminal import ProgressBar, counted, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -149,10 +149,8 @@ def report_lines(chart: Chart, width: int | None) -> list[str]:
         lines += table_lines(head, [_curve_row(k, curve) for k, curve in enumerate(chart.curves, 1)], width=width, columns="rltlltt")
     if chart.points:
         rows = [
-            (
-                ", ".join(point.types), *(f"{value:.12g}" for value in point.place), _listed(point.curves), ", ".join(point.events),
-                point.note,
-            )
+            (", ".join(point.types), *(f"{value:.12g}" for value in point.place), ", ".join(map(str, point.curves)),
+             ", ".join(point.events), point.note)
             for point in chart.points
         ]  # fmt: skip
         lines += ["", *table_lines(("point", first, second, "curves", "events", "remark"), rows, width=width, columns="lrrttt")]
@@ -193,17 +191,13 @@ def _region_lines(regions: Regions, width: int | None) -> list[str]:
     lines = table_lines(("share", "cells", "attractors in the region"), rows, width=width, columns="rrt")
     if len(cells) > MOST_ROWS:
         rest = sum(count for _, count in cells[MOST_ROWS:])
-        lines.append(f"note     {len(cells) - MOST_ROWS} more sets of attractors in {rest} cells; --json has all")
+        lines.append(f"note     {counted(len(cells) - MOST_ROWS, 'more set')} of attractors in {counted(rest, 'cell')}; --json has all")
     size = f"{len(regions.x)} x {len(regions.y)}"
     lines.append(
         f"regions  sampled in {size} cells with {counted(regions.simulated, 'motion')}, of which {regions.unsettled} did not settle"
     )
     lines += [f"without  {counted(count, 'cell')}: {reason}" for reason, count in sorted(regions.reasons.items())]
     return lines
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))
 
 
 # What is asked for
@@ -224,8 +218,9 @@ def _plan(arguments: argparse.Namespace) -> tuple[ChartPlan, str, list[str]]:
     if arguments.range is not None:
         window, words = arguments.range, []
     for name, (low, high) in zip(names, window, strict=False):
-        if parametric.violation({**parametric.values, name: 0.5 * (low + high)}) is not None:
-            raise BadInput(f"--range {low:g}:{high:g} of {name}: {parametric.violation({**parametric.values, name: 0.5 * (low + high)})}")
+        why = parametric.violation({**parametric.values, name: 0.5 * (low + high)})
+        if why is not None:
+            raise BadInput(f"--range {low:g}:{high:g} of {name}: {why}")
     try:
         plan = ChartPlan(
             branches, names, window, keep, LEVELS if arguments.levels is None else arguments.levels, arguments.grid or GRID,
@@ -259,8 +254,6 @@ def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, .
 
 def _branches(arguments: argparse.Namespace) -> tuple[list[ForcedBranch], str]:
     """The branches of the file, and the scene's title."""
-    from branches.reading import RecordError
-    from branches.tables import plain
     from transitions.response.files import read_responses
 
     source = arguments.source
@@ -268,19 +261,9 @@ def _branches(arguments: argparse.Namespace) -> tuple[list[ForcedBranch], str]:
         raise BadInput("--from RESPONSE is required: a JSON file of saltus continue --in NAME, whose events start the curves")
     if not os.path.exists(source):
         raise BadInput(f"no file {source}; expected --from RESPONSE, a JSON file of saltus continue --in NAME")
-    try:
-        branches = read_responses(source)
-    except RecordError as error:
-        raise BadInput(f"--from {one_line(error)}") from error
-    problem, title = branches[0].problem, ""
-    if arguments.scene is not None or options.parameters_of(arguments):
-        from bvp.parameters import ParametricSystem
-
-        scene = options.scene_of(arguments)
-        title = scene.title
-        own = scene.parametric or ParametricSystem.of(scene.system, scene.forces)
-        if plain(own.describe()) != plain(problem.parametric.describe()):
-            raise BadInput(f"--from {source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+    branches = read_responses(source)
+    problem = branches[0].problem
+    title = require_same_scene(arguments, source, problem.parametric)
     if not problem.has_clock or problem.ends is not None:
         raise BadInput(f"--from {source} has no responses to periodic loads; a chart needs them: expected saltus curve {source}:EVENT")
     return branches, title
