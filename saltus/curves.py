@@ -55,9 +55,9 @@ def read(path: str) -> list[BifurcationCurve]:
 def place_named(curves: Sequence[BifurcationCurve], source: str, place: str | None) -> tuple[BifurcationCurve, int, str]:
     """The curve, the index of its point, and the name of a place: an event, CP1, or the number of a point, #120; of the second curve and
     later ones with its number before it, 2.CP1 and 2.#120."""
-    from branches.curves.files import named_places
+    from branches.forced.record import named_events
 
-    known = named_places(curves)
+    known = named_events(curves)
     events = ", ".join(known) or "none"
     if place is None:
         raise BadInput(f"{source}: which point? expected {source}:EVENT with one of {events}, or {source}:#N, a point by its number")

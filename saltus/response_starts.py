@@ -364,7 +364,7 @@ def further(branch: ForcedBranch, interval: tuple[float, float], direction: str)
 
 def event_named(branches: Sequence[ForcedBranch], source: str | None, event: str) -> tuple[str, ForcedBranch, ForcedEvent]:
     """The one event that a name means: its name, its branch and itself."""
-    from transitions.response.files import named_events
+    from branches.forced.record import named_events
 
     known = named_events(branches)
     matches = [key for key in known if key == event or key.rpartition(".")[2].rstrip("0123456789") == event]

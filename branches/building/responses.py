@@ -19,7 +19,7 @@ import numpy as np
 from branches.building.frontier import Frontier
 from branches.building.plan import Link
 from branches.catalogue.database import CatalogueError, readable
-from branches.catalogue.responses import kept_as, orbit_of, pack_response, problem_at, problem_from, problem_record
+from branches.catalogue.responses import kept_as, orbit_of, pack_response, problem_at
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
@@ -27,6 +27,7 @@ from branches.forced.family import ForcedFamily
 from branches.forced.identity import invariants
 from branches.forced.known import KnownEvents, kind_of
 from branches.forced.primitive import primitive_orbit
+from branches.forced.record import problem_from, problem_record
 from branches.forced.tracing import SWITCHES, follow_response, primitive_branch, switch_response
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
@@ -87,7 +88,7 @@ class ResponsePlan:
 class ResponseSeed(NamedTuple):
     """An orbit whose family is followed.
 
-    problem: as `branches.catalogue.responses.problem_record` gives it. y: unknowns. tangent: None, or the tangent at a first orbit.
+    problem: as `branches.forced.record.problem_record` gives it. y: unknowns. tangent: None, or the tangent at a first orbit.
     interval: the family is followed in it. depth: how many events further families are followed from it. link: how it was reached. kind:
     `branches.forced.known.kind_of` its orbits.
     """

@@ -6,7 +6,6 @@ largest modulus of the multipliers that of tau.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_v
 from branches.events import BranchEvent, Ended
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.identity import invariants, window_of
+from branches.forced.record import problem_from, problem_record, range_from
 from branches.forced.tracing import follow_response, primitive_branch
 from branches.released.branch import branch_in_parameter
 from branches.released.family import PlacedSolution, placed
@@ -26,7 +26,6 @@ from branches.sequences import impacts_per_period, parse_sequence
 from branches.tables import plain
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged, Solution
-from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "are_on", "contains", "joined_family", "kept_as", "kept_branch", "meeting_failures", "orbit_of", "pack_response", "plain_events",
-    "problem_at", "problem_from", "problem_record", "response_failures", "system_of", "unpack_response",
+    "problem_at", "response_failures", "system_of", "unpack_response",
 ]  # fmt: skip
 
 RESIDUAL = 1e-11
@@ -110,25 +109,6 @@ def plain_events(branch: ForcedBranch) -> tuple[BranchEvent, ...]:
     return tuple(found)
 
 
-def problem_record(problem: ForcedProblem) -> dict[str, Any]:
-    """A problem without its system, as plain data."""
-    free = {"ends": list(problem.ends), "energy": problem.energy} if isinstance(problem, ReleasedProblem) else {}
-    return free | {
-        "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
-        "released": list(problem.released), "keep": list(problem.keep),
-    }  # fmt: skip
-
-
-def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> ForcedProblem:
-    """The inverse of `problem_record`."""
-    if "ends" in given:
-        ends = given["ends"][0], given["ends"][1]
-        own = {name: given[name] for name in ("values", "energy")}
-        return ReleasedProblem(parametric, ends, given["solved"], given["released"], given["keep"], **own)
-    options = {name: given[name] for name in ("load_periods", "half", "values", "keep")}
-    return ForcedProblem(parametric, given["solved"], given["released"], **options)
-
-
 def kept_as(family: PackedFamily, id: str) -> PackedFamily:
     """The rows of a family under another of its ids."""
     return replace(family, row=family.row._replace(id=id))
@@ -149,12 +129,10 @@ def unpack_response(
                 tuple((sequence, persists) for sequence, persists in neighbours), tuple(more[0] if more else ()), *more[1:],
             )
         )  # fmt: skip
-    low, high = given["range"]
     first, last = (Ended(*ended) for ended in row.ended)
-    interval = -math.inf if low is None else low, math.inf if high is None else high
     branch = branch_in_parameter(
         problem, unknowns, columns["tangents"], columns["arclength"], columns["residual"], tuple(restored), (first, last), row.start,
-        interval,
+        range_from(given["range"]),
     )  # fmt: skip
     return branch.known_as(row.id)
 

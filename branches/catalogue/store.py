@@ -309,7 +309,7 @@ class CatalogueStore(CatalogueFile):
 
     def _problem(self, row: FamilyRow) -> Any:
         if row.response is not None:
-            from branches.catalogue.responses import problem_from
+            from branches.forced.record import problem_from
 
             return problem_from(self.parametric, row.response)
         from branches.sequences import parse_ends, parse_sequence

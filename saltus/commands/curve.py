@@ -240,7 +240,8 @@ def _require_plane(arguments: argparse.Namespace, source: str) -> None:
 
 def _of_family(arguments: argparse.Namespace, source: str, event: str | None, record: Any) -> _Given:
     """The start at an event of a family."""
-    from transitions.response.files import is_response, named_events, read_responses
+    from branches.forced.record import named_events
+    from transitions.response.files import is_response, read_responses
 
     _require_plane(arguments, source)
     if is_response(record):

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from branches.forced.record import named_events
 from branches.forced.tracing import follow_response, point_inside, switch_response
 from branches.reading import RecordError
 from bvp.parameters import ParametricSystem
@@ -18,7 +19,7 @@ from tests.branches.test_forced_parameters import chain
 from tests.branches.test_forced_switching import two_sided
 from transitions.record import extents
 from transitions.response.figure import curves_over, response_figure
-from transitions.response.files import named_events, read_responses, responses_record
+from transitions.response.files import read_responses, responses_record
 from transitions.response.measures import _OrbitMeasures, _state_at, column_names, column_of, measures_along, response_table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, Unbounded, linear_response, settled_orbit

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from branches.curves.files import CHART, SCHEMA, curves_record, curves_table
+from branches.curves.files import CHART, curves_record, curves_table
+from branches.forced.record import SCHEMA
 from branches.tables import Table, plain
 from transitions.chart.chart import Chart
 from transitions.chart.regions import MotionKind, Regions
