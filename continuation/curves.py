@@ -211,10 +211,8 @@ class Monitor(Protocol):
 
     tests: tuple[TestFunction, ...]
 
-    def values(
-        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any] | None:
-        """Their values, and data of the point; None where it is no point of the curve."""
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
+        """Their values, and data of the point."""
         ...
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None: ...
@@ -276,10 +274,7 @@ class Curve:
         if found is None:
             return _failed(y)
         new, at, held, along = found[:4]
-        measured = self.monitor.values(at, new[u:], held, along, found.scale)
-        if measured is None:
-            return _failed(y)
-        values, extra = measured
+        values, extra = self.monitor.values(at, new[u:], held, along, found.scale)
         if ds == 0.0:
             bent = np.zeros(m)
         elif abs(ds) < _SHORT:

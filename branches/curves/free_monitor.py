@@ -150,7 +150,7 @@ class FreeMonitor:
 
     def values(
         self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any] | None:
+    ) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.problem, held.extra
         solution = observed_free(problem, at.y, problem._factor.before.copy())
@@ -226,7 +226,7 @@ class FreeGrazingMonitor:
 
     def values(
         self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any] | None:
+    ) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, grazing, ends = self.problem, self.grazing, self.problem._factor.before.copy()
         flights, shown, shown_ends, bend = problem.flight_times(at.y), np.array(at.y), ends, 1.0

@@ -62,7 +62,7 @@ class GrazingMonitor:
 
     def values(
         self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any] | None:
+    ) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, grazing = self.plane.problem, self.grazing
         y, flights, ends = at.y, problem.flight_times(at.y), problem._factor.before.copy()

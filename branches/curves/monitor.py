@@ -98,7 +98,7 @@ class BifurcationMonitor:
 
     def values(
         self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any] | None:
+    ) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.plane.problem, held.extra
         result = np.full(len(RESULT), math.nan)

@@ -99,6 +99,12 @@ class ParameterPlane:
         """Why the system cannot have the parameters of y."""
         return self.problem.violation(y)
 
+    def of(self, problem: ForcedProblem, y: np.ndarray) -> tuple[ParameterPlane, np.ndarray]:
+        """The surface of the orbits of another problem, with the same released parameters, over the same plane; and an orbit of it in its
+        unknowns."""
+        others = [name for name in problem.released if name not in self.names]
+        return plane_of(problem, y, [*self.names, *others], problem.keep[:-1])
+
     def values(self, y: np.ndarray) -> dict[str, float]:
         """All parameters at y, and of a free orbit the energy and the quarter period."""
         return self.problem.known_values(y)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from branches.curves.grazing import grazing_at, observed
-from branches.curves.plane import plane_of
 from branches.curves.record import BifurcationCurve
 from branches.curves.starting import CurveStart, NoCurve, curve_start
 from branches.forced.primitive import full_period, twice
@@ -69,8 +68,7 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
     period, or without symmetry. There its equations are singular, so it is started beside the point, along the critical direction."""
     problem, plane = curve.plane.problem, curve.plane
     wide, whole = (full_period if problem.half else twice)(problem, y)
-    others = [name for name in problem.released if name not in plane.names]
-    wider, begun = plane_of(wide, whole, [*plane.names, *others], problem.keep[:-1])
+    wider, begun = plane.of(wide, whole)
     start = CurveStart(wider, "SN", None, begun, origin)
     fold = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
     scale, at = wider.scales(begun), wider.linearised(begun)
@@ -112,8 +110,5 @@ def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Cur
         problem, unknowns, grazing = grazing_at(plane.problem, solution)
     except ValueError as error:
         raise NoCurve(str(error)) from error
-    if problem is plane.problem:
-        return CurveStart(plane, "GR", grazing, unknowns, origin)
-    names = [*plane.names, *(name for name in problem.released if name not in plane.names)]
-    made, again = plane_of(problem, unknowns, names, problem.keep[:-1])
+    made, again = (plane, unknowns) if problem is plane.problem else plane.of(problem, unknowns)
     return CurveStart(made, "GR", grazing, again, origin)
