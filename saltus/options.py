@@ -35,6 +35,7 @@ __all__ = [
     "number",
     "parameter_lines",
     "parameters_of",
+    "periods",
     "positive",
     "require_state",
     "scene_of",
@@ -121,6 +122,7 @@ number = ValueType(float, lambda value: not math.isnan(value), "a number")
 finite = ValueType(float, math.isfinite, "a finite number")
 positive = ValueType(float, lambda value: 0.0 < value < math.inf, "a number above 0")
 whole_above_zero = ValueType(int, lambda value: 1 <= value <= MOST, "an integer above 0, up to 1e15")
+periods = ValueType(int, lambda value: 1 <= value <= 10**9, "an integer above 0, up to 1e9")
 energy_range = ValueType(
     lambda text: tuple(float(part) for part in text.split(":")),
     lambda ends: len(ends) == 2 and 0.0 < ends[0] < ends[1] < math.inf,

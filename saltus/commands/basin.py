@@ -50,7 +50,6 @@ _grid = ValueType(
     lambda found: len(found) == 2 and all(2 <= count <= 10**5 for count in found),
     "NXxNY, two integers above 1, such as 200x200",
 )
-_periods = ValueType(int, lambda value: 1 <= value <= 10**9, "an integer above 0, up to 1e9")
 _fixed = ValueType(
     lambda text: (text.partition("=")[0], float(text.partition("=")[2])),
     lambda pair: pair[0] != "" and math.isfinite(pair[1]),
@@ -69,7 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--phase", metavar="X", type=finite, default=0.0, help="phase w t of the starts, in radians (default: 0)")
     parser.add_argument("--grid", metavar="NXxNY", type=_grid, default=(GRID, GRID), help=f"number of starts (default: {GRID}x{GRID})")
-    parser.add_argument("--periods", metavar="N", type=_periods, help="most periods of the load that a start is followed (default: 4000)")
+    parser.add_argument(
+        "--periods", metavar="N", type=options.periods, help="most periods of the load that a start is followed (default: 4000)"
+    )
     parser.add_argument(
         "--from", dest="sources", metavar="RESPONSE", action="append",
         help="name attractors by the branches of this file of saltus continue --in, and take its unstable orbits as saddles; repeatable",

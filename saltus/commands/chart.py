@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--grid", metavar="NXxNY", type=_grid, help="cells in which attractors are simulated (default: 24x16; 0x0: none)")
     parser.add_argument("--curves", metavar="N", type=whole_above_zero, help="most curves (default: 60)")
     parser.add_argument(
-        "--periods", metavar="N", type=whole_above_zero, help="most periods of the loads until a motion has settled (default: 2000)"
+        "--periods", metavar="N", type=options.periods, help="most periods of the loads until a motion has settled (default: 2000)"
     )
     options.add_shared(parser, "workers", "dask")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")

@@ -12,7 +12,7 @@ import pytest
 
 import saltus
 from branches.curves.plane import plane_of
-from branches.curves.starting import CurveStart, curve_start
+from branches.curves.starting import CurveStart
 from bvp.motion import EventKind
 from bvp.simulate import Simulator
 from saltus.processes import open_executor
@@ -218,6 +218,8 @@ def test_default_ranges(branches):
     np.testing.assert_allclose(window, ((0.9, 1.1), (0.03, 0.48)))
     assert words == ["w = 0.9 to 1.1, the range of the branch", "A = 0.03 to 0.48, a factor of 4 around its value 0.12"]
     assert default_window(branches, ("A", "w"))[0] == (window[1], window[0])
+    window, words = default_window(branches, ("w", "e"))  # a restitution of 0.8 is 1 at most
+    assert window[1] == (0.2, 1.0) and words[1] == "e = 0.2 to 1, a factor of 4 around its value 0.8, in its domain"
 
 
 def test_levels_are_even_or_by_ratios(branches):
@@ -245,13 +247,24 @@ def test_a_start_out_of_the_range_is_counted(branches):
     assert (stage.starts, stage.outside, stage.curves) == (2, 1, 1)
 
 
-@pytest.mark.parametrize(("names", "keep"), [(("w",), ()), (("w", "w"), ()), (("w", "A", "c"), ()), (("w", "B"), ())])
-def test_planes_that_cannot_be(branches, names, keep):
-    """Contract."""
-    with pytest.raises((ValueError, KeyError)):
-        plan = ChartPlan(branches, names, WINDOW, keep)
-        event = branches[0].events[0]
-        curve_start(branches[0].problem, branches[0].unknowns[event.point], "GR", plan.names, plan.keep)
+@pytest.mark.parametrize(
+    ("names", "options", "words"),
+    [
+        (("w",), {}, "two parameters"),
+        (("w", "w"), {}, "two parameters"),
+        (("w", "A", "c"), {}, "one more for each equation"),
+        (("w", "B"), {}, "unknown parameter 'B'"),
+        (("w", "A"), {"window": ((0.9, 1.1), (0.2, 0.1))}, "the range of A"),
+        (("w", "A"), {"levels": -1}, "levels is an integer from 0"),
+        (("w", "A"), {"most": 0}, "most is an integer from 1"),
+        (("w", "A"), {"periods": 10**10}, "periods is an integer from 1"),
+        (("w", "A"), {"grid": (0, 5)}, "grid is two integers"),
+    ],
+)
+def test_charts_that_cannot_be(branches, names, options, words):
+    """Contract: refused when the plan is made, before any curve is followed."""
+    with pytest.raises(ValueError, match=words):
+        ChartPlan(branches, names, **{"window": WINDOW, **options})
 
 
 def test_kinds_in_words():

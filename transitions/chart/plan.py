@@ -12,7 +12,7 @@ from branches.curves.monitor import Window
 from branches.curves.starting import CURVES
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from bvp.parameters import ParametricSystem
-from bvp.texts import shown
+from bvp.texts import nearest_known, shown
 from transitions.response.path import ParameterPath
 
 __all__ = ["FACTOR", "GRID", "LEVELS", "MOST_CURVES", "PERIODS", "ChartPlan", "default_window"]
@@ -31,6 +31,9 @@ MOST_CURVES = 60
 
 PERIODS = 2000
 """Most periods of the loads that a motion of a cell is simulated."""
+
+MOST = 10**9
+"""Largest number of periods, levels and curves."""
 
 _LOG = 8.0
 """Ratio of the ends of a range from which on levels and cells are spaced by ratios."""
@@ -66,7 +69,7 @@ class ChartPlan:
     Raises
     ------
     ValueError
-        For parameters that the system cannot have, in one line.
+        For parameters that the system cannot have, and for other numbers than those expected, in one line.
     """
 
     branches: Sequence[ForcedBranch]
@@ -83,9 +86,17 @@ class ChartPlan:
             raise ValueError("a chart starts from one branch at least")
         if len(self.names) != len(self.keep) + 2 or len(set(self.names)) < len(self.names):
             raise ValueError(f"a chart has two parameters and one more for each equation; received {shown(list(self.names))}")
+        for name in self.names:
+            if name not in self.parametric.names:
+                raise ValueError(f"unknown parameter {shown(name)}{nearest_known(name, self.parametric.names)}")
         for name, (low, high) in zip(self.names, self.window, strict=False):
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise ValueError(f"the range of {name} is two finite numbers, LO < HI; received {low:g} to {high:g}")
+        for what, value, least in (("levels", self.levels, 0), ("most", self.most, 1), ("periods", self.periods, 1)):
+            if not _is_whole(value, least):
+                raise ValueError(f"{what} is an integer from {least} to {MOST}; received {shown(value)}")
+        if len(self.grid) != 2 or not (tuple(self.grid) == (0, 0) or all(_is_whole(count, 1) for count in self.grid)):
+            raise ValueError(f"grid is two integers above 0, or (0, 0) for no regions; received {shown(self.grid)}")
         self.path(self.start)
 
     @property
@@ -144,7 +155,7 @@ def default_window(branches: Sequence[ForcedBranch], names: Sequence[str]) -> tu
     """The ranges of two parameters, and in words where each comes from.
 
     The range of a parameter in which a branch was followed is that of the branch; that of another one reaches `FACTOR` times below and
-    above its value.
+    above its value, as far as its domain.
     """
     first = branches[0]
     values = first.problem.parameters(first.unknowns[first.start])
@@ -156,14 +167,19 @@ def default_window(branches: Sequence[ForcedBranch], names: Sequence[str]) -> tu
             low = min(_finite(interval[0], float(points.min())) for interval, points in found)
             high = max(_finite(interval[1], float(points.max())) for interval, points in found)
             words.append(f"{name} = {low:.6g} to {high:.6g}, the range of the branch")
-        elif value == 0.0:
-            low, high = -1.0, 1.0
-            words.append(f"{name} = -1 to 1 around its value 0")
         else:
-            low, high = sorted((value / FACTOR, value * FACTOR))
-            words.append(f"{name} = {low:.6g} to {high:.6g}, a factor of {FACTOR:g} around its value {value:.6g}")
+            wide = (-1.0, 1.0) if value == 0.0 else sorted((value / FACTOR, value * FACTOR))
+            least, largest = first.problem.parametric.domain(name)
+            low, high = max(wide[0], least), min(wide[1], largest)
+            around = " around its value 0" if value == 0.0 else f", a factor of {FACTOR:g} around its value {value:.6g}"
+            cut = "" if (low, high) == tuple(wide) else ", in its domain"
+            words.append(f"{name} = {low:.6g} to {high:.6g}{around}{cut}")
         ranges.append((low, high))
     return (ranges[0], ranges[1]), words
+
+
+def _is_whole(value: object, least: int) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= int(value) <= MOST
 
 
 def _finite(bound: float, instead: float) -> float:
