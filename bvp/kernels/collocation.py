@@ -15,6 +15,7 @@ from numpy import int64
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import set_2
 from bvp.kernels.jets import call_forces
+from bvp.kernels.linear import factorise
 from bvp.kernels.sources import ORDER, begin_column, expand_sources, plus_source_now, source_terms, sources_at
 from bvp.kernels.taylor import DEFECT, ROUNDING
 
@@ -39,34 +40,8 @@ def collocated(flight):
 
 
 @kernel
-def factorise_dense(matrix, pivots):
-    """Replace a square matrix by its triangular factors, with exchanged rows. Returns whether it is regular."""
-    size = matrix.shape[0]
-    for k in range(size):
-        pivot = k
-        for r in range(k + 1, size):
-            if abs(matrix[r, k]) > abs(matrix[pivot, k]):
-                pivot = r
-        pivots[k] = pivot
-        if pivot != k:
-            for c in range(size):
-                x = matrix[k, c]
-                matrix[k, c] = matrix[pivot, c]
-                matrix[pivot, c] = x
-        if not abs(matrix[k, k]) > 0.0:
-            return False
-        for r in range(k + 1, size):
-            factor = matrix[r, k] / matrix[k, k]
-            matrix[r, k] = factor
-            if factor != 0.0:
-                for c in range(k + 1, size):
-                    matrix[r, c] -= factor * matrix[k, c]
-    return True
-
-
-@kernel
 def solve_dense(matrix, pivots, right, count):
-    """Replace the first `count` columns of `right` by solutions, with the factors of `factorise_dense`."""
+    """Replace the first `count` columns of `right` by solutions, with the factors of `factorise`."""
     size = matrix.shape[0]
     for k in range(size):
         pivot = pivots[k]
@@ -177,7 +152,7 @@ def _linearise(flight, h):
                 for i in range(count):
                     stages.matrix[j * n + r, i * n + c] = -by_place * stages.double[j, i] - by_speed * stages.integrals[j, i]
             stages.matrix[j * n + r, j * n + r] += 1.0
-    return factorise_dense(stages.matrix, stages.pivots)
+    return factorise(stages.matrix, stages.pivots) > 0.0
 
 
 @kernel
