@@ -28,14 +28,12 @@ from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import Loads
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import LINEARISED, set_scale
-from bvp.kernels.orbit_multipliers import FOUND, OrbitMap, make_orbit_map, orbit_multipliers
 from bvp.kernels.step import CompiledProblem, Landing, Request
-from bvp.kernels.stroboscopic import make_stroboscopic
 from bvp.multipliers import sort_multipliers
 from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
-from bvp.stroboscopic import loses_directions, stroboscopic_multipliers
+from bvp.stroboscopic import OrbitMultipliers
 from bvp.system import ImpactSystem
 
 if TYPE_CHECKING:
@@ -175,7 +173,6 @@ class ForcedProblem:
         self._watched = Watched(gaps, stops, bounds, plain, joined)
         table.write(system, table.made, gap, push)
         self._modes_at: tuple[float, ...] = ()
-        self._map = make_stroboscopic(self.segment)
         self._factor = make_factor(self.segment)
         self._zero = np.zeros(2 * self.unknowns)
         self._nothing = np.zeros(1)
@@ -507,12 +504,9 @@ class ForcedProblem:
         return speeds
 
     @cached_property
-    def _orbit_map(self) -> OrbitMap | None:
-        """What the compiled multipliers need; None where an impact, or a stop that sticks, takes directions away."""
-        if self.events and loses_directions(self.system, self.events):
-            return None
+    def _orbit_multipliers(self) -> OrbitMultipliers:
         impacts = (self.impacts - 1) % (self.inner + 1) if self.sequence else self.impacts[:0]
-        return make_orbit_map(self.segment, np.array(impacts, np.int64), self._map)
+        return OrbitMultipliers(self.system, self.events, self.segment, impacts)
 
     def multipliers(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
         """The 2 n multipliers of the stroboscopic map of an orbit y, by modulus descending; of half a period those of x -> -x over it.
@@ -522,16 +516,5 @@ class ForcedProblem:
         evaluated: y is the orbit that was evaluated last."""
         if not evaluated:
             self._evaluated(y)
-        size = 2 * self.degrees_of_freedom
-        if self._orbit_map is not None:
-            values = np.empty((2, size))
-            outcome = orbit_multipliers(self._orbit_map, np.array(y, float), self._factor, GRAZING, values)
-            if outcome == FOUND:
-                return sort_multipliers(values[0] + 1j * values[1])
-            return np.full(size, complex(math.nan, math.nan))
-        scale = np.repeat(set_scale(self.segment, np.array(y, float), self._factor)[:2], self.degrees_of_freedom)
-        if self.sequence and np.min(self._approach()[self.impacts - 1]) < GRAZING * np.max(scale[self.degrees_of_freedom :]):
-            return np.full(size, complex(math.nan, math.nan))
-        impacts = self.impacts - 1 if self.sequence else self.impacts[:0]
-        found = stroboscopic_multipliers(self.system, self.events, self.segment, impacts, self._factor, scale, self._map)
-        return np.full(size, complex(math.nan, math.nan)) if found is None else sort_multipliers(found)
+        found = self._orbit_multipliers.values(np.array(y, float), self._factor, GRAZING)
+        return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan)) if found is None else sort_multipliers(found)

@@ -11,18 +11,22 @@ orthonormal bases, so that small multipliers keep their digits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from bvp.kernels.newton import set_scale
+from bvp.kernels.orbit_multipliers import make_orbit_map, orbit_multipliers
 from bvp.kernels.periodic_qr import product_eigenvalues
-from bvp.kernels.stroboscopic import Stroboscopic, saltation_frames
+from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
 
 if TYPE_CHECKING:
     from bvp.contact_sequence import ContactEvent
+    from bvp.kernels.forced import LoadedSegment
+    from bvp.kernels.multipoint import Factor
     from bvp.system import ImpactSystem
 
-__all__ = ["loses_directions", "stroboscopic_multipliers"]
+__all__ = ["OrbitMultipliers"]
 
 
 class _Passage(NamedTuple):
@@ -36,11 +40,8 @@ class _Passage(NamedTuple):
     rank: int
 
 
-def stroboscopic_multipliers(
-    system: ImpactSystem, events: Sequence[ContactEvent], segment: Any, impacts: np.ndarray, factor: Any, scale: np.ndarray,
-    work: Stroboscopic,
-) -> np.ndarray | None:
-    """Multipliers of an orbit whose residual was evaluated last.
+class OrbitMultipliers:
+    """The multipliers of the orbits of a forced problem.
 
     Parameters
     ----------
@@ -48,42 +49,50 @@ def stroboscopic_multipliers(
     events : sequence of ContactEvent
         The nodes of the orbit; () where no stop can stick.
     segment : LoadedSegment
-    impacts : (k,) int
+    impacts : (k,) int64
         The flights that end with an impact.
-    factor : Factor
-        Its flights and their ends are those of the orbit.
-    scale : (2 n,) float
-        Sizes of the states.
-    work : Stroboscopic
-
-    Returns
-    -------
-    (2 n,) complex or None
-        In no order; None where the iteration does not converge.
     """
-    size, nodes = len(scale), len(factor.flights)
-    left, right = np.tile(np.eye(size), (2, nodes, 1, 1))
-    flights = factor.flights[:, :size, :size] * scale / scale[:, None]
-    for i in impacts:
-        saltation_frames(segment, i, factor.before[i], scale, left[i], right[i], work)
-    ranks = [_rank(system, events[(i + 1) % nodes]) if events else size for i in range(nodes)]
-    if min(ranks) < size:
-        held = [_held(system, event) * scale[:, None] for event in events]
-        jumps = [(left[i], right[i]) if i in impacts % nodes else (None, None) for i in range(nodes)]
-        passages = [_Passage(flights[i], held[i], jumps[i][0], jumps[i][1], ranks[i]) for i in range(nodes)]
+
+    def __init__(self, system: ImpactSystem, events: Sequence[ContactEvent], segment: LoadedSegment, impacts: np.ndarray):
+        self._segment, self._impacts, self._size = segment, impacts, 2 * system.degrees_of_freedom
+        self._map = make_orbit_map(segment, impacts, make_stroboscopic(segment))
+        self._ranks = [_rank(system, event) for event in (*events[1:], *events[:1])]
+        self._held = [_held(system, event) for event in events]
+
+    def values(self, y: np.ndarray, factor: Factor, slowest: float) -> np.ndarray | None:
+        """The multipliers, (2 n,) complex, in no order; None where an impact grazes, or the iteration does not converge.
+
+        Parameters
+        ----------
+        y : (u,) float
+            The orbit that was evaluated last.
+        factor : Factor
+            Its flights and their ends.
+        slowest : float
+            The impact speed, over the size of the velocities, below which an impact grazes.
+        """
+        if min(self._ranks, default=self._size) < self._size:
+            return self._deficient(y, factor, slowest)
+        found = np.empty((2, self._size))
+        return found[0] + 1j * found[1] if orbit_multipliers(self._map, y, factor, slowest, found) else None
+
+    def _deficient(self, y: np.ndarray, factor: Factor, slowest: float) -> np.ndarray | None:
+        """Where a stop sticks along the orbit, or an impact leaves no speed."""
+        segment, size, nodes = self._segment, self._size, len(factor.flights)
+        n = size // 2
+        displacement, velocity, _ = set_scale(segment, y, factor)
+        scale = np.repeat([displacement, velocity], n)
+        passages = []
+        for i in range(nodes):
+            flight, held = factor.flights[i, :size, :size] * scale / scale[:, None], self._held[i] * scale[:, None]
+            passages.append(_Passage(flight, held, None, None, self._ranks[i]))
+        for i in self._impacts.tolist():
+            if segment.side[i] * (segment.gap[i, :n] @ factor.before[i, n:size]) < slowest * velocity:
+                return None
+            left, right = np.eye(size), np.eye(size)
+            saltation_frames(segment, i, factor.before[i], scale, left, right, self._map.work)
+            passages[i] = passages[i]._replace(left=left, right=right)
         return _deficient_eigenvalues(passages, float(segment.closing[0]))
-    chain = np.empty((2 * nodes, size, size))
-    chain[::2] = left
-    chain[1::2] = np.roll(flights, -1, axis=0) @ right
-    chain[-1] *= segment.closing[0]
-    inverse, matrix, found = np.tile(np.array([1, 0], np.int64), nodes), np.empty((size, size)), np.empty((2, size))
-    steps = product_eigenvalues(chain, inverse, np.empty((3, 3)), matrix, found)
-    return None if steps < 1 or not np.all(np.isfinite(found)) else found[0] + 1j * found[1]
-
-
-def loses_directions(system: ImpactSystem, events: Sequence[ContactEvent]) -> bool:
-    """Whether a stop sticks along the orbit, or an impact leaves no speed."""
-    return any(_rank(system, event) < 2 * system.degrees_of_freedom for event in events)
 
 
 def _held(system: ImpactSystem, event: ContactEvent) -> np.ndarray:

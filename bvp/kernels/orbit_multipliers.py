@@ -12,9 +12,6 @@ from bvp.kernels.newton import set_scale
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.stroboscopic import Stroboscopic, saltation_frames
 
-FOUND, GRAZES, FAILED = 0, 1, 2
-"""What `orbit_multipliers` returns."""
-
 
 class OrbitMap(NamedTuple):
     """An orbit with k + 1 flights, and scratch."""
@@ -45,7 +42,7 @@ def orbit_multipliers(found, y, factor, slowest, values):
     """values (2, 2 n): real and imaginary parts of the multipliers, in no order, of the orbit y that was evaluated last.
 
     The saltation matrices are right left^-1 (`bvp.kernels.stroboscopic.saltation_frames`). slowest: the impact speed, over the size of the
-    velocities, below which an impact grazes."""
+    velocities, below which an impact grazes. Returns whether they are found: no impact grazes, and the iteration converges."""
     segment, chain, scale, right = found.segment, found.chain, found.scale, found.right
     size = scale.shape[0]
     n = size // 2
@@ -57,7 +54,7 @@ def orbit_multipliers(found, y, factor, slowest, values):
     for j in range(found.impacts.shape[0]):
         i = found.impacts[j]
         if segment.side[i] * inner(segment.gap[i, :n], factor.before[i, n:size]) < slowest * velocity:
-            return GRAZES
+            return False
     for i in range(flights):
         left, flown = chain[2 * i], chain[2 * i + 1]
         after = (i + 1) % flights
@@ -76,8 +73,8 @@ def orbit_multipliers(found, y, factor, slowest, values):
                     total += factor.flights[after, r, e] * scale[e] * right[e, c]
                 flown[r, c] = total / scale[r] * (segment.closing[0] if i == flights - 1 else 1.0)
     if product_eigenvalues(chain, found.inverse, found.corner, found.product, values) < 1:
-        return FAILED
+        return False
     for r in range(size):
         if not math.isfinite(values[0, r]) or not math.isfinite(values[1, r]):
-            return FAILED
-    return FOUND
+            return False
+    return True
