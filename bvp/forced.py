@@ -140,7 +140,7 @@ class ForcedProblem:
 
             forces = released_forces(parametric, self.values, self.released)
         self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2, forces)
-        self._renew = _CALLBACK(self._renewed) if varies or parametric.leaves_unseen(self.released, self._located) else None
+        self._renew = _CALLBACK(self._renewed) if varies or self._leaves_unseen else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
         known = np.array([*(self.values[name] for name in parametric.names), *(0.0 for _ in self.conserved)])
@@ -166,7 +166,7 @@ class ForcedProblem:
         stops = np.array([modes.contact_stop[contact] if contact >= 0 else -1 for contact in self.contacts], dtype=np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
         sizes = table.arrays.pairs.shape[1], 2 * n, len(harmonics), len(system.stops)
-        gaps = np.array([stop.gap for stop in system.stops], dtype=float).reshape(-1, n)
+        gaps = table.stops
         plain, joined = make_extended(*sizes, False), make_extended(*sizes, True)
         if self.is_smooth:  # its rows are on (u, v)
             plain = plain._replace(observed=Observed(np.zeros((len(gaps), 4, 2 * n)), np.zeros((2, len(gaps)))))
