@@ -23,7 +23,7 @@ from transitions.chart.chart import find_chart
 from transitions.chart.curves import CurveSearch
 from transitions.chart.files import chart_record, chart_table
 from transitions.chart.known import KnownCurves
-from transitions.chart.levels import places_between
+from transitions.chart.levels import follow_level, places_between
 from transitions.chart.plan import ChartPlan, default_window
 from transitions.chart.regions import MotionKind
 
@@ -237,6 +237,12 @@ def test_motions_are_simulated_between_the_curves(chart):
     w = np.linspace(*WINDOW[0], 2001)
     grazing = w[np.abs(np.hypot(1.0 - w * w, 0.1 * w) - 0.15) < 3e-4]
     assert grazing[0] < places[0] < grazing[-1]
+
+
+def test_a_motion_without_a_branch_is_noted(plan):
+    """Oracle: ten periods are too few for a damping of 0.1."""
+    branches, (note,) = follow_level(dataclasses.replace(plan, periods=10), 0.155, [])
+    assert branches == [] and note.startswith("the motion from rest at w = 1, A = 0.155: it has not settled yet")
 
 
 def test_a_start_out_of_the_range_is_counted(branches):

@@ -53,7 +53,7 @@ class Chart:
     stages : tuple of Stage
         What each stage of the search has found.
     notes : tuple of str
-        Where no curve was found.
+        Where no curve was found, and no branch on a level.
     regions : Regions or None
         None where none were asked for, or before they were simulated.
     """
@@ -180,8 +180,9 @@ def find_chart(
         done()
         for level in plan.level_values:
             where = f"{plan.names[1]} = {level:.6g}"
-            followed = follow_level(plan, level, search.curves, on_point)
-            named = [(f"of branch {k} at {where}", branch) for k, branch in enumerate(followed.branches, 1)]
+            branches, notes = follow_level(plan, level, search.curves, on_point)
+            search.notes += notes
+            named = [(f"of branch {k} at {where}", branch) for k, branch in enumerate(branches, 1)]
             search.from_events(f"{len(named)} branches at {where}", named)
             done()
         if plan.levels:

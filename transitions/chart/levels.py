@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,13 +12,12 @@ from branches.forced.identity import invariants
 from branches.forced.known import kind_of
 from branches.forced.onwards import Onwards, ResponseStart, follow_onwards, trace_start
 from branches.forced.primitive import primitive_orbit
-from bvp.multipoint import NotConverged
 from transitions.basin.identity import orbits_at
 from transitions.chart.plan import ChartPlan
-from transitions.response.starting import NoOrbit, Periodic, settled_orbit
+from transitions.response.starting import Periodic, settled_orbit
 from transitions.sweep.settle import settle
 
-__all__ = ["LevelResponses", "follow_level", "places_between"]
+__all__ = ["follow_level", "places_between"]
 
 PLACES = 3
 """Values of the first parameter at which motions are simulated on a level."""
@@ -31,16 +29,6 @@ THROUGH = ("LB", "GR", "SB", "PD")
 """Events behind which they are followed."""
 
 _SAME = 1e-6
-
-
-class LevelResponses(NamedTuple):
-    """What was followed on a level. simulated: motions; unused: those that are no periodic orbit that can be followed, or are on a branch
-    that was followed already."""
-
-    value: float
-    branches: list[ForcedBranch]
-    simulated: int
-    unused: int
 
 
 def places_between(curves: Sequence[BifurcationCurve], level: float, interval: tuple[float, float]) -> list[float]:
@@ -57,7 +45,7 @@ def places_between(curves: Sequence[BifurcationCurve], level: float, interval: t
 
 def follow_level(
     plan: ChartPlan, level: float, curves: Sequence[BifurcationCurve], on_point: Callable[[int], object] | None = None
-) -> LevelResponses:
+) -> tuple[list[ForcedBranch], list[str]]:
     """Follow responses along the first parameter on a level of the second one.
 
     Parameters
@@ -68,39 +56,37 @@ def follow_level(
         Motions are simulated between these.
     on_point : callable, optional
         Called with the number of points of a branch.
+
+    Returns
+    -------
+    list of ForcedBranch, list of str
+        And why a simulated motion has no branch, or not all of them.
     """
     branches: list[ForcedBranch] = []
-    interval, unused, simulated = plan.window[0], 0, 0
+    notes: list[str] = []
+    interval = plan.window[0]
     for place in places_between(curves, level, interval):
-        simulated += 1
-        found = _settled(plan, place, level)
-        if found is None or _is_known(branches, found):
-            unused += 1
-            continue
         families = Onwards()
-        start = ResponseStart(found.problem, found.y)
         try:
-            follow_onwards(
-                [start], lambda one: trace_start(one, interval, on_point=on_point), through=THROUGH, most=MOST_BRANCHES, found=families
-            )
-        except (ValueError, RuntimeError, np.linalg.LinAlgError):
-            unused += not families.branches
+            found = _settled(plan, place, level)
+            if not _is_known(branches, found):
+                start = ResponseStart(found.problem, found.y)
+                follow_onwards(
+                    [start], lambda one: trace_start(one, interval, on_point=on_point), through=THROUGH, most=MOST_BRANCHES, found=families
+                )
+        except (ValueError, RuntimeError, np.linalg.LinAlgError) as error:
+            notes.append(f"the motion from rest at {plan.names[0]} = {place:.6g}, {plan.names[1]} = {level:.6g}: {error}")
         branches += families.branches
-    return LevelResponses(level, branches, simulated, unused)
+    return branches, notes
 
 
-def _settled(plan: ChartPlan, place: float, level: float) -> Periodic | None:
-    """The orbit on which the motion from rest settles; None where there is none that can be followed."""
-    try:
-        path = plan.path({**plan.start, plan.names[0]: place, plan.names[1]: level})
-        if path.parametric.violation(path.values) is not None:
-            return None
-        system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
-        found = settled_orbit(path, settle(system, forces, most=plan.periods))
-        problem, y = primitive_orbit(found.problem, found.y)
-        return Periodic(problem, y, found.distance)
-    except (NoOrbit, NotConverged, ValueError):
-        return None
+def _settled(plan: ChartPlan, place: float, level: float) -> Periodic:
+    """The orbit on which the motion from rest settles; a ValueError or a RuntimeError where there is none that can be followed."""
+    path = plan.path({**plan.start, plan.names[0]: place, plan.names[1]: level})
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    found = settled_orbit(path, settle(system, forces, most=plan.periods))
+    problem, y = primitive_orbit(found.problem, found.y)
+    return Periodic(problem, y, found.distance)
 
 
 def _is_known(branches: Sequence[ForcedBranch], found: Periodic) -> bool:
