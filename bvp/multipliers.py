@@ -299,25 +299,15 @@ def nearest_grazing(cycle: Cycle) -> tuple[int, float]:
     return worst, float(sine[worst])
 
 
-_FEW = 16
-"""Numbers that Python sorts faster than numpy."""
-
-
-def _order(value: complex) -> tuple[float, float]:
-    modulus = abs(value)
-    return -round(math.log(modulus), 9) if modulus > 0.0 else math.inf, cmath.phase(value)
-
-
 def sort_multipliers(values: np.ndarray) -> np.ndarray:
-    """By modulus descending, then by angle ascending from -pi; moduli equal to 1e-9 count as equal."""
-    values = np.asarray(values, dtype=complex)
-    if len(values) <= _FEW:
-        found = values.tolist()
-        if all(map(cmath.isfinite, found)):
-            return np.array(sorted(found, key=_order), dtype=complex)
-    with np.errstate(divide="ignore"):
-        modulus = np.round(np.log(np.abs(values)), 9)
-    return values[np.lexsort((np.angle(values), -modulus))]
+    """By modulus descending, then by angle ascending from -pi; moduli equal to 1e-9 count as equal. NaN are last."""
+    # For a few numbers Python takes half the time of numpy.
+    return np.array(sorted(np.asarray(values, dtype=complex).tolist(), key=_order), dtype=complex)
+
+
+def _order(value: complex) -> tuple[bool, float, float]:
+    modulus = math.hypot(value.real, value.imag)  # abs raises an error where it overflows
+    return cmath.isnan(value), -round(math.log(modulus), 9) if modulus > 0.0 else math.inf, cmath.phase(value)
 
 
 def pairs_of(values: np.ndarray) -> list[tuple[complex, complex]]:

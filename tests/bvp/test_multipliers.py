@@ -319,5 +319,7 @@ def test_grazing_is_said_and_gives_no_numbers():
 
 
 def test_order_of_multipliers():
-    values = np.array([0.5, 1j, 2.0, -1j, -1.0])
-    assert list(sort_multipliers(values)) == [2.0, -1j, 1j, -1.0, 0.5]
+    """Oracle: the order by hand. The largest modulus overflows."""
+    values = np.array([np.nan, 0.0, 0.5, 1j, 2.0, -1j, -1.0, 1.5e308 * (1 + 1j)])
+    found = sort_multipliers(values)
+    assert found[:-1].tolist() == [values[-1], 2.0, -1j, 1j, -1.0, 0.5, 0.0] and np.isnan(found[-1])
