@@ -25,7 +25,7 @@ from bvp.kernels.normal_form import StateEquations, cubic_coefficient, set_equat
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["NORMAL_FORMS", "CriticalOrbit", "Criticality", "NormalForms", "criticality", "normal_form"]
+__all__ = ["NORMAL_FORMS", "CriticalOrbit", "Criticality", "NormalForms", "criticality"]
 
 NORMAL_FORMS = ("SN", "PD", "SB", "NS")
 """Bifurcations with a coefficient."""
@@ -94,11 +94,6 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
         return Criticality(coefficient, error, None)
     stable = coefficient < 0.0 if code == "NS" else coefficient > 0.0
     return Criticality(coefficient, error, "degenerate" if not abs(coefficient) > error else "supercritical" if stable else "subcritical")
-
-
-def normal_form(problem: ForcedProblem, y: np.ndarray, code: str, multiplier: complex) -> tuple[float, float]:
-    """The coefficient that `criticality` gives, and its error, of an orbit whose critical multiplier is known."""
-    return _NormalForm(problem, np.asarray(y, dtype=float)).coefficient(code, complex(multiplier))
 
 
 def _angle(problem: ForcedProblem, y: np.ndarray) -> float:

@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 import saltus
 from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import follow_response, switch_response
-from bvp.criticality import criticality, normal_form
-from bvp.curvature import second, third
+from bvp.criticality import CriticalOrbit, NormalForms, criticality
+from bvp.curvature import second_along, third
 from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
 from tests.branches.test_absorber import located
@@ -67,8 +67,9 @@ def along(function, place, directions, step):
     return (ahead - back) / (2 * step)
 
 
-def many_digit_coefficients(problem, y, w, r, n, s, multiplier):
-    """a or c by Kuznetsov's formulas for the map, in the units of the problem."""
+def many_digit_coefficient(problem, y, w, r, n, s, multiplier):
+    """a or c by Kuznetsov's formulas for the map, in the units of the problem. At a fold (1) the located orbit stands: Newton's method
+    does not converge."""
     with mp.workdps(80):
         function, period = impact_map(w, r, n, s)
         step = mp.mpf(10) ** -16
@@ -79,7 +80,7 @@ def many_digit_coefficients(problem, y, w, r, n, s, multiplier):
             columns = [along(function, at, [axis], step) for axis in axes]
             return mp.matrix([[columns[0][0], columns[1][0]], [columns[0][1], columns[1][1]]])
 
-        for _ in range(4):
+        for _ in range(4 if multiplier != 1 else 0):
             place -= mp.lu_solve(slope(place) - mp.eye(2), function(place) - place)
         matrix = slope(place)
         shifted = matrix - multiplier * mp.eye(2)
@@ -116,7 +117,7 @@ def test_period_doubling_of_the_map_in_many_digits(w, r, n, low, high):
         assert s == pytest.approx(-0.0685756522788391, abs=1e-14)
     problem, y = closed_form(w, r, n, s)
     found = criticality(problem, y, "PD")
-    assert found.coefficient == pytest.approx(many_digit_coefficients(problem, y, w, r, n, s, -1), rel=1e-9)
+    assert found.coefficient == pytest.approx(many_digit_coefficient(problem, y, w, r, n, s, -1), rel=1e-9)
     assert found.error < 1e-7 * abs(found.coefficient)
     assert found.kind == ("supercritical" if found.coefficient > 0.0 else "subcritical")
 
@@ -130,23 +131,8 @@ def test_a_fold_of_the_map_in_many_digits():
     assert event.values["s"] == pytest.approx(s, abs=1e-12)
     y = branch.unknowns[event.point]
     found = criticality(branch.problem, y, "SN")
-    twin = fold_coefficient(branch.problem, y, w, r, n)
+    twin = many_digit_coefficient(branch.problem, y, w, r, n, float(y[0]), 1)
     assert found.coefficient == pytest.approx(twin, rel=1e-6) and found.kind is None
-
-
-def fold_coefficient(problem, y, w, r, n):
-    """At a fold Newton's method for the orbit does not converge: the located one stands."""
-    with mp.workdps(80):
-        function, period = impact_map(w, r, n, float(y[0]))
-        step = mp.mpf(10) ** -16
-        place = mp.matrix([mp.mpf(float(y[1])), mp.mpf(float(y[2])) * period])
-        columns = [along(function, place, [axis], step) for axis in (mp.matrix([1, 0]), mp.matrix([0, 1]))]
-        shifted = mp.matrix([[columns[0][0] - 1, columns[1][0]], [columns[0][1], columns[1][1] - 1]])
-        q, p = mp.matrix([-shifted[0, 1], shifted[0, 0]]), mp.matrix([[-shifted[1, 0], shifted[0, 0]]])
-        unit = [mp.mpf(float(problem.segment.scale[1])), period]
-        scaled = mp.matrix([q[0] / unit[0], q[1] / unit[1]])
-        q *= mp.sign(max(scaled, key=abs)) / mp.norm(scaled)
-        return float((p * along(function, place, [q, q], step))[0] / 2 / (p * q)[0])
 
 
 def outside(problem, y):
@@ -217,6 +203,16 @@ def plain_equations(problem, y):
     return (problem.jacobian(y)[np.ix_(rows, columns)] + last) * scale, last * scale, rows, columns, scale
 
 
+def compiled_cubic(problem, y, multiplier, pair):
+    """The coefficient of PD or NS and its error, compiled, from null vectors of any length."""
+    first, last, rows, columns, scale = plain_equations(problem, y)
+    left, _, right = np.linalg.svd(first - multiplier * last)
+    q, p = np.zeros(problem.unknowns, dtype=complex), np.zeros(problem.unknowns - 1, dtype=complex)
+    q[columns], p[rows] = scale * right[-1].conj(), left[:, -1].conj()
+    orbit = CriticalOrbit(y, problem.jacobian(y), problem.scales(y), q, p, second_along(problem, y, q))
+    return NormalForms(problem).cubic(orbit, "NS" if pair else "PD", multiplier)
+
+
 def plain_cubic(problem, y, multiplier, pair):
     """The coefficient of PD or NS from singular vectors, LAPACK's solutions, and derivatives of third order in infinitesimals."""
     first, last, rows, columns, scale = plain_equations(problem, y)
@@ -234,7 +230,7 @@ def plain_cubic(problem, y, multiplier, pair):
         return found
 
     def bent(a, b):
-        return second(problem, y, whole(a), whole(b))[rows]
+        return problem.second_derivative(y, whole(a), whole(b))[rows]
 
     def solved(value, right_side):
         return np.linalg.solve(first - value * last, -right_side)
@@ -261,7 +257,7 @@ def test_the_compiled_coefficient_is_that_of_plain_algebra(case):
     assume(len(values) > 0)
     for value in values[values.imag >= 0.0]:
         pair = value.imag > 0.0
-        found, error = normal_form(problem, y, "NS" if pair else "PD", complex(value))
+        found, error = compiled_cubic(problem, y, value if pair else value.real, pair)
         assume(error < 1e-5 * abs(found))
         assert found == pytest.approx(plain_cubic(problem, y, value if pair else value.real, pair), rel=1e-11, abs=error)
 
