@@ -23,7 +23,7 @@ from bvp.programs import scratch_size
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["Curvature", "second", "second_along", "third"]
+__all__ = ["Curvature", "second_along", "third"]
 
 _SECOND, _THIRD = 1e-3, 5e-3
 """Largest steps of the differences of problems without exact derivatives, in units of the sizes of the unknowns."""
@@ -43,11 +43,6 @@ def second_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.nda
     Exact to rounding. With smooth forces, and where chatter is summed, it is from differences of the Jacobian (`differences_along`).
     """
     return problem.curvature.second_along(y, a)
-
-
-def second(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """F''(y)[a, b], (u - 1,); see `second_along`."""
-    return problem.curvature.second(y, a, b)
 
 
 def third(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
@@ -71,11 +66,6 @@ class Curvature:
             return differences_along(self.problem, y, a)
         found = np.empty((self.problem.unknowns - 1, self.problem.unknowns))
         fill_second(self.bending, np.array(y, dtype=float), np.array(a, dtype=float), found)
-        return found
-
-    def second(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """See the function of this name."""
-        found: np.ndarray = self.second_along(y, a) @ b
         return found
 
     def third(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -407,8 +407,9 @@ class ForcedProblem:
         return np.split(np.arange((self.inner + 1) * (self.size + 1)), self.inner + 1)
 
     def second_derivative(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """F''(y)[a, b], (u - 1,): see `bvp.curvature`."""
-        return self.curvature.second(y, a, b)
+        """F''(y)[a, b], (u - 1,): see `bvp.curvature.second_along`."""
+        found: np.ndarray = self.curvature.second_along(y, a) @ b
+        return found
 
     @cached_property
     def curvature(self) -> Curvature:

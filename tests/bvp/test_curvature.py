@@ -12,7 +12,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.curvature import differences_along, second, second_along, third, third_differences
+from bvp.curvature import differences_along, second_along, third, third_differences
 from bvp.expansion import expanded
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -112,7 +112,7 @@ def test_derivatives_are_differences_of_the_jacobian(case):
     assert along @ b == pytest.approx(there @ b, abs=1e-9 * level)
     assert along @ c == pytest.approx(found[5], abs=1e-12 * level)
     assert along @ b == pytest.approx(second_along(problem, y, b) @ a, abs=1e-12 * level)
-    assert second(problem, y, a, b) == pytest.approx(along @ b, abs=1e-12 * level)
+    assert problem.second_derivative(y, a, b) == pytest.approx(along @ b, abs=1e-12 * level)
     cubic = third_differences(problem, y, a, b, c)
     assert third(problem, y, a, b, c) == pytest.approx(cubic, abs=1e-7 * (level + np.abs(cubic).max()))
 
@@ -279,7 +279,7 @@ def test_derivatives_are_those_of_a_residual_in_many_digits(kind):
     rng = np.random.default_rng(len(kind))
     problem, y = problem_of(1 if kind == "free" else 2, kind, 1, ["b", "c"], rng)
     a, b, c = rng.normal(size=(3, problem.unknowns))
-    exact = {2: second(problem, y, a, b), 3: third(problem, y, a, b, c)}
+    exact = {2: problem.second_derivative(y, a, b), 3: third(problem, y, a, b, c)}
     with mp.workdps(70):
         step = mp.mpf(10) ** -15
 
@@ -330,6 +330,6 @@ def test_summed_chatter_is_differentiated_by_differences():
     speeds, fractions = [-0.4362, -0.2751, -0.1120, 0.0, 0.0], [0.7654, 0.9270, 0.9830, 1.0199, 1.2180]
     y = problem.solve(problem.pack([[0.2, v] for v in speeds], fractions, [0.4])).y
     a, b, c = directions(problem, 3, np.random.default_rng(1))
-    bend, cubic = second(problem, y, a, b), third(problem, y, a, b, c)
-    assert second(problem, y, b, a) == pytest.approx(bend, abs=1e-9 * np.abs(bend).max()) and np.abs(bend).max() > 1.0
+    bend, cubic = problem.second_derivative(y, a, b), third(problem, y, a, b, c)
+    assert problem.second_derivative(y, b, a) == pytest.approx(bend, abs=1e-9 * np.abs(bend).max()) and np.abs(bend).max() > 1.0
     assert third(problem, y, c, b, a) == pytest.approx(cubic, abs=1e-7 * np.abs(cubic).max())
