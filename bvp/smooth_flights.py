@@ -5,7 +5,7 @@ These are the arrays that the kernels take; states along the flights, and their 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from bvp.kernels.flight import Flight, sample_flights
 from bvp.kernels.taylor import Paths, SmoothFlight, fly_smooth, make_smooth_flight
 
 if TYPE_CHECKING:
-    from bvp.forced import ForcedProblem
     from bvp.system import ImpactSystem
 
 __all__ = ["flight_of", "loaded_steps", "modal_energies", "sample_path", "smooth_flight", "smooth_steps", "why_not_flown"]
@@ -78,7 +77,15 @@ def smooth_steps(flight: Any, state: np.ndarray, duration: float) -> tuple[np.nd
     return _kept_steps(flight.paths, 0)
 
 
-def loaded_steps(problem: ForcedProblem, node: np.ndarray, duration: float, flight: int) -> tuple[np.ndarray, np.ndarray]:
+class _Flights(Protocol):
+    """What is needed of a forced problem (`bvp.forced.ForcedProblem`)."""
+
+    segment: Any
+
+    def fly(self, node: np.ndarray, time: float, flight: int = 0) -> Any: ...
+
+
+def loaded_steps(problem: _Flights, node: np.ndarray, duration: float, flight: int) -> tuple[np.ndarray, np.ndarray]:
     """The same of a flight of a forced orbit with smooth forces, from one of its nodes (N,).
 
     Raises
