@@ -16,7 +16,10 @@ from bvp.closures import EndsError, contact_of
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["CLOSES", "OPENS", "ContactEvent", "joined_sequence", "parse_contact_sequence", "pulled_open", "require_pressing"]
+__all__ = [
+    "CLOSES", "OPENS", "ContactEvent", "joined_sequence", "parse_contact_sequence", "pulled_open", "require_bounces", "require_half",
+    "require_pressing",
+]  # fmt: skip
 
 CLOSES, OPENS = "=", ":"
 """Ends of the symbols of an impact after which the stop sticks, and of its release."""
@@ -140,6 +143,49 @@ def require_pressing(system: ImpactSystem, events: Sequence[ContactEvent]) -> No
         if pulled is not None:
             letter = system.modes.contact_letters[pulled]
             raise EndsError(f"the impact {event.symbol} pulls stop {letter} open, which sticks; expected {letter}{OPENS} before it")
+
+
+def require_bounces(system: ImpactSystem, events: Sequence[ContactEvent], loaded: bool, varying: Collection[int]) -> None:
+    """Refuse stops that stick after impacts without loss, and plastic impacts that do not stay so.
+
+    Parameters
+    ----------
+    system : ImpactSystem
+    events : sequence of ContactEvent
+    loaded : bool
+        There is a harmonic load.
+    varying : collection of int
+        The stops whose restitution depends on released parameters.
+
+    Raises
+    ------
+    EndsError
+    """
+    for event in events:
+        stop = int(system.modes.contact_stop[event.contact])
+        restitution = system.stops[stop].restitution
+        if event.sticks and restitution == 1.0:
+            raise EndsError(f"{event.symbol}: a stop with restitution 1 does not stick; expected one below 1")
+        if event.sticks and restitution > 0.0 and not loaded:
+            raise EndsError(f"{event.symbol}: bounces that end in sticking need a harmonic load; expected one, or restitution 0")
+        if event.sticks and not restitution and stop in varying:
+            raise EndsError(f"{event.symbol}: the restitution of a plastic impact cannot vary; expected another parameter")
+
+
+def require_half(system: ImpactSystem, harmonics: Sequence[float], constant: bool, load_periods: int) -> None:
+    """Refuse the half of a period where an orbit cannot have its symmetry. harmonics: of the loads; constant: there is a constant load.
+
+    Raises
+    ------
+    EndsError
+    """
+    if not system.has_odd_symmetry:
+        raise EndsError("a half period needs odd symmetry: two-sided stops with equal gaps, odd forces of springs and dampers")
+    even = [k for k in harmonics if k % 2 == 0]
+    if even or constant:
+        raise EndsError(f"a half period needs odd loads; received {f'the harmonic {even[0]}' if even else 'a constant load'}")
+    if load_periods % 2 == 0:
+        raise EndsError(f"a half period needs an odd number of periods of the load; received {load_periods}")
 
 
 def joined_sequence(symbols: Sequence[str]) -> str:

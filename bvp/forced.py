@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from bvp.blocks import Matrices
 from bvp.checks import require_system
 from bvp.closures import EndsError
-from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_pressing
+from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_bounces, require_half, require_pressing
 from bvp.forced_metric import forced_metric
 from bvp.forced_modes import ModeTable
 from bvp.kernels.extrema import Observed
@@ -111,7 +111,8 @@ class ForcedProblem:
         self.modes = modes = system.modes
         self.events = events = self._events()
         self.sequence = tuple(event.symbol for event in events) or self.sequence
-        self._refuse_bounces(found.rows)
+        first = layout.restitution.start
+        require_bounces(system, events, self.has_clock, [row - first for row in found.rows.tolist()])
         self.contacts = np.array(self._contacts([event.contact for event in events]))
         self.inner = len(self.contacts) - 2
         closed, quarters, *kinds = self._closure()
@@ -189,7 +190,8 @@ class ForcedProblem:
             missing = "damping, restitution below 1 or a harmonic load" if self.sequence else "an impact"
             raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
         if self.half:
-            self._refuse_half(self.load_periods)
+            constant = np.any(self.parametric.entries(self.values)[self.parametric.layout.constant])
+            require_half(self.system, self.parametric.layout.harmonics, bool(constant), self.load_periods)
 
     def _events(self) -> tuple[ContactEvent, ...]:
         """The events of the sequence; () where no stop can stick."""
@@ -280,30 +282,6 @@ class ForcedProblem:
         """Let steps go beyond the domains of these released parameters, by default of the first one: test functions locate their ends."""
         self._located = tuple(names)
         self.__dict__.pop("_leaves_unseen", None)
-
-    def _refuse_bounces(self, released: np.ndarray) -> None:
-        """Refuse stops that stick after impacts without loss, and plastic impacts that do not stay so. released: the entries that vary."""
-        for event in self.events:
-            stop = int(self.modes.contact_stop[event.contact])
-            restitution = self.system.stops[stop].restitution
-            if event.sticks and restitution == 1.0:
-                raise EndsError(f"{event.symbol}: a stop with restitution 1 does not stick; expected one below 1")
-            if event.sticks and restitution > 0.0 and not self.has_clock:
-                raise EndsError(f"{event.symbol}: bounces that end in sticking need a harmonic load; expected one, or restitution 0")
-            if event.sticks and not restitution and self.parametric.layout.restitution.start + stop in released.tolist():
-                raise EndsError(f"{event.symbol}: the restitution of a plastic impact cannot vary; expected another parameter")
-
-    def _refuse_half(self, load_periods: int) -> None:
-        """Refuse the half-period closure where an orbit cannot have its symmetry."""
-        layout = self.parametric.layout
-        if not self.system.has_odd_symmetry:
-            raise EndsError("a half period needs odd symmetry: two-sided stops with equal gaps, odd forces of springs and dampers")
-        even = [k for k in layout.harmonics if k % 2 == 0]
-        constant = np.any(self.parametric.entries(self.values)[layout.constant])
-        if even or constant:
-            raise EndsError(f"a half period needs odd loads; received {f'the harmonic {even[0]}' if even else 'a constant load'}")
-        if load_periods % 2 == 0:
-            raise EndsError(f"a half period needs an odd number of periods of the load; received {load_periods}")
 
     def _metric(self) -> np.ndarray:
         """What a unit of arclength is for each entry of the first node, (N,): see `forced_metric`."""
