@@ -19,8 +19,8 @@ from saltus.terminal import ProgressBar, table_lines, terminal_width
 if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch
     from saltus.scene import Scene
-    from transitions.basin.basin import BasinPlan
     from transitions.basin.grid import StartGrid
+    from transitions.basin.plan import BasinPlan
     from transitions.basin.record import Attractor, Basin
     from transitions.response.path import ParameterPath
 
@@ -88,6 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     plan = _plan(arguments, scene)
 
     from transitions.basin.basin import find_basin
+    from transitions.basin.record import SIMULATION_ENDED
 
     if arguments.model:
         from saltus.scene.model import explain_motion
@@ -112,7 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     done = total - sum(basin.undecided.values()) if interrupted else total
     files.report([f"speed    {done} starts in {seconds:.1f} s, {done / max(seconds, 1e-9):.0f} a second"])
     code = _write(files, basin, scene)
-    failed = any(reason.startswith("the simulation ended") for reason in basin.undecided)
+    failed = any(reason.startswith(SIMULATION_ENDED) for reason in basin.undecided)
     return INTERRUPTED if interrupted else max(code, FAILED if failed else DONE)
 
 
@@ -147,8 +148,8 @@ def _check_coordinates(arguments: argparse.Namespace, scene: Scene) -> None:
 def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
     """The basin that is asked for; BadInput if the scene cannot have it."""
     from bvp.parameters import ParametricSystem
-    from transitions.basin.basin import PERIODS, BasinPlan, path_of
     from transitions.basin.grid import BasinAxis, StartGrid, default_axes, default_range
+    from transitions.basin.plan import PERIODS, BasinPlan, path_of
     from transitions.sweep.forced import harmonics_of
 
     try:
@@ -173,13 +174,14 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
     if not grid.possible(scene.system).any():
         raise BadInput(f"every start over {x} and {y} is beyond a stop; expected another range, or another --fix")
     branches = _branches(arguments.sources, path) if arguments.sources else ()
-    return BasinPlan(path, grid, arguments.periods or PERIODS, branches)
+    plan = BasinPlan(path, grid, arguments.periods or PERIODS, branches)
+    _check_orbits(plan, arguments.sources)
+    return plan
 
 
 def _branches(sources: Sequence[str], path: ParameterPath) -> list[ForcedBranch]:
     """The branches of files of responses of the same system and parameters."""
     from branches.tables import plain
-    from transitions.basin.identity import orbits_at
 
     branches, source = responses.read(sources), " and ".join(sources)
     first, wanted = branches[0].problem, path.parametric
@@ -189,17 +191,23 @@ def _branches(sources: Sequence[str], path: ParameterPath) -> list[ForcedBranch]
     same = given.names == wanted.names and plain(given.replaced(wanted.values).describe()) == plain(wanted.describe())
     if not same:
         raise BadInput(f"--from {source} has another system than the scene; expected the responses of the scene")
+    return branches
+
+
+def _check_orbits(plan: BasinPlan, sources: Sequence[str] | None) -> None:
+    """Refuse responses without an orbit at the parameters of the basin."""
+    source = " and ".join(sources or ())
     try:
-        orbits = orbits_at(branches, dict(path.values))
+        found = plan.orbits
     except ValueError as error:
         raise BadInput(f"--from {source}: {one_line(error)}") from error
-    if not orbits:
-        name = branches[0].name
-        low, high = min(branch.parameter.min() for branch in branches), max(branch.parameter.max() for branch in branches)
+    if plan.branches and not found:
+        name = plan.branches[0].name
+        low = min(branch.parameter.min() for branch in plan.branches)
+        high = max(branch.parameter.max() for branch in plan.branches)
         raise BadInput(
-            f"--from {source} has no orbit at {name} = {path.values[name]:.10g}; its branches have {name} = {low:.6g} to {high:.6g}"
+            f"--from {source} has no orbit at {name} = {plan.path.values[name]:.10g}; its branches have {name} = {low:.6g} to {high:.6g}"
         )
-    return branches
 
 
 def _head(grid: StartGrid) -> list[str]:

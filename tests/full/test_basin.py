@@ -7,10 +7,11 @@ import pytest
 
 from bvp.simulate import Simulator
 from saltus import load_scene
-from transitions.basin.basin import BasinPlan, find_basin, path_of
+from transitions.basin.basin import find_basin
 from transitions.basin.following import StartFollower
 from transitions.basin.grid import BasinAxis, StartGrid
 from transitions.basin.identity import same_states
+from transitions.basin.plan import BasinPlan, path_of
 from transitions.sweep.settle import settle
 
 

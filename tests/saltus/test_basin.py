@@ -83,7 +83,7 @@ def test_what_is_undecided_is_counted(folder, capsys):
 
 def test_an_interrupt_writes_what_is_done(folder, capsys, monkeypatch):
     """Oracle: exit code 130, and a file with starts of both kinds."""
-    monkeypatch.setattr("transitions.basin.basin.BLOCK", 20)
+    monkeypatch.setattr("transitions.basin.rounds.BLOCK", 20)
     updates = []
 
     def update(self, count, more=""):

@@ -16,13 +16,14 @@ from bvp.parameters import ParametricSystem
 from bvp.simulate import Simulator
 from bvp.system import ImpactSystem, Stop
 from saltus import load_scene
-from transitions.basin import basin as module
-from transitions.basin.basin import BasinPlan, find_basin, path_of
+from transitions.basin import rounds
+from transitions.basin.basin import find_basin
 from transitions.basin.figure import basin_figure
 from transitions.basin.following import CAUGHT, StartFollower
 from transitions.basin.grid import BasinAxis, StartGrid, default_range
 from transitions.basin.identity import same_states
 from transitions.basin.neighbourhood import neighbourhoods
+from transitions.basin.plan import BasinPlan, path_of
 from transitions.basin.record import IMPOSSIBLE, UNDECIDED, AttractorKind, basin_record, basin_table
 from transitions.sweep.settle import settle
 
@@ -130,7 +131,7 @@ def test_a_neighbourhood_catches_what_comes_closer_and_nothing_else(bistable):
 def test_processes_and_blocks_change_nothing(bistable, monkeypatch):
     """Oracle: the same basin in one piece."""
     _, plan, basin = bistable
-    monkeypatch.setattr(module, "BLOCK", 37)
+    monkeypatch.setattr(rounds, "BLOCK", 37)
     counts = []
     with ThreadPoolExecutor(1) as pool:
         other, _ = find_basin(plan, pool, counts.append, saddles=False)
@@ -208,7 +209,7 @@ def test_what_nothing_attracts_is_undecided():
 
 def test_an_interrupt_keeps_what_is_done(bistable, monkeypatch):
     _, plan, basin = bistable
-    monkeypatch.setattr(module, "BLOCK", 50)
+    monkeypatch.setattr(rounds, "BLOCK", 50)
 
     def interrupt(count):
         raise KeyboardInterrupt

@@ -108,7 +108,7 @@ class KnownAttractors:
     def on_cloud(self, state: np.ndarray, sticking: int) -> int:
         """The number of the torus or chaos that the motion from a state at phase 0 is on, or -1."""
         clouds = self.clouds()
-        found = on_clouds(self.follower, [cloud for _, cloud in clouds], state[None], np.array([sticking], dtype=np.int64))
+        found = on_clouds(self.follower, state[None], np.array([sticking], dtype=np.int64), [cloud for _, cloud in clouds])
         return clouds[found[0]][0] if found[0] >= 0 else UNDECIDED
 
     def unbounded(self) -> int:

@@ -68,7 +68,7 @@ def cloud_of(follower: StartFollower, state: np.ndarray, sticking: int) -> Cloud
     return Cloud(states, scale, float(np.median(inner)), float(inner.max()))
 
 
-def on_clouds(follower: StartFollower, clouds: Sequence[Cloud], states: np.ndarray, sticking: np.ndarray) -> np.ndarray:
+def on_clouds(follower: StartFollower, states: np.ndarray, sticking: np.ndarray, clouds: Sequence[Cloud]) -> np.ndarray:
     """The index of the cloud that motions from states (B, 2n) at phase 0 are on, or -1, (B,)."""
     found = np.full(len(states), -1)
     if clouds and len(states):

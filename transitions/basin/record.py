@@ -17,10 +17,13 @@ if TYPE_CHECKING:
     from branches.tables import Table
     from bvp.forced import ForcedProblem
 
-__all__ = ["IMPOSSIBLE", "UNDECIDED", "Attractor", "AttractorKind", "Basin", "Saddle", "basin_record", "basin_table"]
+__all__ = ["IMPOSSIBLE", "SIMULATION_ENDED", "UNDECIDED", "Attractor", "AttractorKind", "Basin", "Saddle", "basin_record", "basin_table"]
 
 UNDECIDED, IMPOSSIBLE = -1, -2
 """In place of the number of an attractor: the start was not assigned; it is beyond a stop."""
+
+SIMULATION_ENDED = "the simulation ended"
+"""Beginning of the reason of a start that could not be followed on."""
 
 
 class AttractorKind(Enum):

@@ -16,15 +16,15 @@ import numpy as np
 
 from bvp.motion import MotionStatus
 from transitions.basin.following import CAUGHT, StartFollower
-from transitions.basin.identity import full_multipliers, is_unstable, mirrored_orbit, orbits_at, saddle_of, same_states, strobe_states
+from transitions.basin.identity import full_multipliers, is_unstable, mirrored_orbit, saddle_of, same_states, strobe_states
 from transitions.response.starting import NoOrbit, settled_orbit
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord
 from transitions.sweep.returns import distance_scale
 from transitions.sweep.settle import Settled, SettledKind
 
 if TYPE_CHECKING:
-    from transitions.basin.basin import BasinPlan
     from transitions.basin.following import Known
+    from transitions.basin.plan import BasinPlan
     from transitions.basin.record import Basin, Saddle
 
 __all__ = ["saddles_between", "saddles_of"]
@@ -60,15 +60,12 @@ BUDGET = 100_000
 """Periods that are followed in all."""
 
 
-def saddles_of(plan: BasinPlan, basin: Basin) -> list[Saddle]:
+def saddles_of(plan: BasinPlan) -> list[Saddle]:
     """The unstable orbits of followed families at the parameters of a basin, with their mirror images."""
     found: list[Saddle] = []
-    for orbit in orbits_at(plan.branches, dict(plan.path.values)):
+    for orbit in plan.orbits:
         if is_unstable(orbit.multipliers):
-            _add(found, saddle_of(orbit.problem, orbit.unknowns, basin.grid.phase, orbit.id, orbit.number))
-            image = mirrored_orbit(orbit.problem, orbit.unknowns)
-            if image is not None:
-                _add(found, saddle_of(*image, basin.grid.phase, orbit.id, orbit.number))
+            _add(found, saddle_of(orbit.problem, orbit.unknowns, plan.grid.phase, orbit.id, orbit.number), plan.grid.phase)
     return found
 
 
@@ -81,19 +78,18 @@ def saddles_between(plan: BasinPlan, basin: Basin, known: tuple[Known, np.ndarra
             return found, False
         pair = np.stack([basin.grid.states[one], basin.grid.states[other]])
         begun = follower.follow(pair, 0, phase=basin.grid.phase)
-        saddle = _tracked(plan, basin, begun.states if basin.grid.phase else pair, begun.sticking, sides)
+        saddle = _tracked(plan, begun.states, begun.sticking, sides)
         if saddle is not None:
-            _add(found, saddle)
-            image = mirrored_orbit(saddle.problem, saddle.unknowns)
-            if image is not None:
-                _add(found, saddle_of(*image, basin.grid.phase))
+            _add(found, saddle, basin.grid.phase)
     return found, True
 
 
-def _add(found: list[Saddle], saddle: Saddle) -> None:
-    """Add a saddle that is not known."""
-    if not any(same_states(one.states, saddle.states) for one in found):
-        found.append(saddle)
+def _add(found: list[Saddle], saddle: Saddle, phase: float) -> None:
+    """Add a saddle and its mirror image, those of them that are not known."""
+    image = mirrored_orbit(saddle.problem, saddle.unknowns)
+    for one in (saddle, saddle_of(*image, phase, saddle.family, saddle.branch)) if image is not None else (saddle,):
+        if not any(same_states(other.states, one.states) for other in found):
+            found.append(one)
 
 
 def _edges(basin: Basin) -> Iterator[tuple[int, int]]:
@@ -129,7 +125,7 @@ class _Sides:
         return int(self.owners[caught.row[0]]) if caught.outcome[0] == CAUGHT else -1
 
 
-def _tracked(plan: BasinPlan, basin: Basin, pair: np.ndarray, sticking: np.ndarray, side: _Sides) -> Saddle | None:
+def _tracked(plan: BasinPlan, pair: np.ndarray, sticking: np.ndarray, side: _Sides) -> Saddle | None:
     """The saddle to which a pair (2, 2n) of states at phase 0 on both sides of a boundary leads; None where none is found."""
     follower = side.follower
     if np.any(sticking):
@@ -151,7 +147,7 @@ def _tracked(plan: BasinPlan, basin: Basin, pair: np.ndarray, sticking: np.ndarr
         size = float(np.linalg.norm(scaled[0], axis=1).max())
         parted = np.linalg.norm(scaled[0] - scaled[1], axis=1) > APART * size
         kept = int(np.argmax(parted)) if parted.any() else WATCHED
-        saddle = _solved(plan, basin, records[0].states[:kept], scaled[0][:kept] / size, records[0].impacts, follower.period)
+        saddle = _solved(plan, follower, records[0].states[:kept], scaled[0][:kept] / size, records[0].impacts)
         if saddle is not None:
             return saddle
         if kept < 1:
@@ -163,7 +159,7 @@ def _tracked(plan: BasinPlan, basin: Basin, pair: np.ndarray, sticking: np.ndarr
     return None
 
 
-def _solved(plan: BasinPlan, basin: Basin, states: np.ndarray, scaled: np.ndarray, impacts: ImpactRecord, period: float) -> Saddle | None:
+def _solved(plan: BasinPlan, follower: StartFollower, states: np.ndarray, scaled: np.ndarray, impacts: ImpactRecord) -> Saddle | None:
     """The unstable orbit beside the closest return of a motion; None where there is none.
 
     states: (u, v) after each period. scaled: the same as distances, beside the size of the motion."""
@@ -172,20 +168,19 @@ def _solved(plan: BasinPlan, basin: Basin, states: np.ndarray, scaled: np.ndarra
         distances = np.linalg.norm(scaled[p:] - scaled[:-p], axis=1)
         k = int(np.argmin(distances))
         tries.append((float(distances[k]) * (1.0 + 0.1 * p), p, k, float(distances[k])))
-    letters = None
+    letters = follower.system.modes.contact_letters
     for _, p, k, distance in sorted(tries)[:3]:
         if distance > NEAR:
             continue
         # states[k] is that after k + 1 periods.
         inside = (impacts.periods > k) & (impacts.periods <= k + p)
-        letters = plan.path.parametric.system(plan.path.values).modes.contact_letters
         part = ImpactRecord(
             impacts.contacts[inside], impacts.periods[inside] - k - 1, impacts.times[inside], impacts.speeds[inside],
             impacts.before[inside], impacts.after[inside],
         )  # fmt: skip
         near = Settled(
             kind=SettledKind.PERIODIC, period=p, states=states[k : k + p], impacts=part,
-            stops=tuple(letters[c] for c in part.contacts), sticking=(), sticking_time=0.0, period_of_loads=period,
+            stops=tuple(letters[c] for c in part.contacts), sticking=(), sticking_time=0.0, period_of_loads=follower.period,
             multipliers=np.zeros(0, dtype=complex), growth=math.nan, growth_error=0.0, distance=distance, elapsed=0,
             status=MotionStatus.DURATION_REACHED,
         )  # fmt: skip
@@ -198,5 +193,5 @@ def _solved(plan: BasinPlan, basin: Basin, states: np.ndarray, scaled: np.ndarra
         found = strobe_states(orbit.problem, orbit.y)
         if any(same_states(found[:q], np.roll(found, q, axis=0)[:q]) for q in range(1, p) if p % q == 0):
             continue  # a shorter orbit, repeated: its own period is tried, too
-        return saddle_of(orbit.problem, orbit.y, basin.grid.phase)
+        return saddle_of(orbit.problem, orbit.y, plan.grid.phase)
     return None
