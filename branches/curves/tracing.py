@@ -35,6 +35,7 @@ def follow_curve(
     direction: str = "both",
     on_event: Callable[[Event], object] | None = None,
     on_point: Callable[[int], object] | None = None,
+    begun: tuple[Curve, Step] | None = None,
 ) -> BifurcationCurve:
     """Follow a curve from its start, both ways.
 
@@ -49,6 +50,8 @@ def follow_curve(
         Both ways; only the way in which the first parameter rises or falls.
     on_event, on_point : callable, optional
         Called with each event, and with the number of points so far.
+    begun : (Curve, Step), optional
+        The result of `first_point` for this start and window, if it is known.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def follow_curve(
     KeyboardInterrupt
         With the curve up to there as its attribute `branch`.
     """
-    curve, first = first_point(start, window)
+    curve, first = first_point(start, window) if begun is None else begun
     settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
     count = 0
 
