@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import __version__, outputs
+from saltus import __version__, inputs, outputs
 from saltus.errors import BadInput, nearest, one_line
 from saltus.terminal import table_lines, terminal_width
 
@@ -21,33 +21,19 @@ if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
 
 __all__ = [
-    "catalogue_lines", "in_catalogue", "is_curve_file", "list_lines", "no_curve", "place_named", "read", "refuse_curve", "report_lines",
+    "catalogue_lines", "in_catalogue", "list_lines", "no_curve", "place_named", "read", "refuse_curve", "report_lines",
     "row_lines", "row_record", "rows_record", "save", "show", "write",
 ]  # fmt: skip
 
 _POINT = re.compile(r"(?:(\d+)\.)?#(.*)")
 
 
-def is_curve_file(path: str) -> bool:
-    """Whether a path leads to a JSON file of curves."""
-    if not os.path.isfile(path):
-        return False
-    from branches.curves.files import is_curve_record
-    from branches.reading import RecordError, load_json
-
-    try:
-        return is_curve_record(load_json(path, "curves"))
-    except RecordError:
-        return False
-
-
 def read(path: str) -> list[BifurcationCurve]:
     """The curves of a file; BadInput for one that cannot be read."""
-    from branches.curves.files import read_curves
     from branches.reading import RecordError
 
     try:
-        return read_curves(path)
+        return inputs.curves_in(path)
     except RecordError as error:
         raise BadInput(one_line(error)) from error
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from saltus import curves, options
-from saltus.curves import is_curve_file
 from saltus.errors import BadInput, one_line
-from saltus.response_starts import check_range, event_named, file_and_event, further, in_names, is_response_file
+from saltus.inputs import is_curve_file, is_response_file, responses_in
+from saltus.response_starts import check_range, event_named, file_and_event, further, in_names
 from saltus.terminal import stability_word
 
 if TYPE_CHECKING:
@@ -35,8 +35,9 @@ _NEAR = 0.01
 def wants_free_family(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a family of free orbits in a parameter."""
     start = arguments.start or ""
-    if is_curve_file(file_and_event(start)[0]):
-        return curves.read(file_and_event(start)[0])[0].plane.problem.ends is not None
+    source, _ = file_and_event(start)
+    if is_curve_file(source):
+        return curves.read(source)[0].plane.problem.ends is not None
     if arguments.parameter is None and not _free_branches(start):
         return False
     path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start
@@ -49,9 +50,8 @@ def _free_branches(start: str) -> list[ReleasedBranch]:
     if not is_response_file(path):
         return []
     from branches.released.branch import ReleasedBranch
-    from transitions.response.files import read_responses
 
-    return [branch for branch in read_responses(path) if isinstance(branch, ReleasedBranch)]
+    return [branch for branch in responses_in(path) if isinstance(branch, ReleasedBranch)]
 
 
 def _is_file_of_free_orbits(path: str) -> bool:

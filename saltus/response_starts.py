@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from saltus import compiling, curves, options
+from saltus import compiling, curves, inputs, options
 from saltus.errors import BadInput, nearest, one_line
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ResponseRequest", "add_start_arguments", "check_range", "event_named", "file_and_event", "further",
-    "in_names", "is_response_file", "prepare_kernels", "request_of", "starts_of",
+    "in_names", "prepare_kernels", "request_of", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -86,20 +86,6 @@ def file_and_event(text: str) -> tuple[str, str | None]:
     return path, event
 
 
-def is_response_file(path: str) -> bool:
-    """Whether a path leads to a JSON file of responses."""
-    from transitions.response.files import is_response
-
-    if not os.path.isfile(path):
-        return False
-    from branches.reading import RecordError, load_json
-
-    try:
-        return is_response(load_json(path, "responses"))
-    except RecordError:
-        return False
-
-
 def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     """The response that a command line asks for. What cannot be followed is refused."""
     from transitions.response.path import ParameterPath
@@ -132,17 +118,16 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
 
 def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...]) -> ResponseRequest:
     """The response that goes on from a file."""
-    from transitions.response.files import read_responses
     from transitions.response.path import ParameterPath
 
     source, event = file_and_event(arguments.start)
-    if event is not None and arguments.direction is not None and not curves.is_curve_file(source):
+    if event is not None and arguments.direction is not None and not inputs.is_curve_file(source):
         raise BadInput(f"--direction {arguments.direction}: families lead away from the event {event}; expected no --direction")
     if not os.path.exists(source):
         raise BadInput(f"no file {source}; expected rest, simulate, or a JSON file of saltus continue --in NAME, FILE[:EVENT]")
-    if curves.is_curve_file(source):
+    if inputs.is_curve_file(source):
         return _request_of_curve(arguments, names, keep, source, event)
-    given = read_responses(source)
+    given = inputs.responses_in(source)
     problem = given[0].problem
     title = require_same_scene(arguments, source, problem.parametric)
     if not names:

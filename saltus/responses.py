@@ -14,9 +14,9 @@ import numpy as np
 
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
-from saltus.curves import is_curve_file
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.response_starts import add_start_arguments, file_and_event, is_response_file, prepare_kernels, request_of, starts_of
+from saltus.inputs import is_curve_file, is_response_file, responses_in
+from saltus.response_starts import add_start_arguments, file_and_event, prepare_kernels, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from transitions.sweep.runs import AlongParameter
 
 __all__ = [
-    "add_arguments", "add_harmonics", "check_column", "check_harmonics", "draw", "follow_forced", "follow_free", "is_response_file",
-    "over_sweep", "read", "require_no_loads", "show", "wants_parameter", "write",
+    "add_arguments", "add_harmonics", "check_column", "check_harmonics", "draw", "follow_forced", "follow_free", "over_sweep", "read",
+    "require_no_loads", "show", "wants_parameter", "write",
 ]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
@@ -271,11 +271,9 @@ def show(arguments: argparse.Namespace) -> int:
 
 def draw(arguments: argparse.Namespace, path: str) -> int:
     """Print the branches of a file of responses, and write the files that are asked for; return the exit code."""
-    from transitions.response.files import read_responses
-
     files = outputs.outputs_of(arguments)
     check_harmonics(arguments, files)
-    branches = read_responses(path)
+    branches = responses_in(path)
     if arguments.beside and "plot" not in files.places:
         raise BadInput(f"--beside {arguments.beside[0]} is drawn beside the responses; expected --plot FILE")
     impacts = max(branch.speeds.shape[1] for branch in branches)

@@ -21,10 +21,7 @@ from branches.reading import RecordError, load_json
 from branches.tables import Table, plain
 from bvp.parameters import ParametricSystem
 
-__all__ = [
-    "CHART", "COLUMNS", "KIND", "curve_header", "curves_of", "curves_record", "curves_table", "is_curve_record", "read_curves",
-    "restored_curve", "save_curves",
-]  # fmt: skip
+__all__ = ["CHART", "COLUMNS", "KIND", "curve_header", "curves_record", "curves_table", "read_curves", "restored_curve", "save_curves"]
 
 KIND, CHART = "curve", "chart"
 """Kinds of files that hold curves: of `saltus curve`, and of `saltus chart`, which has more."""
@@ -132,11 +129,6 @@ def _event_names(curve: BifurcationCurve) -> np.ndarray:
     return names
 
 
-def is_curve_record(given: Any) -> bool:
-    """Whether the data of a JSON file are curves."""
-    return isinstance(given, Mapping) and given.get("kind") in (KIND, CHART)
-
-
 def read_curves(path: str | os.PathLike[str]) -> list[BifurcationCurve]:
     """The curves of a file.
 
@@ -151,14 +143,9 @@ def read_curves(path: str | os.PathLike[str]) -> list[BifurcationCurve]:
         In one line, for a file that cannot be read or has no curves.
     """
     given = load_json(path, "curves")
-    if not is_curve_record(given):
+    if not isinstance(given, Mapping) or given.get("kind") not in (KIND, CHART):
         raise RecordError(f"{path} holds no curve; expected a file of saltus curve --json FILE")
-    return curves_of(given, str(path))
-
-
-def curves_of(given: Mapping[str, Any], path: str) -> list[BifurcationCurve]:
-    """The curves of the data of a file; errors as for `read_curves`."""
-    return record.restored(given, _FILE, path, ("curves", "curves"), _curve)
+    return record.restored(given, _FILE, str(path), ("curves", "curves"), _curve)
 
 
 def _curve(parametric: ParametricSystem, item: Mapping[str, Any]) -> BifurcationCurve:

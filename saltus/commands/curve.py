@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bvp.description import RESERVED
 from bvp.interrupts import defer_interrupts
-from saltus import compiling, curves, options, outputs
+from saltus import compiling, curves, inputs, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
 from saltus.options import whole_above_zero
 from saltus.response_starts import file_and_event, require_same_scene
@@ -81,9 +81,10 @@ def run(arguments: argparse.Namespace) -> int:
     known = given.known if given.known is not None and is_within(given.known, window) else None
     if known is not None and arguments.points is not None and arguments.points <= len(known):
         raise BadInput(f"--points {arguments.points}: the curve has {len(known)} points already, expected more")
+    begun = None
     if known is None:
         try:
-            first_point(start, window)  # what cannot be followed is refused before anything is printed
+            begun = first_point(start, window)  # what cannot be followed is refused before anything is printed
         except NoCurve as error:
             raise BadInput(f"{arguments.start}: {one_line(error)}") from error
     shown_names = (arguments.parameters or start.plane.names)[:2]
@@ -104,7 +105,10 @@ def run(arguments: argparse.Namespace) -> int:
                 given_options: dict[str, Any] = {
                     "points": arguments.points, "direction": arguments.direction or "both", "on_event": found, "on_point": bar.update
                 }  # fmt: skip
-                curve = follow_curve(start, window, **given_options) if known is None else extend_curve(known, window, **given_options)
+                if known is None:
+                    curve = follow_curve(start, window, begun=begun, **given_options)
+                else:
+                    curve = extend_curve(known, window, **given_options)
         except NoCurve as error:
             raise BadInput(f"{arguments.start}: {one_line(error)}") from error
         except (KeyboardInterrupt, RuntimeError) as error:
@@ -187,16 +191,9 @@ def _given(arguments: argparse.Namespace) -> _Given:
             raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
     if stored:
         return _of_catalogue(arguments)
-    from branches.curves.files import curves_of, is_curve_record
-    from branches.reading import RecordError, load_json
-
-    try:
-        record = load_json(source, "events")
-        if is_curve_record(record):
-            return _of_curves(arguments, source, event, curves_of(record, source))
-    except RecordError as error:
-        raise BadInput(one_line(error)) from error
-    return _of_family(arguments, source, event, record)
+    if inputs.is_curve_file(source):
+        return _of_curves(arguments, source, event, curves.read(source))
+    return _of_family(arguments, source, event)
 
 
 def _of_catalogue(arguments: argparse.Namespace) -> _Given:
@@ -238,14 +235,13 @@ def _require_plane(arguments: argparse.Namespace, source: str) -> None:
         raise BadInput("--in P1,P2 is required: the two parameters of the plane")
 
 
-def _of_family(arguments: argparse.Namespace, source: str, event: str | None, record: Any) -> _Given:
+def _of_family(arguments: argparse.Namespace, source: str, event: str | None) -> _Given:
     """The start at an event of a family."""
     from branches.forced.record import named_events
-    from transitions.response.files import is_response, read_responses
 
     _require_plane(arguments, source)
-    if is_response(record):
-        return _of_response(arguments, source, event, named_events(read_responses(source)))
+    if inputs.is_response_file(source):
+        return _of_response(arguments, source, event, named_events(inputs.responses_in(source)))
     return _of_free_family(arguments, source, event)
 
 

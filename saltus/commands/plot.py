@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import outputs, responses
+from saltus import inputs, outputs, responses
 from saltus.errors import BadInput, nearest
 from saltus.terminal import table_lines, terminal_width
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
-    is_response = responses.is_response_file(arguments.study)
+    is_response = inputs.is_response_file(arguments.study)
     given = next((option for option in ("x", "y", "harmonics") if getattr(arguments, option) is not None), None)
     if given and not is_response:
         raise BadInput(f"--{given} is an option of responses; expected a JSON file of saltus continue --in NAME")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, curves, outputs, responses
+from saltus import catalogues, curves, inputs, outputs, responses
 from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
-from saltus.errors import BadInput, one_line
+from saltus.errors import BadInput
 from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
 if TYPE_CHECKING:
@@ -32,17 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
-    if responses.is_response_file(arguments.name):
+    if inputs.is_response_file(arguments.name):
         return responses.show(arguments)
-    if curves.is_curve_file(arguments.name):
+    if inputs.is_curve_file(arguments.name):
         return curves.show(arguments)
-    if os.path.isfile(arguments.name):
-        from branches.reading import RecordError, load_json
-
-        try:
-            load_json(arguments.name, "responses or curves")
-        except RecordError as error:
-            raise BadInput(one_line(error)) from error
     files = outputs.outputs_of(arguments)
 
     from branches.catalogue.curves import find_curve

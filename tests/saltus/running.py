@@ -43,3 +43,8 @@ def refused(result, *expected):
     for part in expected:
         assert part in err, err
     return err
+
+
+def run_refused(capsys, *words):
+    """The line that refuses a command."""
+    return refused(run(capsys, *words))

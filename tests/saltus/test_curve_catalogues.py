@@ -9,19 +9,11 @@ import pytest
 
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
-from tests.saltus.running import read_branch, read_json, run
-from tests.saltus.running import refused as check_refused
+from tests.saltus.running import read_branch, read_json, run, run_refused
 
 SINGLE = "period-1:+:c83c54b8"
 START = ("--scene", "impact_oscillator", "--set", "s=-0.08", "--in", "s", "--range=-0.1:0", "--from", "simulate", "--start=-0.66,0")
 NARROW, WIDE = "--range=-0.09:0,2.77:2.9", "--range=-0.1:0.01,2.75:3"
-
-
-def refused(capsys, *words):
-    """The one line that refuses a command."""
-    result = run(capsys, *words)
-    check_refused(result)
-    return result[2]
 
 
 @pytest.fixture(scope="module")
@@ -193,13 +185,24 @@ def test_a_family_starts_at_a_point_of_a_curve(curve, capsys, tmp_path):
 )
 def test_what_cannot_be_followed_is_refused(words, parts, curve, kept, capsys):
     """Oracle: one line, exit code 2."""
-    line = refused(capsys, *words.format(c=curve, a=kept).split())
+    line = run_refused(capsys, *words.format(c=curve, a=kept).split())
     assert all(part in line for part in parts), line
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["show {f}", "continue --from {f} --in s", "continue --from {f}:#3 --in s", "curve {f} --range=0:1,0:1", "plot {f} --plot a.png"],
+)
+def test_a_damaged_file_is_refused_for_what_it_is(words, curve, tmp_path, capsys):
+    """Oracle: the first half of a file."""
+    path = tmp_path / "half.json"
+    path.write_text(open(curve, encoding="utf-8").read()[:3000], encoding="utf-8")
+    assert "half.json is truncated: it ends in line" in run_refused(capsys, *words.format(f=path).split())
 
 
 def test_a_catalogue_without_curves_says_so(capsys, tmp_path, kept, folder):
     """Oracle: by hand."""
     place = str(tmp_path / "b.sqlite")
     assert run(capsys, "continue", "--from", f"{folder / 'r.json'}", "--range=-0.1:0", "--catalogue", place)[0] == 0
-    assert "has no curve; expected one saved" in refused(capsys, "export", "curves", "--catalogue", place, "--json", "-")
+    assert "has no curve; expected one saved" in run_refused(capsys, "export", "curves", "--catalogue", place, "--json", "-")
     assert "curve" not in run(capsys, "list", "--catalogue", place)[1]

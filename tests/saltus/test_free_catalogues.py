@@ -11,18 +11,10 @@ from scipy.io import loadmat
 from benchmarks.backbone import Backbone
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
-from tests.saltus.running import refused as check_refused
-from tests.saltus.running import run
+from tests.saltus.running import run, run_refused
 
 START = ("S13+", "--in", "sigma", "--keep", "energy=0.6")
 BACKBONE, BROKEN = "origin-stop+::0f85daa8", "stop+-stop-::040806a8"
-
-
-def refused(capsys, *words):
-    """The one line that refuses a command."""
-    result = run(capsys, *words)
-    check_refused(result)
-    return result[2]
 
 
 @pytest.fixture(scope="module")
@@ -121,14 +113,14 @@ def test_a_part_of_a_known_family_is_joined(folder, capsys, tmp_path):
 
 def test_what_does_not_fit_is_refused(folder, place, capsys, tmp_path, scene=("--range", "0.05:0.2")):
     """Oracle: one line that names what the catalogue holds."""
-    line = refused(capsys, "continue", *START[:-1], "energy=0.7", *scene, "--catalogue", place)
+    line = run_refused(capsys, "continue", *START[:-1], "energy=0.7", *scene, "--catalogue", place)
     assert "holds families of free orbits in sigma, energy=0.6; received one in sigma, energy=0.7" in line
-    assert "--catalogue FILE is required" in refused(capsys, "continue", *START, *scene, "--save")
-    assert "holds families of free orbits in sigma, and no families in the energy" in refused(
+    assert "--catalogue FILE is required" in run_refused(capsys, "continue", *START, *scene, "--save")
+    assert "holds families of free orbits in sigma, and no families in the energy" in run_refused(
         capsys, "continue", "S13+", "--save", "--catalogue", place
     )
-    assert "no family 'S13+': the families of" in refused(capsys, "show", "S13+", "--catalogue", place)
-    assert "--label needs families in the energy" in refused(capsys, "list", "--label", "S13+", "--catalogue", place)
+    assert "no family 'S13+': the families of" in run_refused(capsys, "show", "S13+", "--catalogue", place)
+    assert "--label needs families in the energy" in run_refused(capsys, "list", "--label", "S13+", "--catalogue", place)
 
 
 LIGHT = """

@@ -10,8 +10,7 @@ from branches.catalogue import Catalogue
 from saltus.__main__ import main
 from tests.branches.catalogue.families import real
 from tests.branches.catalogue.families import scene as energies
-from tests.saltus.running import refused as check_refused
-from tests.saltus.running import run
+from tests.saltus.running import run, run_refused
 
 START = ("--scene", "absorber", "--in", "w", "--range", "0.7:2.2", "--from", "simulate")
 FIRST, FOUR, BROKEN, REST = "half-period-1:+:e156061d", "half-period-1:++:7a637640", "period-1:++--:4a51c4e1", "half-period-1::63014008"
@@ -19,13 +18,6 @@ FIRST, FOUR, BROKEN, REST = "half-period-1:+:e156061d", "half-period-1:++:7a6376
 # One degree of freedom: a period doubling, the next one, and a grazing.
 SMALL = ("--scene", "impact_oscillator", "--set", "s=-0.08", "--in", "s", "--range=-0.1:0.06", "--from", "simulate", "--start=-0.66,0")
 SINGLE, DOUBLED = "period-1:+:c83c54b8", "period-2:++:4b944aed"
-
-
-def refused(capsys, *words):
-    """The one line that refuses a command."""
-    result = run(capsys, *words)
-    check_refused(result)
-    return result[2]
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +195,7 @@ def test_export_writes_points_graph_and_figure(folder, small, capsys, tmp_path):
 def test_what_a_catalogue_of_responses_cannot_do_is_refused(built, capsys, tmp_path, monkeypatch, words, texts):
     """Oracle: the message names what was asked for, and what there is."""
     monkeypatch.chdir(tmp_path)
-    message = refused(capsys, *words, "--catalogue", built)
+    message = run_refused(capsys, *words, "--catalogue", built)
     for text in texts:
         assert text in message, message
 
@@ -212,14 +204,14 @@ def test_other_files_are_refused(folder, capsys, tmp_path, monkeypatch):
     """Oracle: one line that names the file and what was expected."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "list.json").write_text("[1, 2]")
-    assert "holds no response" in refused(capsys, "export", "response", "--branches", "list.json", "--csv", "-")
+    assert "holds no response" in run_refused(capsys, "export", "response", "--branches", "list.json", "--csv", "-")
     with Catalogue(tmp_path / "energies.sqlite", "a", scene=energies()) as catalogue:
         catalogue.add(real()[0])
-    assert "holds families in the energy" in refused(capsys, "export", "response", "--catalogue", "energies.sqlite", "--csv", "-")
+    assert "holds families in the energy" in run_refused(capsys, "export", "response", "--catalogue", "energies.sqlite", "--csv", "-")
     words = "holds families in the energy, and no families in a parameter"
-    assert words in refused(capsys, "continue", *START, "--catalogue", "energies.sqlite")
-    assert "--catalogue FILE is required" in refused(capsys, "continue", "--from", f"{folder / 'first.json'}:GR1", "--save")
-    message = refused(capsys, "export", "response", FIRST, "--branches", folder / "first.json", "--csv", "-")
+    assert words in run_refused(capsys, "continue", *START, "--catalogue", "energies.sqlite")
+    assert "--catalogue FILE is required" in run_refused(capsys, "continue", "--from", f"{folder / 'first.json'}:GR1", "--save")
+    message = run_refused(capsys, "export", "response", FIRST, "--branches", folder / "first.json", "--csv", "-")
     assert "expected it without --branches" in message
 
 
@@ -230,8 +222,8 @@ def test_export_joins_only_files_of_one_system(folder, capsys, tmp_path, monkeyp
     run(capsys, "continue", *words, "--in", "w", "--range", "0.9:1.1", "--set", "F=0.31", "--json", "other.json")
     run(capsys, "continue", *words, "--in", "F", "--range", "0.2:0.4", "--json", "load.json")
     first = folder / "first.json"
-    assert "parameters.F is 0.3, not 0.31" in refused(capsys, "export", "response", "--branches", first, "other.json", "--csv", "-")
-    assert "load.json is in F, and" in refused(capsys, "export", "response", "--branches", first, "load.json", "--csv", "-")
+    assert "parameters.F is 0.3, not 0.31" in run_refused(capsys, "export", "response", "--branches", first, "other.json", "--csv", "-")
+    assert "load.json is in F, and" in run_refused(capsys, "export", "response", "--branches", first, "load.json", "--csv", "-")
 
 
 def test_a_family_that_sticks_is_kept(tmp_path, capsys):

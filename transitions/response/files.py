@@ -24,7 +24,7 @@ from transitions.response.measures import response_table
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["KIND", "is_response", "read_responses", "response_dataframe", "responses_record", "save_responses"]
+__all__ = ["KIND", "read_responses", "response_dataframe", "responses_record", "save_responses"]
 
 KIND = "response"
 
@@ -149,11 +149,6 @@ def response_dataframe(branches: ForcedBranch | Sequence[ForcedBranch]) -> panda
     return dataframe(plain_columns(response_table(given)), "response_dataframe")
 
 
-def is_response(given: Any) -> bool:
-    """Whether the data of a JSON file are forced responses."""
-    return isinstance(given, Mapping) and given.get("kind") == KIND
-
-
 def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
     """The branches of a file.
 
@@ -168,12 +163,12 @@ def read_responses(path: str | os.PathLike[str]) -> list[ForcedBranch]:
         In one line, for a file that cannot be read or has no responses.
     """
     given = load_json(path, "responses")
-    if not is_response(given):
+    if not isinstance(given, Mapping) or given.get("kind") != KIND:
         raise RecordError(f"{path} holds no response; expected a file of saltus continue --in NAME --json FILE")
     return record.restored(given, _FILE, str(path), ("branches", "responses"), partial(_branch, given.get("parameter")))
 
 
-def _branch(name: str, parametric: ParametricSystem, item: Mapping[str, Any]) -> ForcedBranch:
+def _branch(name: Any, parametric: ParametricSystem, item: Mapping[str, Any]) -> ForcedBranch:
     points = item["points"]
     if not points:
         raise RecordError("a branch has no point")

@@ -1,0 +1,85 @@
+"""JSON files that a command is given: of which kind they are, and what they hold. A file is parsed once to tell its kind, and read once."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from branches.curves.record import BifurcationCurve
+    from branches.forced.branch import ForcedBranch
+
+__all__ = ["curves_in", "is_curve_file", "is_response_file", "responses_in"]
+
+_State = tuple[int, ...]
+
+
+def _state(path: str) -> _State | None:
+    """What changes when a regular file is written again; None where there is no such file."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return (found.st_dev, found.st_ino, found.st_mtime_ns, found.st_size) if stat.S_ISREG(found.st_mode) else None
+
+
+def is_response_file(path: str) -> bool:
+    """Whether a path leads to a JSON file of responses. RecordError for a file that is not JSON, in one line."""
+    kind = _kind_of(path)
+    if kind is None:
+        return False
+    from transitions.response.files import KIND
+
+    return kind == KIND
+
+
+def is_curve_file(path: str) -> bool:
+    """Whether a path leads to a JSON file of curves. RecordError for a file that is not JSON, in one line."""
+    kind = _kind_of(path)
+    if kind is None:
+        return False
+    from branches.curves.files import CHART, KIND
+
+    return kind in (KIND, CHART)
+
+
+def _kind_of(path: str) -> str | None:
+    """The kind that a JSON file names, and None where it names none or where there is no such file. RecordError for a damaged one."""
+    state = _state(path)
+    return None if state is None else _parsed_kind(path, state)
+
+
+@lru_cache(maxsize=4)
+def _parsed_kind(path: str, _: _State) -> str | None:
+    from branches.reading import load_json
+
+    record = load_json(path, "results")
+    kind = record.get("kind") if isinstance(record, Mapping) else None
+    return kind if isinstance(kind, str) else None
+
+
+def responses_in(path: str) -> list[ForcedBranch]:
+    """The branches of a file of responses; errors as for `transitions.response.files.read_responses`."""
+    return list(_responses(path, _state(path)))
+
+
+@lru_cache(maxsize=1)
+def _responses(path: str, _: _State | None) -> tuple[ForcedBranch, ...]:
+    from transitions.response.files import read_responses
+
+    return tuple(read_responses(path))
+
+
+def curves_in(path: str) -> list[BifurcationCurve]:
+    """The curves of a file of curves; errors as for `branches.curves.files.read_curves`."""
+    return list(_curves(path, _state(path)))
+
+
+@lru_cache(maxsize=1)
+def _curves(path: str, _: _State | None) -> tuple[BifurcationCurve, ...]:
+    from branches.curves.files import read_curves
+
+    return tuple(read_curves(path))
