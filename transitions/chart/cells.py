@@ -8,8 +8,8 @@ over where none of its kind is known. So the result depends neither on the numbe
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, wait
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -22,6 +22,7 @@ from transitions.chart.regions import MotionKind, Regions, kind_of_attractor
 from transitions.response.path import ParameterPath
 from transitions.sweep.forced import Carried, carried_into
 from transitions.sweep.settle import settle
+from transitions.tasks import completed
 
 __all__ = ["find_regions"]
 
@@ -86,8 +87,8 @@ def find_regions(
         for _ in range(ROUNDS):
             known = [[set(cell.motions) for cell in line] for line in cells]
             todo = [j for j in range(ny) if not cells[j] or any(given[j])]
-            for j, line in _simulated([(rows[j], cells[j], given[j]) for j in todo], todo, executor):
-                cells[j] = line
+            for k, line in completed(_simulate_row, [(rows[j], cells[j], given[j]) for j in todo], executor):
+                cells[todo[k]] = line
                 if on_progress is not None:
                     on_progress(sum(cell.simulated for line in cells for cell in line))
             new = [
@@ -117,24 +118,6 @@ def _beside(new: Sequence[Sequence[dict[MotionKind, np.ndarray]]], cells: Sequen
                 if kind not in own.motions and kind not in own.tried and kind not in found
             }
     return found
-
-
-def _simulated(
-    tasks: Sequence[tuple[_Row, _Cells, list[dict[MotionKind, np.ndarray]]]], numbers: Sequence[int], executor: Executor | None
-) -> Iterator[tuple[int, _Cells]]:
-    """Simulate rows, here or in processes: the number of each row, and its cells."""
-    if executor is None:
-        for j, task in zip(numbers, tasks, strict=True):
-            yield j, _simulate_row(*task)
-        return
-    waiting = {executor.submit(_simulate_row, *task): j for j, task in zip(numbers, tasks, strict=True)}
-    try:
-        while waiting:
-            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
-                yield waiting.pop(future), future.result()
-    finally:
-        for future in waiting:
-            future.cancel()
 
 
 def _simulate_row(row: _Row, cells: _Cells, given: list[dict[MotionKind, np.ndarray]]) -> _Cells:
