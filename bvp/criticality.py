@@ -85,10 +85,10 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     if code == "NS" and angle is None:
         angle = _angle(problem, y)
     wanted = complex(1.0) if code == "SN" else complex(-1.0) if angle is None or code != "NS" else cmath.exp(1j * angle)
-    form = _NormalForm(problem, np.asarray(y, dtype=float))
-    coefficient, error = form.coefficient(code, wanted)
+    equations = _OrbitEquations(problem, np.asarray(y, dtype=float))
+    coefficient, error = equations.coefficient(code, wanted)
     # The orbit is near the bifurcation: its own multiplier gives another coefficient.
-    nearby, _ = form.coefficient(code, form.multiplier(wanted))
+    nearby, _ = equations.coefficient(code, equations.multiplier(wanted))
     error += abs(nearby - coefficient)
     if code == "SN":
         return Criticality(coefficient, error, None)
@@ -155,7 +155,7 @@ class NormalForms:
         return value, size * (EPSILON if curvature.is_exact else _DIFFERENCES)
 
 
-class _NormalForm:
+class _OrbitEquations:
     """The linear equations of an orbit at given parameters, with scaled rows and columns."""
 
     def __init__(self, problem: ForcedProblem, y: np.ndarray):
