@@ -165,6 +165,7 @@ def save(
         The event and its family.
     """
     from branches.catalogue import Catalogue
+    from branches.catalogue.curves import edges_of
     from branches.catalogue.responses import kept_branch
     from branches.catalogue.widening import CannotWiden, Kept
     from saltus.terminal import range_text
@@ -185,7 +186,7 @@ def save(
         row = next(row for row in catalogue.curve_rows() if row.id == id)
         spans = ", ".join(f"{name} = {range_text(span)}" for name, span in zip(row.names, row.ranges, strict=True))
         lines.append(f"{words[kept]}  {id} in {place}, with {spans}")
-        edges = [edge for found, edge in catalogue.curve_edges() if found.id == id]
+        edges = list(edges_of(catalogue, row))
         lines += [f"edge   {edge.source} {edge.source_event}: {_other_side(edge)}" for edge in edges]
         if not edges:
             lines.append(f"note   {place} has no family with an event on the curve: expected one saved, too")
@@ -235,9 +236,10 @@ def list_lines(records: Sequence[dict[str, Any]], width: int | None) -> list[str
 
 def row_record(catalogue: Catalogue, row: CurveRow) -> dict[str, Any]:
     """A stored curve without its points, as plain data, and its edges."""
+    from branches.catalogue.curves import edges_of
     from saltus.catalogues import edge_record
 
-    edges = [edge_record(edge) for found, edge in catalogue.curve_edges() if found.id == row.id]
+    edges = list(map(edge_record, edges_of(catalogue, row)))
     first, second = ({"name": name, "range": list(span)} for name, span in zip(row.names, row.ranges, strict=True))
     header = row.header
     return {
@@ -248,6 +250,7 @@ def row_record(catalogue: Catalogue, row: CurveRow) -> dict[str, Any]:
 
 def row_lines(catalogue: Catalogue, row: CurveRow, width: int | None) -> list[str]:
     """What is printed of a stored curve: its points of codimension two, its ends, and the families on its sides."""
+    from branches.catalogue.curves import edges_of
     from branches.curves.record import WORDS
     from saltus.terminal import wrapped
 
@@ -271,8 +274,7 @@ def row_lines(catalogue: Catalogue, row: CurveRow, width: int | None) -> list[st
     symbol = catalogue.scene.axes.symbols[0]
     sides = [
         (f"{edge.h:.10g}", edge.source, edge.source_event, str(edge.target), edge.target_event, edge.note or "")
-        for found, edge in catalogue.curve_edges()
-        if found.id == row.id
+        for edge in edges_of(catalogue, row)
     ]  # fmt: skip
     if not sides:
         return [*lines, "", "sides    no family of the catalogue has an event on the curve"]

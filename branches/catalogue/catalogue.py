@@ -185,7 +185,7 @@ class Catalogue(CatalogueStore):
         CannotWiden
             If a part that overlaps it could not be joined.
         """
-        from branches.catalogue.curves import keep_curve
+        from branches.catalogue.kept_curves import keep_curve
 
         return keep_curve(self, curve)
 

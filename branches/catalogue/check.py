@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.between_events import missed_events
-from branches.catalogue import curves, responses
+from branches.catalogue import responses
+from branches.catalogue.curves import CurveRow, curve_of_row
 from branches.catalogue.database import CatalogueDamaged
+from branches.catalogue.kept_curves import curve_failures
 from branches.catalogue.members import distances_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, Node
 from branches.forced.branch import ForcedBranch
@@ -116,9 +118,9 @@ def _curves(catalogue: CatalogueStore, failures: list[Failure]) -> int:
         found, expected = len(catalogue._select("SELECT id FROM curves")) if catalogue._has_curves else 0, catalogue.recorded_curves()
         if found != expected:
             failures.append(Failure("curves", f"the catalogue has {found} curves, expected {expected}"))
-    for row in map(curves.CurveRow._make, rows):
+    for row in map(CurveRow._make, rows):
         with _recording(failures, row.id):
-            failures += (Failure(row.id, text) for text in curves.curve_failures(curves.curve_of_row(catalogue, row), row))
+            failures += (Failure(row.id, text) for text in curve_failures(curve_of_row(catalogue, row), row))
     return len(rows)
 
 

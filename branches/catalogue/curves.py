@@ -14,36 +14,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from zipfile import BadZipFile
 
 from branches.catalogue.database import CatalogueDamaged, CatalogueError
-from branches.catalogue.rows import Edge, compact_json
-from branches.catalogue.widening import CannotWiden, Kept
+from branches.catalogue.rows import Edge
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from branches.catalogue.store import CatalogueStore
     from branches.curves.record import BifurcationCurve
     from branches.events import BranchEvent
-    from bvp.parameters import ParametricSystem
-    from continuation.curves import Curve
 
-__all__ = ["CurveEdge", "CurveRow", "curve_edges", "curve_failures", "curve_of_row", "curve_row", "find_curve", "keep_curve"]
-
-RESIDUAL = 1e-11
-"""Largest residual of a stored point, in units of its unknowns."""
-
-CONDITION = 1e-8
-"""Largest value of the condition of a curve at a stored point: a singular value, or a distance from a grazing."""
-
-_SAME = 1e-7
-"""Largest difference of a parameter from that of the families, relative to the larger one of its size and 1."""
+__all__ = ["CurveEdge", "CurveRow", "curve_edges", "curve_of_row", "edges_of", "find_curve"]
 
 _MATCH = 1e-6
 """Largest relative difference of a parameter, and of a period, of one event that was located twice."""
-
-_CONSTANT = 1e-9
-"""Relative change of a number along a curve that is rounding."""
-
-_REFINEMENTS = 30
 
 _MOST_PERIODS = 8
 """Most periods of an orbit in the one of a family that meets it at a curve."""
@@ -124,24 +105,22 @@ class CurveEdge(NamedTuple):
     edge: Edge
 
 
-# -- edges --------------------------------------------------------------------------------------------------------------------
-
-
 def curve_edges(catalogue: CatalogueStore, id: str | None = None) -> list[CurveEdge]:
-    """The curves as edges, or those at one family, in order of the curves' ids.
-
-    An edge leads from the family whose event the curve continues to the one on the other side. That is the same family for SN and NS. If
-    the other family is not in the catalogue, the edge is a loop whose note says what begins there.
-    """
+    """The curves as edges, or those at one family, in order of the curves' ids: see `edges_of`."""
     found = []
     for row in catalogue.curve_rows():
-        for edge in _edges_of(catalogue, row):
+        for edge in edges_of(catalogue, row):
             if id is None or id in (edge.source, edge.target):
                 found.append(CurveEdge(row, edge))
     return found
 
 
-def _edges_of(catalogue: CatalogueStore, row: CurveRow) -> Iterator[Edge]:
+def edges_of(catalogue: CatalogueStore, row: CurveRow) -> Iterator[Edge]:
+    """The edges that a curve is, in order of its meetings.
+
+    An edge leads from the family whose event the curve continues to the one on the other side. That is the same family for SN and NS. If
+    the other family is not in the catalogue, the edge is a loop whose note says what begins there.
+    """
     for value, period in row.meetings:
         slack = _MATCH * max(1.0, abs(value))
         own: dict[str, BranchEvent] = {}
@@ -199,29 +178,6 @@ def find_curve(catalogue: CatalogueStore, text: str) -> CurveRow | None:
     return found[0] if found else None
 
 
-# -- rows ---------------------------------------------------------------------------------------------------------------------
-
-
-def curve_row(catalogue: CatalogueStore, curve: BifurcationCurve) -> CurveRow:
-    """The row of a curve of the catalogue's system."""
-    import numpy as np
-
-    from branches.curves.files import COLUMNS, curve_header
-    from branches.curves.identity import canonical_names, curve_id
-
-    names = canonical_names(curve)
-    order = [curve.names.index(name) for name in names]
-    low, high = (np.array(values)[order].tolist() for values in curve.span)
-    file = io.BytesIO()
-    np.savez_compressed(file, **{key: getattr(curve, name) for key, name in COLUMNS.items()})
-    defaults = dict(curve.plane.problem.parametric.values)
-    details = {"curve": curve_header(curve), "defaults": defaults, "meetings": meetings_of(catalogue, curve)}
-    return CurveRow(
-        curve_id(curve), curve.code, *names, low[0], high[0], low[1], high[1], len(curve), len(curve.events), compact_json(details),
-        file.getvalue(),
-    )  # fmt: skip
-
-
 def curve_of_row(catalogue: CatalogueStore, row: CurveRow) -> BifurcationCurve:
     """The curve of a row, bit for bit.
 
@@ -239,248 +195,3 @@ def curve_of_row(catalogue: CatalogueStore, row: CurveRow) -> BifurcationCurve:
         return restored_curve(catalogue.parametric.replaced(json.loads(row.details)["defaults"]), row.header, columns)
     except (LookupError, TypeError, ValueError, OSError, EOFError, BadZipFile) as error:
         raise CatalogueDamaged(f"{catalogue.path} is damaged: curve {row.id} cannot be read: {error}") from error
-
-
-def keep_curve(catalogue: CatalogueStore, curve: BifurcationCurve) -> tuple[Kept, str]:
-    """Add a curve, or replace shorter parts of it. Parts that overlap are joined.
-
-    Returns
-    -------
-    Kept, str
-        What was done, and the id of the curve.
-
-    Raises
-    ------
-    CatalogueError
-        For a curve of another system, or a catalogue of families in the energy.
-    CannotWiden
-        If the curve overlaps another part and could not be followed through both.
-    """
-    from branches.curves.extending import is_within
-    from branches.curves.identity import canonical_names
-    from branches.curves.tracing import extend_curve
-
-    if not catalogue.scene.parameters:
-        raise CatalogueError(f"{catalogue.path} holds families in the energy, and a curve lies between families in a parameter")
-    catalogue.require_system(_described(catalogue, curve))
-    replaced: list[str] = []
-    while True:
-        same = [row for row in catalogue.curve_rows() if (row.code, row.names) == (curve.code, canonical_names(curve))]
-        beside = [(row, curve_of_row(catalogue, row)) for row in same if row.id not in replaced and _overlap(row, curve)]
-        for row, stored in beside:
-            covered, inside = _share(stored, curve), _share(curve, stored)
-            if covered == 1.0 and not replaced:
-                return Kept.KNOWN, row.id
-            if inside == 1.0:
-                replaced.append(row.id)
-                break
-            if max(inside, covered) > 0.0:
-                window = _hull(curve, stored)
-                longer = extend_curve(curve, window) if is_within(curve, window) else curve
-                if _share(longer, stored) < 1.0:
-                    raise CannotWiden(f"{row.id} stays kept: the curve overlaps it, and was not found to go on through all of it")
-                curve = longer
-                replaced.append(row.id)
-                break
-        else:
-            break
-    row = curve_row(catalogue, curve)
-    with catalogue.transaction():
-        for id in replaced:
-            catalogue.remove_curve(id)
-        catalogue.insert_curve(row)
-    return (Kept.WIDER if replaced else Kept.NEW), row.id
-
-
-def _described(catalogue: CatalogueStore, curve: BifurcationCurve) -> dict[str, Any]:
-    """The system of a curve as plain data, with the catalogue's values of the parameters that vary along the curve."""
-    from branches.tables import plain
-
-    problem = curve.plane.problem
-    at = problem.parametric.replaced(problem.values)
-    known: ParametricSystem = catalogue.parametric
-    varied = {name: known.values[name] for name in problem.released if name in at.names and name in known.names}
-    described: dict[str, Any] = plain(at.replaced(varied).describe())
-    return described
-
-
-def _overlap(row: CurveRow, curve: BifurcationCurve) -> bool:
-    """Whether the ranges of two curves overlap."""
-    order = [curve.names.index(name) for name in row.names]
-    low, high = ([values[k] for k in order] for values in curve.span)
-    return all(
-        least <= high[k] + _SAME * abs(high[k]) and most >= low[k] - _SAME * abs(low[k]) for k, (least, most) in enumerate(row.ranges)
-    )
-
-
-def _hull(curve: BifurcationCurve, other: BifurcationCurve) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The ranges that contain those of two curves, in the order of the first one's parameters."""
-    (a, b), (c, d) = (other.window[other.names.index(name)] for name in curve.names)
-    (e, f), (g, h) = curve.window
-    return (min(a, e), max(b, f)), (min(c, g), max(d, h))
-
-
-_PLACES = 15
-"""Orbits of a curve that decide whether another one contains it."""
-
-
-def _share(curve: BifurcationCurve, other: BifurcationCurve) -> float:
-    """The part of the orbits of another curve that a curve contains, of both ends and some between them."""
-    import numpy as np
-
-    from branches.catalogue.responses import are_on
-    from branches.curves.identity import curve_numbers
-
-    places = sorted({round(k * (len(other) - 1) / (_PLACES - 1)) for k in range(_PLACES)})
-    return float(np.mean(are_on(curve_numbers(curve), curve_numbers(other)[places])))
-
-
-# -- meetings -----------------------------------------------------------------------------------------------------------------
-
-
-def meetings_of(catalogue: CatalogueStore, curve: BifurcationCurve) -> list[tuple[float, float]]:
-    """Where a curve crosses the line of the families of a catalogue: their parameter and period, in order of the parameter."""
-    import numpy as np
-
-    from branches.curves.tracing import curve_again
-
-    line = _Line(catalogue, curve)
-    values = np.array([line.residual(y) for y in curve.unknowns])
-    sizes = np.maximum(np.abs(values).max(axis=0), line.scale)
-    varying = np.ptp(values, axis=0) > _CONSTANT * sizes
-    if (np.abs(values[:, ~varying]) > _SAME * line.scale[~varying]).any():
-        return []
-    spot = np.abs(values) <= _SAME * line.scale
-    found = [line.place(curve.unknowns[i]) for i in np.flatnonzero(spot.all(axis=1))]
-    if varying.any():
-        leading = int(np.argmax(np.where(varying, np.ptp(values, axis=0) / sizes, -1.0)))
-        column = values[:, leading]
-        problem = curve_again(curve).curve(_ANYWHERE)
-        for i in np.flatnonzero(column[:-1] * column[1:] < 0.0).tolist():
-            if spot[i, leading] or spot[i + 1, leading]:
-                continue
-            y = _crossing(problem, curve, i, lambda y: float(line.residual(y)[leading]))
-            if y is not None and (np.abs(line.residual(y)) <= _SAME * line.scale).all():
-                found.append(line.place(y))
-    kept: list[tuple[float, float]] = []
-    for value, period in sorted(found):
-        if not any(math.isclose(value, a, rel_tol=_SAME, abs_tol=_SAME) and math.isclose(period, b, rel_tol=_SAME) for a, b in kept):
-            kept.append((value, period))
-    return kept
-
-
-_ANYWHERE = (-math.inf, math.inf), (-math.inf, math.inf)
-
-
-class _Line:
-    """The line on which the families of a catalogue are: its equations, and the values of the parameters that do not vary."""
-
-    def __init__(self, catalogue: CatalogueStore, curve: BifurcationCurve):
-        import numpy as np
-
-        from bvp.description import RESERVED
-
-        parametric, given = catalogue.parametric, catalogue.scene.parameters
-        self._plane, self._size = curve.plane, curve.plane.size
-        self._name, self._free = given["names"][0], catalogue.scene.is_free
-        self._names = parametric.names
-        self._fixed = [name for name in parametric.names if name not in given["names"]]
-        self._own = np.array([parametric.values[name] for name in self._fixed])
-        keep, names = given["keep"], given["names"]
-        self._count = len(keep)
-        self._program = parametric.equations(keep, names, RESERVED) if self._free else parametric.equations(keep, names) if keep else None
-        self.scale = np.concatenate([np.ones(self._count), np.maximum(np.abs(self._own), 1.0)])
-
-    def residual(self, y: np.ndarray) -> np.ndarray:
-        """What vanishes at an orbit of the catalogue's families."""
-        import numpy as np
-
-        from bvp.programs import evaluate_program
-
-        known = self._plane.values(y[: self._size])
-        kept = np.zeros(0)
-        if self._program is not None:
-            at = [known[name] for name in self._names] + ([known["energy"], known["quarter_period"]] if self._free else [])
-            kept = np.asarray(evaluate_program(self._program, at))[: self._count]
-        return np.concatenate([kept, np.array([known[name] for name in self._fixed]) - self._own])
-
-    def place(self, y: np.ndarray) -> tuple[float, float]:
-        """The parameter and the period of an orbit."""
-        y = y[: self._size]
-        return float(self._plane.values(y)[self._name]), float(self._plane.problem.period(y))
-
-
-def _crossing(problem: Curve, curve: BifurcationCurve, i: int, residual: Any) -> np.ndarray | None:
-    """The orbit between a point and the next one at which a number vanishes; None where it is not found."""
-    from branches.curves.tracing import step_at
-
-    begin = step_at(problem, curve, i)
-    if begin is None:
-        return None
-    low, high = 0.0, float(curve.arclength[i + 1] - curve.arclength[i])
-    at_low, at_high = residual(curve.unknowns[i]), residual(curve.unknowns[i + 1])
-    y = None
-    for k in range(_REFINEMENTS):
-        # The Illinois method, and a bisection now and then.
-        ds = 0.5 * (low + high) if k % 5 == 4 else (low * at_high - high * at_low) / (at_high - at_low)
-        step = problem.step(begin.y, begin.tangent, ds)
-        if not step.converged:
-            return None
-        y, value = step.y, residual(step.y)
-        if abs(value) < 1e-13 or high - low < 1e-13:
-            break
-        if value * at_low < 0.0:
-            high, at_high, at_low = ds, value, 0.5 * at_low
-        else:
-            low, at_low, at_high = ds, value, 0.5 * at_high
-    return y
-
-
-# -- checks -------------------------------------------------------------------------------------------------------------------
-
-
-def curve_failures(curve: BifurcationCurve, row: CurveRow) -> Iterator[str]:
-    """What does not hold of a stored curve. Of several points with the same failure the first is reported."""
-    import numpy as np
-
-    from branches.curves.identity import canonical_names, curve_id
-    from branches.curves.tracing import curve_again
-
-    problem, u = curve_again(curve).curve(_ANYWHERE), curve.plane.size
-    uncertain = {event.point for event in curve.events if event.status != "located"}
-    found: dict[str, list[str]] = {}
-    for i, y in enumerate(curve.unknowns):
-        where = f"point {i}, " + ", ".join(f"{n} = {v:.8g}" for n, v in zip(curve.names, curve.parameters[i].tolist(), strict=True))
-        at = curve.plane.linearised(y[:u])
-        residual = curve.plane.worst(at)
-        if not residual <= RESIDUAL:
-            found.setdefault("residual", []).append(f"{where}: its residual is {residual:.1e}, expected below {RESIDUAL:.0e}")
-            continue
-        if not np.array_equal(at.parameters, curve.parameters[i]) and not np.allclose(at.parameters, curve.parameters[i], 1e-12, 1e-12):
-            found.setdefault("parameters", []).append(f"{where}: its orbit has other values of them")
-        distance = _from_condition(problem, y)
-        if not distance <= CONDITION and i not in uncertain:
-            text = f"{where}: its condition {curve.code} does not hold, by {distance:.1e}, expected below {CONDITION:.0e}"
-            found.setdefault("condition", []).append(text)
-    for texts in found.values():
-        yield texts[0] + (f" (and {len(texts) - 1} more points)" if len(texts) > 1 else "")
-    if not (np.diff(curve.arclength) >= 0.0).all():
-        yield "its points are not in order of arclength"
-    if curve_id(curve) != row.id:
-        yield f"its events give the id {curve_id(curve)}"
-    if (row.code, row.names, row.points, row.events) != (curve.code, canonical_names(curve), len(curve), len(curve.events)):
-        yield "its row and its points do not fit each other"
-
-
-def _from_condition(problem: Curve, y: np.ndarray) -> float:
-    """How far a point is from the condition of its curve: the smallest singular value, or a distance in units of the unknowns."""
-    import numpy as np
-
-    u = problem.surface.size
-    scale = problem.surface.scales(y[:u])
-    at = problem.surface.linearised(y[:u])
-    held = problem.condition.held(at, y[u:], problem.condition.first(at, y[u:], scale), scale)
-    value = float(np.abs(held.values).max())
-    if hasattr(problem.condition, "matrix"):
-        return value
-    return value / max(float(np.linalg.norm(held.gradient[0] * scale)), 1e-300)

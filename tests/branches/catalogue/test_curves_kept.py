@@ -13,8 +13,9 @@ import pytest
 from branches.catalogue import Catalogue, CatalogueError
 from branches.catalogue.catalogue import graph_text
 from branches.catalogue.check import check_catalogue
-from branches.catalogue.curves import curve_row, find_curve
+from branches.catalogue.curves import find_curve
 from branches.catalogue.database import checksum
+from branches.catalogue.kept_curves import curve_row
 from branches.catalogue.responses import system_of
 from branches.catalogue.rows import SceneRecord
 from branches.catalogue.widening import Kept
