@@ -142,10 +142,5 @@ class BifurcationCurve:
         """At each point "supercritical", "subcritical" or "" where it is not known."""
         if self.code not in ("PD", "SB", "NS"):
             return [""] * len(self)
-        signs = np.sign(np.nan_to_num(self.coefficient))
-        return [
-            {1.0: "supercritical" if self.code != "NS" else "subcritical", 0.0: ""}.get(
-                s, "subcritical" if self.code != "NS" else "supercritical"
-            )
-            for s in signs.tolist()
-        ]
+        above, below = ("subcritical", "supercritical") if self.code == "NS" else ("supercritical", "subcritical")
+        return [above if value > 0.0 else below if value < 0.0 else "" for value in self.coefficient.tolist()]
