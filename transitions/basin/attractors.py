@@ -65,10 +65,8 @@ class KnownAttractors:
         made = attractor_of(self.path, found)
         if made is None:
             return UNDECIDED
-        last = found.states[-1] if not found.period else found.states[0]
-        bits = self.follower.bits(found.sticking)
         if made.kind in (AttractorKind.TORUS, AttractorKind.CHAOS):
-            return self._cloud_at(made, last, bits)
+            return self._cloud_at(made, found.states[0], self.follower.bits(found.sticking))
         for k, entry in enumerate(self.entries):
             if entry.attractor.sticking == made.sticking and same_states(entry.attractor.states, made.states):
                 return k

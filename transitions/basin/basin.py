@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.simulate import Simulator
 from transitions.basin.grid import BasinAxis, StartGrid
-from transitions.basin.identity import mirrored, named_by, same_states
+from transitions.basin.identity import mirrored, named_by, same_states, states_later
 from transitions.basin.plan import PERIODS, BasinPlan, path_of
 from transitions.basin.record import IMPOSSIBLE, UNDECIDED, Attractor, Basin
 from transitions.basin.rounds import BasinSearch, assign_starts, begin_search
@@ -184,11 +183,8 @@ def _with_mirrors(path: ParameterPath, attractors: list[Attractor], period: floa
 
 
 def _at_phase(search: BasinSearch, attractor: Attractor) -> np.ndarray:
-    """The states of an attractor at the phase of the starts."""
+    """The states (p, 2n) of an attractor at the phase of the starts; NaN where a simulation ends before."""
     phase = search.plan.grid.phase
     if phase == 0.0 or not attractor.period:
         return attractor.states
-    n = search.follower.system.degrees_of_freedom
-    simulator = Simulator(search.follower.system, list(search.follower.forces))
-    time = phase / (2.0 * math.pi) * search.follower.period
-    return np.array([simulator.run(state[:n], state[n:], time).final for state in attractor.states])
+    return states_later(search.plan.path, attractor.states, phase / (2.0 * math.pi) * search.follower.period)

@@ -39,7 +39,7 @@ class Cloud:
     ----------
     states : (P, 2n) ndarray
     scale : (2n,) ndarray
-        Factors with which differences are distances: w for displacements, 1 for velocities.
+        As of `StartFollower`.
     median, largest : float
         Of the distances of each state from the nearest other one.
     """
@@ -63,9 +63,9 @@ def cloud_of(follower: StartFollower, state: np.ndarray, sticking: int) -> Cloud
     states = motion.advance(POINTS).states
     if len(states) < POINTS or not np.all(np.isfinite(states)):
         return None
-    scale = np.repeat([2.0 * np.pi / follower.period, 1.0], len(state) // 2)
-    inner = KDTree(states * scale).query(states * scale, k=2)[0][:, 1]
-    return Cloud(states, scale, float(np.median(inner)), float(inner.max()))
+    points = states * follower.scale
+    inner = KDTree(points).query(points, k=2)[0][:, 1]
+    return Cloud(states, follower.scale, float(np.median(inner)), float(inner.max()))
 
 
 def on_clouds(follower: StartFollower, states: np.ndarray, sticking: np.ndarray, clouds: Sequence[Cloud]) -> np.ndarray:

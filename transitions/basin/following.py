@@ -12,7 +12,6 @@ import numpy as np
 from bvp.interrupts import Pace
 from bvp.kernels import contact_mode as entry
 from bvp.kernels import motion as motion_kernels
-from bvp.motion import STATUS, MotionStatus
 from transitions.basin import kernels
 from transitions.basin.kernels import CAUGHT, ENDED, LEFT, OPEN, Known
 from transitions.sweep import kernels as period_kernels
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["CAUGHT", "ENDED", "LEFT", "OPEN", "Followed", "StartFollower", "joined", "nothing_known"]
+__all__ = ["CAUGHT", "ENDED", "LEFT", "OPEN", "Followed", "StartFollower", "nothing_known"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +54,6 @@ class Followed:
     impacts: np.ndarray
     stuck: np.ndarray
 
-    def status(self, b: int) -> MotionStatus:
-        """Why the simulation of a start that is ENDED could not go on."""
-        return STATUS[int(self.reason[b])]
-
-
-def joined(parts: Sequence[Followed]) -> Followed:
-    """Several blocks as one."""
-    return Followed(*(np.concatenate([getattr(part, name) for part in parts]) for name in Followed.__dataclass_fields__))
-
 
 def nothing_known(width: int) -> Known:
     """`Known` without rows, for states (width,)."""
@@ -80,12 +70,18 @@ class StartFollower(ForcedMotion):
     system : ImpactSystem
     forces : sequence of loads
         Harmonic with a common base frequency, and constant.
+
+    Attributes
+    ----------
+    scale : (2n,) ndarray
+        Factors with which differences of states are distances: w for displacements, 1 for velocities.
     """
 
     def __init__(self, system: ImpactSystem, forces: Sequence[Force]) -> None:
         super().__init__(system, forces, Carried(np.zeros(2 * system.degrees_of_freedom)))
         self.forces = tuple(forces)
         self._multiples = np.array(harmonics_of(forces)[1], dtype=float)
+        self.scale = np.repeat([2.0 * math.pi / self.period, 1.0], system.degrees_of_freedom)
 
     def follow(
         self,

@@ -15,7 +15,9 @@ from branches.forced.primitive import full_period, primitive_orbit
 from bvp.closures import EndsError
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
+from bvp.motion import MotionStatus
 from bvp.multipoint import NotConverged
+from bvp.simulate import Simulator
 from transitions.basin.record import Attractor, AttractorKind, Saddle
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, settled_orbit
@@ -24,7 +26,7 @@ from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = [
     "FamilyOrbit", "attractor_of", "family_name", "full_multipliers", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
-    "orbits_at", "saddle_of", "same_states", "strobe_states",
+    "orbits_at", "saddle_of", "same_states", "states_later", "strobe_states",
 ]  # fmt: skip
 
 SAME = 1e-6
@@ -85,23 +87,25 @@ def same_states(one: np.ndarray, other: np.ndarray, slack: float = SAME) -> bool
     return any(bool(np.nanmax(np.abs(np.roll(one, k, axis=0) - other), initial=0.0) <= slack * size) for k in range(len(one)))
 
 
+def states_later(path: ParameterPath, states: np.ndarray, time: float) -> np.ndarray:
+    """The states (p, 2n) of motions that begin in some at phase 0, a time later; NaN where a simulation ends before."""
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    n, simulator = system.degrees_of_freedom, Simulator(system, list(forces))
+    found = np.full(states.shape, math.nan)
+    for k, state in enumerate(states):
+        motion = simulator.run(state[:n], state[n:], time)
+        if motion.status is MotionStatus.DURATION_REACHED:
+            found[k] = motion.final
+    return found
+
+
 def mirrored(path: ParameterPath, states: np.ndarray, period: float) -> np.ndarray | None:
     """The states at phase 0, (p, 2n), of the mirror image x(t) -> -x(t + pi/w) of a periodic motion; None where the system is not odd, or
     an end of the simulation prevents it."""
-    from bvp.motion import MotionStatus
-    from bvp.simulate import Simulator
-
     if not is_odd(path.problem(())):
         return None
-    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
-    n, simulator = system.degrees_of_freedom, Simulator(system, list(forces))
-    found = []
-    for state in states:
-        motion = simulator.run(state[:n], state[n:], 0.5 * period)
-        if motion.status is not MotionStatus.DURATION_REACHED:
-            return None
-        found.append(-motion.final)
-    return np.array(found)
+    found = -states_later(path, states, 0.5 * period)
+    return found if np.all(np.isfinite(found)) else None
 
 
 def attractor_of(path: ParameterPath, settled: Settled) -> Attractor | None:

@@ -49,7 +49,7 @@ def neighbourhoods(follower: StartFollower, states: np.ndarray, sticking: tuple[
         A row for each state; None where the motion is not certainly stable.
     """
     p, width = states.shape
-    scale = np.repeat([2.0 * np.pi / follower.period, 1.0], width // 2)
+    scale = follower.scale
     rows: list[Known] = []
     for k in range(p):
         start = follower.carried_state(states[k], sticking[k])

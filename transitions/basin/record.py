@@ -139,7 +139,7 @@ class Basin:
         Periods of the loads and impacts until the start was assigned.
     saddles : tuple of Saddle
     positions : tuple of (p, 2n) ndarray
-        The states of each attractor at the phase of the starts.
+        The states of each attractor at the phase of the starts; NaN where their simulation ends before.
     undecided : mapping of str to int
         How many starts were not assigned, by the reason.
     frequency : float

@@ -19,7 +19,6 @@ from transitions.basin.following import CAUGHT, StartFollower
 from transitions.basin.identity import full_multipliers, is_unstable, mirrored_orbit, saddle_of, same_states, strobe_states
 from transitions.response.starting import NoOrbit, settled_orbit
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord
-from transitions.sweep.returns import distance_scale
 from transitions.sweep.settle import Settled, SettledKind
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ def _tracked(plan: BasinPlan, pair: np.ndarray, sticking: np.ndarray, side: _Sid
         records = [motion.advance(WATCHED, impacts=True) for motion in motions]
         if any(record.status is not MotionStatus.DURATION_REACHED for record in records):
             return None
-        scaled = [distance_scale(record.states, 2.0 * math.pi / follower.period) for record in records]
+        scaled = [record.states * follower.scale for record in records]
         size = float(np.linalg.norm(scaled[0], axis=1).max())
         parted = np.linalg.norm(scaled[0] - scaled[1], axis=1) > APART * size
         kept = int(np.argmax(parted)) if parted.any() else WATCHED
