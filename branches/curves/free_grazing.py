@@ -13,7 +13,7 @@ from branches.released.presentation import released_orbit
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import ReleasedProblem
 
-__all__ = ["approach_speeds", "free_grazing_at"]
+__all__ = ["approach_speeds", "are_at", "free_grazing_at", "impact_places", "touch_as_impact"]
 
 _SLOW = 1e-6
 """Speed of an impact, in units of arclength, that is zero at a located grazing."""
@@ -26,6 +26,12 @@ def approach_speeds(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray) -
     velocities = [-y[n : 2 * n] if i == k + 1 else ends[i, n : 2 * n] for i in nodes]
     speeds = [float(segment.side[i] * (segment.gap[i, :n] @ v)) for i, v in zip(nodes, velocities, strict=True)]
     return nodes, np.array(speeds)
+
+
+def impact_places(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """The displacements (p, n) at nodes of `approach_speeds`."""
+    n, k = problem.degrees_of_freedom, problem.inner
+    return np.array([y[:n] if i > k else ends[i, :n] for i in nodes.tolist()]).reshape(-1, n)
 
 
 def free_grazing_at(problem: ReleasedProblem, y: np.ndarray, solution: Solution) -> tuple[ReleasedProblem, np.ndarray, Grazing]:
@@ -45,18 +51,38 @@ def free_grazing_at(problem: ReleasedProblem, y: np.ndarray, solution: Solution)
     least = what_grazes(grazing_sizes(problem, solution))
     if least == "flight":
         return problem, y, Grazing("flight", int(solution["flight_index"]))
+    if least == "speed":
+        orbit = touching(*problem.orbit_problem(y))
+        if orbit.kept == (1 << len(orbit.times)) - 1:
+            return problem, y, Grazing("speed", int(solution["speed_node"]))
+    return touch_as_impact(problem, y)
+
+
+def touch_as_impact(
+    problem: ReleasedProblem, y: np.ndarray, besides: np.ndarray | None = None
+) -> tuple[ReleasedProblem, np.ndarray, Grazing]:
+    """The same of an orbit that touches a stop. besides: the displacements (n,) at another touch of the orbit, which is not meant."""
     plain, at = problem.orbit_problem(y)
     orbit = touching(plain, at)
-    every = (1 << len(orbit.times)) - 1
-    if least == "speed" and orbit.kept == every:
-        return problem, y, Grazing("speed", int(solution["speed_node"]))
     # With all its touches as impacts the orbit has all its symmetries, and no image of the touch is another grazing.
-    choice = candidate(orbit, every)
+    choice = candidate(orbit, (1 << len(orbit.times)) - 1)
     other = MultipointProblem(plain.system, choice.ends, choice.sequence)
     made, start = released_orbit(problem, problem.parameters(y), other, other.pack(choice.start, choice.nodes, choice.times))
     made.residual(start)
-    nodes, speeds = approach_speeds(made, start, made._factor.before)
-    slowest = int(np.argmin(np.abs(speeds)))
-    if abs(speeds[slowest]) > _SLOW * problem.segment.scale[problem.degrees_of_freedom]:
+    n, before = problem.degrees_of_freedom, made._factor.before
+    nodes, speeds = approach_speeds(made, start, before)
+    if besides is not None:
+        apart = ~are_at(impact_places(made, start, before, nodes), besides, made.structure.periodic)
+        nodes, speeds = nodes[apart], speeds[apart]
+    slowest = int(np.argmin(np.abs(speeds))) if len(speeds) else -1
+    if slowest < 0 or abs(speeds[slowest]) > _SLOW * problem.segment.scale[n]:
         raise ValueError("the impact at the touch was not found; expected another event")
     return made, start, Grazing("speed", int(nodes[slowest]))
+
+
+def are_at(places: np.ndarray, place: np.ndarray, mirrored: bool) -> np.ndarray:
+    """Which displacements (p, n) are those of another instant (n,), or their mirror image. Two instants of a segment between two reversals
+    are no images of each other."""
+    limit = _SLOW * float(np.max(np.abs(place)))
+    found: np.ndarray = np.abs(places - place).max(axis=1, initial=0.0) <= limit
+    return found | (np.abs(places + place).max(axis=1, initial=0.0) <= limit) if mirrored else found

@@ -12,15 +12,25 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.free import BOTH, SYMMETRIES, Breaking, Fold, Symmetry
-from branches.curves.free_grazing import approach_speeds
+from branches.curves.free_grazing import approach_speeds, are_at, impact_places, touch_as_impact
 from branches.curves.grazing import Grazing, beside_grazing
-from branches.curves.grazing_monitor import SECOND_GRAZING, signed_smallest
+from branches.curves.grazing_monitor import SECOND_GRAZING, second_grazing, signed_smallest
 from branches.curves.monitor import Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
 from bvp.closures import cycle_of
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
+from bvp.kernels.multipoint import (
+    CLEARANCE,
+    CLEARANCE_TIME,
+    FLIGHT,
+    FLIGHT_INDEX,
+    QUARTER_PERIOD,
+    REST,
+    RESULT,
+    SPEED,
+    SPEED_NODE,
+)
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 from continuation.curves import Held, Linearised
@@ -41,8 +51,31 @@ def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | No
         ends = problem._factor.before.copy()
     result = np.full(len(RESULT), math.nan)
     ForcedProblem._observe(problem, np.array(y), ends, result)
+    _see_rests(problem, y, ends, result)
+    nodes, speeds = approach_speeds(problem, y, ends)
+    _enter_least(result, [SPEED, SPEED_NODE], speeds, nodes)
     result[QUARTER_PERIOD] = float(np.sum(problem.flight_times(y))) / problem.quarters
     return Solution(np.array(y), np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
+
+
+def _see_rests(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
+    """Where an orbit is at rest all gaps turn: compare their distances from the stops with the clearance in a result."""
+    watched, k, n = problem._watched, problem.inner, problem.degrees_of_freedom
+    bounds = problem.segment.released.entries[watched.bounds]
+    for flight, x, time in ((0, y[:n], 0.0), (k, ends[k, :n], float(problem.flight_times(y)[k]))):
+        if problem.structure.periodic or problem.kinds[0 if time == 0.0 else 1] != REST:
+            continue
+        gaps = watched.gaps @ x
+        distances = np.array([gaps - bounds[0], bounds[1] - gaps])
+        side, stop = np.unravel_index(int(distances.argmin()), distances.shape)
+        if distances[side, stop] < result[CLEARANCE]:
+            result[CLEARANCE : CLEARANCE_TIME + 1] = distances[side, stop], flight, stop, 2.0 * side - 1.0, time
+
+
+def _enter_least(result: np.ndarray, entries: list[int], values: np.ndarray, indices: np.ndarray) -> None:
+    """Write the least of values, and its index, into entries of a result; infinity where there are none."""
+    least = int(values.argmin()) if len(values) else -1
+    result[entries] = (values[least], indices[least]) if least >= 0 else (math.inf, -1)
 
 
 def event_of(problem: ReleasedProblem, symmetry: Symmetry) -> tuple[str, str]:
@@ -71,7 +104,8 @@ class _Critical:
         # A period doubling of a quarter period is solved on half of it, where two perturbations are critical at once.
         skipped = {*without, *([(False, True), (True, False)] if doubled else [])}
         every = (FOLD, *(SYMMETRIES if self.breaking else ()))
-        self.symmetries = [symmetry for symmetry in every if symmetry not in skipped]
+        # With one degree of freedom the energy and the stops hit determine the orbit.
+        self.symmetries = [symmetry for symmetry in every if symmetry not in skipped and problem.degrees_of_freedom > 1]
 
     def values(self, at: Linearised, scale: np.ndarray) -> list[float]:
         found = []
@@ -148,9 +182,7 @@ class FreeMonitor:
         image = (TestFunction(_SYMMETRIC[code], "crossing", True, _GOES_BACK),) if self._exchanged else ()
         self.tests = (*window_tests(plane, window), *GRAZING.values(), *cusp, *others, *image)
 
-    def values(
-        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any]:
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.problem, held.extra
         solution = observed_free(problem, at.y, problem._factor.before.copy())
@@ -205,7 +237,7 @@ class FreeGrazingMonitor:
     plane : ParameterPlane
     grazing : Grazing
     y : (u,) float
-        An orbit of the curve. Impacts that have no speed there, either, have none along the curve.
+        An orbit of the curve. Images of the touch have no speed along the curve, either.
     window : Window
     """
 
@@ -216,7 +248,12 @@ class FreeGrazingMonitor:
         self._critical = _Critical(plane, [])
         problem.residual(y)
         nodes, speeds = approach_speeds(problem, y, problem._factor.before)
-        self._others = nodes[speeds > _SLOW * float(np.max(np.abs(problem._factor.before)))]
+        apart = np.ones(len(nodes), dtype=bool)
+        if grazing.kind == "speed":
+            places = impact_places(problem, y, problem._factor.before, nodes)
+            images = are_at(places, places[nodes == grazing.flight][0], True) if problem.structure.periodic else nodes == grazing.flight
+            apart = ~images | (speeds > _SLOW * float(np.max(np.abs(problem._factor.before))))
+        self._others = nodes[apart]
         events = [event_of(problem, symmetry) for symmetry in self._critical.symmetries]
         self.tests = (
             *window_tests(plane, window),
@@ -224,27 +261,40 @@ class FreeGrazingMonitor:
             *(TestFunction(f"{code}-GR", "crossing", False, f"orbits with the impact: {words}") for code, words in events),
         )
 
-    def values(
-        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any]:
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
+        solution, bend = self._observed(at.y)
+        self.problem.residual(at.y)
+        guards = [solution["clearance"], solution["speed"], solution["flight"], bend]
+        values = [*window_values(self.plane, at.parameters, self.window), *guards, *self._critical.values(at, scale)]
+        return values, FreePoint(self.problem, solution)
+
+    def second(self, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray, Grazing]:
+        """What else grazes at an orbit of the curve. Result and errors as of `branches.curves.grazing_monitor.GrazingMonitor.second`."""
+        problem, grazing = self.problem, self.grazing
+        problem.residual(y)
+        solution = self._observed(y)[0]
+        least = second_grazing(problem, solution)
+        if least != "clearance":
+            return problem, y, Grazing(least, int(solution["speed_node" if least == "speed" else "flight_index"]))
+        ends = solution.ends
+        return touch_as_impact(problem, y, impact_places(problem, y, ends, np.array([grazing.flight]))[0])
+
+    def _observed(self, y: np.ndarray) -> tuple[Solution, float]:
+        """The orbit that was evaluated last, with all else but its grazing, and the acceleration of the gap at its touch."""
         problem, grazing, ends = self.problem, self.grazing, self.problem._factor.before.copy()
-        flights, shown, shown_ends, bend = problem.flight_times(at.y), np.array(at.y), ends, 1.0
+        flights, shown, shown_ends, bend = problem.flight_times(y), np.array(y), ends, 1.0
         if grazing.kind == "flight":
             problem.flight_times(shown)[grazing.flight] = 0.0
-            flights = np.delete(flights, grazing.flight)
+            flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
         else:
-            shown, shown_ends, bend = beside_grazing(problem, at.y, ends, grazing.flight, problem.structure.periodic)
-        nodes, speeds = approach_speeds(problem, at.y, ends)
-        slowest = float(np.min(speeds[np.isin(nodes, self._others) & ~_grazes(grazing, nodes)], initial=math.inf))
+            shown, shown_ends, bend = beside_grazing(problem, y, ends, grazing.flight, problem.structure.periodic)
+        nodes, speeds = approach_speeds(problem, y, ends)
+        watched = np.isin(nodes, self._others)
         solution = observed_free(problem, shown, shown_ends)
-        solution = Solution(at.y, solution.tangent, solution.position, ends, solution.result)
-        problem.residual(at.y)
-        values = [
-            *window_values(self.plane, at.parameters, self.window), solution["clearance"], slowest,
-            float(np.min(flights, initial=math.inf)), bend, *self._critical.values(at, scale),
-        ]  # fmt: skip
-        return values, FreePoint(problem, solution)
+        _enter_least(solution.result, [SPEED, SPEED_NODE], speeds[watched], nodes[watched])
+        _enter_least(solution.result, [FLIGHT, FLIGHT_INDEX], flights, np.arange(len(flights)))
+        return Solution(y, solution.tangent, solution.position, ends, solution.result), bend
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
@@ -256,7 +306,3 @@ class FreeGrazingMonitor:
 
 _SLOW = 1e-7
 """Part of the largest velocity or displacement below which the impact of a located grazing has no speed."""
-
-
-def _grazes(grazing: Grazing, nodes: np.ndarray) -> np.ndarray:
-    return nodes == grazing.flight if grazing.kind == "speed" else np.zeros(len(nodes), dtype=bool)

@@ -24,7 +24,10 @@ from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
 from bvp.multipoint import Solution
 from continuation.curves import Linearised, ScalarCondition
 
-__all__ = ["Grazing", "beside_grazing", "flown", "grazing_at", "grazing_condition", "grazing_sizes", "observed", "what_grazes"]
+__all__ = [
+    "Grazing", "beside_grazing", "flown", "grazing_at", "grazing_condition", "grazing_of", "grazing_sizes", "observed",
+    "paths_beside", "what_grazes",
+]  # fmt: skip
 
 _ZERO = 1e-9
 """Clearance, speed and flight time, in units of arclength and of the period, that are zero at a located grazing."""
@@ -68,6 +71,11 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     least = what_grazes(sizes)
     if any(event.closed for event in problem.events) and sizes["flight"] < _INSTANT:
         least = "flight"  # contact force and speed vanish faster than the time
+    return grazing_of(problem, solution, least)
+
+
+def grazing_of(problem: ForcedProblem, solution: Solution, least: str) -> tuple[ForcedProblem, np.ndarray, Grazing]:
+    """The same, where it is known what vanishes at the orbit: "clearance", "speed" or "flight"."""
     if least == "clearance" and solution["clearance_side"] == 0.0:
         raise ValueError("a chatter that hardly ends is no grazing with an equation of its own; expected another event")
     if least == "speed" and problem.sequence:
@@ -156,7 +164,7 @@ def grazing_condition(plane: ParameterPlane, grazing: Grazing) -> ScalarConditio
 
     def force(point: Linearised) -> tuple[float, np.ndarray]:
         gradient = np.zeros(plane.size)
-        value, gradient[at : at + width] = _least_force(problem, point.y, grazing)
+        value, gradient[at : at + width], _ = _least_force(problem, point.y, grazing)
         return value, gradient
 
     return ScalarCondition({"speed": speed, "flight": duration, "force": force}[grazing.kind])
@@ -185,26 +193,50 @@ def beside_grazing(
         The acceleration of the gap at the impact, away from the stop.
     """
     n, k = problem.degrees_of_freedom, problem.inner
+    row = problem.segment.side[flight] * problem.segment.gap[flight, :n]
+    at_start = flight > k
+    place, time = (0, 0.0) if at_start else (flight, float(problem.flight_times(y)[flight]))
+    bend = -float(row @ flown(problem, problem.nodes(y)[place], time, place)[2][n : 2 * n])
+    after = 0 if at_start or (flight == k and wraps) else flight + 1
+    return *_shortened(problem, y, ends, None if at_start else flight, after if after <= k else None), bend
+
+
+def paths_beside(problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, grazing: Grazing) -> list[tuple[np.ndarray, np.ndarray]]:
+    """An orbit without the neighbourhood of a flight without duration, or of the instant at which a contact force touches zero: up to
+    there, and from there. Arguments as of `beside_grazing`; its wraps is true."""
+    flight, count = grazing.flight, len(ends)
+    if grazing.kind == "flight":
+        shown = np.array(y)
+        problem.flight_times(shown)[flight] = 0.0
+        return [_shortened(problem, shown, ends, (flight - 1) % count, (flight + 1) % count)]
+    time, duration = _least_force(problem, y, grazing)[2], float(problem.flight_times(y)[flight])
+    before, after = np.array(y), np.array(y)
+    problem.flight_times(before)[flight] = time
+    problem.flight_times(after)[flight] = duration - time
+    problem.nodes(after)[flight] = flown(problem, problem.nodes(y)[flight], time, flight)[0]
+    paths = [_shortened(problem, before, ends, flight, None), _shortened(problem, after, ends, None, flight)]
+    return [path for path in paths if problem.flight_times(path[0])[flight] > 0.0]
+
+
+def _shortened(
+    problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, before: int | None, after: int | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """An orbit without the last part of the flight before an instant, and the first part of the flight after it."""
     shown, ends = np.array(y), ends.copy()
     times, nodes = problem.flight_times(shown), problem.nodes(shown)
-    row = problem.segment.side[flight] * problem.segment.gap[flight, :n]
     short = _NEXT * float(np.sum(times))
-    at_start = flight > k
-    place, time = (0, 0.0) if at_start else (flight, float(times[flight]))
-    bend = -float(row @ flown(problem, nodes[place], time, place)[2][n : 2 * n])
-    if not at_start:
-        ends[flight] = flown(problem, nodes[flight], time - short, flight)[0]
-        times[flight] -= short
-    after = 0 if at_start or (flight == k and wraps) else flight + 1
-    if after <= k:
+    if before is not None:
+        times[before] -= short
+        ends[before] = flown(problem, nodes[before], float(times[before]), before)[0]
+    if after is not None:
         nodes[after] = flown(problem, nodes[after], short, after)[0]
         times[after] -= short
-    return shown, ends, bend
+    return shown, ends
 
 
-def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tuple[float, np.ndarray]:
-    """The contact force of a stop at its minimum over a flight, and its derivatives by the node where the flight begins; NaN where no
-    minimum is found."""
+def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tuple[float, np.ndarray, float]:
+    """The contact force of a stop at its minimum over a flight, its derivatives by the node where the flight begins, and its time; all NaN
+    where no minimum is found."""
     flight, arrays = grazing.flight, problem._table.arrays
     mode = int(arrays.mode[flight])
     node, duration = problem.nodes(y)[flight], float(problem.flight_times(y)[flight])
@@ -217,7 +249,7 @@ def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tup
 
     if grazing.part is None:
         value, row, _, _ = at(0.0)
-        return value, row
+        return value, row, 0.0
     time, step = grazing.part * duration, _DIFFERENCE * duration
     seen = observed(problem, y)
     if int(seen["clearance_flight"]) == flight and int(seen["clearance_stop"]) == grazing.stop:
@@ -232,6 +264,6 @@ def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tup
     else:
         change = math.nan
     if not math.isfinite(change):
-        return math.nan, np.full(problem.size, math.nan)
+        return math.nan, np.full(problem.size, math.nan), math.nan
     value, row, jacobian, _ = at(time)
-    return value, row @ jacobian
+    return value, row @ jacobian, time

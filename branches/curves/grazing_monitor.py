@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dgesv
 
-from branches.curves.grazing import Grazing, beside_grazing, observed
+from branches.curves.grazing import Grazing, beside_grazing, grazing_of, grazing_sizes, paths_beside, what_grazes
 from branches.curves.monitor import CurvePoint, Window, has_pair, meeting_of, pair_product, window_tests, window_values
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.forced import ForcedProblem
 from bvp.kernels.dense import determinant, eigenvalues, least_singular
-from bvp.kernels.multipoint import CLEARANCE, RESULT
+from bvp.kernels.multipoint import CLEARANCE, CLEARANCE_FLIGHT, CLEARANCE_TIME, FLIGHT, FLIGHT_INDEX, RESULT, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["SECOND_GRAZING", "GrazingMonitor", "signed_smallest"]
+__all__ = ["SECOND_GRAZING", "GrazingMonitor", "second_grazing", "signed_smallest"]
 
-_NEXT = 1e-4
-"""Part of the period beside a flight without duration in which no other touch is looked for."""
+_SECOND = 1e-6
+"""Largest clearance, speed and flight time, in units of arclength and of the period, of a second grazing at a located point."""
 
 SECOND_GRAZING = (
     *(
@@ -59,44 +60,88 @@ class GrazingMonitor:
         )
         self._shifted = closing_block(plane)
         self._single = None if grazing.repeats is None else _SingleTouch(plane.problem, grazing)
+        # Where all coordinates stick, all multipliers are zero, and rounding would decide the signs of the other tests.
+        freedom = plane.problem.degrees_of_freedom
+        spared = grazing.flight if grazing.kind == "flight" else -1
+        self._forgets = any(len(one.closed) >= freedom for k, one in enumerate(plane.problem.events) if k != spared)
 
-    def values(
-        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any]:
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
-        problem, grazing = self.plane.problem, self.grazing
-        y, flights, ends = at.y, problem.flight_times(at.y), problem._factor.before.copy()
-        # Releases have no speed.
-        flights_hit = (problem.impacts - 1) % (problem.inner + 1) if problem.sequence else np.zeros(0, dtype=int)
-        if grazing.kind == "speed":
-            flights_hit = flights_hit[flights_hit != grazing.flight]
-        speeds = problem._approach()[flights_hit]
-        solution = Solution(y, np.concatenate([tangent[: y.size], np.zeros(y.size)]), self.plane.position(y), ends, np.zeros(0))
-        bend, clearance = 1.0, math.inf
-        if grazing.kind == "speed":
-            one, shown, i = problem, y, grazing.flight
-            if self._single is not None:
-                one, shown = self._single.problem, self._single.unknowns(y)
-                one.residual(shown)
-                i = one.inner
-            shown, shown_ends, bend = beside_grazing(one, shown, one._factor.before, i, wraps=True)
-            result = np.full(len(RESULT), math.nan)
-            one._observe(shown, shown_ends, result)
-            clearance = float(result[CLEARANCE])
-        elif grazing.kind == "flight":
-            shown = np.array(y)
-            problem.flight_times(shown)[grazing.flight] = 0.0
-            seen = observed(problem, shown)
-            clearance = math.inf if _is_at_instant(problem, seen, grazing.flight) else seen["clearance"]
-            flights = np.delete(flights, grazing.flight)
-        least_flight = float(flights.min(initial=math.inf))
-        slowest = float(speeds.min(initial=math.inf))
+        y, problem = at.y, self.plane.problem
+        ends, along = problem._factor.before.copy(), np.concatenate([tangent[: y.size], np.zeros(y.size)])
+        others = self._others(y)
+        solution = Solution(y, along, self.plane.position(y), ends, others.result)
         fixed = at.extra * scale
         shifted = self._shifted * scale
         finite = finite_multipliers(fixed, shifted)
         tests = [signed_smallest(fixed), signed_smallest(fixed - 2.0 * shifted), pair_product(finite.tolist())]
-        values = [*window_values(self.plane, at.parameters, self.window), clearance, slowest, least_flight, bend, *tests]
+        if self._forgets:
+            tests = [1.0, 1.0, 1.0]
+        guards = [*others.result[[CLEARANCE, SPEED, FLIGHT]].tolist(), others.bend]
+        values = [*window_values(self.plane, at.parameters, self.window), *guards, *tests]
         return values, CurvePoint(solution, finite, math.nan, math.nan)
+
+    def second(self, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray, Grazing]:
+        """What else grazes at an orbit of the curve, as `branches.curves.grazing.grazing_at` gives it.
+
+        Raises
+        ------
+        ValueError
+            Where nothing else does, and where that cannot be continued.
+        """
+        others, solution = self._observed(y)
+        least = second_grazing(self.plane.problem, solution)
+        if least == "clearance":
+            return grazing_of(others.problem, replace(solution, y=others.y), least)
+        return grazing_of(self.plane.problem, solution, least)
+
+    def _observed(self, y: np.ndarray) -> tuple[_Others, Solution]:
+        """All else at an orbit, and that as the solution of the curve's own problem."""
+        problem = self.plane.problem
+        problem.residual(y)
+        ends, others = problem._factor.before.copy(), self._others(y)
+        return others, Solution(y, np.zeros(2 * y.size), self.plane.position(y), ends, others.result)
+
+    def _others(self, y: np.ndarray) -> _Others:
+        """See `_Others`. y: the orbit that was evaluated last."""
+        problem, grazing, flights = self.plane.problem, self.grazing, self.plane.problem.flight_times(y)
+        speeds = np.full(len(flights), math.inf)  # releases have none
+        hit = (problem.impacts - 1) % len(flights) if problem.sequence else problem.impacts[:0]
+        speeds[hit] = problem._approach()[hit]
+        if grazing.kind == "speed":
+            speeds[grazing.flight] = math.inf
+        elif grazing.kind == "flight":
+            flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
+        found = self._clear(y)
+        for entries, values in (((SPEED, SPEED_NODE), speeds), ((FLIGHT, FLIGHT_INDEX), flights)):
+            found.result[list(entries)] = values.min(initial=math.inf), values.argmin()
+        return found
+
+    def _clear(self, y: np.ndarray) -> _Others:
+        """The orbit without the neighbourhood of what grazes."""
+        problem, grazing, bend = self.plane.problem, self.grazing, 1.0
+        if self._single is not None:
+            problem, y = self._single.problem, self._single.unknowns(y)
+            problem.residual(y)
+        ends = problem._factor.before.copy()
+        if grazing.kind == "speed":
+            at = grazing.flight if self._single is None else problem.inner
+            shown, shown_ends, bend = beside_grazing(problem, y, ends, at, wraps=True)
+            paths = [(shown, shown_ends)]
+        else:
+            paths = paths_beside(problem, y, ends, grazing)
+        result = np.full(len(RESULT), math.nan)
+        result[CLEARANCE] = math.inf
+        for shown, shown_ends in paths:
+            seen = np.full(len(RESULT), math.nan)
+            problem._observe(shown, shown_ends, seen)
+            flight = int(seen[CLEARANCE_FLIGHT])
+            # Paths that begin later do so at the end of what is left out.
+            moved = not np.array_equal(problem.nodes(shown)[flight], problem.nodes(y)[flight])
+            seen[CLEARANCE_TIME] += (problem.flight_times(y) - problem.flight_times(shown))[flight] if moved else 0.0
+            if seen[CLEARANCE] < result[CLEARANCE]:
+                result = seen
+        return _Others(problem, y, result, bend)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
@@ -106,10 +151,30 @@ class GrazingMonitor:
         if test.code == "NS-GR" and not has_pair(at.extra.multipliers, math.nan):
             return None
         if test == SECOND_GRAZING[2]:
-            solution = observed(self.plane.problem, at.y)
-            if int(solution["flight_index"]) != self.grazing.flight and (met := meeting_of(self.plane.problem, solution)) is not None:
+            met = meeting_of(self.plane.problem, self._observed(at.y)[1])
+            if met is not None:
                 return met
         return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
+
+
+def second_grazing(problem: ForcedProblem, solution: Solution) -> str:
+    """What of all else is zero at an orbit: see `branches.curves.grazing.what_grazes`. ValueError where nothing is."""
+    sizes = grazing_sizes(problem, solution)
+    least = what_grazes(sizes)
+    if sizes[least] > _SECOND:
+        raise ValueError("nothing else grazes there; expected two grazings at once")
+    return least
+
+
+class _Others(NamedTuple):
+    """What an orbit shows besides the grazing. problem, y: the orbit, in which the clearance is observed. result: entries as of
+    `bvp.kernels.multipoint.RESULT`; the speed and the flight are those of the curve's own problem. bend: the acceleration of the gap at a
+    touch, away from the stop."""
+
+    problem: ForcedProblem
+    y: np.ndarray
+    result: np.ndarray
+    bend: float
 
 
 def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
@@ -157,15 +222,6 @@ class _SingleTouch:
         times[-1] = float(np.sum(whole.flight_times(y))) / self.parts - float(np.sum(times[:-1]))
         fractions = nodes[:, 2 * n] * whole.load_periods / self.problem.load_periods
         return self.problem.pack(nodes[:, : 2 * n], fractions, nodes[0, 2 * n + 1 :], times)
-
-
-def _is_at_instant(problem: ForcedProblem, solution: Solution, flight: int) -> bool:
-    """Whether the closest touch is where a flight without duration is."""
-    where, time, count = int(solution["clearance_flight"]), float(solution["clearance_time"]), problem.inner + 1
-    short = _NEXT * problem.period(solution.y)
-    if where == (flight + 1) % count:
-        return time < short
-    return where == flight or (where == (flight - 1) % count and time > problem.flight_times(solution.y)[where] - short)
 
 
 def signed_smallest(matrix: np.ndarray) -> float:

@@ -96,9 +96,7 @@ class BifurcationMonitor:
             *(TestFunction(name, "crossing", name in _ENDS.get(code, ()), NAMES[name], name == "CP") for name in _CODES[code]),
         )
 
-    def values(
-        self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray
-    ) -> tuple[Sequence[float], Any]:
+    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.plane.problem, held.extra
         result = np.full(len(RESULT), math.nan)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from branches.curves.free_monitor import FreeGrazingMonitor
 from branches.curves.grazing import grazing_at, observed
+from branches.curves.grazing_monitor import GrazingMonitor
 from branches.curves.record import BifurcationCurve
 from branches.curves.starting import CurveStart, NoCurve, curve_start
 from branches.forced.primitive import full_period, twice
@@ -36,6 +38,8 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     plane, u = curve.plane, curve.plane.size
     y = curve.unknowns[index, :u]
     origin = f"a point of a curve {curve.code}"
+    if code == "GR" and curve.grazing is not None:
+        return _grazing_through(curve, y, origin)
     if isinstance(plane.problem, ReleasedProblem):
         others = [name for name in plane.problem.released if name not in plane.names]
         return curve_start(plane.problem, y, code, [*plane.names, *others], plane.problem.keep[:-1], origin=origin)
@@ -100,14 +104,19 @@ def _angles(multipliers: np.ndarray) -> list[float]:
 
 
 def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
-    """The curve of grazings through a point where a curve leaves the orbits."""
+    """The curve of grazings through a point where a curve leaves the orbits; of those themselves, that of what else grazes there."""
     plane, n = curve.plane, curve.plane.problem.degrees_of_freedom
-    solution = observed(plane.problem, y)
-    clear = min(abs(solution["clearance"]), abs(solution["speed"]) / plane.problem.segment.scale[n], abs(solution["flight"]))
-    if not clear < _NEAR:
-        raise NoCurve("no grazing is there; expected an event whose type ends with GR")
     try:
-        problem, unknowns, grazing = grazing_at(plane.problem, solution)
+        if curve.grazing is not None:
+            monitor = CurveStart(plane, "GR", curve.grazing, y, origin).curve(curve.window).monitor
+            assert isinstance(monitor, GrazingMonitor | FreeGrazingMonitor)
+            problem, unknowns, grazing = monitor.second(y)
+        else:
+            solution = observed(plane.problem, y)
+            clear = min(abs(solution["clearance"]), abs(solution["speed"]) / plane.problem.segment.scale[n], abs(solution["flight"]))
+            if not clear < _NEAR:
+                raise NoCurve("no grazing is there; expected an event whose type ends with GR")
+            problem, unknowns, grazing = grazing_at(plane.problem, solution)
     except ValueError as error:
         raise NoCurve(str(error)) from error
     made, again = (plane, unknowns) if problem is plane.problem else plane.of(problem, unknowns)

@@ -478,7 +478,8 @@ def observe_with(segment, watched, extended, y, ends, result):
             result[entry.CLEARANCE_STOP] = watched.stops[i]
             result[entry.CLEARANCE_SIDE] = 0.0
             result[entry.CLEARANCE_TIME] = duration if room < digits else 0.0
-        distance, nearest, part = least_force(segment.sticking, segment, i, node, ends[i])
+        # A stop that sticks for no time has no contact force.
+        distance, nearest, part = least_force(segment.sticking, segment, i, node, ends[i]) if duration > 0.0 else (math.inf, 0, 0.0)
         if distance < best:
             best = distance
             result[entry.CLEARANCE_FLIGHT] = i

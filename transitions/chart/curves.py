@@ -39,7 +39,7 @@ _LEAST = 3
 def others_at(curve: BifurcationCurve, event: CurveEvent) -> list[str]:
     """Types of the other curves that can pass through a point of codimension two."""
     if event.type.endswith("-GR"):
-        return ["GR"] if curve.code != "GR" else [event.type.removesuffix("-GR")] if event.type != "GR-GR" else []
+        return ["GR" if curve.code != "GR" else event.type.removesuffix("-GR")]
     found = _OTHERS.get(event.type, {}).get(curve.code, ())
     return ["SB" if code == "PD" and curve.plane.problem.half else code for code in found]
 
