@@ -90,6 +90,8 @@ class BifurcationMonitor:
     def __init__(self, plane: ParameterPlane, code: str, window: Window):
         self.plane, self.code, self.window = plane, code, window
         self._forms = NormalForms(plane.problem)
+        # Of a free period one multiplier is 1 for all orbits.
+        self._trivial = () if plane.problem.has_clock else (1.0,)
         self.tests = (
             *window_tests(plane, window),
             *GRAZING.values(),
@@ -112,7 +114,7 @@ class BifurcationMonitor:
             critical = complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine)))
             if critical.imag > 0.0:  # behind 1:1 and 1:2 the pair is real, and bounds no torus
                 coefficient = self._coefficient(at, null, scale, critical)
-            others = _rest_tests(_without(multipliers, (critical, critical.conjugate())))
+            others = _rest_tests(_without(multipliers, (*self._trivial, critical, critical.conjugate())))
             # The coefficient has poles where another multiplier is 1.
             regular = coefficient * _bounded(others[0]) * (1.0 - cosine)
             found = [regular, cosine - 1.0, cosine + 1.0, cosine + 0.5, cosine, *others]
@@ -120,7 +122,7 @@ class BifurcationMonitor:
             right, left = null.right[:, 0], null.left[:, 0]
             size, product = math.sqrt(right @ right), math.sqrt((left @ left) * (right @ right))
             double = float(left @ (null.shifted @ right)) / product
-            others = _rest_tests(_without(multipliers, (1.0 if self.code == "SN" else -1.0,)))
+            others = _rest_tests(_without(multipliers, (*self._trivial, 1.0 if self.code == "SN" else -1.0)))
             found = [double, others[1 if self.code == "SN" else 0], others[2]]
             if self.code == "SN":
                 coefficient = float(left @ (null.along @ (right * scale))) / (product * size)

@@ -43,12 +43,13 @@ def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
 
 
 def without_impact(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray] | None:
-    """The problem without the impact whose speed has vanished, and the orbit in its unknowns; None where its stop sticks after it."""
+    """The problem without the impact whose speed has vanished, and the orbit in its unknowns. None where its stop sticks after it, and
+    without a clock where no impact is left: the periods of such a motion are those of a linear mode without growth."""
     size, y = 2 * problem.degrees_of_freedom, solution.y
     nodes, times = problem.nodes(y), problem.flight_times(y).copy()
     # Node i of the speeds is the impact that ends flight i; the last one is the first of the orbit.
     gone = (int(solution["speed_node"]) + 1) % len(nodes)
-    if problem.events[gone].sticks:
+    if problem.events[gone].sticks or (len(problem.sequence) == 1 and not problem.has_clock):
         return None
     times[gone - 1] += times[gone]
     sequence = [*problem.sequence[:gone], *problem.sequence[gone + 1 :]]

@@ -93,7 +93,8 @@ def stroboscopic_map(segment, flights, ends, found):
 @kernel
 def stroboscopic_tests(segment, flights, ends, speeds, found, out):
     """out[0] = det(M + 1), out[1] = the product of 1 - mu_i mu_j over the pairs i < j of multipliers, made smooth at grazings: times the
-    product of the impact speeds, and times its power 2 n - 1. The multipliers go to found.values."""
+    product of the impact speeds, and times its power 2 n - 1. Without a clock one multiplier is 1 for all orbits, and has no part in the
+    pairs. The multipliers go to found.values."""
     stroboscopic_map(segment, flights, ends, found)
     matrix, work, values, _, _ = found
     size = matrix.shape[0]
@@ -107,9 +108,17 @@ def stroboscopic_tests(segment, flights, ends, speeds, found, out):
     if not eigenvalues(work, values[0], values[1]):
         values[:] = math.nan
         return
+    trivial = -1
+    nearest = math.inf
+    for i in range(size if segment.closing[1] == 0.0 else 0):
+        distance = math.hypot(values[0, i] - 1.0, values[1, i])
+        if distance < nearest:
+            trivial, nearest = i, distance
     product = complex(1.0, 0.0)
     for i in range(size):
         for j in range(i):
+            if i == trivial or j == trivial:
+                continue
             product *= 1.0 - complex(values[0, i], values[1, i]) * complex(values[0, j], values[1, j])
     out[1] = product.real * speeds ** (size - 1)
 
