@@ -37,12 +37,31 @@ def curve_id(curve: BifurcationCurve) -> str:
     order = [curve.names.index(name) for name in names]
     marks = [f"{event.type} {_rounded(curve.parameters[event.point, order], _DIGITS)}" for event in curve.events]
     if not marks and curve.closed:
-        low, high = (np.array(values)[order] for values in curve.span)
+        low, high = (_extremes(curve, sign)[order] for sign in (-1.0, 1.0))
         marks = [f"closed {_rounded(low, _EXTREME_DIGITS)} {_rounded(high, _EXTREME_DIGITS)}"]
     elif not marks:
         marks = [_rounded(curve.parameters[place, order], _DIGITS) for place in (0, -1)]
     text = "\n".join((curve.code, ",".join(names), *sorted(marks)))
     return f"{curve.code}:{','.join(names)}:{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+
+def _extremes(curve: BifurcationCurve, sign: float) -> np.ndarray:
+    """The largest value of each parameter along a closed curve, or the least one (sign -1): that of the cubic polynomials with the values
+    and slopes of its points, beside the point that has the largest one."""
+    count, u, found = len(curve) - 1, curve.plane.size, np.empty(2)
+    for k in range(2):
+        values = curve.parameters[:, k]
+        best = int(np.argmax(sign * values[:count]))
+        found[k] = values[best]
+        for i in ((best - 1) % count, best):
+            length = float(curve.arclength[i + 1] - curve.arclength[i])
+            rows = [curve.plane.linearised(curve.unknowns[j, :u]).gradients[k] for j in (i, i + 1)]
+            first, last = (length * float(row @ curve.tangents[j, :u]) for row, j in zip(rows, (i, i + 1), strict=True))
+            change = float(values[i + 1] - values[i])
+            cubic = np.array([first + last - 2.0 * change, 3.0 * change - 2.0 * first - last, first, values[i]])
+            turns = [at.real for at in np.roots(np.polyder(cubic)) if at.imag == 0.0 and 0.0 < at.real < 1.0]
+            found[k] = sign * max(sign * value for value in (found[k], *np.polyval(cubic, turns)))
+    return found
 
 
 def _rounded(values: np.ndarray, digits: int) -> str:
