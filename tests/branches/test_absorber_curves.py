@@ -11,12 +11,11 @@ import pytest
 from branches.curves.starting import curve_at
 from branches.curves.switching import curve_through
 from branches.curves.tracing import follow_curve
-from branches.forced.family import ForcedFamily
 from branches.forced.tracing import follow_response
-from bvp.forced import ForcedProblem
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import AbsorberOrbit
 from tests.branches.forced_systems import absorber_families
+from tests.branches.through_curves import regular_points, require_event
 from tests.docs.pages import page, table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
@@ -90,17 +89,24 @@ def test_points_have_their_multipliers(code):
                 assert distances[1] < 1e-6
 
 
-@pytest.mark.parametrize("name", ["SB", "SN'", "NS'"])
-def test_a_branch_through_each_part_of_a_curve_has_the_event(name):
-    """The family over w at the amplitude of a point of the curve has the event there, to 1e-9."""
-    found = curve(name)
-    problem, code = found.plane.problem, name.strip("'")
-    for i in np.linspace(0, len(found) - 1, 5).astype(int)[1:-1]:
-        y = found.unknowns[i, : found.plane.size]
-        w = found.parameters[i, 0]
-        options = {"load_periods": problem.load_periods, "half": problem.half, "values": problem.parameters(y)}
-        single = ForcedProblem(problem.parametric, problem.sequence, ("w",), **options)
-        nodes = problem.nodes(y)
-        start = single.pack(nodes[:, :4], nodes[:, 4], [w], problem.flight_times(y))
-        branch = follow_response(single, ForcedFamily(single).begin(start), (w - 0.01, w + 0.01))
-        assert min(abs(event.values["w"] - w) for event in branch.events if event.type == code) < 1e-9
+@cache
+def doubling():
+    """The curve PD of orbits without symmetry."""
+    return through(absorber_families()[2], "PD")
+
+
+CURVES = {"NS": None, "SN": None, "GR": None, "SB": None, "NS'": None, "SN'": None, "SN''": None, "PD": doubling}
+
+
+def named(name):
+    return (CURVES[name] or (lambda: curve(name)))()
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_branch_through_points_of_a_curve_has_the_event(name):
+    """A spread sample; tests/full has all points. Oracle: matrix exponentials before and behind, and the event of the branch, to 1e-9."""
+    found = named(name)
+    points = regular_points(found)
+    assert len(points) > len(found) - 8
+    for i in points[:: len(points) // 6]:
+        require_event(found, i)
