@@ -84,7 +84,7 @@ def test_curves_of_a_free_period(name, code, events):
     found = curve(name, code)
     assert found.residual.max() < 1e-12
     assert [event.type for event in found.events if event.type != "EP"] == events
-    for i in (len(found) // 3, len(found) - 2):
+    for i in (len(found) // 3,) if code == "SN" else (len(found) // 3, len(found) - 2):
         lam, time = exact(name, found, i)
         assert found.parameters[i, 0] == pytest.approx(lam, rel=1e-12)
         assert found.plane.problem.flight_times(found.unknowns[i]).sum() == pytest.approx(time, rel=1e-9)
