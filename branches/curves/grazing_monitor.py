@@ -188,7 +188,7 @@ def finite_multipliers(matrix: np.ndarray, shifted: np.ndarray) -> np.ndarray:
     real, imaginary = np.empty((2, len(columns)))
     if not eigenvalues(np.ascontiguousarray(solved[columns]), real, imaginary):
         return found
-    largest = sorted(map(complex, real.tolist(), imaginary.tolist()), key=abs, reverse=True)[: len(found) - 1]
+    largest = sorted(map(complex, real.tolist(), imaginary.tolist()), key=abs, reverse=True)[: len(rows) - 2]
     kept = np.array(sorted(largest, key=lambda value: (value.real, value.imag)))
     found[: len(kept)] = 1.0 - 1.0 / kept
     return found

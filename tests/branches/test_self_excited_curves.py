@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from branches.curves.record import BifurcationCurve
-from branches.curves.starting import curve_at
+from branches.curves.starting import NoCurve, curve_at
 from branches.curves.switching import curve_through
 from branches.curves.tracing import extend_curve, follow_curve
 from branches.forced.branch import ForcedBranch
-from tests.branches.self_excited import exact_point, family
+from tests.branches.self_excited import exact_point, family, neutral_damping
 
 FAMILIES = {
     "symmetric": (True, {"lam": 0.015}, 3.35),
@@ -111,3 +111,31 @@ def test_a_curve_of_a_free_period_goes_on():
     found = extend_curve(narrow, WINDOW)
     assert np.array(found.span) == pytest.approx(np.array(curve("doubling", "PD").span), abs=1e-9)
     assert len(found) > len(narrow) and found.residual.max() < 1e-12
+
+
+@pytest.mark.parametrize(("name", "names"), [("symmetric", ("lam", "rho")), ("doubling", ("lam", "rho")), ("doubling", ("lam", "c"))])
+def test_touches_of_a_free_period(name, names):
+    """Oracle: forty digits: the gap is 1 and its rate 0 at the touch. A multiplier that the section at an impact has not makes no event."""
+    event = next(event for event in branch(name).events if "touches" in (event.note or ""))
+    window = (0.0, 0.5), (0.6, 0.8) if names[1] == "rho" else (0.015, 0.025)
+    found = follow_curve(curve_at(branch(name), event, names), window)
+    assert found.residual.max() < 1e-12 and len(found) > 20
+    assert {event.type for event in found.events} <= {"EP", "SN-GR"}
+    problem = found.plane.problem
+    for i in (1, len(found) - 2):
+        y = found.unknowns[i]
+        times = problem.flight_times(y)
+        sign = -1 if problem.half else 1
+        lam, _ = exact_point("GR", problem.parameters(y), float(times.sum()), sign, "lam", float(times[0]))
+        assert found.parameters[i, 0] == pytest.approx(lam, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["symmetric", "doubling"])
+def test_the_only_impact_vanishes_where_a_linear_mode_is_neutral(name):
+    """Oracle: the condition of Hurwitz, which does not know the restitution."""
+    event = next(event for event in branch(name).events if "vanishes" in (event.note or ""))
+    found = follow_curve(curve_at(branch(name), event, ("lam", "c")), ((0.0, 0.5), (0.005, 0.03)), points=60)
+    for lam, c in found.parameters[::10]:
+        assert lam == pytest.approx(neutral_damping({**found.plane.problem.values, "lam": lam, "c": c}), rel=1e-12)
+    with pytest.raises(NoCurve, match="does not depend on rho"):
+        follow_curve(curve_at(branch(name), event, ("lam", "rho")), WINDOW)
