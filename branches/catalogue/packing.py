@@ -293,12 +293,16 @@ def pack_family(branch: Branch) -> PackedFamily:
     labels = label_intervals(columns, branch.events)
     stability = stability_intervals(columns, branch.events)
     ended = tuple((str(end.reason), end.text) for end in branch.ended)
+    details = {"labels": labels, "stability": stability, "ended": ended, "layout": layout}
+    forms = [(event.coefficient, event.criticality) for event in branch.events]
+    if any(form != (None, None) for form in forms):
+        details["normal_forms"] = forms
     row = FamilyRow(
         0, branch.id, branch.label, format_ends(branch.ends), branch.sequence,
         0.5 * impacts_per_period(branch.problem.sequence, branch.ends),
         *_range(columns["h"]), *_range(columns["alpha"]), len(branch), len(branch.events), int(branch.start), stable_fraction(stability),
         " ".join(dict.fromkeys(part.value for part in labels if part.value)),
-        compact_json({"labels": labels, "stability": stability, "ended": ended, "layout": layout}),
+        compact_json(details),
     )  # fmt: skip
     return PackedFamily(_described(branch.system), row, queried_rows(columns), arrays, [event_values(event) for event in branch.events])
 

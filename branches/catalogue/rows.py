@@ -72,7 +72,7 @@ class FamilyRow(NamedTuple):
     names : str
         All labels along it, with spaces between.
     details : str
-        JSON: `labels`, `stability`, `ended` and `layout`. It is parsed when needed.
+        JSON: `labels`, `stability`, `ended`, `layout`, and `normal_forms` of the events if these were computed. It is parsed when needed.
     """
 
     number: int
@@ -129,6 +129,13 @@ class FamilyRow(NamedTuple):
     def response(self) -> Any:
         """Of a family in a parameter: its problem, range and what else its events have; None of another one."""
         return _parsed(self.details).get("response")
+
+    @property
+    def normal_forms(self) -> list[tuple[float | None, str | None]]:
+        """Coefficient and criticality of each event; empty if they were not computed."""
+        if self.response is None:
+            return [tuple(pair) for pair in _parsed(self.details).get("normal_forms", ())]
+        return [tuple(more[4:6]) if len(more) > 5 else (None, None) for more in self.response["events"]]
 
     @property
     def layout(self) -> Any:

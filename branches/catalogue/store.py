@@ -88,7 +88,12 @@ class CatalogueStore(CatalogueFile):
         """The events of a family, in order of arclength."""
         row = self.family(id)
         found = list(self._rows("events", "WHERE family = ? ORDER BY position", (row.number,)))
-        return tuple(event_from_row(values[2:]) for values in self._complete(found, row, "events"))
+        events = [event_from_row(values[2:]) for values in self._complete(found, row, "events")]
+        forms = row.normal_forms or [(None, None)] * len(events)
+        return tuple(
+            event._replace(coefficient=coefficient, criticality=criticality)
+            for event, (coefficient, criticality) in zip(events, forms, strict=True)
+        )
 
     def branch(self, id: str) -> Any:
         """A family as the branch that was added, bit for bit: a `Branch`, or a `ForcedBranch`."""

@@ -6,7 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from saltus import catalogues, curves, inputs, outputs, responses
+from branches.events import FREE_NORMAL_FORMS, BranchEvent
+from saltus import catalogues, compiling, curves, inputs, outputs, responses
 from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
 from saltus.errors import BadInput
 from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
@@ -48,8 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
                 curves.refuse_curve(catalogue, arguments.name)
                 raise
             return _curve(catalogue, row, files)
-        record = catalogues.in_axes(catalogue, _record(catalogue, match))
-        lines = _lines(catalogue, match)
+        events = _events(catalogue, match.id) if match.kind == "family" else ()
+        record = catalogues.in_axes(catalogue, _record(catalogue, match, events))
+        lines = _lines(catalogue, match, events)
         figure: outputs.Drawing
         if catalogue.scene.parameters:
             branches = [catalogue.branch(match.id)] if match.kind == "family" else []
@@ -74,7 +76,20 @@ def _curve(catalogue: Catalogue, row: CurveRow, files: outputs.Outputs) -> int:
     )
 
 
-def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
+def _events(catalogue: Catalogue, id: str) -> tuple[BranchEvent, ...]:
+    """The events of a family. Normal forms that the catalogue lacks are computed."""
+    events = catalogue.events(id)
+    forms = catalogue.family(id).normal_forms
+    if forms or not any(event.type in FREE_NORMAL_FORMS for event in events):
+        return events
+    from branches.normal_forms import with_normal_forms
+
+    compiling.prepare("continue")
+    found: tuple[BranchEvent, ...] = with_normal_forms(catalogue.branch(id)).events
+    return found
+
+
+def _record(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, ...]) -> dict[str, Any]:
     """All that there is to say, as plain data."""
     from saltus.scene.model import explain
 
@@ -82,12 +97,12 @@ def _record(catalogue: Catalogue, match: NameMatch) -> dict[str, Any]:
     if match.kind != "family":
         return {"schema": SCHEMA, "node": node_record(catalogue, match.id), "neighbours": neighbours}
     row = catalogue.family(match.id)
-    events = [event_record(event) for event in catalogue.events(row.id)]
     family: dict[str, Any] = {"schema": SCHEMA, "family": family_record(row)}
+    found = list(map(event_record, events))
     if catalogue.scene.parameters:
         through = [{"curve": row.id, "edge": edge_record(edge)} for row, edge in catalogue.curve_edges(row.id)]
-        return {**family, "path": catalogue.scene.parameters, "events": events, "neighbours": neighbours, "curves": through}
-    return {**family, "model": explain(catalogue.system, row.id), "events": events, "neighbours": neighbours}
+        return {**family, "path": catalogue.scene.parameters, "events": found, "neighbours": neighbours, "curves": through}
+    return {**family, "model": explain(catalogue.system, row.id), "events": found, "neighbours": neighbours}
 
 
 def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
@@ -98,7 +113,7 @@ def _neighbour(catalogue: Catalogue, edge: Edge, id: str) -> dict[str, Any]:
     return {"event": event, "direction": "out" if out else "in", "to": node_record(catalogue, other), "edge": edge_record(edge)}
 
 
-def _lines(catalogue: Catalogue, match: NameMatch) -> list[str]:
+def _lines(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, ...]) -> list[str]:
     """The same in words."""
     from saltus.scene.model import explain
 
@@ -142,13 +157,12 @@ def _lines(catalogue: Catalogue, match: NameMatch) -> list[str]:
         cells += [("label", p.value or "-", *map(range_text, p[1:])) for p in row.labels]
     cells += [("stable", stability_word(p.value), *map(range_text, p[1:])) for p in row.stability]
     lines += table_lines(("along it", "", "arclength", *axes.names), cells, width=width)
-    if row.events:
-        # A catalogue has no normal forms.
-        cells = [(*line[:7], *line[8:]) for line in map(event_cells, catalogue.events(row.id))]
-        head: tuple[str, ...] = (*EVENT_COLUMNS[:3], *axes.names, *EVENT_COLUMNS[5:7], *EVENT_COLUMNS[8:])
-        columns = "rllllllt"
+    if events:
+        cells = list(map(event_cells, events))
+        head: tuple[str, ...] = (*EVENT_COLUMNS[:3], *axes.names, *EVENT_COLUMNS[5:])
+        columns = "rlllllllt"
         if row.response is not None:  # its events have no label
-            cells, head, columns = [(*line[:2], *line[3:]) for line in cells], (*head[:2], *head[3:]), "rlllllt"
+            cells, head, columns = [(*line[:2], *line[3:]) for line in cells], (*head[:2], *head[3:]), "rllllllt"
         lines += ["", *table_lines(head, cells, width=width, columns=columns)]
     return lines + _neighbours(neighbours, width, axes) + curves.catalogue_lines(catalogue, row.id, width)
 

@@ -13,6 +13,7 @@ import pytest
 
 import saltus
 from branches.catalogue import Catalogue, Edge, EventOrbit
+from branches.normal_forms import with_normal_forms
 from saltus.__main__ import main
 from saltus.catalogues import default_path
 from tests.branches.catalogue.families import linear_mode, real, renamed, scene
@@ -69,6 +70,21 @@ def test_show_reports_all_of_a_family(catalogue, capsys, tmp_path):
         ("SB1", "family"), ("GR1", "linear mode"), ("GR2", "dead end")
     }  # fmt: skip
     assert record["family"]["h"] == [branch.points["h"].min(), branch.points["h"].max()]
+
+
+def test_show_has_normal_forms(catalogue, capsys, tmp_path):
+    """Oracle: those of the branch. The catalogue was filled without them, a second one with them."""
+    branch = with_normal_forms(real()[0])
+    with Catalogue(tmp_path / "with.sqlite", "a", scene=scene()) as filled:
+        filled.add(branch)
+    for path in (catalogue, tmp_path / "with.sqlite"):
+        code, out, err = run(capsys, "show", branch.id, "--catalogue", path)
+        assert code == 0 and not err and "normal form" in out
+        (line,) = [line for line in out.splitlines() if line.split()[1:2] == ["SB"]]
+        assert branch.event("SB1").normal_form in line
+        record = json.loads(run(capsys, "show", branch.id, "--catalogue", path, "--json", "-")[1])
+        assert [event["coefficient"] for event in record["events"]] == [event.coefficient for event in branch.events]
+        assert [event["criticality"] for event in record["events"]] == [event.criticality for event in branch.events]
 
 
 def test_show_a_linear_mode(catalogue, capsys):

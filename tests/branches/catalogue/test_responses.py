@@ -46,8 +46,10 @@ def test_a_family_comes_back_bit_for_bit(families, catalogue):
         row = catalogue.family(branch.id)
         assert row.h == (branch.parameter.min(), branch.parameter.max()) and row.points == len(branch)
         assert row.ends == branch.id.partition(":")[0]
-        assert [event.type for event in catalogue.events(branch.id)] == [event.type for event in branch.events]
+        wanted = [(event.type, event.coefficient, event.criticality) for event in branch.events]
+        assert [(event.type, event.coefficient, event.criticality) for event in catalogue.events(branch.id)] == wanted
         assert catalogue.points(branch.id)["stable"].tolist() == branch.stable.tolist()
+    assert any(event.criticality for branch in families for event in branch.events)
     assert len(catalogue) == len(families) and catalogue.scene.axes.symbols == ("w", "T")
     counts, failures = check_catalogue(catalogue)
     assert not failures and counts["points"] == sum(map(len, families))

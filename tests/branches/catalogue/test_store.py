@@ -13,6 +13,7 @@ from branches.catalogue.catalogue import graph_of
 from branches.catalogue.members import switch_edge
 from branches.catalogue.rows import event_from_row, event_values
 from branches.events import BranchEvent
+from branches.normal_forms import with_normal_forms
 from tests.branches.catalogue.families import real, renamed, rows, same_columns, scene
 
 FAMILY_TABLES = ("families", "points", "arrays", "events")
@@ -62,6 +63,17 @@ def test_every_field_of_an_event_survives(path):
         for name, value in event._asdict().items():
             assert getattr(back, name) == value or value != value, name
         assert isinstance(back.bracket, tuple) and (back.stable is None or isinstance(back.stable, bool))
+
+
+def test_normal_forms_are_kept(path, tmp_path):
+    """Oracle: the branches that were added, one with normal forms and the others without."""
+    branch = with_normal_forms(real()[0])
+    assert branch.event("SB1").criticality == "subcritical"
+    with saltus.Catalogue(tmp_path / "one.sqlite", "a", scene=scene()) as catalogue:
+        catalogue.add(branch)
+        assert catalogue.events(branch.id) == branch.events == catalogue.branch(branch.id).events
+    with saltus.Catalogue(path) as catalogue:
+        assert all(event.coefficient is event.criticality is None for one in real() for event in catalogue.events(one.id))
 
 
 def test_odd_numbers_survive(tmp_path):
