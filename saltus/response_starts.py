@@ -140,15 +140,22 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
 
 
 def require_same_scene(arguments: argparse.Namespace, source: str, parametric: ParametricSystem) -> str:
-    """Refuse a scene that is not the one of a file; return its title, empty without a scene."""
+    """Refuse a scene that is not the one of a file; return its title, empty without a scene.
+
+    The file has values of its own for the parameters. Only those that the user gives have to agree."""
     if arguments.scene is None and not options.parameters_of(arguments):
         return ""
     from branches.tables import plain
 
     arguments.scene_uses = ("ground", "forces", "springs")
     scene = options.scene_of(arguments)
-    if plain(_parametric(scene).describe()) != plain(parametric.describe()):
-        raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+    given, values = _parametric(scene), parametric.values
+    same = given.names == parametric.names and plain(given.replaced(values).describe()) == plain(parametric.describe())
+    asked = options.parameters_of(arguments) if same else {}
+    differ = [f"there {name} is {values[name]:.10g}, not {value:.10g}" for name, value in asked.items() if values[name] != value]
+    if differ or not same:
+        why = f": {', '.join(differ)}" if differ else ""
+        raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}{why}; expected its scene, or none")
     return scene.title
 
 

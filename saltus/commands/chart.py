@@ -278,10 +278,11 @@ def _check_start(arguments: argparse.Namespace, plan: ChartPlan) -> None:
     if not events:
         known = sorted({event.type for branch in plan.branches for event in branch.events})
         raise BadInput(f"--from {source} has no event that can be continued: it has {', '.join(known) or 'none'}; expected {expected}")
-    (low, high), second = plan.window[1], plan.names[1]
-    values = [branch.problem.parameters(branch.unknowns[branch.start])[second] for branch in plan.branches]
-    if second != plan.branches[0].name and not any(low <= value <= high for value in values):
-        raise BadInput(f"--range {low:g}:{high:g} of {second} does not contain the start, which has {second} = {values[0]:.10g}")
+    starts = [branch.problem.parameters(branch.unknowns[branch.start]) for branch in plan.branches]
+    for name, (low, high) in zip(plan.names, plan.window, strict=False):
+        fixed = all(branch.name != name for branch in plan.branches)
+        if fixed and not any(low <= values[name] <= high for values in starts):
+            raise BadInput(f"--range {low:g}:{high:g} of {name} does not contain the start, which has {name} = {starts[0][name]:.10g}")
     inside = [plan.contains(branch.problem.parameters(branch.unknowns[event.point])) for _, branch, event in events]
     if not any(inside):
         first = plan.names[0]

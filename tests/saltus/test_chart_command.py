@@ -127,6 +127,9 @@ def test_an_interrupt_writes_what_was_found(inside, monkeypatch):
         ("--in w,e --from response.json --range 0.9:1.1,-2:-0.5", ["--range"]),
         ("--in w,A --from quiet.json", ["has no event that can be continued", "EP"]),
         ("--scene absorber --in w,A --from response.json", ["another system than the scene absorber"]),
+        ("--scene damped_impact_oscillator --set A=0.1 --in w,A --from response.json", ["another system", "there A is 0.12, not 0.1"]),
+        ("--in c,e --from response.json", ["each event of the response has another value of w", "expected w among the parameters"]),
+        ("--in A,w --from response.json --range 0.2:0.3,0.9:1.1", ["does not contain the start, which has A = 0.12"]),
         ("--in w,A --from response.json --grid 5", ["--grid", "NXxNY"]),
         ("--in w,A --from response.json --grid 0x5", ["--grid", "0x0 for no regions"]),
         ("--in w,A --from response.json --levels -1", ["--levels"]),
@@ -137,6 +140,12 @@ def test_an_interrupt_writes_what_was_found(inside, monkeypatch):
 def test_bad_input_is_refused_in_one_line(inside, words, expected):
     """Contract: exit code 2, nothing started."""
     refused(chart(words), *expected)
+
+
+def test_the_response_has_values_of_its_own(inside):
+    """The scene has A = 0.1, and the response A = 0.12. Oracle: the chart without a scene."""
+    found = [chart(f"{words} {SHORT} --grid 0x0") for words in ("", "--scene damped_impact_oscillator")]
+    assert found[0] == found[1] and found[0][0] == 0
 
 
 def test_a_system_without_periodic_loads_has_no_chart(inside):

@@ -260,6 +260,7 @@ def test_a_start_out_of_the_range_is_counted(branches):
         (("w", "w"), {}, "two parameters"),
         (("w", "A", "c"), {}, "one more for each equation"),
         (("w", "B"), {}, "unknown parameter 'B'"),
+        (("c", "A"), {}, "expected w among the parameters"),
         (("w", "A"), {"window": ((0.9, 1.1), (0.2, 0.1))}, "the range of A"),
         (("w", "A"), {"levels": -1}, "levels is an integer from 0"),
         (("w", "A"), {"most": 0}, "most is an integer from 1"),

@@ -46,7 +46,7 @@ class ChartPlan:
     Attributes
     ----------
     branches : sequence of ForcedBranch
-        Of one system under periodic loads, all at one value of the second parameter.
+        Of one system under periodic loads, all at one value of the second parameter. The parameter of each is one of `names`.
     names : sequence of str
         The parameters that vary. The first two span the plane.
     keep : sequence of str
@@ -89,6 +89,10 @@ class ChartPlan:
         for name in self.names:
             if name not in self.parametric.names:
                 raise ValueError(f"unknown parameter {shown(name)}{nearest_known(name, self.parametric.names)}")
+        for branch in self.branches:
+            if branch.name not in self.names:
+                one = branch.name
+                raise ValueError(f"each event of the response has another value of {one}; expected {one} among the parameters")
         for name, (low, high) in zip(self.names, self.window, strict=False):
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise ValueError(f"the range of {name} is two finite numbers, LO < HI; received {low:g} to {high:g}")
