@@ -70,6 +70,16 @@ def test_a_linear_oscillator_has_one_basin_with_every_start():
     assert basin.saddles == () and not basin.undecided
 
 
+def test_a_load_without_amplitude_has_rest_as_its_attractor():
+    """Oracle: a damped oscillator loses all its energy, whatever impacts it has first."""
+    basin, _ = find_basin(plan_of(oscillator(reach=1.0), [Harmonic(1.3, [0.0])], x=(-1.0, 1.0), y=(-3.0, 3.0)))
+    assert basin.counts.tolist() == [36]
+    (rest,) = basin.attractors
+    assert rest.kind is AttractorKind.PERIODIC and rest.problem is not None and not rest.note
+    assert not rest.states.any()
+    assert abs(rest.multipliers[0]) == pytest.approx(math.exp(-0.05 * 2.0 * math.pi / 1.3), rel=1e-12)
+
+
 def test_the_basins_are_those_of_long_simulations(bistable):
     """Oracle: the simulator alone, over 800 periods of each start."""
     scene, plan, basin = bistable

@@ -134,6 +134,8 @@ def attractor_of(path: ParameterPath, settled: Settled) -> Attractor | None:
     exponent = plain.exponent
     if np.all(np.isfinite(multipliers)):
         exponent = largest_exponent(multipliers, settled.period * settled.period_of_loads)
+    if not orbit.problem.sequence:  # the simulated states of a motion that decays to rest depend on its start
+        plain = replace(plain, states=strobe_states(orbit.problem, orbit.y))
     return replace(
         plain, family=family_name(orbit.problem, orbit.y), problem=orbit.problem, unknowns=orbit.y, multipliers=multipliers,
         exponent=exponent,

@@ -144,17 +144,21 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
             guess = _packed(problem, path, nodes)
         else:
             guess = problem.pack(settled.states[:1], [0.0], path.start)
+    n = problem.degrees_of_freedom
+    # A linear system has one response without impacts. From the state 0 it is exact if the system comes to rest there.
+    linear = not nodes.symbols and not problem.is_smooth
     try:
-        solution = problem.solve(guess)
+        solution = problem.solve(problem.pack(np.zeros((1, 2 * n)), [0.0], path.start) if linear else guess)
     except NotConverged as error:
         raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there") from error
-    n = problem.degrees_of_freedom
     # A state after an impact without rebound can be zero.
     scale = max(np.abs(part).max(initial=0.0) for part in (problem.nodes(solution.y)[:, : 2 * n], settled.states, settled.impacts.before))
     distance = float(np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1].max() / max(scale, 1e-300))
     beyond = unphysical(problem, solution)
     if beyond is not None:
         raise NoOrbit(f"{settled.text}; the orbit found there is no motion: {beyond}")
+    if linear and not problem.nodes(solution.y)[:, : 2 * n].any() and np.abs(problem.multipliers(solution.y)).max() < 1.0:
+        return Periodic(problem, solution.y, 0.0)  # the motion decays to rest, but is never near it beside its own size
     if not distance < _SAME * max(1.0, settled.distance / 1e-9):
         raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it")
     return Periodic(problem, solution.y, distance)
