@@ -7,6 +7,7 @@ the first one, at which the problem is evaluated.
 
 from __future__ import annotations
 
+import re
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,9 @@ __all__ = ["Curvature", "second_along", "third"]
 
 _SECOND, _THIRD = 1e-3, 5e-3
 """Largest steps of the differences of problems without exact derivatives, in units of the sizes of the unknowns."""
+
+
+_NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
 
 
 def second_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -77,13 +81,18 @@ class Curvature:
     def third_of_states(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         """The same along states, phases and times: the parameters of the directions are zero."""
         problem = self.problem
-        if not self.is_exact or problem.segment.shape[3] != PERIODIC:
+        if not self.is_exact or not self._keeps_numbers:
             return self.third(y, a, b, c)
         directions = np.array([a, b, c])
         out = np.empty(problem.unknowns - 1, dtype=directions.dtype)
         work = np.empty((4, self.bending.orbit.phase.shape[2]), dtype=directions.dtype)
         fill_third(self.bending, np.array(y, dtype=float), directions, work, out)
         return out
+
+    @cached_property
+    def _keeps_numbers(self) -> bool:
+        """Whether each equation to keep is "NAME = number", if it can have the energy: that is quadratic in the states."""
+        return not self.problem.conserved or all(re.fullmatch(rf"\s*\w+\s*=\s*{_NUMBER}\s*", text) for text in self.problem.keep)
 
     def tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
         """The entries that depend on the released parameters, and their derivatives up to an order: (D,), (D, m), (D, m, m), ..."""

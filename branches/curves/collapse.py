@@ -1,7 +1,7 @@
 """Where a curve of doubled orbits, or of orbits without symmetry, ends at the orbits that they emanate from.
 
-A curve SN of doubled orbits ends at a generalised period doubling, one of orbits without symmetry at a degenerate pitchfork. A curve of
-their grazings ends where the doubling, or the symmetry breaking, grazes itself. There the equations of the wider problem are singular, and
+A curve SN of doubled orbits ends at a generalised period doubling, one of orbits without symmetry at a degenerate pitchfork. One of another
+bifurcation ends where that meets the doubling, or the symmetry breaking, of the single orbits. A curve of their grazings ends where the doubling, or the symmetry breaking, grazes itself. There the equations of the wider problem are singular, and
 steps fail nearby. The point is located on the curve PD, or SB, of the single orbits, where it is regular.
 """
 
@@ -10,14 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from branches.curves.free import FOLD, FreeKind, names_quarter_period
+from branches.curves.free_monitor import event_of
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.forced.primitive import full_period, twice
+from branches.released.segments import Segment, segment_of
+from branches.sequences import mirror
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
+from bvp.released import ReleasedProblem
 
 __all__ = ["Narrow", "narrowed", "with_collapsed_ends"]
 
@@ -27,15 +33,29 @@ _APART = 0.2
 _REACH = 10.0
 """Distance of that point in the parameters, relative, in squares of that difference."""
 
-_FAILED = ("MINIMUM_STEP", "EVENT")
+_SINGULAR = ("GR-GR", "DP", "GPD", "R2", "FF")
+"""Events at which the equations can be singular, so that they are not located."""
 
-Narrow = tuple[ForcedProblem, np.ndarray, str, float]
-"""The single orbit next to a doubled one, or the symmetric one next to another: its problem, its unknowns, PD or SB, and their difference
-beside the orbit."""
+_MEETINGS = {"SB": ("R2",), "PD": ("FF",)}
+"""The events of the single orbits at which another curve than of folds or grazings ends."""
+
+
+class Narrow(NamedTuple):
+    """The single orbit next to a doubled one, or the symmetric one next to another: its problem and unknowns, PD or SB, the difference of
+    the orbit and its image beside the orbit, and what is critical of a free orbit."""
+
+    problem: ForcedProblem
+    y: np.ndarray
+    code: str
+    apart: float
+    free: FreeKind | None = None
 
 
 def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
-    """The mean of an orbit and its image half a period later; None where the sequence has no such image."""
+    """The mean of an orbit and its image, half a period later or about the middle between two ends; None where the sequence has no such
+    image."""
+    if isinstance(problem, ReleasedProblem):
+        return _narrowed_free(problem, y)
     count, odd = divmod(len(problem.sequence), 2)
     if odd or not count or problem.half or problem.ends is not None:
         return None
@@ -58,7 +78,42 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
     fractions = 0.5 * (nodes[:count, size] + nodes[count:, size] - 0.5 * problem.has_clock)
     apart = float(np.abs(nodes[:count, :size] - sign * nodes[count:, :size]).max() / np.abs(nodes[:, :size]).max())
     begun = single.pack(states, fractions * (2.0 if doubled else 1.0), nodes[0, size + 1 :], 0.5 * (times[:count] + times[count:]))
-    return single, begun, "PD" if doubled else "SB", apart
+    return Narrow(single, begun, "PD" if doubled else "SB", apart)
+
+
+def _narrowed_free(problem: ReleasedProblem, y: np.ndarray) -> Narrow | None:
+    whole = segment_of(problem, y)
+    found = _folded(whole)
+    if found is None:
+        return None
+    mean, apart = found
+    half = mean.half(problem)
+    try:
+        single = ReleasedProblem(
+            problem.parametric, half.ends, half.sequence, problem.released, problem.keep, values=problem.parameters(y), energy=problem.energy
+        )
+    except EndsError:
+        return None
+    # A quarter doubles in half of its period, which is its own image, too.
+    again = _folded(half) if single.quarters == 2 else None
+    code, _ = event_of(single, _FAR)
+    return Narrow(single, half.unknowns(single), code, apart, FreeKind(_FAR, again is not None and again[1] < _APART))
+
+
+_FAR = (False, True)
+"""The symmetry of the perturbation that leaves the reversal about the start alone."""
+
+
+def _folded(segment: Segment) -> tuple[Segment, float] | None:
+    """The mean of a segment and its image about its middle, and their difference; None where no image has its ends and sequence."""
+    back = segment.backwards()
+    images = back, back._replace(ends=mirror(back.ends), sequence=mirror(back.sequence), after=-back.after, before=-back.before)
+    apart = [
+        float(np.abs(image.after - segment.after).max() / np.abs(segment.after).max()) if image[:2] == segment[:2] else math.inf
+        for image in images
+    ]
+    nearest = int(np.argmin(apart))
+    return None if math.isinf(apart[nearest]) else (segment.mean(images[nearest]), apart[nearest])
 
 
 def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]) -> BifurcationCurve:
@@ -70,27 +125,28 @@ def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, Bifur
     follow : callable
         Gives the curve PD or SB of the single orbits near a place.
     """
-    if curve.closed or curve.plane.problem.ends is not None:
+    free = curve.free
+    if curve.closed or (free is not None and (free.symmetry == FOLD) and names_quarter_period(curve.plane) and not free.in_energy):
         return curve
     for last in (False, True):
         place = -1 if last else 0
         ended = curve.ended[int(last)]
         stopped = next((event for event in curve.events if event.point == (len(curve) - 1 if last else 0)), None)
-        grazes = stopped is not None and stopped.type == "GR-GR" and stopped.status == "bracketed"
-        if ended.reason != "MINIMUM_STEP" and not grazes:
+        singular = stopped is not None and stopped.status == "bracketed" and stopped.type in _SINGULAR
+        if ended.reason != "MINIMUM_STEP" and not singular:
             continue
         u = curve.plane.size
         narrow = narrowed(curve.plane.problem, curve.unknowns[place, :u])
-        if narrow is None or narrow[3] > _APART:
+        if narrow is None or narrow.apart > _APART:
             continue
         base = follow(narrow, curve)
         if base is None:
             continue
-        wanted = {"PD": ("GPD", "PD-GR"), "SB": ("DP", "SB-GR")}[narrow[2]]
+        wanted = _MEETINGS.get(curve.code) or {"PD": ("GPD", "PD-GR"), "SB": ("DP", "SB-GR")}[narrow.code]
         here = curve.parameters[place]
         found = [(float(np.abs(base.parameters[event.point] / here - 1.0).max()), event) for event in base.events if event.type in wanted]
         distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
-        if event is None or distance > _REACH * narrow[3] ** 2 + 1e-9:
+        if event is None or distance > _REACH * narrow.apart**2 + 1e-9:
             continue
         curve = _ending(curve, last, base, event, stopped)
     return curve
@@ -99,7 +155,7 @@ def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, Bifur
 def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, stopped: CurveEvent | None) -> BifurcationCurve:
     """The curve with the point of an event of another curve as its end, in place of an event that was stopped at."""
     single, y = base.plane.problem, base.unknowns[event.point, : base.plane.size]
-    _, whole = (full_period if single.half else twice)(single, y)
+    whole = _widened(single, y, curve.plane.problem)
     own = curve.unknowns[0, curve.plane.size :]
     place = len(curve) - 1 if last else 0
     distance = float(np.linalg.norm(curve.plane.position(whole) - curve.plane.position(curve.unknowns[place, : curve.plane.size])))
@@ -117,14 +173,14 @@ def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: 
     arclength = grown(curve.arclength, np.asarray(curve.arclength[place] + (distance if last else -distance)))
     shift = 0 if last else 1
     begin = arclength[0]
-    code = {"GPD": "GPD", "DP": "DP"}.get(event.type, event.type)
+    code = event.type
     at = len(arclength) - 1 if last else 0
     note = {
         "GPD": "the orbits are those of half the period, traversed twice: generalised period doubling",
         "DP": "the orbits are symmetric: degenerate pitchfork",
         "PD-GR": "the orbits are those of half the period, traversed twice: their doubling grazes",
         "SB-GR": "the orbits are symmetric: their symmetry breaking grazes",
-    }[event.type]
+    }.get(event.type, f"the orbits are symmetric, with {event.note}")
     place_ = float(arclength[at] - begin)
     new = CurveEvent(
         f"{code}1", code, at, dict(event.values), place_, event.status, (place_, place_), event.residual, event.stop, note
@@ -158,3 +214,11 @@ def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: 
         ended=(ended[0], ended[1]),
         start=max(0, curve.start + shift - (stopped is not None and not last)),
     )
+
+
+def _widened(single: ForcedProblem, y: np.ndarray, wide: ForcedProblem) -> np.ndarray:
+    """An orbit in the unknowns of the problem of twice its segment."""
+    if isinstance(single, ReleasedProblem):
+        assert isinstance(wide, ReleasedProblem)
+        return segment_of(single, y).twice().unknowns(wide)
+    return (full_period if single.half else twice)(single, y)[1]

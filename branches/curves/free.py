@@ -28,10 +28,16 @@ from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, STOP
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised, SingularCondition
 
-__all__ = ["BOTH", "SYMMETRIES", "Breaking", "Fold", "Symmetry", "Turned", "free_condition", "names_quarter_period", "smallest_singular"]
+__all__ = [
+    "BOTH", "FOLD", "SYMMETRIES", "Breaking", "Fold", "FreeKind", "Symmetry", "Turned", "free_condition", "names_quarter_period",
+    "smallest_singular",
+]  # fmt: skip
 
 Symmetry = tuple[bool, bool]
 """Whether a perturbation is antisymmetric about the start, and about the far end."""
+
+FOLD: Symmetry = (False, False)
+"""That of a fold."""
 
 BOTH: Symmetry = (True, True)
 SYMMETRIES: tuple[Symmetry, ...] = (BOTH, (False, True), (True, False))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from branches.presentation import canonical_orbit, embed, is_solved_as_it_is
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.criticality import Criticality
-from bvp.curvature import second_along, third
+from bvp.curvature import second_along
 from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import floquet_multipliers
 from bvp.multipoint import MultipointProblem, Solution
@@ -31,7 +32,7 @@ from bvp.released import ReleasedProblem
 from bvp.stability import half_map_of
 from bvp.system import ImpactSystem
 
-__all__ = ["free_criticality", "free_criticality_of", "reduced_equation"]
+__all__ = ["CriticalEquations", "critical_nu", "free_criticality", "free_criticality_of", "reduced_equation"]
 
 _SINGULAR = 1e-5
 """A matrix is singular at a located event where its smallest singular value is below this part of the next one."""
@@ -137,8 +138,8 @@ def _criticality(problem: ReleasedProblem, y: np.ndarray, code: str) -> Critical
     if plain.quarters == 1 and code == "PD":
         return _both_doublings(parent)
     for window, level in _windows(plain, code):
-        matrix = _Linear(*_embedded(parent, window))
-        if matrix.singular < _SINGULAR:
+        matrix = CriticalEquations(*_embedded(parent, window))
+        if matrix.is_singular:
             found, side = _breaking(matrix), _unstable_side(parent, level)
             return (
                 None if found is None or side == 0 else _named(found, found.coefficient * side > 0.0, abs(found.coefficient) > found.error)
@@ -155,8 +156,8 @@ def _both_doublings(parent: _Parent) -> Criticality | None:
     families begin. On one side of the event one of them is stable, and on different sides none is."""
     both = []
     for window in ((0, 4), (1, 5)):
-        matrix = _Linear(*_embedded(parent, window))
-        found = _breaking(matrix) if matrix.singular < _SINGULAR else None
+        matrix = CriticalEquations(*_embedded(parent, window))
+        found = _breaking(matrix) if matrix.is_singular else None
         if found is None:
             return None
         both.append(found)
@@ -174,8 +175,8 @@ def reduced_equation(problem: ReleasedProblem, y: np.ndarray, fold: bool = False
     y : (u,) ndarray
     fold : bool
     """
-    matrix = _Linear(problem, y)
-    if not matrix.singular < _SINGULAR:
+    matrix = CriticalEquations(problem, y)
+    if not matrix.is_singular:
         return None
     return matrix.fold() if fold else _breaking(matrix)
 
@@ -214,7 +215,7 @@ def _embedded(parent: _Parent, window: tuple[int, int] | int) -> tuple[ReleasedP
     return _over(parent.problem, parent.problem.parameters(parent.y), wide, presentation.unknowns(wide))
 
 
-class _Linear:
+class CriticalEquations:
     """The equations at an orbit, with the parameter of the family fixed in a last row. Columns are in units of the unknowns, and rows have
     length 1."""
 
@@ -235,11 +236,11 @@ class _Linear:
         self.level = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
         self.matrix = matrix * self.level[:, None]
         left, values, right = np.linalg.svd(self.matrix)
-        self.singular = float(values[-1] / values[-2]) if values[-2] > 0.0 else math.inf
+        self.is_singular = bool(values[-1] < _SINGULAR * values[-2])
         condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
         self.rounding = EPSILON * condition if problem.curvature.is_exact else _DIFFERENCES
         self.left, self.right = left[:, -1], right[-1]
-        self.unit = self._length(self.scale * self.right)
+        self.v = self.scale * self.right / self._length(self.scale * self.right)
 
     def _length(self, v: np.ndarray) -> float:
         """The length of a direction at the start of the segment, in the metric of the family in the energy, at fixed energy."""
@@ -249,8 +250,10 @@ class _Linear:
         time, change = float(np.sum(self.problem.flight_times(self.y))), float(np.sum(self.problem.flight_times(v)))
         return math.sqrt(float(state @ state) / twice + (change / time) ** 2)
 
-    def bend(self, v: np.ndarray) -> np.ndarray:
-        """The second derivative along a direction, with the last row, (u, u), in scaled rows."""
+    @cached_property
+    def bend(self) -> np.ndarray:
+        """The second derivative along the null vector, with the last row, (u, u), in scaled rows."""
+        v = self.v
         found = np.zeros((len(v), len(v)))
         found[:-1] = second_along(self.problem, self.y, v)
         if not self.problem.released:
@@ -267,11 +270,29 @@ class _Linear:
 
     def fold(self) -> Reduced:
         """p = p_0 + a x^2 along the family."""
-        v = self.scale * self.right / self.unit
-        squared = self.bend(v) @ v
+        squared = self.bend @ self.v
         last = float(self.left[-1] * self.level[-1])
         error = self.rounding * float(np.abs(self.left) @ np.abs(squared))
         return Reduced(0.5 * float(self.left @ squared) / last, error / abs(last))
+
+    def cubic(self) -> Reduced | None:
+        """W F'''[V, V, V]/6 + W F''[V, H]/2 with B H = -F''[V, V]; None where W F''[V, V] is not zero."""
+        left, v, bend = self.left, self.v, self.bend
+        squared = bend @ v
+        size = float(np.abs(left) @ np.abs(bend) @ np.abs(v))
+        shortest = float(np.linalg.norm(v / self.scale))
+        if abs(float(left @ squared)) > _SYMMETRIC * size + _ZERO * shortest**2:
+            return None
+        bent = self.solve(-squared)
+        curvature = self.problem.curvature
+        cubed = np.append(curvature.third_of_states(self.y, v, v, v), 0.0) * self.level
+        terms = cubed / 6.0, 0.5 * (bend @ bent)
+        error = self.rounding * float(np.abs(left) @ (np.abs(terms[0]) + np.abs(bend) @ np.abs(bent)))
+        return Reduced(float(left @ (terms[0] + terms[1])), error)
+
+    def slope(self, way: np.ndarray) -> tuple[float, float]:
+        """W F''[V, .] along a direction in which the orbits keep their symmetry, and its error."""
+        return float(self.left @ self.bend @ way), self.rounding * float(np.abs(self.left) @ np.abs(self.bend) @ np.abs(way))
 
 
 def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:
@@ -310,30 +331,18 @@ def _differences(function: Callable[[np.ndarray], float], u: np.ndarray) -> tupl
     return (4.0 * first[1] - first[0]) / 3.0, (4.0 * second[1] - second[0]) / 3.0
 
 
-def _breaking(matrix: _Linear) -> Reduced | None:
+def _breaking(matrix: CriticalEquations) -> Reduced | None:
     """a = -(W F'''[V, V, V]/6 + W F''[V, H]/2) / (W F''[V, y'])."""
-    left, v = matrix.left, matrix.scale * matrix.right / matrix.unit
-    bend = matrix.bend(v)
-    squared = bend @ v
-    size = float(np.abs(left) @ np.abs(bend) @ np.abs(v))
-    if abs(float(left @ squared)) > _SYMMETRIC * size + _ZERO / matrix.unit**2:
+    found = matrix.cubic()
+    if found is None or abs(matrix.left[-1]) > _SYMMETRIC:
         return None
-    bent = matrix.solve(-squared)
-    forced = np.zeros(len(v))
+    forced = np.zeros(len(matrix.left))
     forced[-1] = matrix.level[-1]
-    if abs(left[-1]) > _SYMMETRIC:
-        return None
-    along = matrix.solve(forced)
-    cubed = np.append(third(matrix.problem, matrix.y, v, v, v), 0.0) * matrix.level
-    terms = [cubed / 6.0, 0.5 * (bend @ bent)]
-    slopes = bend @ along
-    numerator, slope = float(left @ (terms[0] + terms[1])), float(left @ slopes)
-    numerator_error = matrix.rounding * float(np.abs(left) @ (np.abs(terms[0]) + np.abs(bend) @ np.abs(bent)))
-    slope_error = matrix.rounding * float(np.abs(left) @ np.abs(bend) @ np.abs(along))
+    slope, slope_error = matrix.slope(matrix.solve(forced))
     if not abs(slope) > slope_error:
         return None
-    coefficient = -numerator / slope
-    return Reduced(coefficient, (numerator_error + abs(coefficient) * slope_error) / abs(slope))
+    coefficient = -found.coefficient / slope
+    return Reduced(coefficient, (found.error + abs(coefficient) * slope_error) / abs(slope))
 
 
 def _unstable_side(parent: _Parent, level: int) -> int:
@@ -345,7 +354,9 @@ def _unstable_side(parent: _Parent, level: int) -> int:
     way = np.linalg.svd(problem.jacobian(y) * scale)[2][-1] * scale
     changes = []
     for part in (_BESIDE, 2.0 * _BESIDE):
-        (ahead, above), (behind, below) = (_critical_nu(parent, y + sign * part * way, level) for sign in (1.0, -1.0))
+        (ahead, above), (behind, below) = (critical_nu(problem, y + sign * part * way, level) for sign in (1.0, -1.0))
+        if above == below:
+            return 0
         changes.append((ahead - behind) / (above - below))
     first, second = changes
     if not (math.isfinite(first) and abs(first - second) < _AGREED * abs(first)):
@@ -353,13 +364,14 @@ def _unstable_side(parent: _Parent, level: int) -> int:
     return int(math.copysign(1.0, first)) * (1 if level == 0 else -1)
 
 
-def _critical_nu(parent: _Parent, y: np.ndarray, level: int) -> tuple[float, float]:
+def critical_nu(problem: ReleasedProblem, y: np.ndarray, level: int) -> tuple[float, float]:
     """The distance from a level of the nu nearest to it, NaN where that is no real pair; and the parameter."""
-    problem, plain, n = parent.problem, parent.plain, parent.problem.degrees_of_freedom
+    n = problem.degrees_of_freedom
     if problem.released:
         plain, at = problem.orbit_problem(y)
         parameter = float(y[2 * n + 1])
     else:
+        plain = problem.structure
         states = problem.nodes(y)[:, : 2 * n] @ plain.modes.from_state.T
         at = plain.pack(states[0], states[1:], problem.flight_times(y))
         parameter = float(plain.energy(at))

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
-from branches.curves.free import BOTH, SYMMETRIES, Breaking, Fold, Symmetry
+from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Fold, Symmetry
 from branches.curves.free_grazing import approach_speeds, are_at, impact_places, touch_as_impact
+from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import Grazing, beside_grazing
 from branches.curves.grazing_monitor import SECOND_GRAZING, second_grazing, signed_smallest
-from branches.curves.monitor import Window, window_tests, window_values
+from branches.curves.monitor import NAMES, Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
 from bvp.closures import cycle_of
@@ -38,10 +39,6 @@ from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
 __all__ = ["FreeGrazingMonitor", "FreeMonitor", "FreePoint", "event_of", "observed_free"]
-
-FOLD: Symmetry = (False, False)
-"""The symmetry of the critical perturbation of a fold."""
-
 
 def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | None = None) -> Solution:
     """An orbit as it stands, with its clearance, its slowest impact and its shortest flight. ends: the states after the flights of the
@@ -127,12 +124,18 @@ def _with_rows_of_one(matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class FreePoint:
-    """An orbit on a curve, as `branches.curves.monitor.CurvePoint`. Its multipliers are computed when they are wanted."""
+    """An orbit on a curve, as `branches.curves.monitor.CurvePoint`. Its multipliers, and the coefficient at SB and PD, are computed when they
+    are wanted: `normal_form` gives the coefficient."""
 
     problem: ReleasedProblem
     solution: Solution
-    coefficient: float = math.nan
+    normal_form: Callable[[], float] = lambda: math.nan
     cosine: float = math.nan
+
+    @cached_property
+    def coefficient(self) -> float:
+        """Of the normal form; NaN where it is not known."""
+        return self.normal_form()
 
     @cached_property
     def multipliers(self) -> np.ndarray:
@@ -176,30 +179,38 @@ class FreeMonitor:
             kind, words = event_of(problem, other)
             others.append(TestFunction(meets, "crossing", False, f"a second critical multiplier: {kind}, {words}"))
         self._folds = code == "SN"
+        self._form = None if self._folds else CurveNormalForm(plane, symmetry, doubled)
+        changes = "DP" if code == "SB" else "GPD"
+        forms = (TestFunction(changes, "crossing", False, NAMES[changes]),) * (self._form.count if self._form else 0)
         cusp = (TestFunction("CP", "crossing", False, "cusp: two folds meet", True),) if self._folds else ()
         # Between two ends of one kind an orbit can get both kinds of reversals: then it is its own image, begun at the other end.
         self._exchanged = not periodic and not doubled and problem.quarters == 2 and problem.inner > 0
         image = (TestFunction(_SYMMETRIC[code], "crossing", True, _GOES_BACK),) if self._exchanged else ()
-        self.tests = (*window_tests(plane, window), *GRAZING.values(), *cusp, *others, *image)
+        self.tests = (*window_tests(plane, window), *GRAZING.values(), *cusp, *others, *forms, *image)
 
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
         problem, null = self.problem, held.extra
         solution = observed_free(problem, at.y, problem._factor.before.copy())
         guards = [solution["clearance"], solution["speed"], solution["flight"]]
-        coefficient = math.nan
+        critical = self._critical.values(at, scale)
         found = []
-        if self._folds:
+        if self._form is None:
             m, size = len(null.shifted), float(np.linalg.norm(null.right[:, 0]))
             right, left = null.right[:, 0] / size, null.left[:, 0] / float(np.linalg.norm(null.left[:, 0]))
             coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / size
-            found.append(coefficient)
-        found += self._critical.values(at, scale)
+            found += [coefficient, *critical]
+            form: Callable[[], float] = partial(float, coefficient)
+        else:
+            reduced, way = self._form.reduced(at, held, tangent, scale)
+            # It has poles where the orbits with more symmetry have a fold, whose matrix is the first one.
+            found += [*critical, *(reduced * critical[0]).tolist()]
+            form = partial(self._form.coefficient, at.y, reduced, way)
         if self._exchanged:
             flights = problem.flight_times(at.y)
             found.append(float(flights[0] - flights[-1]))
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
-        return values, FreePoint(problem, solution, coefficient)
+        return values, FreePoint(problem, solution, form)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""

@@ -21,7 +21,7 @@ from continuation.curves import Held, Linearised, Null
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["BifurcationMonitor", "CurvePoint", "Window", "has_pair", "meeting_of", "pair_product", "window_tests", "window_values"]
+__all__ = ["NAMES", "BifurcationMonitor", "CurvePoint", "Window", "has_pair", "meeting_of", "pair_product", "window_tests", "window_values"]
 
 Window = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of the two parameters."""

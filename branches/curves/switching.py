@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_monitor import FreeGrazingMonitor
+from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import grazing_at, observed
 from branches.curves.grazing_monitor import GrazingMonitor
 from branches.curves.record import BifurcationCurve
@@ -40,16 +42,16 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     origin = f"a point of a curve {curve.code}"
     if code == "GR" and curve.grazing is not None:
         return _grazing_through(curve, y, origin)
+    kinds = {event.type for event in curve.events if event.point == index}
+    if code == "SN" and kinds & {"DP", "GPD"} and curve.code in ("SB", "PD"):
+        return _fold_emanating(curve, y, origin)
     if isinstance(plane.problem, ReleasedProblem):
         others = [name for name in plane.problem.released if name not in plane.names]
         return curve_start(plane.problem, y, code, [*plane.names, *others], plane.problem.keep[:-1], origin=origin)
-    kinds = {event.type for event in curve.events if event.point == index}
     if code == "GR" and "LB" in kinds:
         raise NoCurve("impacts exchange their order there, which is no grazing; expected a grazing of the family in the other order")
     if code == "GR":
         return _grazing_through(curve, y, origin)
-    if code == "SN" and kinds & {"DP", "GPD"}:
-        return _fold_emanating(curve, y, origin)
     pairs = curve.multipliers[index]
     for angle in _angles(pairs) if code == "NS" else (None,):
         own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
@@ -71,9 +73,14 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
     """The curve of folds that emanates where a doubling, or a symmetry breaking, changes its criticality: of the orbits of twice the
     period, or without symmetry. There its equations are singular, so it is started beside the point, along the critical direction."""
     problem, plane = curve.plane.problem, curve.plane
-    wide, whole = (full_period if problem.half else twice)(problem, y)
+    free = None
+    if curve.free is not None:
+        wide, whole = CurveNormalForm(plane, curve.free.symmetry, curve.free.doubled).emanating(y)
+        free = FreeKind(FOLD, in_energy=names_quarter_period(plane))
+    else:
+        wide, whole = (full_period if problem.half else twice)(problem, y)
     wider, begun = plane.of(wide, whole)
-    start = CurveStart(wider, "SN", None, begun, origin)
+    start = CurveStart(wider, "SN", None, begun, origin, free)
     fold = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
     scale, at = wider.scales(begun), wider.linearised(begun)
     borders = fold.condition.first(at, np.zeros(0), scale)
@@ -82,12 +89,13 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
     tangent = fold.directed(direction / math.sqrt(float(way @ way)), borders)
     for distance in _ASIDE:
         step = fold.step(begun, tangent, distance)
-        if step.converged:
+        guards = [value for test, value in zip(fold.tests, step.tests, strict=False) if test.kind == "guard"]
+        if step.converged and min(guards) > 0.0:
             return start._replace(y=step.y)
     raise NoCurve("no curve SN was found beside the point")
 
 
-_ASIDE = (0.05, 0.02, 0.1, 0.01, 0.005)
+_ASIDE = (0.05, 0.02, 0.1, 0.01, 0.005, 0.002, 0.001, 5e-4)
 """Distances, in units of arclength, at which a curve is looked for beside a singular point."""
 
 _NEAR = 1e-6

@@ -13,7 +13,7 @@ from branches.curves.extending import can_go_on, is_within, joined
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
-from branches.curves.starting import CurveStart, NoCurve, curve_start
+from branches.curves.starting import CurveStart, NoCurve
 from branches.events import Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.tracing import OUT_OF_DOMAIN
@@ -180,10 +180,9 @@ _NEAR_END = 80
 
 def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCurve | None:
     """The curve of the single orbits next to the end of one of doubled orbits, or of orbits without symmetry."""
-    problem, y, code, _ = narrow
-    others = [name for name in problem.released if name not in curve.names]
+    plane, unknowns = curve.plane.of(narrow.problem, narrow.y)
     try:
-        start = curve_start(problem, y, code, [*curve.names, *others], problem.keep[:-1])
+        start = CurveStart(plane, narrow.code, None, unknowns, free=narrow.free)
         return follow_curve(start, _ANYWHERE, points=_NEAR_END)
     except (ValueError, RuntimeError):
         return None

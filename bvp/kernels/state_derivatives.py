@@ -6,12 +6,13 @@ xi + xi_a + xi_b + xi_c + xi_ab + ... By Leibniz's rule the third derivative is
     exp(A t) [xi_abc + A (t_a xi_bc + t_b xi_ac + t_c xi_ab) + A^2 (t_a t_b xi_c + t_a t_c xi_b + t_b t_c xi_a) + A^3 t_a t_b t_c xi].
 
 Of xi the states of the loads alone have more than first derivatives. Impacts and all other equations are linear, but for contact forces,
-which depend on the phases of the loads.
+which depend on the phases of the loads, and for the equations to keep, whose derivatives are left out.
 """
 
 from bvp.kernels.bent_orbit import bend_orbit
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import inner
+from bvp.kernels.multipoint import PERIODIC, STOP
 
 
 @inlined
@@ -35,10 +36,24 @@ def _expand(b, i, y, directions, at, work):
             work[3, r] = phase[0, r] * t_a * t_d * t_c
 
 
+@inlined
+def _end_rows(b, out, work):
+    """The conditions of a start, which are linear, and of an end, in place of the state at the end in out. work (4, s): scratch."""
+    n, k = b.stops.shape[1], b.shape[0]
+    for e in range(n):
+        stop = e == 0 and b.shape[4] == STOP
+        work[0, e] = 0.0
+        for r in range(n if stop else 2 * n):
+            work[0, e] += (b.gap[k, r] if stop else b.end_map[n + e, r]) * out[r]
+    for e in range(n):
+        out[e] = 0.0
+        out[n + e] = work[0, e]
+
+
 @kernel
 def third_of_states(b, y, directions, work, out):
-    """out (u - 1,) = F'''(y)[a, b, c] for three directions (3, u), real or complex, whose parameters are not looked at, of an orbit that
-    closes on itself. work (4, s), as out: scratch."""
+    """out (u - 1,) = F'''(y)[a, b, c] for three directions (3, u), real or complex, whose parameters are not looked at. work (4, s), as
+    out: scratch."""
     width, k = b.gap.shape[1], b.shape[0]
     n = b.stops.shape[1]
     size = work.shape[1]
@@ -61,6 +76,8 @@ def third_of_states(b, y, directions, work, out):
             for r in range(n):
                 for e in range(n):
                     out[at + n + r] -= orbit.push[i, 0, r] * b.gap[i, e] * work[0, e]
+        if i == k and b.shape[3] != PERIODIC:
+            _end_rows(b, out[at:], work)
         if i < k and b.release[i] >= 0:
             after = at + width + 1 + 2 * n
             bend = inner(orbit.force[i, 0, 2 * n : size], orbit.phase[i + 1, 3, 2 * n : size])

@@ -1,0 +1,117 @@
+"""Free orbits over other segments of their time, in the unknowns of their problems: what `branches.presentation.embed` does from a whole
+period, for an orbit whose impacts and ends are known. No system is made for it, so it is cheap enough for each point of a curve."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from branches.sequences import PERIODIC, Ends, ImpactSequence, mirror
+from bvp.released import ReleasedProblem
+
+__all__ = ["Segment", "segment_of"]
+
+
+class Segment(NamedTuple):
+    """A segment of a free orbit.
+
+    ends, sequence : as of `bvp.released.ReleasedProblem`
+    after, before : (k + 1, 2 n) states (u, v) where each flight begins, and where it ends before an impact
+    times : (k + 1,) flight times
+    parameters : (m,) released parameters
+    """
+
+    ends: Ends
+    sequence: ImpactSequence
+    after: np.ndarray
+    before: np.ndarray
+    times: np.ndarray
+    parameters: np.ndarray
+
+    def unknowns(self, problem: ReleasedProblem) -> np.ndarray:
+        """It as unknowns of a problem with its ends and sequence."""
+        return problem.pack(self.after, np.zeros(len(self.after)), self.parameters, self.times)
+
+    def backwards(self) -> Segment:
+        """The orbit run backwards, from the far end to the start."""
+        turn = _turn(self.after, 1.0)
+        return self._replace(
+            ends=self.ends[::-1], sequence=self.sequence[::-1], after=(self.before * turn)[::-1], before=(self.after * turn)[::-1],
+            times=self.times[::-1],
+        )  # fmt: skip
+
+    def image(self) -> Segment:
+        """The segment that follows: what the reversal of the far end makes of this one, run from there."""
+        odd = self.ends[1] == "origin"
+        back = self.backwards()
+        if not odd:
+            return back
+        return back._replace(ends=mirror(back.ends), sequence=mirror(back.sequence), after=-back.after, before=-back.before)
+
+    def joined(self, other: Segment) -> Segment:
+        """This segment and the one that follows. An end that is no stop between them is inside a flight."""
+        ends = self.ends[0], other.ends[1]
+        if self.ends[1].startswith("stop"):
+            sequence = (*self.sequence, self.ends[1].removeprefix("stop"), *other.sequence)
+            parts = [np.concatenate(pair) for pair in zip(self[2:5], other[2:5], strict=True)]
+            return Segment(ends, sequence, parts[0], parts[1], parts[2], self.parameters)
+        after = np.concatenate([self.after, other.after[1:]])
+        before = np.concatenate([self.before[:-1], other.before])
+        times = np.concatenate([self.times[:-1], [self.times[-1] + other.times[0]], other.times[1:]])
+        return Segment(ends, (*self.sequence, *other.sequence), after, before, times, self.parameters)
+
+    def twice(self) -> Segment:
+        """Two segments between reversals of one kind; two periods of a closed orbit."""
+        if self.ends == PERIODIC:
+            parts = [np.concatenate([part, part]) for part in self[2:5]]
+            return Segment(PERIODIC, self.sequence * 2, parts[0], parts[1], parts[2], self.parameters)
+        return self.joined(self.image())
+
+    def closed(self) -> Segment:
+        """A segment that is a whole period, closed on itself. It begins with an impact."""
+        if self.ends[0].startswith("stop"):
+            return self._replace(ends=PERIODIC, sequence=(self.ends[0].removeprefix("stop"), *self.sequence))
+        times = np.append(self.times[1:-1], self.times[-1] + self.times[0])
+        return self._replace(
+            ends=PERIODIC, after=self.after[1:], before=np.concatenate([self.before[1:-1], self.before[:1]]), times=times
+        )
+
+    def half(self, problem: ReleasedProblem) -> Segment:
+        """The first half of a segment whose orbit reverses in its middle, too. problem: that of the segment."""
+        middle, odd = divmod(len(self.sequence), 2)
+        first = slice(0, middle + 1)
+        after, before, times = self.after[first], self.before[first].copy(), self.times[first].copy()
+        if odd:
+            end = "stop" + self.sequence[middle]
+        else:
+            times[-1] *= 0.5
+            before[-1] = problem.fly(np.concatenate([after[-1], [0.0], self.parameters]), times[-1], middle)[0]
+            n = before.shape[1] // 2
+            units = problem.segment.scale[: 2 * n]
+            sizes = np.abs(before[-1] / np.where(units > 0.0, units, 1.0))
+            end = "origin" if sizes[:n].max() < sizes[n:].max() else "rest"
+        return self._replace(ends=(self.ends[0], end), sequence=self.sequence[:middle], after=after, before=before, times=times)
+
+    def mean(self, other: Segment) -> Segment:
+        """The mean of two segments with the same ends and sequence."""
+        parts = [0.5 * (one + two) for one, two in zip(self[2:5], other[2:5], strict=True)]
+        return self._replace(after=parts[0], before=parts[1], times=parts[2])
+
+
+def segment_of(problem: ReleasedProblem, y: np.ndarray, before: np.ndarray | None = None) -> Segment:
+    """The segment that a problem solves. before (k + 1, 2 n): the states after the flights; None: y is evaluated."""
+    if before is None:
+        problem.residual(y)
+        before = problem._factor.before
+    n = problem.degrees_of_freedom
+    nodes = problem.nodes(y)
+    return Segment(
+        problem.ends, tuple(problem.sequence), nodes[:, : 2 * n].copy(), before[:, : 2 * n].copy(), problem.flight_times(y).copy(),
+        nodes[0, 2 * n + 1 :].copy(),
+    )  # fmt: skip
+
+
+def _turn(states: np.ndarray, sign: float) -> np.ndarray:
+    n = states.shape[1] // 2
+    return np.repeat([sign, -sign], n)
