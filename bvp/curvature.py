@@ -17,7 +17,6 @@ from bvp.expansion import expanded
 from bvp.kernels.bent_orbit import Bending, BentOrbit, Work
 from bvp.kernels.curvature import second_along as fill_second
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.multipoint import PERIODIC
 from bvp.kernels.state_derivatives import third_of_states as fill_third
 from bvp.programs import scratch_size
 

@@ -1,8 +1,9 @@
 """Where a curve of doubled orbits, or of orbits without symmetry, ends at the orbits that they emanate from.
 
-A curve SN of doubled orbits ends at a generalised period doubling, one of orbits without symmetry at a degenerate pitchfork. One of another
-bifurcation ends where that meets the doubling, or the symmetry breaking, of the single orbits. A curve of their grazings ends where the doubling, or the symmetry breaking, grazes itself. There the equations of the wider problem are singular, and
-steps fail nearby. The point is located on the curve PD, or SB, of the single orbits, where it is regular.
+A curve SN of doubled orbits ends at a generalised period doubling, one of orbits without symmetry at a degenerate pitchfork. One of
+another bifurcation ends where that meets the doubling, or the symmetry breaking, of the single orbits. A curve of their grazings ends
+where the doubling, or the symmetry breaking, grazes itself. There the equations of the wider problem are singular, and steps fail nearby.
+The point is located on the curve PD, or SB, of the single orbits, where it is regular.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.forced.primitive import full_period, twice
 from branches.released.segments import Segment, segment_of
-from branches.sequences import mirror
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.released import ReleasedProblem
@@ -82,6 +82,8 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
 
 
 def _narrowed_free(problem: ReleasedProblem, y: np.ndarray) -> Narrow | None:
+    if problem.structure.periodic:
+        return None
     whole = segment_of(problem, y)
     found = _folded(whole)
     if found is None:
@@ -89,9 +91,7 @@ def _narrowed_free(problem: ReleasedProblem, y: np.ndarray) -> Narrow | None:
     mean, apart = found
     half = mean.half(problem)
     try:
-        single = ReleasedProblem(
-            problem.parametric, half.ends, half.sequence, problem.released, problem.keep, values=problem.parameters(y), energy=problem.energy
-        )
+        single = half.problem(problem, y)
     except EndsError:
         return None
     # A quarter doubles in half of its period, which is its own image, too.
@@ -107,7 +107,7 @@ _FAR = (False, True)
 def _folded(segment: Segment) -> tuple[Segment, float] | None:
     """The mean of a segment and its image about its middle, and their difference; None where no image has its ends and sequence."""
     back = segment.backwards()
-    images = back, back._replace(ends=mirror(back.ends), sequence=mirror(back.sequence), after=-back.after, before=-back.before)
+    images = back, back.mirrored()
     apart = [
         float(np.abs(image.after - segment.after).max() / np.abs(segment.after).max()) if image[:2] == segment[:2] else math.inf
         for image in images
@@ -126,7 +126,7 @@ def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, Bifur
         Gives the curve PD or SB of the single orbits near a place.
     """
     free = curve.free
-    if curve.closed or (free is not None and (free.symmetry == FOLD) and names_quarter_period(curve.plane) and not free.in_energy):
+    if curve.closed or (free is not None and free.symmetry == FOLD and names_quarter_period(curve.plane) and not free.in_energy):
         return curve
     for last in (False, True):
         place = -1 if last else 0

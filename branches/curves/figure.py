@@ -101,8 +101,11 @@ def draw_curves(
 
 
 def _pieces(curve: BifurcationCurve) -> list[tuple[int, int, bool]]:
-    """Ranges of points that are drawn solid, or dashed where the bifurcation is subcritical."""
-    dashed = np.array([kind == "subcritical" for kind in curve.criticality])
+    """Ranges of points that are drawn solid, or dashed where the bifurcation is subcritical. Unknown: as the point before."""
+    kinds = curve.criticality
+    for k in range(1, len(kinds)):
+        kinds[k] = kinds[k] or kinds[k - 1]
+    dashed = np.array([kind == "subcritical" for kind in kinds])
     changes = np.flatnonzero(np.diff(dashed)) + 1
     bounds = [0, *changes.tolist(), len(curve)]
     return [(begin, min(end + 1, len(curve)), not bool(dashed[begin])) for begin, end in zip(bounds, bounds[1:], strict=False)]

@@ -124,8 +124,8 @@ def _with_rows_of_one(matrix: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class FreePoint:
-    """An orbit on a curve, as `branches.curves.monitor.CurvePoint`. Its multipliers, and the coefficient at SB and PD, are computed when they
-    are wanted: `normal_form` gives the coefficient."""
+    """An orbit on a curve, as `branches.curves.monitor.CurvePoint`. Its multipliers and its coefficient, which `normal_form` gives, are
+    computed when they are wanted."""
 
     problem: ReleasedProblem
     solution: Solution
@@ -204,11 +204,14 @@ class FreeMonitor:
         else:
             reduced, way = self._form.reduced(at, held, tangent, scale)
             # It has poles where the orbits with more symmetry have a fold, whose matrix is the first one.
-            found += [*critical, *(reduced * critical[0]).tolist()]
+            known = abs(critical[0]) > _ROUNDING
+            found += [*critical, *((reduced * critical[0]).tolist() if known else [math.nan] * len(reduced))]
             form = partial(self._form.coefficient, at.y, reduced, way)
         if self._exchanged:
             flights = problem.flight_times(at.y)
             found.append(float(flights[0] - flights[-1]))
+            if abs(found[-1]) < _BESIDE * float(np.sum(flights)):
+                found[:-1] = [math.nan] * len(found[:-1])  # these touch zero at a symmetric orbit
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, FreePoint(problem, solution, form)
 
@@ -235,6 +238,12 @@ class FreeMonitor:
 _GOES_BACK = "the orbits get the half-period symmetry: the curve goes back as its image"
 _SYMMETRIC = {"SN": "DP", "SB": "R2", "PD": "FF"}
 """What such a point is on the curve of symmetric orbits."""
+
+_ROUNDING = 1e-9
+"""A smallest singular value by which no pole can be removed."""
+
+_BESIDE = 1e-5
+"""Difference of two flights, as a part of all, of an orbit beside a symmetric one."""
 
 _NEARLY = 1e-4
 """Difference of states and times of a symmetric orbit that is located. The equations are singular there, and steps fail nearby."""

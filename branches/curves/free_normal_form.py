@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -48,7 +49,7 @@ class CurveNormalForm:
         self.problem = problem
         # The level of nu at which the pair is critical: see `bvp.stability`.
         self.level = 0 if symmetry == BOTH else -1
-        self._windows = [partial(_window, symmetry, problem.quarters)]
+        self._windows: list[Callable[[Segment], Segment]] = [partial(_window, symmetry, problem.quarters)]
         if doubled:
             self._windows.append(lambda half: _window((True, False), 1, half.half(problem)).twice())
         self.count = len(self._windows)
@@ -73,10 +74,7 @@ class CurveNormalForm:
         cubics = [None if matrix is None else matrix.cubic() for matrix in self._matrices(here)]
         sizes = [math.inf if cubic is None else abs(cubic.coefficient) for cubic in cubics]
         found = self._windows[int(np.argmin(sizes))](here)
-        values = problem.parameters(y)
-        made = ReleasedProblem(
-            problem.parametric, found.ends, found.sequence, problem.released, problem.keep, values=values, energy=problem.energy
-        )
+        made = found.problem(problem, y)
         return made, found.unknowns(made)
 
     def coefficient(self, y: np.ndarray, reduced: np.ndarray, way: np.ndarray) -> float:
@@ -111,10 +109,9 @@ class CurveNormalForm:
         key = segment.ends, segment.sequence
         if key not in self._wide:
             problem = self.problem
-            fixed = [f"{name} = {problem.values[name]!r}" for name in problem.released[1:]]
-            self._wide[key] = ReleasedProblem(
-                problem.parametric, *key, problem.released, [*fixed, f"energy = {problem.energy!r}"], values=problem.values, energy=problem.energy
-            )
+            values, energy = problem.values, problem.energy
+            keep = [*(f"{name} = {values[name]!r}" for name in problem.released[1:]), f"energy = {energy!r}"]
+            self._wide[key] = ReleasedProblem(problem.parametric, *key, problem.released, keep, values=values, energy=energy)
         return self._wide[key]
 
 

@@ -73,7 +73,7 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
     """The curve of folds that emanates where a doubling, or a symmetry breaking, changes its criticality: of the orbits of twice the
     period, or without symmetry. There its equations are singular, so it is started beside the point, along the critical direction."""
     problem, plane = curve.plane.problem, curve.plane
-    free = None
+    free, wide = None, problem
     if curve.free is not None:
         wide, whole = CurveNormalForm(plane, curve.free.symmetry, curve.free.doubled).emanating(y)
         free = FreeKind(FOLD, in_energy=names_quarter_period(plane))

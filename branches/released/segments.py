@@ -33,21 +33,32 @@ class Segment(NamedTuple):
         """It as unknowns of a problem with its ends and sequence."""
         return problem.pack(self.after, np.zeros(len(self.after)), self.parameters, self.times)
 
+    def problem(self, other: ReleasedProblem, y: np.ndarray) -> ReleasedProblem:
+        """The problem of its ends and sequence, at the parameters of y and else as another problem."""
+        return ReleasedProblem(
+            other.parametric, self.ends, self.sequence, other.released, other.keep, values=other.parameters(y), energy=other.energy
+        )
+
     def backwards(self) -> Segment:
         """The orbit run backwards, from the far end to the start."""
-        turn = _turn(self.after, 1.0)
+        turn = np.repeat([1.0, -1.0], self.after.shape[1] // 2)
         return self._replace(
-            ends=self.ends[::-1], sequence=self.sequence[::-1], after=(self.before * turn)[::-1], before=(self.after * turn)[::-1],
+            ends=(self.ends[1], self.ends[0]),
+            sequence=self.sequence[::-1],
+            after=(self.before * turn)[::-1],
+            before=(self.after * turn)[::-1],
             times=self.times[::-1],
-        )  # fmt: skip
+        )
 
     def image(self) -> Segment:
         """The segment that follows: what the reversal of the far end makes of this one, run from there."""
-        odd = self.ends[1] == "origin"
         back = self.backwards()
-        if not odd:
-            return back
-        return back._replace(ends=mirror(back.ends), sequence=mirror(back.sequence), after=-back.after, before=-back.before)
+        return back.mirrored() if self.ends[1] == "origin" else back
+
+    def mirrored(self) -> Segment:
+        """The segment of -u."""
+        first, last = mirror(self.ends)
+        return self._replace(ends=(first, last), sequence=mirror(self.sequence), after=-self.after, before=-self.before)
 
     def joined(self, other: Segment) -> Segment:
         """This segment and the one that follows. An end that is no stop between them is inside a flight."""
@@ -111,7 +122,3 @@ def segment_of(problem: ReleasedProblem, y: np.ndarray, before: np.ndarray | Non
         nodes[0, 2 * n + 1 :].copy(),
     )  # fmt: skip
 
-
-def _turn(states: np.ndarray, sign: float) -> np.ndarray:
-    n = states.shape[1] // 2
-    return np.repeat([sign, -sign], n)

@@ -60,13 +60,13 @@ def velocities_of(alpha, line=LINE):
 
 
 @cache
-def many_digit_breaking(alpha, sides):
+def many_digit_breaking(alpha, sides, line=LINE):
     """h'' / (2 x'^2) of the orbits that begin where a symmetry of the backbone breaks. sides: of the impacts between two origins."""
     with mp.workdps(DIGITS + 10):
-        orbit = ModalOrbit(sides)
+        orbit = ModalOrbit(sides, line)
         times = [alpha, *([2 * alpha] * (len(sides) - 1)), alpha]
         step = mp.mpf(10) ** -10
-        middle = [*velocities_of(alpha), *times]
+        middle = [*velocities_of(alpha, line), *times]
         ahead, behind = (orbit.solved(middle, sign * step) for sign in (1, -1))
         energies = [(x[0] ** 2 + x[1] ** 2) / 2 for x in (ahead, behind)]
         half = [(one - other) / 2 for one, other in zip(ahead[:2], behind[:2], strict=True)]
