@@ -246,8 +246,8 @@ def curve_failures(curve: BifurcationCurve, row: CurveRow) -> Iterator[str]:
     found: dict[str, list[str]] = {}
     for i, y in enumerate(curve.unknowns):
         where = f"point {i}, " + ", ".join(f"{n} = {v:.8g}" for n, v in zip(curve.names, curve.parameters[i].tolist(), strict=True))
-        at = curve.plane.linearised(y[:u])
-        residual = curve.plane.worst(at)
+        at = problem.surface.linearised(y[:u])
+        residual = problem.surface.worst(at)
         if not residual <= RESIDUAL:
             found.setdefault("residual", []).append(f"{where}: its residual is {residual:.1e}, expected below {RESIDUAL:.0e}")
             continue

@@ -17,6 +17,7 @@ from branches.catalogue.packing import PackedFamily, encode, label_intervals, qu
 from branches.catalogue.rows import EventOrbit, FamilyRow, compact_json, event_values
 from branches.events import BranchEvent, Ended
 from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.closing import largest_residual
 from branches.forced.identity import invariants, window_of
 from branches.forced.record import problem_from, problem_record, range_from
 from branches.forced.tracing import follow_response, primitive_branch
@@ -199,7 +200,7 @@ def response_failures(branch: ForcedBranch) -> Iterator[str]:
 
 
 def _point(problem: ForcedProblem, y: np.ndarray, grazing: bool) -> Iterator[tuple[str, str]]:
-    residual = _residual(problem, y)
+    residual = largest_residual(problem, y)
     if not residual <= RESIDUAL:
         yield "residual", f"its residual is {residual:.1e}, expected below {RESIDUAL:.0e}"
         return
@@ -210,11 +211,6 @@ def _point(problem: ForcedProblem, y: np.ndarray, grazing: bool) -> Iterator[tup
     beyond = None if solution is None else unphysical(own, solution)
     if beyond is not None:
         yield "admissibility", f"it is inadmissible: {beyond}"
-
-
-def _residual(problem: ForcedProblem, y: np.ndarray) -> float:
-    scales = problem.scales(y)[: problem.unknowns - 1]
-    return float(np.abs(problem.residual(y) / np.where(scales > 0.0, scales, 1.0)).max())
 
 
 def _as_it_is(problem: ForcedProblem, y: np.ndarray) -> Solution | None:
@@ -231,7 +227,7 @@ def meeting_failures(here: tuple[ForcedProblem, EventOrbit], there: tuple[Forced
         if len(y) != problem.unknowns or "".join(problem.sequence) != orbit.sequence:
             yield f"the orbit of its {side} is not one of that family"
             return
-        residual = _residual(problem, y)
+        residual = largest_residual(problem, y)
         if not residual <= RESIDUAL:
             yield f"its orbit does not solve the problem of its {side}: the residual is {residual:.1e}, expected at most {RESIDUAL:.0e}"
         measures.append(_measures(problem, y))

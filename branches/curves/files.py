@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.curves.free import FreeKind
 from branches.curves.grazing import Grazing
+from branches.curves.held import surface_of
 from branches.curves.identity import curve_id
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
@@ -179,11 +180,13 @@ def restored_curve(parametric: ParametricSystem, item: Mapping[str, Any], column
     count, own = len(columns["arclength"]), int(item["code"] == "NS")
     if any(columns[name].shape != (count, plane.size + own) for name in ("unknowns", "tangents")):
         raise RecordError(f"a point has not the {plane.size + own} unknowns of its sequence")
-    record.require_fitting(item, count, lambda i: plane.worst(plane.linearised(columns["unknowns"][i, : plane.size])))
-    window = record.range_from(item["window"][0]), record.range_from(item["window"][1])
     given = item.get("grazing")
+    grazing = None if given is None else Grazing(**_grazing(given))
+    surface = surface_of(plane, grazing, columns["unknowns"][0])
+    record.require_fitting(item, count, lambda i: surface.worst(surface.linearised(columns["unknowns"][i, : plane.size])))
+    window = record.range_from(item["window"][0]), record.range_from(item["window"][1])
     return BifurcationCurve(
-        plane=plane, code=item["code"], grazing=None if given is None else Grazing(**_grazing(given)), **columns,
+        plane=plane, code=item["code"], grazing=grazing, **columns,
         events=tuple(CurveEvent(**{**event, "bracket": tuple(event["bracket"])}) for event in item["events"]),
         ended=record.ended_from(item["ended"]), start=item["start"], closed=item["closed"], window=window, origin=item["origin"],
         free=_free_kind(item.get("free")), axes=tuple(item.get("shown", ())),

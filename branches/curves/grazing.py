@@ -14,9 +14,10 @@ import numpy as np
 
 from branches.admissible import force_event
 from branches.curves.plane import ParameterPlane
-from branches.forced.closing import vanishes, without_moment
+from branches.forced.closing import sticks_for_ever, vanishes, without_moment
 from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
+from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
 from bvp.kernels.forced import fly_loaded
 from bvp.kernels.forced_sticking import contact_force
@@ -43,7 +44,8 @@ _ROUNDS, _DIFFERENCE, _AT_MINIMUM = 8, 1e-5, 1e-13
 
 
 class Grazing(NamedTuple):
-    """What grazes. kind: "speed" of the impact that ends a flight; "flight", whose duration vanishes; "force" of a stop that sticks in it.
+    """What grazes. kind: "speed" of the impact that ends a flight; "flight", whose duration vanishes; "force" of a stop that sticks in it;
+    "held": a flight without duration in place of such a force, of a stop that sticks for the whole period.
     stop and part: of the force, and of the flight at which it was least at first; None where the stop begins to stick. repeats: periods of
     the load in the orbit without the impact, and whether that is symmetric, where it repeats itself: then its images touch, too."""
 
@@ -63,15 +65,30 @@ def grazing_at(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
         For a grazing that cannot be continued.
     """
     if vanishes(problem, solution.y):
+        if sticks_for_ever(problem, solution.y):
+            return held_grazing(problem, solution.y)
         narrow = without_moment(problem, solution.y)
         if narrow is None:
-            raise ValueError("the stop sticks for the whole period there, and no orbit with an impact has this limit as an equation")
+            raise ValueError("the flights that have no duration there could not be left out; expected another event")
         problem, solution = narrow[0], observed(narrow[0], narrow[1])
     sizes = grazing_sizes(problem, solution)
     least = what_grazes(sizes)
     if any(event.closed for event in problem.events) and sizes["flight"] < _INSTANT:
         least = "flight"  # contact force and speed vanish faster than the time
     return grazing_of(problem, solution, least)
+
+
+def held_grazing(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray, Grazing]:
+    """The same where a stop opens no more, and sticks for the whole period: in the least sequence that opens it. See `HeldSurface`."""
+    release = next(k for k, event in enumerate(problem.events) if event.is_release)
+    letter = problem.modes.contact_letters[problem.events[release].contact]
+    made = problem.sibling((letter + CLOSES, letter + OPENS), load_periods=1, half=False, values=problem.parameters(y))
+    size = 2 * problem.degrees_of_freedom
+    node = problem.nodes(y)[release]
+    fraction = float(node[size]) * problem.load_periods % 1.0
+    start = made.pack(np.tile(node[:size], (2, 1)), np.array([fraction, fraction + 1.0]), node[size + 1 :])
+    made.flight_times(start)[:] = made.period(start), 0.0
+    return made, start, Grazing("held", 1)
 
 
 def grazing_of(problem: ForcedProblem, solution: Solution, least: str) -> tuple[ForcedProblem, np.ndarray, Grazing]:
@@ -167,7 +184,7 @@ def grazing_condition(plane: ParameterPlane, grazing: Grazing) -> ScalarConditio
         value, gradient[at : at + width], _ = _least_force(problem, point.y, grazing)
         return value, gradient
 
-    return ScalarCondition({"speed": speed, "flight": duration, "force": force}[grazing.kind])
+    return ScalarCondition({"speed": speed, "flight": duration, "held": duration, "force": force}[grazing.kind])
 
 
 def beside_grazing(
@@ -205,7 +222,7 @@ def paths_beside(problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, grazin
     """An orbit without the neighbourhood of a flight without duration, or of the instant at which a contact force touches zero: up to
     there, and from there. Arguments as of `beside_grazing`; its wraps is true."""
     flight, count = grazing.flight, len(ends)
-    if grazing.kind == "flight":
+    if grazing.kind in ("flight", "held"):
         shown = np.array(y)
         problem.flight_times(shown)[flight] = 0.0
         return [_shortened(problem, shown, ends, (flight - 1) % count, (flight + 1) % count)]

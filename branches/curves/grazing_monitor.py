@@ -110,7 +110,9 @@ class GrazingMonitor:
         speeds[hit] = problem._approach()[hit]
         if grazing.kind == "speed":
             speeds[grazing.flight] = math.inf
-        elif grazing.kind == "flight":
+        elif grazing.kind == "held":
+            speeds[:] = math.inf  # all impacts are at the touch
+        if grazing.kind in ("flight", "held"):
             flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
         found = self._clear(y)
         for entries, values in (((SPEED, SPEED_NODE), speeds), ((FLIGHT, FLIGHT_INDEX), flights)):

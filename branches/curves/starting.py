@@ -12,6 +12,7 @@ from branches.curves.free import FreeKind
 from branches.curves.free_start import free_curve, free_event
 from branches.curves.grazing import Grazing, grazing_at, grazing_condition, observed
 from branches.curves.grazing_monitor import GrazingMonitor
+from branches.curves.held import surface_of
 from branches.curves.monitor import BifurcationMonitor, Window
 from branches.curves.pencils import forced_condition
 from branches.curves.plane import ParameterPlane, plane_of
@@ -62,6 +63,7 @@ def curve_problem(plane: ParameterPlane, code: str, kind: FreeKind | Grazing | N
         return free_curve(plane, code, kind, y, window)
     grazing = kind if isinstance(kind, Grazing) else None
     if grazing is not None:
+        plane = surface_of(plane, grazing, y)
         return forced_curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window), grazing)
     return forced_curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
 

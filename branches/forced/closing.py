@@ -25,7 +25,7 @@ from bvp.multipoint import NotConverged, Solution
 from continuation.problem import End, EndReason, Event, Point, Points, Step
 from continuation.run import Run
 
-__all__ = ["vanishes", "with_exact_ends", "without_moment"]
+__all__ = ["largest_residual", "sticks_for_ever", "vanishes", "without_chatter", "with_exact_ends", "without_moment"]
 
 _BRIEF = 0.02
 """Longest duration of the flights that vanish, as a part of the period, from which their end is sought."""
@@ -82,6 +82,31 @@ def _moment(problem: ForcedProblem, y: np.ndarray, limit: float = _BRIEF) -> _Mo
 def vanishes(problem: ForcedProblem, y: np.ndarray) -> bool:
     """Whether an orbit is the end at which such a moment has no duration."""
     return bool(problem.events) and _moment(problem, y, 0.0) is not None
+
+
+def sticks_for_ever(problem: ForcedProblem, y: np.ndarray) -> bool:
+    """Whether an orbit is the end of a family at which a stop sticks for the whole period."""
+    moment = _moment(problem, y, 0.0)
+    return moment is not None and _closed_for_ever(problem, moment)
+
+
+def without_chatter(problem: ForcedProblem, y: np.ndarray) -> ForcedProblem:
+    """The problem in which the impacts of a moment that vanishes begin no chatter: they have no speed, and rounding would begin one."""
+    moment = _moment(problem, y, 0.0)
+    if moment is None:
+        return problem
+    made = problem.sibling(problem.sequence)
+    summed, count = made.segment.sticking.chatter.summed, len(problem.events)
+    for k in range(moment.length):
+        summed[(moment.begin + k - 1) % count] = 0
+    return made
+
+
+def largest_residual(problem: ForcedProblem, y: np.ndarray) -> float:
+    """The largest residual of an orbit, in units of its unknowns, also at the end of a family where a moment vanishes."""
+    scales = problem.scales(y)[: problem.unknowns - 1]
+    residual = (without_chatter(problem, y) if vanishes(problem, y) else problem).residual(y)
+    return float(np.abs(residual / np.where(scales > 0.0, scales, 1.0)).max())
 
 
 def _closed_for_ever(problem: ForcedProblem, moment: _Moment) -> bool:
@@ -263,9 +288,7 @@ def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
     return _begun_as(problem, y, rows, times, narrow.parameters(found))
 
 
-def _begun_as(
-    problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times: np.ndarray, parameters: dict[str, float]
-) -> np.ndarray:
+def _begun_as(problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times: np.ndarray, parameters: dict[str, float]) -> np.ndarray:
     """An orbit, begun at any of its nodes, in the unknowns of a problem whose orbit `near` is its neighbour. rows: states and times."""
     values, (sign, part) = [parameters[name] for name in problem.released], problem.segment.closing
     size, count, here = 2 * problem.degrees_of_freedom, len(times), _position(problem, near)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +21,8 @@ from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from transitions.response.path import ParameterPath
+from transitions.response.starting import NoOrbit, settled_orbit
+from transitions.sweep.settle import settle
 
 __all__ = ["free_start_on_curve", "starts_on_curve"]
 
@@ -27,6 +31,9 @@ _HOLDS = 1e-9
 
 _GRAZES = 1e-7
 """Clearance and impact speed, in units of arclength, that are zero at a point of a curve."""
+
+_AWAY = (1e-2, 1e-3)
+"""Distances in the parameter, relative, from an orbit at which a stop sticks for ever to a simulation."""
 
 _BESIDE = (1e-3, 1e-4, 1e-5)
 """Arclengths from a grazing orbit to the start of a family: the first one that leads to an orbit."""
@@ -57,6 +64,8 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     if isinstance(curve.plane.problem, ReleasedProblem):
         raise ValueError("the curve is one of free orbits; expected one of responses to periodic loads")
     problem, y = path.through(*primitive_orbit(curve.plane.problem, curve.unknowns[index, : curve.plane.size]))
+    if curve.grazing is not None and curve.grazing.kind == "held":
+        return _chosen(list(_opened(path, problem, y)), y, problem, direction)
     seen = observed(problem, y)
     speed, clearance = seen["speed"] / problem.segment.scale[problem.degrees_of_freedom], seen["clearance"] / problem.segment.scale[0]
     if not min(abs(speed) if problem.sequence else np.inf, abs(clearance)) < _GRAZES:
@@ -69,6 +78,13 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
             continue
         if made is not None:
             found += _beside(*primitive_orbit(*made))
+    return _chosen(found, y, problem, direction)
+
+
+def _chosen(
+    found: Sequence[tuple[ForcedProblem, np.ndarray]], y: np.ndarray, problem: ForcedProblem, direction: str
+) -> list[ResponseStart]:
+    """The starts at orbits next to a grazing one, on the side that is asked for."""
     if not found:
         raise ValueError("no orbit of a family is next to this grazing")
     place = 2 * problem.degrees_of_freedom + 1
@@ -77,6 +93,23 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
     if not kept:
         raise ValueError(f"all families that meet at this grazing are on its other side; expected another direction than {direction}")
     return [ResponseStart(*one, "both") for one in kept]
+
+
+def _opened(path: ParameterPath, problem: ForcedProblem, y: np.ndarray) -> Iterator[tuple[ForcedProblem, np.ndarray]]:
+    """The orbits on which a simulation settles next to one at which a stop sticks for the whole period."""
+    values, n = problem.parameters(y), problem.degrees_of_freedom
+    here, node = replace(path, values=values), problem.nodes(y)[0]
+    phase = math.remainder(2.0 * math.pi * float(node[2 * n]), 2.0 * math.pi) % (2.0 * math.pi)
+    for sign in (1.0, -1.0):
+        for part in _AWAY:
+            at = here.at(values[path.name] + sign * part * (abs(values[path.name]) or 1.0))
+            motion = settle(at.parametric.system(at.values), at.parametric.forces(at.values), node[:n], node[n : 2 * n], phase=phase)
+            try:
+                found = settled_orbit(at, motion)
+            except NoOrbit:
+                continue
+            yield found.problem, found.y
+            break
 
 
 def free_start_on_curve(

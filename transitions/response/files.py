@@ -13,6 +13,7 @@ import numpy as np
 from branches.files import write_text
 from branches.forced import record
 from branches.forced.branch import ForcedBranch, ForcedEvent
+from branches.forced.closing import largest_residual
 from branches.reading import RecordError, load_json
 from branches.record import orbit_to_record
 from branches.released.branch import ReleasedBranch, branch_in_parameter
@@ -178,11 +179,7 @@ def _branch(name: Any, parametric: ParametricSystem, item: Mapping[str, Any]) ->
     if any(len(point[key]) != count for point in points for key in ("unknowns", "tangent")):
         raise RecordError(f"a point has not the {count} unknowns of its sequence")
     unknowns = np.array([point["unknowns"] for point in points])
-
-    def residual(i: int) -> float:
-        return float(np.abs(problem.residual(unknowns[i]) / problem.scales(unknowns[i])[: count - 1]).max())
-
-    record.require_fitting(item, len(points), residual)
+    record.require_fitting(item, len(points), lambda i: largest_residual(problem, unknowns[i]))
     events = [
         ForcedEvent(
             **{
