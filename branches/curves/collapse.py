@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_monitor import event_of
 from branches.curves.record import BifurcationCurve, CurveEvent
-from branches.events import Ended
-from branches.forced.primitive import full_period, twice
+from branches.events import Ended, event_ids
+from branches.forced.primitive import apart_from_image, full_period, image_sign, twice
 from branches.released.segments import Segment, segment_of
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
@@ -30,13 +30,19 @@ __all__ = ["Narrow", "narrowed", "with_collapsed_ends"]
 _APART = 0.2
 """Difference of an orbit and its image, beside the orbit, up to which the point where they are one is looked for."""
 
+_BLURRED = 1e-4
+"""The same difference, below which the wider equations show events that are rounding."""
+
 _REACH = 10.0
 """Distance of that point in the parameters, relative, in squares of that difference."""
 
-_SINGULAR = ("GR-GR", "DP", "GPD", "R2", "FF")
+_ROOT = 1.5e-8
+"""The root of rounding, to which the equations of the wider orbits determine that point."""
+
+_SINGULAR = ("GR-GR", "DP", "GPD", "R2", "FF", "PN")
 """Events at which the equations can be singular, so that they are not located."""
 
-_MEETINGS = {"SB": ("R2",), "PD": ("FF",)}
+_MEETINGS = {"SB": ("R2",), "PD": ("FF",), "NS": ("FF", "PN")}
 """The events of the single orbits at which another curve than of folds or grazings ends."""
 
 
@@ -56,17 +62,12 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
     image."""
     if isinstance(problem, ReleasedProblem):
         return _narrowed_free(problem, y)
-    count, odd = divmod(len(problem.sequence), 2)
-    if odd or not count or problem.half or problem.ends is not None:
+    sign = image_sign(problem)
+    if sign == 0.0:
         return None
-    size = 2 * problem.degrees_of_freedom
-    values = problem.parameters(y)
+    count, size, doubled = len(problem.sequence) // 2, 2 * problem.degrees_of_freedom, sign > 0.0
+    values, first = problem.parameters(y), problem.sequence[:count]
     nodes, times = problem.nodes(y), problem.flight_times(y)
-    first, second = problem.sequence[:count], problem.sequence[count:]
-    doubled = problem.load_periods % 2 == 0 and first == second
-    sign = 1.0 if doubled else -1.0
-    if not doubled and second != tuple(map(problem.mirrored, first)):
-        return None
     try:
         if doubled:
             single = problem.sibling(first, load_periods=problem.load_periods // 2, values=values)
@@ -76,9 +77,8 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
         return None
     states = 0.5 * (nodes[:count, :size] + sign * nodes[count:, :size])
     fractions = 0.5 * (nodes[:count, size] + nodes[count:, size] - 0.5 * problem.has_clock)
-    apart = float(np.abs(nodes[:count, :size] - sign * nodes[count:, :size]).max() / np.abs(nodes[:, :size]).max())
     begun = single.pack(states, fractions * (2.0 if doubled else 1.0), nodes[0, size + 1 :], 0.5 * (times[:count] + times[count:]))
-    return Narrow(single, begun, "PD" if doubled else "SB", apart)
+    return Narrow(single, begun, "PD" if doubled else "SB", apart_from_image(problem, y))
 
 
 def _narrowed_free(problem: ReleasedProblem, y: np.ndarray) -> Narrow | None:
@@ -146,73 +146,65 @@ def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, Bifur
         here = curve.parameters[place]
         found = [(float(np.abs(base.parameters[event.point] / here - 1.0).max()), event) for event in base.events if event.type in wanted]
         distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
-        if event is None or distance > _REACH * narrow.apart**2 + 1e-9:
+        if event is None or distance > _REACH * narrow.apart**2 + _ROOT:
             continue
-        curve = _ending(curve, last, base, event, stopped)
+        rows = curve.unknowns[::-1] if last else curve.unknowns
+        blurred = next((k for k, row in enumerate(rows) if not _is_blurred(curve, row[:u])), len(curve))
+        curve = _ending(curve, last, base, event, min(max(blurred, int(stopped is not None)), len(curve) - 1))
     return curve
 
 
-def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, stopped: CurveEvent | None) -> BifurcationCurve:
-    """The curve with the point of an event of another curve as its end, in place of an event that was stopped at."""
+def _is_blurred(curve: BifurcationCurve, y: np.ndarray) -> bool:
+    """Whether an orbit is so near to a single one that events of the wider equations are rounding."""
+    narrow = narrowed(curve.plane.problem, y)
+    return narrow is not None and narrow.apart < _BLURRED
+
+
+def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, left: int) -> BifurcationCurve:
+    """The curve with the point of an event of another curve as its end, in place of some points. left: how many."""
     single, y = base.plane.problem, base.unknowns[event.point, : base.plane.size]
     whole = _widened(single, y, curve.plane.problem)
-    own = curve.unknowns[0, curve.plane.size :]
-    place = len(curve) - 1 if last else 0
-    distance = float(np.linalg.norm(curve.plane.position(whole) - curve.plane.position(curve.unknowns[place, : curve.plane.size])))
-    row = np.concatenate([whole, own])
-    kept = slice(None)
-    events = list(curve.events)
-    if stopped is not None:
-        kept = slice(None, -1) if last else slice(1, None)
-        events = [one._replace(point=one.point - (not last)) for one in events if one is not stopped]
+    first, stop = (0, len(curve) - left) if last else (left, len(curve))
+    near = stop - 1 if last else first
+    position = curve.plane.position
+    distance = float(np.linalg.norm(position(whole) - position(curve.unknowns[near, : curve.plane.size])))
 
-    def grown(column: np.ndarray, new: np.ndarray) -> np.ndarray:
-        parts = [column[kept], np.asarray(new, dtype=column.dtype)[None]]
+    def grown(column: np.ndarray, new: Any) -> np.ndarray:
+        parts = [column[first:stop], np.asarray(new, dtype=column.dtype)[None]]
         return np.concatenate(parts if last else parts[::-1])
 
-    arclength = grown(curve.arclength, np.asarray(curve.arclength[place] + (distance if last else -distance)))
-    shift = 0 if last else 1
-    begin = arclength[0]
-    code = event.type
-    at = len(arclength) - 1 if last else 0
-    note = {
-        "GPD": "the orbits are those of half the period, traversed twice: generalised period doubling",
-        "DP": "the orbits are symmetric: degenerate pitchfork",
-        "PD-GR": "the orbits are those of half the period, traversed twice: their doubling grazes",
-        "SB-GR": "the orbits are symmetric: their symmetry breaking grazes",
-    }.get(event.type, f"the orbits are symmetric, with {event.note}")
-    place_ = float(arclength[at] - begin)
-    new = CurveEvent(
-        f"{code}1", code, at, dict(event.values), place_, event.status, (place_, place_), event.residual, event.stop, note
-    )  # fmt: skip
-    moved = [
+    arclength = grown(curve.arclength, curve.arclength[near] + (distance if last else -distance))
+    begin, point, shift = float(arclength[0]), stop - first if last else 0, (0 if last else 1) - first
+    words = "are symmetric" if base.code == "SB" else "are those of half the period, traversed twice"
+    named = {
+        "GPD": ": generalised period doubling", "DP": ": degenerate pitchfork",
+        "PD-GR": ": their doubling grazes", "SB-GR": ": their symmetry breaking grazes",
+    }  # fmt: skip
+    note = f"the orbits {words}{named.get(event.type, f', with {event.note}')}"
+    place = float(arclength[point]) - begin
+    new = CurveEvent("", event.type, point, dict(event.values), place, event.status, (place, place), event.residual, event.stop, note)
+    kept = [
         one._replace(
-            point=one.point + shift, arclength=one.arclength - float(begin),
-            bracket=(one.bracket[0] - float(begin), one.bracket[1] - float(begin)),
+            point=one.point + shift, arclength=one.arclength - begin, bracket=(one.bracket[0] - begin, one.bracket[1] - begin)
         )
-        for one in events
+        for one in curve.events if first <= one.point < stop
     ]  # fmt: skip
-    number = 1 + sum(one.type == code for one in moved)
-    new = new._replace(id=f"{code}{number}")
-    ordered = tuple([*moved, new] if last else [new, *moved])
-    names = curve.names
+    events = [*kept, new] if last else [new, *kept]
     values = base.parameters[event.point]
-    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(names, values, strict=True))
-    ended = list(curve.ended)
-    ended[int(last)] = Ended("EVENT", f"{code} at {where}: {note}")
-    nothing = np.full(curve.multipliers.shape[1], complex(math.nan, math.nan))
+    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, values, strict=True))
+    ended = Ended("EVENT", f"{event.type} at {where}: {note}")
     return replace(
         curve,
-        unknowns=grown(curve.unknowns, row),
-        tangents=grown(curve.tangents, curve.tangents[place]),
+        unknowns=grown(curve.unknowns, np.concatenate([whole, curve.unknowns[near, curve.plane.size :]])),
+        tangents=grown(curve.tangents, curve.tangents[near]),
         parameters=grown(curve.parameters, values),
         arclength=arclength - begin,
-        residual=grown(curve.residual, np.asarray(base.residual[event.point])),
-        multipliers=grown(curve.multipliers, nothing),
-        coefficient=grown(curve.coefficient, np.asarray(math.nan)),
-        events=ordered,
-        ended=(ended[0], ended[1]),
-        start=max(0, curve.start + shift - (stopped is not None and not last)),
+        residual=grown(curve.residual, base.residual[event.point]),
+        multipliers=grown(curve.multipliers, np.full(curve.multipliers.shape[1], complex(math.nan, math.nan))),
+        coefficient=grown(curve.coefficient, math.nan),
+        events=tuple(one._replace(id=id) for one, id in zip(events, event_ids(one.type for one in events), strict=True)),
+        ended=(curve.ended[0], ended) if last else (ended, curve.ended[1]),
+        start=min(max(curve.start, first), stop - 1) + shift,
     )
 
 

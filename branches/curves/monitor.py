@@ -13,6 +13,7 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.curves.plane import ParameterPlane
 from branches.forced.family import ForcedFamily
+from branches.forced.primitive import apart_from_image, image_sign
 from bvp.criticality import CriticalOrbit, NormalForms
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
@@ -97,6 +98,10 @@ class BifurcationMonitor:
             *GRAZING.values(),
             *(TestFunction(name, "crossing", name in _ENDS.get(code, ()), NAMES[name], name == "CP") for name in _CODES[code]),
         )
+        # The tori of orbits without symmetry, or of twice the period, go through the orbits that these emanate from.
+        self._goes_back = code == "NS" and image_sign(plane.problem) != 0.0
+        if self._goes_back:
+            self.tests += (TestFunction("PN", "crossing", True, _GOES_BACK),)
 
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
@@ -130,6 +135,9 @@ class BifurcationMonitor:
                 coefficient = self._coefficient(at, null, scale, -1.0)
             # It has poles where another multiplier is 1, and where two are critical.
             found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]) * double)
+        if self._goes_back:
+            times = problem.flight_times(at.y)
+            found.append(float(times[0] - times[len(times) // 2]))
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *found]
         return values, CurvePoint(solution, multipliers, coefficient, cosine)
 
@@ -158,6 +166,11 @@ class BifurcationMonitor:
             if verb == "merge" and (met := meeting_of(self.plane.problem, point.solution)) is not None:
                 return met
             return EventDetails(f"{self.code}-GR", True, data)
+        if test.label == _GOES_BACK:
+            if apart_from_image(self.plane.problem, at.y) > _NEARLY:
+                return None
+            # Where the pair is 1, too, the multipliers of the half map are 1 and -1.
+            return EventDetails("FF" if 1.0 - point.cosine < _NEARLY else "PN", True, data)
         if test.code in _NEED_PAIR[self.code] and not has_pair(point.multipliers, point.cosine):
             return None
         return EventDetails(test.code, test.terminal, data)
@@ -173,6 +186,11 @@ def meeting_of(problem: ForcedProblem, solution: Solution) -> EventDetails | Non
     note = str(found.data["note"]).replace("the family continues", "the multipliers can jump there, so the curve ends")
     return EventDetails(found.code, True, {**found.data, "note": note})
 
+
+_GOES_BACK = "the orbits have the symmetry there, or half the period: the curve goes back as its image"
+
+_NEARLY = 1e-4
+"""Difference of an orbit that is located from its image, and of a cosine from 1, that is zero: where the equations are singular, too."""
 
 _CODES = {
     "SN": ("CP", "R1", "FF", "FN"),

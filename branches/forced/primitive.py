@@ -10,7 +10,7 @@ from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 
-__all__ = ["full_period", "half_of", "primitive_orbit", "twice"]
+__all__ = ["apart_from_image", "full_period", "half_of", "image_sign", "primitive_orbit", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, with which an orbit repeats itself, or has the symmetry of half a period."""
@@ -45,6 +45,24 @@ def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image:
     nodes[count:, size] += 0.5 * problem.has_clock
     times[:count] = times[count:] = problem.flight_times(y)
     return out
+
+
+def image_sign(problem: ForcedProblem) -> float:
+    """What the second half of the sequence is to the first one: 1, the same, of twice a period; -1, its mirror image; 0, neither."""
+    count, odd = divmod(len(problem.sequence), 2)
+    if odd or not count or problem.half or problem.ends is not None:
+        return 0.0
+    first, second = problem.sequence[:count], problem.sequence[count:]
+    if problem.load_periods % 2 == 0 and first == second:
+        return 1.0
+    return -1.0 if second == tuple(map(problem.mirrored, first)) else 0.0
+
+
+def apart_from_image(problem: ForcedProblem, y: np.ndarray) -> float:
+    """The difference of the states in both halves of an orbit, beside its size, where `image_sign` is not zero."""
+    count, size = len(problem.sequence) // 2, 2 * problem.degrees_of_freedom
+    states = problem.nodes(y)[:, :size]
+    return float(np.abs(states[:count] - image_sign(problem) * states[count:]).max() / np.abs(states).max())
 
 
 def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solution] | None:
