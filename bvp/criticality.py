@@ -42,7 +42,7 @@ class Criticality(NamedTuple):
     """The coefficient of a normal form, its estimated error, and what it means.
 
     Supercritical: what begins at the bifurcation is stable, if no other multiplier is outside the unit circle. Subcritical: it is unstable.
-    Degenerate: the error decides the sign. None at SN."""
+    Degenerate: the error decides the sign; at SN no digit is known, as at a 1:1 resonance. None at other SN."""
 
     coefficient: float
     error: float
@@ -91,7 +91,7 @@ def criticality(problem: ForcedProblem, y: np.ndarray, code: str, angle: float |
     nearby, _ = equations.coefficient(code, equations.multiplier(wanted))
     error += abs(nearby - coefficient)
     if code == "SN":
-        return Criticality(coefficient, error, None)
+        return Criticality(coefficient, error, None if abs(coefficient) > 2.0 * error else "degenerate")
     stable = coefficient < 0.0 if code == "NS" else coefficient > 0.0
     return Criticality(coefficient, error, "degenerate" if not abs(coefficient) > error else "supercritical" if stable else "subcritical")
 

@@ -12,6 +12,7 @@ from branches.curves.starting import curve_at
 from branches.curves.switching import curve_through
 from branches.curves.tracing import follow_curve
 from branches.forced.tracing import follow_response
+from bvp.criticality import criticality
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import AbsorberOrbit
 from tests.branches.forced_systems import absorber_families
@@ -98,6 +99,15 @@ def test_a_curve_of_tori_begins_at_the_fold_flip_of_the_symmetric_orbits():
     assert events["R1"] == pytest.approx(folds.parameters[point(folds, "R1", (0.9978, 0.1415))], abs=1e-9)
     assert [event.type for event in tori.events].count("GH") == 3
     assert sorted(end.text.split()[0] for end in tori.ended) == ["FF", "R1"]
+
+
+def test_the_coefficient_of_a_fold_has_a_pole_at_a_resonance():
+    """Its sign changes there, and no digit of it is known."""
+    folds = curve("SN''")
+    place = point(folds, "R1", (0.9978, 0.1415))
+    before, at, after = (criticality(folds.plane.problem, folds.unknowns[k], "SN") for k in (place - 1, place, place + 1))
+    assert at.kind == "degenerate" and before.kind is after.kind is None
+    assert before.coefficient * after.coefficient < 0.0
 
 
 @cache
