@@ -14,7 +14,7 @@ from bvp.checks import InvalidSystem
 from bvp.entries import exact
 from bvp.expressions import FUNCTIONS, is_plain
 from bvp.forcing import Constant, Force, Harmonic, Record, ground_load
-from bvp.springs import Damper, Spring, element_from
+from bvp.springs import Damper, Spring, element_from, require_keys
 from bvp.system import MODELS, ImpactSystem
 from bvp.texts import shown
 
@@ -39,12 +39,17 @@ _PLAIN = ("model", "names", "name", "c", "coordinates", "times", "values", "harm
 """Keys of a description whose content has no expressions."""
 
 
+_ELEMENTS: dict[str, Any] = {"springs": Spring, "dampers": Damper}
+
+
 def own_parameters(system: dict[str, Any], forces: list[dict[str, Any]], table: Mapping[str, Any]) -> dict[str, float]:
     """The values of parameters of themselves: those of the model, and the one frequency of the loads. Their names replace their numbers.
 
     Springs and dampers with expressions of coordinates gain a table of the parameters in these."""
     found: dict[str, float] = {}
-    for key in {"springs", "dampers"} & system.keys():
+    for key in [one for one in ("springs", "dampers") if one in system]:
+        for element in system[key]:
+            require_keys(_ELEMENTS[key], element)
         named = dict(system.get("coordinates", {})).get("names") or [f"u{k}" for k, _ in enumerate(system.get("mass", ()), 1)]
         system[key] = _with_text_parameters(system[key], [*table], named)
     if system.get("model") in MODELS:
@@ -80,8 +85,7 @@ def _with_text_parameters(elements: Sequence[Mapping[str, Any]], known: Sequence
 
 def elements_from(system: Mapping[str, Any], coordinates: Sequence[str]) -> dict[str, list[Any]]:
     """The springs and dampers of a description, whose numbers can be expressions."""
-    kinds = {"springs": Spring, "dampers": Damper}
-    return {key: [element_from(kind, entry, coordinates) for entry in system.get(key, ())] for key, kind in kinds.items()}
+    return {key: [element_from(kind, entry, coordinates) for entry in system.get(key, ())] for key, kind in _ELEMENTS.items()}
 
 
 def parts_from(system: Mapping[str, Any], coordinates: Sequence[str]) -> dict[str, Any]:

@@ -240,6 +240,15 @@ class Damper(Element):
     laws = ("damping", "polynomial", "force")
 
 
+def require_keys(cls: type[Element], entry: Any) -> list[str]:
+    """The keywords of a spring or damper, from a table. Refuses what is no table, and unknown keys, as `element_from` does."""
+    if not isinstance(entry, Mapping):
+        raise InvalidSystem(f"a {cls.kind} is a table of keys and values; received {shown(entry)}")
+    own = [item.name for item in fields(cls) if item.name not in ("row", "called")]
+    refuse_unknown(entry, ("between", "on", "c", *own), f"a {cls.kind}")
+    return own
+
+
 def element_from(cls: type[Element], entry: Any, coordinates: Sequence[str]) -> Any:
     """A spring or damper from a table.
 
@@ -260,10 +269,7 @@ def element_from(cls: type[Element], entry: Any, coordinates: Sequence[str]) -> 
     >>> element_from(Spring, {"between": ["x", "y"], "stiffness": 2.0, "power": 3}, ["x", "y"]).row
     (1.0, -1.0)
     """
-    if not isinstance(entry, Mapping):
-        raise InvalidSystem(f"a {cls.kind} is a table of keys and values; received {shown(entry)}")
-    own = [item.name for item in fields(cls) if item.name not in ("row", "called")]
-    refuse_unknown(entry, ("between", "on", "c", *own), f"a {cls.kind}")
+    own = require_keys(cls, entry)
     places = [key for key in ("between", "on", "c") if key in entry]
     if len(places) > 1:
         raise InvalidSystem(f"a {cls.kind} acts between two coordinates, on one, or along a row c; received {' and '.join(places)}")

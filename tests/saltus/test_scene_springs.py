@@ -235,6 +235,15 @@ def test_a_wrong_spring_is_one_line(tmp_path, capsys, right, wrong, words):
     refused(run(capsys, "continue", "S11-", "--scene", tmp_path / "scene.toml"), "scene.toml", words)
 
 
+def test_an_unknown_key_is_named_beside_parameters(tmp_path, capsys):
+    """Its value is not read as an expression of parameters first."""
+    scene = TWO.replace('on = "x"\nstiffness = 1.0', 'at = "x"\nstiffness = "k"')
+    (tmp_path / "scene.toml").write_text("[parameters]\nk = 1.0\n" + scene)
+    refused(
+        run(capsys, "continue", "S11-", "--scene", tmp_path / "scene.toml"), "scene.toml", "unknown key 'at' in a spring; nearest known: "
+    )
+
+
 def test_springs_go_with_matrices(tmp_path, capsys):
     (tmp_path / "scene.toml").write_text('[system]\nmodel = "vibro_impact_nes"\n[[springs]]\non = "u1"\nstiffness = 1.0\n')
     words = "[springs] goes with matrices; model vibro_impact_nes brings its own"
@@ -256,7 +265,7 @@ def test_commands_with_linear_flights_refuse_springs_that_are_not(capsys, words)
 
 def test_linear_springs_are_no_reason_to_refuse(tmp_path, capsys):
     """Oracle: the same stiffness as a matrix."""
-    linear = '[system]\nmass = [[1.0]]\nstiffness = [[{}]]\n[[stops]]\nc = [1.0]\nupper = 0.5\n'
+    linear = "[system]\nmass = [[1.0]]\nstiffness = [[{}]]\n[[stops]]\nc = [1.0]\nupper = 0.5\n"
     spring = '[[springs]]\non = "u1"\nstiffness = 3.0\n'
     found = []
     for text in (linear.format("1.0") + spring, linear.format("4.0")):
