@@ -15,7 +15,7 @@ from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Fold, Symmetr
 from branches.curves.free_grazing import approach_speeds, are_at, impact_places, touch_as_impact
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import Grazing, beside_grazing
-from branches.curves.grazing_monitor import SECOND_GRAZING, second_grazing, signed_smallest
+from branches.curves.grazing_monitor import SECOND_GRAZING, enter_least, second_grazing, signed_smallest
 from branches.curves.monitor import NAMES, Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
@@ -40,6 +40,7 @@ from continuation.problem import EventDetails, Point, Step, TestFunction
 
 __all__ = ["FreeGrazingMonitor", "FreeMonitor", "FreePoint", "event_of", "observed_free"]
 
+
 def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | None = None) -> Solution:
     """An orbit as it stands, with its clearance, its slowest impact and its shortest flight. ends: the states after the flights of the
     orbit that was evaluated last; None: y is evaluated."""
@@ -50,7 +51,7 @@ def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | No
     ForcedProblem._observe(problem, np.array(y), ends, result)
     _see_rests(problem, y, ends, result)
     nodes, speeds = approach_speeds(problem, y, ends)
-    _enter_least(result, [SPEED, SPEED_NODE], speeds, nodes)
+    enter_least(result, [SPEED, SPEED_NODE], speeds, nodes)
     result[QUARTER_PERIOD] = float(np.sum(problem.flight_times(y))) / problem.quarters
     return Solution(np.array(y), np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
 
@@ -59,20 +60,15 @@ def _see_rests(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, result
     """Where an orbit is at rest all gaps turn: compare their distances from the stops with the clearance in a result."""
     watched, k, n = problem._watched, problem.inner, problem.degrees_of_freedom
     bounds = problem.segment.released.entries[watched.bounds]
-    for flight, x, time in ((0, y[:n], 0.0), (k, ends[k, :n], float(problem.flight_times(y)[k]))):
-        if problem.structure.periodic or problem.kinds[0 if time == 0.0 else 1] != REST:
+    places = (0, y[:n], 0.0), (k, ends[k, :n], float(problem.flight_times(y)[k]))
+    for kind, (flight, x, time) in zip(() if problem.structure.periodic else problem.kinds, places, strict=False):
+        if kind != REST:
             continue
         gaps = watched.gaps @ x
         distances = np.array([gaps - bounds[0], bounds[1] - gaps])
         side, stop = np.unravel_index(int(distances.argmin()), distances.shape)
         if distances[side, stop] < result[CLEARANCE]:
             result[CLEARANCE : CLEARANCE_TIME + 1] = distances[side, stop], flight, stop, 2.0 * side - 1.0, time
-
-
-def _enter_least(result: np.ndarray, entries: list[int], values: np.ndarray, indices: np.ndarray) -> None:
-    """Write the least of values, and its index, into entries of a result; infinity where there are none."""
-    least = int(values.argmin()) if len(values) else -1
-    result[entries] = (values[least], indices[least]) if least >= 0 else (math.inf, -1)
 
 
 def event_of(problem: ReleasedProblem, symmetry: Symmetry) -> tuple[str, str]:
@@ -268,12 +264,11 @@ class FreeGrazingMonitor:
         self._critical = _Critical(plane, [])
         problem.residual(y)
         nodes, speeds = approach_speeds(problem, y, problem._factor.before)
-        apart = np.ones(len(nodes), dtype=bool)
-        if grazing.kind == "speed":
+        left = nodes == grazing.flight if grazing.kind == "speed" else np.zeros(len(nodes), dtype=bool)
+        if left.any() and problem.structure.periodic:
             places = impact_places(problem, y, problem._factor.before, nodes)
-            images = are_at(places, places[nodes == grazing.flight][0], True) if problem.structure.periodic else nodes == grazing.flight
-            apart = ~images | (speeds > _SLOW * float(np.max(np.abs(problem._factor.before))))
-        self._others = nodes[apart]
+            left = are_at(places, places[left][0], True) & (speeds <= _SLOW * float(np.max(np.abs(problem._factor.before))))
+        self._others = nodes[~left]
         events = [event_of(problem, symmetry) for symmetry in self._critical.symmetries]
         self.tests = (
             *window_tests(plane, window),
@@ -312,8 +307,8 @@ class FreeGrazingMonitor:
         nodes, speeds = approach_speeds(problem, y, ends)
         watched = np.isin(nodes, self._others)
         solution = observed_free(problem, shown, shown_ends)
-        _enter_least(solution.result, [SPEED, SPEED_NODE], speeds[watched], nodes[watched])
-        _enter_least(solution.result, [FLIGHT, FLIGHT_INDEX], flights, np.arange(len(flights)))
+        enter_least(solution.result, [SPEED, SPEED_NODE], speeds[watched], nodes[watched])
+        enter_least(solution.result, [FLIGHT, FLIGHT_INDEX], flights, np.arange(len(flights)))
         return Solution(y, solution.tangent, solution.position, ends, solution.result), bend
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

@@ -21,7 +21,7 @@ from continuation.curves import Held, Linearised
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["SECOND_GRAZING", "GrazingMonitor", "second_grazing", "signed_smallest"]
+__all__ = ["SECOND_GRAZING", "GrazingMonitor", "enter_least", "second_grazing", "signed_smallest"]
 
 _SECOND = 1e-6
 """Largest clearance, speed and flight time, in units of arclength and of the period, of a second grazing at a located point."""
@@ -60,10 +60,11 @@ class GrazingMonitor:
         )
         self._shifted = closing_block(plane)
         self._single = None if grazing.repeats is None else _SingleTouch(plane.problem, grazing)
-        # Where all coordinates stick, all multipliers are zero, and rounding would decide the signs of the other tests.
+        # Multipliers are zero where all coordinates stick, and a flight without duration changes none: rounding would decide the signs.
         freedom = plane.problem.degrees_of_freedom
         spared = grazing.flight if grazing.kind == "flight" else -1
-        self._forgets = any(len(one.closed) >= freedom for k, one in enumerate(plane.problem.events) if k != spared)
+        closed = [len(one.closed) for k, one in enumerate(plane.problem.events) if k != spared]
+        self._forgets = grazing.kind == "held" or max(closed, default=0) >= freedom
 
     def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
         """See `continuation.curves.Monitor`."""
@@ -74,9 +75,9 @@ class GrazingMonitor:
         fixed = at.extra * scale
         shifted = self._shifted * scale
         finite = finite_multipliers(fixed, shifted)
-        tests = [signed_smallest(fixed), signed_smallest(fixed - 2.0 * shifted), pair_product(finite.tolist())]
-        if self._forgets:
-            tests = [1.0, 1.0, 1.0]
+        tests = [1.0, 1.0, 1.0]
+        if not self._forgets:
+            tests = [signed_smallest(fixed), signed_smallest(fixed - 2.0 * shifted), pair_product(finite.tolist())]
         guards = [*others.result[[CLEARANCE, SPEED, FLIGHT]].tolist(), others.bend]
         values = [*window_values(self.plane, at.parameters, self.window), *guards, *tests]
         return values, CurvePoint(solution, finite, math.nan, math.nan)
@@ -115,8 +116,8 @@ class GrazingMonitor:
         if grazing.kind in ("flight", "held"):
             flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
         found = self._clear(y)
-        for entries, values in (((SPEED, SPEED_NODE), speeds), ((FLIGHT, FLIGHT_INDEX), flights)):
-            found.result[list(entries)] = values.min(initial=math.inf), values.argmin()
+        enter_least(found.result, [SPEED, SPEED_NODE], speeds, range(len(speeds)))
+        enter_least(found.result, [FLIGHT, FLIGHT_INDEX], flights, range(len(flights)))
         return found
 
     def _clear(self, y: np.ndarray) -> _Others:
@@ -132,18 +133,10 @@ class GrazingMonitor:
             paths = [(shown, shown_ends)]
         else:
             paths = paths_beside(problem, y, ends, grazing)
-        result = np.full(len(RESULT), math.nan)
-        result[CLEARANCE] = math.inf
-        for shown, shown_ends in paths:
-            seen = np.full(len(RESULT), math.nan)
-            problem._observe(shown, shown_ends, seen)
-            flight = int(seen[CLEARANCE_FLIGHT])
-            # Paths that begin later do so at the end of what is left out.
-            moved = not np.array_equal(problem.nodes(shown)[flight], problem.nodes(y)[flight])
-            seen[CLEARANCE_TIME] += (problem.flight_times(y) - problem.flight_times(shown))[flight] if moved else 0.0
-            if seen[CLEARANCE] < result[CLEARANCE]:
-                result = seen
-        return _Others(problem, y, result, bend)
+        nothing = np.full(len(RESULT), math.nan)
+        nothing[CLEARANCE] = math.inf
+        seen = [_seen(problem, y, *path) for path in paths]
+        return _Others(problem, y, min(seen, key=lambda result: float(result[CLEARANCE]), default=nothing), bend)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
@@ -157,6 +150,24 @@ class GrazingMonitor:
             if met is not None:
                 return met
         return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
+
+
+def _seen(problem: ForcedProblem, y: np.ndarray, shown: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """What a part of an orbit shows: entries as of `bvp.kernels.multipoint.RESULT`, with times of the whole orbit y. shown, ends: the part,
+    as of `branches.curves.grazing.beside_grazing`."""
+    result = np.full(len(RESULT), math.nan)
+    problem._observe(shown, ends, result)
+    flight = int(result[CLEARANCE_FLIGHT])
+    # A flight that begins later does so at the end of what is left out.
+    if not np.array_equal(problem.nodes(shown)[flight], problem.nodes(y)[flight]):
+        result[CLEARANCE_TIME] += (problem.flight_times(y) - problem.flight_times(shown))[flight]
+    return result
+
+
+def enter_least(result: np.ndarray, entries: list[int], values: np.ndarray, indices: Sequence[int] | np.ndarray) -> None:
+    """Write the least of values, and its index, into two entries of a result; infinity where there are none."""
+    least = int(values.argmin()) if len(values) else -1
+    result[entries] = (values[least], indices[least]) if least >= 0 else (math.inf, -1)
 
 
 def second_grazing(problem: ForcedProblem, solution: Solution) -> str:

@@ -99,6 +99,10 @@ _ASIDE = (0.05, 0.02, 0.1, 0.01, 0.005, 0.002, 0.001, 5e-4)
 """Distances, in units of arclength, at which a curve is looked for beside a singular point."""
 
 _NEAR = 1e-6
+"""Change of the unknowns, in their sizes, with which a point is on another curve, and sizes that are zero at a grazing."""
+
+_ON_CIRCLE = 1e-4
+"""Distance from the unit circle of a double multiplier at a located point, which rounding parts by its root."""
 
 
 def _both(problem: Curve, first: Any) -> list[Any]:
@@ -107,7 +111,7 @@ def _both(problem: Curve, first: Any) -> list[Any]:
 
 def _angles(multipliers: np.ndarray) -> list[float]:
     """Angles at which a pair can be on the unit circle: of pairs there, and of two real ones that meet."""
-    upper = multipliers[(multipliers.imag >= 0.0) & (np.abs(np.abs(multipliers) - 1.0) < 1e-4)]
+    upper = multipliers[(multipliers.imag >= 0.0) & (np.abs(np.abs(multipliers) - 1.0) < _ON_CIRCLE)]
     return sorted({round(float(np.angle(value)), 9) for value in upper}, reverse=True)
 
 

@@ -281,18 +281,24 @@ def sticking_families():
     return families
 
 
-@pytest.mark.parametrize(
-    ("family", "note"),
-    [
-        (0, "the contact force at stop + is zero where it begins to stick"),
-        (1, "the impacts at stop + before it sticks vanish"),
-        (3, "sticking at stop + vanishes"),
-    ],
-)
+STICKING = [
+    (0, "the contact force at stop + is zero where it begins to stick"),
+    (1, "the impacts at stop + before it sticks vanish"),
+    (3, "sticking at stop + vanishes"),
+]
+"""Numbers of those families, and grazings of each."""
+
+
+def sticking_event(family, note):
+    """A family, and its grazing."""
+    branch = sticking_families()[family]
+    return branch, next(event for event in branch.events if event.type == "GR" and note in (event.note or ""))
+
+
+@pytest.mark.parametrize(("family", "note"), STICKING)
 def test_grazings_of_a_stop_that_sticks(family, note):
     """The family over A through a point of the curve ends there, to 1e-9: onset and end of sticking, and the force that vanishes."""
-    branch = sticking_families()[family]
-    event = next(event for event in branch.events if event.type == "GR" and note in (event.note or ""))
+    branch, event = sticking_event(family, note)
     curve = follow_curve(started(branch, event, ("A", "w")), ((0.1, 8.0), (0.2, 0.5)))
     assert len(curve) > 20 and curve.residual.max() < 1e-12
     checked = 0

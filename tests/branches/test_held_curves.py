@@ -77,6 +77,7 @@ def test_a_pressed_mass_leaves_its_stop(restitution):
     """The curve does not depend on the restitution."""
     curve = pair_curve(restitution)
     assert len(curve) > 50 and curve.residual.max() < 1e-12
+    assert [event.type for event in curve.events] == ["EP", "EP"]
     assert [force_lost(curve.plane.values(y)) for y in curve.unknowns] == pytest.approx([1.0] * len(curve), abs=1e-13)
 
 

@@ -23,7 +23,7 @@ from branches.forced.resequencing import without_impact
 from branches.linear_modes import families_at
 from bvp.closures import cycle_of
 from bvp.forced import ForcedProblem
-from tests.branches.test_curves import started, sticking_families
+from tests.branches.test_curves import STICKING, started, sticking_event
 
 WINDOW = ((0.05, 3.0), (0.2, 2.0))
 AMPLIFIED = math.hypot(1.0 - 1.1**2, 0.1 * 1.1)
@@ -119,18 +119,10 @@ def lowest(problem, y):
     return found
 
 
-@pytest.mark.parametrize(
-    ("family", "note"),
-    [
-        (0, "the contact force at stop + is zero where it begins to stick"),
-        (1, "the impacts at stop + before it sticks vanish"),
-        (3, "sticking at stop + vanishes"),
-    ],
-)
+@pytest.mark.parametrize(("family", "note"), STICKING)
 def test_curves_of_sticking_end_where_another_stop_is_touched(family, note):
     """The same system with a lower stop, in the middle of the places that the orbits of the curve reach."""
-    branch = sticking_families()[family]
-    event = next(event for event in branch.events if event.type == "GR" and note in (event.note or ""))
+    branch, event = sticking_event(family, note)
     start, window = started(branch, event, ("A", "w")), ((0.1, 8.0), (0.2, 0.5))
     alone = saltus.follow_curve(start, window)
     problem, u = alone.plane.problem, alone.plane.size
