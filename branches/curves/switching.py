@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from branches.curves.collapse import Narrow, narrowed
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_monitor import FreeGrazingMonitor
 from branches.curves.free_normal_form import CurveNormalForm
@@ -18,7 +19,7 @@ from branches.forced.primitive import full_period, twice
 from bvp.released import ReleasedProblem
 from continuation.curves import Curve
 
-__all__ = ["curve_through"]
+__all__ = ["curve_through", "single_orbit"]
 
 
 def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
@@ -40,6 +41,10 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     plane, u = curve.plane, curve.plane.size
     y = curve.unknowns[index, :u]
     origin = f"a point of a curve {curve.code}"
+    single = single_orbit(curve, index)
+    if single is not None and single.code == code:
+        made, again = plane.of(single.problem, single.y)
+        return CurveStart(made, code, None, again, origin, single.free)
     if code == "GR" and curve.grazing is not None:
         return _grazing_through(curve, y, origin)
     kinds = {event.type for event in curve.events if event.point == index}
@@ -67,6 +72,14 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
             return start._replace(y=first.y)
     there = ", ".join(sorted(kinds)) or "no event"
     raise NoCurve(f"no curve {code} passes through the point, which has {there}; expected a point where a curve {code} meets this one")
+
+
+def single_orbit(curve: BifurcationCurve, index: int) -> Narrow | None:
+    """The single orbit, or the symmetric one, at an end of a curve of doubled orbits or of orbits without symmetry; None elsewhere."""
+    if index not in (0, len(curve) - 1):
+        return None
+    narrow = narrowed(curve.plane.problem, curve.unknowns[index, : curve.plane.size])
+    return narrow if narrow is not None and narrow.apart < _NEAR else None
 
 
 def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:

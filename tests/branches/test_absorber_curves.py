@@ -99,6 +99,11 @@ def test_a_curve_of_tori_begins_at_the_fold_flip_of_the_symmetric_orbits():
     assert events["R1"] == pytest.approx(folds.parameters[point(folds, "R1", (0.9978, 0.1415))], abs=1e-9)
     assert [event.type for event in tori.events].count("GH") == 3
     assert sorted(end.text.split()[0] for end in tori.ended) == ["FF", "R1"]
+    back = follow_curve(curve_through(tori, point(tori, "FF", (0.9618, 0.092)), "SB"), WINDOW)
+    assert back.plane.problem.half and back.parameters[back.start] == pytest.approx(events["FF"], abs=1e-9)
+    assert back.parameters[point(back, "DP", (0.9194, 0.0289))] == pytest.approx(
+        breaking.parameters[point(breaking, "DP", (0.9194, 0.0289))]
+    )
 
 
 def test_the_coefficient_of_a_fold_has_a_pole_at_a_resonance():

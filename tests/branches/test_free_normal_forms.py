@@ -109,6 +109,11 @@ def test_a_curve_of_folds_ends_at_the_point():
     # It is no jump: the curve itself comes up to it.
     beside = folds.parameters[1 if end.point == 0 else -2]
     assert beside == pytest.approx(folds.parameters[end.point], rel=1e-4)
+    # From there it leads back to that curve.
+    back = curve_through(folds, end.point, "PD")
+    begin = back.curve(((-math.inf, math.inf), (-math.inf, math.inf))).begin(back.y)
+    assert begin.converged and back.code == "PD"
+    assert back.plane.linearised(begin.y).parameters == pytest.approx(folds.parameters[end.point], rel=1e-11)
 
 
 @pytest.mark.parametrize(("label", "code"), RANGES)

@@ -10,7 +10,7 @@ import numpy as np
 
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.curves.starting import CURVES, CurveStart, NoCurve, curve_start
-from branches.curves.switching import curve_through
+from branches.curves.switching import curve_through, single_orbit
 from branches.curves.tracing import follow_curve
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.primitive import primitive_orbit
@@ -38,6 +38,9 @@ _LEAST = 3
 
 def others_at(curve: BifurcationCurve, event: CurveEvent) -> list[str]:
     """Types of the other curves that can pass through a point of codimension two."""
+    single = single_orbit(curve, event.point)
+    if single is not None:
+        return [single.code]
     if event.type.endswith("-GR"):
         return ["GR" if curve.code != "GR" else event.type.removesuffix("-GR")]
     found = _OTHERS.get(event.type, {}).get(curve.code, ())
