@@ -21,6 +21,7 @@ __all__ = ["CurveNormalForm"]
 _STEP = 1e-5
 """Distance from an orbit, in units of the unknowns, over which changes across the curve are measured."""
 
+
 class CurveNormalForm:
     """The reduced equations of the orbits that begin along a curve of SB or PD, at fixed energy and parameters.
 
@@ -56,7 +57,7 @@ class CurveNormalForm:
         self._wide: dict[tuple[Ends, ImpactSequence], ReleasedProblem] = {}
 
     def reduced(self, at: Linearised, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r of each family, NaN where it is not known, and the direction across the curve, (u,). The orbit was evaluated last."""
+        """r of each family, NaN where it is not known, and the direction across the curve, (u,)."""
         problem = self.problem
         way = _across(at, held, tangent, scale)
         here, *beside = (segment_of(problem, at.y + change * way) for change in (0.0, _STEP, -_STEP))

@@ -84,9 +84,7 @@ class Segment(NamedTuple):
         if self.ends[0].startswith("stop"):
             return self._replace(ends=PERIODIC, sequence=(self.ends[0].removeprefix("stop"), *self.sequence))
         times = np.append(self.times[1:-1], self.times[-1] + self.times[0])
-        return self._replace(
-            ends=PERIODIC, after=self.after[1:], before=np.concatenate([self.before[1:-1], self.before[:1]]), times=times
-        )
+        return self._replace(ends=PERIODIC, after=self.after[1:], before=np.concatenate([self.before[1:-1], self.before[:1]]), times=times)
 
     def half(self, problem: ReleasedProblem) -> Segment:
         """The first half of a segment whose orbit reverses in its middle, too. problem: that of the segment."""
@@ -110,15 +108,11 @@ class Segment(NamedTuple):
         return self._replace(after=parts[0], before=parts[1], times=parts[2])
 
 
-def segment_of(problem: ReleasedProblem, y: np.ndarray, before: np.ndarray | None = None) -> Segment:
-    """The segment that a problem solves. before (k + 1, 2 n): the states after the flights; None: y is evaluated."""
-    if before is None:
-        problem.residual(y)
-        before = problem._factor.before
-    n = problem.degrees_of_freedom
-    nodes = problem.nodes(y)
+def segment_of(problem: ReleasedProblem, y: np.ndarray) -> Segment:
+    """The segment that a problem solves, from its unknowns (u,), which are evaluated."""
+    problem.residual(y)
+    before, nodes, n = problem._factor.before, problem.nodes(y), problem.degrees_of_freedom
     return Segment(
         problem.ends, tuple(problem.sequence), nodes[:, : 2 * n].copy(), before[:, : 2 * n].copy(), problem.flight_times(y).copy(),
         nodes[0, 2 * n + 1 :].copy(),
     )  # fmt: skip
-
