@@ -30,7 +30,7 @@ from continuation.curves import Linearised, SingularCondition
 
 __all__ = [
     "BOTH", "FOLD", "SYMMETRIES", "Breaking", "Fold", "FreeKind", "Symmetry", "Turned", "free_condition", "names_quarter_period",
-    "smallest_singular",
+    "smallest_singular", "with_rows_of_one",
 ]  # fmt: skip
 
 Symmetry = tuple[bool, bool]
@@ -319,6 +319,12 @@ def _breaking_rows(problem: ReleasedProblem, symmetry: Symmetry) -> _Rows:
 def smallest_singular(condition: SingularCondition, at: Linearised, scale: np.ndarray) -> tuple[float, float]:
     """The smallest singular value of a condition's matrix, and the next one, with columns in units of the unknowns and rows of length 1."""
     matrix, _ = condition.matrix(at, np.zeros(condition.own), scale)
-    lengths = np.linalg.norm(matrix, axis=1)
-    found = np.linalg.svd(matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None], compute_uv=False)
+    found = np.linalg.svd(with_rows_of_one(matrix), compute_uv=False)
     return float(found[-1]), float(found[-2])
+
+
+def with_rows_of_one(matrix: np.ndarray) -> np.ndarray:
+    """A matrix with rows of length 1; those of zeros stay."""
+    lengths = np.linalg.norm(matrix, axis=1)
+    found: np.ndarray = matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    return found

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
-from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Fold, Symmetry
+from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Fold, Symmetry, with_rows_of_one
 from branches.curves.free_grazing import approach_speeds, are_at, impact_places, touch_as_impact
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import Grazing, beside_grazing
@@ -108,14 +108,8 @@ class _Critical:
             else:
                 assert self.breaking is not None
                 matrix = self.breaking.matrix(at, symmetry)
-            found.append(signed_smallest(_with_rows_of_one(matrix * scale)))
+            found.append(signed_smallest(with_rows_of_one(matrix * scale)))
         return found
-
-
-def _with_rows_of_one(matrix: np.ndarray) -> np.ndarray:
-    lengths = np.linalg.norm(matrix, axis=1)
-    found: np.ndarray = matrix / np.where(lengths > 0.0, lengths, 1.0)[:, None]
-    return found
 
 
 @dataclass(frozen=True, eq=False)
