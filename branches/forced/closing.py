@@ -55,8 +55,10 @@ class _Moment(NamedTuple):
 
 def _moment(problem: ForcedProblem, y: np.ndarray, limit: float = _BRIEF) -> _Moment | None:
     """The events that are brief, with a release if there is one; None where there are none. limit: longest duration, in periods."""
-    events, times, limit = problem.events, problem.flight_times(y), limit * problem.period(y)
-    found: list[_Moment] = []
+    events, found = problem.events, list[_Moment]()
+    if not events:
+        return None
+    times, limit = problem.flight_times(y), limit * problem.period(y)
     for begin, event in enumerate(events):
         plastic = problem.system.stops[problem.modes.contact_stop[event.contact]].restitution == 0.0
         if event.sticks or not (event.is_release or plastic):
@@ -81,7 +83,7 @@ def _moment(problem: ForcedProblem, y: np.ndarray, limit: float = _BRIEF) -> _Mo
 
 def vanishes(problem: ForcedProblem, y: np.ndarray) -> bool:
     """Whether an orbit is the end at which such a moment has no duration."""
-    return bool(problem.events) and _moment(problem, y, 0.0) is not None
+    return _moment(problem, y, 0.0) is not None
 
 
 def sticks_for_ever(problem: ForcedProblem, y: np.ndarray) -> bool:
