@@ -19,7 +19,8 @@ import numpy as np
 
 from branches.events import FREE_NORMAL_FORMS
 from branches.orbit import Orbit
-from branches.presentation import canonical_orbit, embed, is_solved_as_it_is
+from branches.presentation import canonical_orbit, is_solved_as_it_is
+from branches.released.presentation import embedded_orbit, released_orbit
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.criticality import Criticality
@@ -133,12 +134,12 @@ def _criticality(problem: ReleasedProblem, y: np.ndarray, code: str) -> Critical
     plain, at = problem.orbit_problem(y)
     if not is_solved_as_it_is(plain, at):
         plain, at = canonical_orbit(plain, at)
-        problem, y = _over(problem, problem.parameters(y), plain, at)
+        problem, y = released_orbit(problem, problem.parameters(y), plain, at)
     parent = _Parent(problem, y, plain, at)
     if plain.quarters == 1 and code == "PD":
         return _both_doublings(parent)
     for window, level in _windows(plain, code):
-        matrix = CriticalEquations(*_embedded(parent, window))
+        matrix = _embedded(parent, window)
         if matrix.is_singular:
             found, side = _breaking(matrix), _unstable_side(parent, level)
             return (
@@ -156,7 +157,7 @@ def _both_doublings(parent: _Parent) -> Criticality | None:
     families begin. On one side of the event one of them is stable, and on different sides none is."""
     both = []
     for window in ((0, 4), (1, 5)):
-        matrix = CriticalEquations(*_embedded(parent, window))
+        matrix = _embedded(parent, window)
         found = _breaking(matrix) if matrix.is_singular else None
         if found is None:
             return None
@@ -199,20 +200,10 @@ def _problem_of(plain: MultipointProblem) -> ReleasedProblem:
     return ReleasedProblem(ParametricSystem.of(system), plain.ends, plain.sequence, (), ())
 
 
-def _over(
-    problem: ReleasedProblem, values: dict[str, float], plain: MultipointProblem, at: np.ndarray
-) -> tuple[ReleasedProblem, np.ndarray]:
-    """The problem of an orbit of the system over another segment, with its unknowns."""
-    energy = plain.energy(at)
-    made = ReleasedProblem(problem.parametric, plain.ends, plain.sequence, problem.released, problem.keep, values=values, energy=energy)
-    return made, made.of_orbit(plain, at)
-
-
-def _embedded(parent: _Parent, window: tuple[int, int] | int) -> tuple[ReleasedProblem, np.ndarray]:
-    """The orbit over a window of its time."""
-    presentation = embed(parent.plain, parent.at, window)
-    wide = MultipointProblem(parent.plain.system, presentation.ends, presentation.sequence)
-    return _over(parent.problem, parent.problem.parameters(parent.y), wide, presentation.unknowns(wide))
+def _embedded(parent: _Parent, window: tuple[int, int] | int) -> CriticalEquations:
+    """The equations of the orbit over a window of its time."""
+    problem, y = embedded_orbit(parent.problem, parent.problem.parameters(parent.y), parent.plain, parent.at, window)
+    return CriticalEquations(problem, y)
 
 
 class CriticalEquations:

@@ -14,10 +14,9 @@ from branches.curves.grazing import Grazing, grazing_condition
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane, plane_of
 from branches.orbit import Orbit
-from branches.presentation import canonical_orbit, embed, is_solved_as_it_is
-from branches.released.presentation import released_orbit
+from branches.presentation import canonical_orbit, is_solved_as_it_is
+from branches.released.presentation import embedded_orbit, released_orbit
 from bvp.description import RESERVED
-from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from continuation.curves import Curve, SingularCondition
@@ -156,9 +155,7 @@ def _candidates(problem: ReleasedProblem, y: np.ndarray, code: str, names: Seque
         problem, y = released_orbit(problem, problem.parameters(y), plain, at)
     segments: list[tuple[ReleasedProblem, np.ndarray, bool]] = [(problem, y, False)]
     if problem.quarters == 1 and code != "SB":
-        half = embed(plain, at, (0, 2))
-        wide = MultipointProblem(plain.system, half.ends, half.sequence)
-        segments.append((*released_orbit(problem, problem.parameters(y), wide, half.unknowns(wide)), True))
+        segments.append((*embedded_orbit(problem, problem.parameters(y), plain, at, (0, 2)), True))
     for made, unknowns, doubled in segments:
         plane, start = plane_of(made, unknowns, names, keep)
         linearised, scale = plane.linearised(start), plane.scales(start)

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from branches.presentation import canonical_orbit, is_solved_as_it_is, pattern_of
+from branches.presentation import canonical_orbit, embed, is_solved_as_it_is, pattern_of
 from branches.sequences import canonical_sequence, format_ends, impacts_per_period
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.released import ReleasedProblem
 
-__all__ = ["canonical_names", "free_invariants", "order_of", "primitive_free_orbit", "released_orbit"]
+__all__ = ["canonical_names", "embedded_orbit", "free_invariants", "order_of", "primitive_free_orbit", "released_orbit"]
 
 
 def canonical_names(problem: ReleasedProblem) -> tuple[str, str]:
@@ -44,6 +44,15 @@ def released_orbit(
     energy = plain.energy(y)
     found = ReleasedProblem(problem.parametric, plain.ends, plain.sequence, problem.released, problem.keep, values=values, energy=energy)
     return found, found.of_orbit(plain, y)
+
+
+def embedded_orbit(
+    problem: ReleasedProblem, values: Mapping[str, float], plain: MultipointProblem, y: np.ndarray, window: tuple[int, int] | int
+) -> tuple[ReleasedProblem, np.ndarray]:
+    """The same of the orbit over a window of its time, see `branches.presentation.embed`."""
+    found = embed(plain, y, window)
+    wide = MultipointProblem(plain.system, found.ends, found.sequence)
+    return released_orbit(problem, values, wide, found.unknowns(wide))
 
 
 def free_invariants(problem: ReleasedProblem, y: np.ndarray) -> np.ndarray:
