@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,11 @@ class ReleasedProblem(ForcedProblem):
                 raise EndsError(f"{name} breaks the odd symmetry that an origin end needs: it moves one bound of a gap by itself")
         if self.has_clock or np.any(parametric.entries(self.values)[layout.constant]):
             raise EndsError("a family of free orbits needs a system without loads")
+
+    def sibling(self, sequence: Sequence[str], **changes: Any) -> ReleasedProblem:
+        """The problem with another sequence. changes: arguments of the constructor that differ."""
+        own = {"ends": self.ends, "released": self.released, "keep": self.keep, "values": self.values, "energy": self.energy}
+        return ReleasedProblem(self.parametric, sequence=sequence, **{**own, **changes})
 
     def _events(self) -> tuple[ContactEvent, ...]:
         return ()

@@ -151,10 +151,7 @@ class Fold:
         self.problem, self.size = problem, plane.size
         self._energy: ReleasedProblem | None = None
         if in_energy and names_quarter_period(plane):
-            keep = (*problem.keep[:-1], "energy = 1")
-            self._energy = ReleasedProblem(
-                problem.parametric, problem.ends, problem.sequence, problem.released, keep, values=problem.values, energy=problem.energy
-            )
+            self._energy = problem.sibling(problem.sequence, keep=(*problem.keep[:-1], "energy = 1"))
             self._energy._table._known = problem._table._known
             self._rows = _parameter_rows(problem)
 

@@ -110,9 +110,8 @@ class CurveNormalForm:
         key = segment.ends, segment.sequence
         if key not in self._wide:
             problem = self.problem
-            values, energy = problem.values, problem.energy
-            keep = [*(f"{name} = {values[name]!r}" for name in problem.released[1:]), f"energy = {energy!r}"]
-            self._wide[key] = ReleasedProblem(problem.parametric, *key, problem.released, keep, values=values, energy=energy)
+            keep = [*(f"{name} = {problem.values[name]!r}" for name in problem.released[1:]), f"energy = {problem.energy!r}"]
+            self._wide[key] = problem.sibling(segment.sequence, ends=segment.ends, keep=keep)
         return self._wide[key]
 
 

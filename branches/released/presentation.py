@@ -41,8 +41,7 @@ def released_orbit(
     problem: ReleasedProblem, values: Mapping[str, float], plain: MultipointProblem, y: np.ndarray
 ) -> tuple[ReleasedProblem, np.ndarray]:
     """The problem of an orbit y of the system at values of the parameters, in the parameters of another problem, and its unknowns."""
-    energy = plain.energy(y)
-    found = ReleasedProblem(problem.parametric, plain.ends, plain.sequence, problem.released, problem.keep, values=values, energy=energy)
+    found = problem.sibling(plain.sequence, ends=plain.ends, values=values, energy=plain.energy(y))
     return found, found.of_orbit(plain, y)
 
 

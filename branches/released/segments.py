@@ -35,9 +35,7 @@ class Segment(NamedTuple):
 
     def problem(self, other: ReleasedProblem, y: np.ndarray) -> ReleasedProblem:
         """The problem of its ends and sequence, at the parameters of y and else as another problem."""
-        return ReleasedProblem(
-            other.parametric, self.ends, self.sequence, other.released, other.keep, values=other.parameters(y), energy=other.energy
-        )
+        return other.sibling(self.sequence, ends=self.ends, values=other.parameters(y))
 
     def backwards(self) -> Segment:
         """The orbit run backwards, from the far end to the start."""

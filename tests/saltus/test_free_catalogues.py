@@ -97,6 +97,16 @@ def test_export(place, capsys, tmp_path):
     assert code == 0 and {node.get("ends") for node in json.loads(out)["nodes"]} == {"origin-stop+", "stop+-stop-"}
 
 
+def test_export_of_a_file(folder, capsys, tmp_path):
+    """Oracle: the points of the file."""
+    place = folder / "backbone.json"
+    code, _, err = run(capsys, "export", "response", "--branches", place, "--csv", tmp_path / "a.csv")
+    assert code == 0 and not err
+    (branch,) = json.loads(place.read_text())["branches"]
+    rows = list(csv.DictReader((tmp_path / "a.csv").open()))
+    assert [float(row["sigma"]) for row in rows] == [point["sigma"] for point in branch["points"]]
+
+
 def test_a_part_of_a_known_family_is_joined(folder, capsys, tmp_path):
     """Oracle: the ids and ranges; the equation is the same one with other spaces."""
     place = str(tmp_path / "a.sqlite")
