@@ -129,35 +129,45 @@ def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, Bifur
     if curve.closed or (free is not None and free.symmetry == FOLD and names_quarter_period(curve.plane) and not free.in_energy):
         return curve
     for last in (False, True):
-        place = -1 if last else 0
-        ended = curve.ended[int(last)]
-        stopped = next((event for event in curve.events if event.point == (len(curve) - 1 if last else 0)), None)
-        singular = stopped is not None and stopped.status == "bracketed" and stopped.type in _SINGULAR
-        if ended.reason != "MINIMUM_STEP" and not singular:
-            continue
-        u = curve.plane.size
-        narrow = narrowed(curve.plane.problem, curve.unknowns[place, :u])
-        if narrow is None or narrow.apart > _APART:
-            continue
-        base = follow(narrow, curve)
-        if base is None:
-            continue
-        wanted = _MEETINGS.get(curve.code) or {"PD": ("GPD", "PD-GR"), "SB": ("DP", "SB-GR")}[narrow.code]
-        here = curve.parameters[place]
-        found = [(float(np.abs(base.parameters[event.point] / here - 1.0).max()), event) for event in base.events if event.type in wanted]
-        distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
-        if event is None or distance > _REACH * narrow.apart**2 + _ROOT:
-            continue
-        rows = curve.unknowns[::-1] if last else curve.unknowns
-        blurred = next((k for k, row in enumerate(rows) if not _is_blurred(curve, row[:u])), len(curve))
-        curve = _ending(curve, last, base, event, min(max(blurred, int(stopped is not None)), len(curve) - 1))
+        found = _collapse(curve, last, follow)
+        if found is not None:
+            curve = _ending(curve, last, *found)
     return curve
 
 
-def _is_blurred(curve: BifurcationCurve, y: np.ndarray) -> bool:
-    """Whether an orbit is so near to a single one that events of the wider equations are rounding."""
-    narrow = narrowed(curve.plane.problem, y)
-    return narrow is not None and narrow.apart < _BLURRED
+def _collapse(
+    curve: BifurcationCurve, last: bool, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]
+) -> tuple[BifurcationCurve, CurveEvent, int] | None:
+    """The curve of the single orbits at an end, its event there, and the number of points that are left out; None where there is none."""
+    place = len(curve) - 1 if last else 0
+    stopped = next((event for event in curve.events if event.point == place), None)
+    singular = stopped is not None and stopped.status == "bracketed" and stopped.type in _SINGULAR
+    if curve.ended[int(last)].reason != "MINIMUM_STEP" and not singular:
+        return None
+    problem, unknowns = curve.plane.problem, curve.unknowns[:, : curve.plane.size]
+    narrow = narrowed(problem, unknowns[place])
+    if narrow is None or narrow.apart > _APART:
+        return None
+    base = follow(narrow, curve)
+    if base is None:
+        return None
+    wanted = _MEETINGS.get(curve.code) or {"PD": ("GPD", "PD-GR"), "SB": ("DP", "SB-GR")}[narrow.code]
+    here = curve.parameters[place]
+    found = [(float(np.abs(base.parameters[event.point] / here - 1.0).max()), event) for event in base.events if event.type in wanted]
+    distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
+    if event is None or not distance <= _REACH * narrow.apart**2 + _ROOT:
+        return None
+    rows = unknowns[::-1] if last else unknowns
+    blurred = next((k for k, y in enumerate(rows) if not _apart(problem, y) < _BLURRED), len(curve))
+    return base, event, min(max(blurred, int(stopped is not None)), len(curve) - 1)
+
+
+def _apart(problem: ForcedProblem, y: np.ndarray) -> float:
+    """The difference of an orbit and its image, beside the orbit; infinity where the sequence has no such image."""
+    if isinstance(problem, ReleasedProblem):
+        folded = None if problem.structure.periodic else _folded(segment_of(problem, y))
+        return math.inf if folded is None else folded[1]
+    return math.inf if image_sign(problem) == 0.0 else apart_from_image(problem, y)
 
 
 def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, left: int) -> BifurcationCurve:
