@@ -28,8 +28,8 @@ __all__ = ["Curvature", "second_along", "third"]
 _SECOND, _THIRD = 1e-3, 5e-3
 """Largest steps of the differences of problems without exact derivatives, in units of the sizes of the unknowns."""
 
-
 _NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
+"""A number as Python writes it, and as a user does."""
 
 
 def second_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.ndarray:

@@ -38,8 +38,8 @@ _TEXTS = ("potential", "force")
 _PLAIN = ("model", "names", "name", "c", "coordinates", "times", "values", "harmonic", "between", "on", "nonlinear_only", *_TEXTS)
 """Keys of a description whose content has no expressions."""
 
-
 _ELEMENTS: dict[str, Any] = {"springs": Spring, "dampers": Damper}
+"""Keys of a description whose tables are springs and dampers, and what each of these is."""
 
 
 def own_parameters(system: dict[str, Any], forces: list[dict[str, Any]], table: Mapping[str, Any]) -> dict[str, float]:
@@ -47,9 +47,11 @@ def own_parameters(system: dict[str, Any], forces: list[dict[str, Any]], table: 
 
     Springs and dampers with expressions of coordinates gain a table of the parameters in these."""
     found: dict[str, float] = {}
-    for key in [one for one in ("springs", "dampers") if one in system]:
+    for key, kind in _ELEMENTS.items():
+        if key not in system:
+            continue
         for element in system[key]:
-            require_keys(_ELEMENTS[key], element)
+            require_keys(kind, element)
         named = dict(system.get("coordinates", {})).get("names") or [f"u{k}" for k, _ in enumerate(system.get("mass", ()), 1)]
         system[key] = _with_text_parameters(system[key], [*table], named)
     if system.get("model") in MODELS:

@@ -102,7 +102,7 @@ class _Rows(NamedTuple):
     ends: tuple[int, int]
 
 
-def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False, False), in_energy: bool = False) -> SingularCondition:
+def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = FOLD, in_energy: bool = False) -> SingularCondition:
     """The condition of a bifurcation of free orbits.
 
     Parameters
@@ -129,7 +129,7 @@ def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = (False
         if code != "PD":
             raise ValueError("an orbit without a reversal has no symmetry that can break")
         return _doubling(plane)
-    if symmetry == (False, False):
+    if symmetry == FOLD:
         raise ValueError(f"a perturbation that is symmetric about both ends breaks no symmetry; expected another one for {code}")
     return Breaking(plane).condition(symmetry)
 

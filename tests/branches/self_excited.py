@@ -13,6 +13,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
+from branches.forced.branch import ForcedBranch
 from branches.forced.tracing import follow_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -142,7 +143,7 @@ def neutral_damping(values: Mapping[str, float]) -> float:
         return float(mp.findroot(condition, mp.mpf(values["lam"])))
 
 
-def family(symmetric: bool, values: Mapping[str, float], time: float, interval: tuple[float, float]) -> Any:
+def family(symmetric: bool, values: Mapping[str, float], time: float, interval: tuple[float, float]) -> ForcedBranch:
     """The family over lam through the orbit with one impact whose segment lasts about so long."""
     values = VALUES | dict(values)
     sign = -1 if symmetric else 1
