@@ -64,9 +64,12 @@ class CurveNormalForm:
         found = np.full(self.count, math.nan)
         for k, (window, matrix) in enumerate(zip(self._windows, self._matrices(here), strict=True)):
             cubic = None if matrix is None else matrix.cubic()
-            if matrix is not None and cubic is not None:
-                ahead, behind = (window(one).unknowns(matrix.problem) for one in beside)
-                found[k] = cubic.coefficient / matrix.slope((ahead - behind) / (2.0 * _STEP))[0]
+            if matrix is None or cubic is None:
+                continue
+            ahead, behind = (window(one).unknowns(matrix.problem) for one in beside)
+            slope, error = matrix.slope((ahead - behind) / (2.0 * _STEP))
+            if abs(slope) > error:  # else rounding decides the sign
+                found[k] = cubic.coefficient / slope
         return found, way
 
     def emanating(self, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray]:
