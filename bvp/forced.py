@@ -44,6 +44,9 @@ __all__ = ["ForcedProblem"]
 GRAZING = 1e-11
 """Impact speed, over the largest velocity, below which an impact grazes: a located grazing has one of rounding, about 1e-12."""
 
+_OTHER = 1e-3
+"""Relative change of a parameter at which the symmetry of the system is looked at."""
+
 _CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 """A function that kernels can call."""
 
@@ -190,8 +193,25 @@ class ForcedProblem:
             missing = "damping, restitution below 1 or a harmonic load" if self.sequence else "an impact"
             raise ValueError(f"an orbit without harmonic loads is determined by its impacts and losses; expected {missing}")
         if self.half:
-            constant = np.any(self.parametric.entries(self.values)[self.parametric.layout.constant])
-            require_half(self.system, self.parametric.layout.harmonics, bool(constant), self.load_periods)
+            layout = self.parametric.layout
+            loads = (
+                self.parametric.entries(self.values)[layout.constant],
+                self.parametric.derivatives(self.values, self.released)[layout.constant],
+            )
+            require_half(self.system, layout.harmonics, any(map(np.any, loads)), self.load_periods)
+            for name in self.released:
+                if not self._stays_odd(name):
+                    raise EndsError(f"{name} breaks the odd symmetry that a half period needs")
+
+    def _stays_odd(self, name: str) -> bool:
+        """Whether the system has odd symmetry at other values of a parameter, too."""
+        value = self.values[name]
+        for other in (value + _OTHER * (abs(value) or 1.0), value - _OTHER * (abs(value) or 1.0)):
+            try:
+                return bool(self.parametric.system({**self.values, name: other}).has_odd_symmetry)
+            except ValueError:  # beyond the domain of the parameter
+                continue
+        return True
 
     def _events(self) -> tuple[ContactEvent, ...]:
         """The events of the sequence; () where no stop can stick."""

@@ -12,12 +12,16 @@ import pytest
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.tracing import follow_response
+from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.system import Stop
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import settled
 from tests.branches.test_forced_chains import expected_product, require_motion
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
 
 
 def chain(**values):
@@ -186,3 +190,34 @@ def test_an_expression_that_is_rounded_at_its_bound_is_a_restitution():
     assert Stop((1.0,), upper=1.0, restitution=-1e-16).restitution == 0.0
     with pytest.raises(ValueError, match="restitution lies in"):
         Stop((1.0,), upper=1.0, restitution=1.0 + 1e-12)
+
+
+def one_sided(extra):
+    """An oscillator under a harmonic load that is odd at the parameters given, and at no other d."""
+    system = {"mass": [[1.0]], "damping": [[0.1]], "stiffness": [[1.0]], **extra}
+    return ParametricSystem.from_description(
+        {"parameters": {"d": 1.0, "w": 0.8}, "system": system, "forces": [{"load": [1.0], "amplitude": 0.9, "harmonic": 1}]}
+    )
+
+
+STOPS = {"stops": [{"c": [1.0], "lower": -1.0, "upper": "d", "restitution": 0.8}]}
+SPRINGS = {"springs": [{"c": [1.0], "potential": "0.1*w**4 + (d - 1)*w**3", "parameters": {"d": "d"}}]}
+
+
+@pytest.mark.parametrize("extra", [STOPS, SPRINGS], ids=["stop", "spring"])
+def test_a_parameter_that_breaks_the_symmetry_needs_the_full_period(extra):
+    parametric = one_sided(extra)
+    sequence = ("+",) if extra is STOPS else ()
+    with pytest.raises(EndsError, match="d breaks the odd symmetry that a half period needs"):
+        ForcedProblem(parametric, sequence, ["d"], half=True)
+    assert ForcedProblem(parametric, sequence, ["w"], half=True).half
+
+
+def test_the_family_in_one_bound_of_a_gap():
+    """Oracle: simulations at points of the family, which was begun where the gap is equal on both sides."""
+    path = ParameterPath(one_sided(STOPS), ["d"])
+    found = settled_orbit(path, settle(path.parametric.system(), path.parametric.forces()))
+    branch = follow_response(found.problem, found.y, (0.5, 1.5))
+    assert not branch.problem.half and np.ptp(branch.parameter) > 0.3
+    for y in branch.unknowns[5:-5:20]:
+        require_motion(branch.problem, y)
