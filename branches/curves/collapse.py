@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from branches.curves.extending import numbered, reversed_curve
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_monitor import event_of
 from branches.curves.record import BifurcationCurve, CurveEvent
-from branches.events import Ended, event_ids
+from branches.events import Ended
 from branches.forced.primitive import apart_from_image, full_period, image_sign, twice
 from branches.released.segments import Segment, segment_of
 from bvp.closures import EndsError
@@ -34,7 +35,7 @@ _BLURRED = 1e-4
 """The same difference, below which the wider equations show events that are rounding."""
 
 _REACH = 10.0
-"""Distance of that point in the parameters, relative, in squares of that difference."""
+"""Distance of that point in the parameters, relative, in squares of that difference; along a grazing in such differences."""
 
 _ROOT = 1.5e-8
 """The root of rounding, to which the equations of the wider orbits determine that point."""
@@ -141,12 +142,15 @@ def _collapse(
     """The curve of the single orbits at an end, its event there, and the number of points that are left out; None where there is none."""
     place = len(curve) - 1 if last else 0
     stopped = next((event for event in curve.events if event.point == place), None)
-    singular = stopped is not None and stopped.status == "bracketed" and stopped.type in _SINGULAR
-    if curve.ended[int(last)].reason != "MINIMUM_STEP" and not singular:
+    singular = stopped if stopped is not None and stopped.type in _SINGULAR else None
+    if curve.ended[int(last)].reason != "MINIMUM_STEP" and singular is None:
         return None
     problem, unknowns = curve.plane.problem, curve.unknowns[:, : curve.plane.size]
     narrow = narrowed(problem, unknowns[place])
     if narrow is None or narrow.apart > _APART:
+        return None
+    near = narrow.apart < _BLURRED
+    if singular is not None and singular.status == "located" and not near:
         return None
     base = follow(narrow, curve)
     if base is None:
@@ -155,7 +159,9 @@ def _collapse(
     here = curve.parameters[place]
     found = [(float(np.abs(base.parameters[event.point] / here - 1.0).max()), event) for event in base.events if event.type in wanted]
     distance, event = min(found, key=lambda one: one[0], default=(math.inf, None))
-    if event is None or not distance <= _REACH * narrow.apart**2 + _ROOT:
+    # The orbits part from their image as the root of the distance from a doubling. On a grazing they do in proportion to that from its end.
+    reach = narrow.apart if near and curve.grazing is not None else narrow.apart**2
+    if event is None or not distance <= _REACH * reach + _ROOT:
         return None
     rows = unknowns[::-1] if last else unknowns
     blurred = next((k for k, y in enumerate(rows) if not _apart(problem, y) < _BLURRED), len(curve))
@@ -172,50 +178,34 @@ def _apart(problem: ForcedProblem, y: np.ndarray) -> float:
 
 def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, left: int) -> BifurcationCurve:
     """The curve with the point of an event of another curve as its end, in place of some points. left: how many."""
-    single, y = base.plane.problem, base.unknowns[event.point, : base.plane.size]
-    whole = _widened(single, y, curve.plane.problem)
-    first, stop = (0, len(curve) - left) if last else (left, len(curve))
-    near = stop - 1 if last else first
-    position = curve.plane.position
-    distance = float(np.linalg.norm(position(whole) - position(curve.unknowns[near, : curve.plane.size])))
-
-    def grown(column: np.ndarray, new: Any) -> np.ndarray:
-        parts = [column[first:stop], np.asarray(new, dtype=column.dtype)[None]]
-        return np.concatenate(parts if last else parts[::-1])
-
-    arclength = grown(curve.arclength, curve.arclength[near] + (distance if last else -distance))
-    begin, point, shift = float(arclength[0]), stop - first if last else 0, (0 if last else 1) - first
+    if not last:
+        return reversed_curve(_ending(reversed_curve(curve), True, base, event, left))
+    stop, u = len(curve) - left, curve.plane.size
+    whole = _widened(base.plane.problem, base.unknowns[event.point, : base.plane.size], curve.plane.problem)
+    position, near = curve.plane.position, curve.unknowns[stop - 1]
+    length = float(curve.arclength[stop - 1]) + float(np.linalg.norm(position(whole) - position(near[:u])))
+    new = {
+        "unknowns": np.concatenate([whole, near[u:]]), "tangents": curve.tangents[stop - 1], "parameters": base.parameters[event.point],
+        "arclength": length, "residual": base.residual[event.point], "multipliers": np.full(curve.multipliers.shape[1], np.nan),
+        "coefficient": math.nan,
+    }  # fmt: skip
+    columns: dict[str, Any] = {
+        name: np.concatenate([column := getattr(curve, name)[:stop], np.asarray(row, column.dtype)[None]]) for name, row in new.items()
+    }
     words = "are symmetric" if base.code == "SB" else "are those of half the period, traversed twice"
     named = {
         "GPD": ": generalised period doubling", "DP": ": degenerate pitchfork",
         "PD-GR": ": their doubling grazes", "SB-GR": ": their symmetry breaking grazes",
     }  # fmt: skip
     note = f"the orbits {words}{named.get(event.type, f', with {event.note}')}"
-    place = float(arclength[point]) - begin
-    new = CurveEvent("", event.type, point, dict(event.values), place, event.status, (place, place), event.residual, event.stop, note)
-    kept = [
-        one._replace(
-            point=one.point + shift, arclength=one.arclength - begin, bracket=(one.bracket[0] - begin, one.bracket[1] - begin)
-        )
-        for one in curve.events if first <= one.point < stop
-    ]  # fmt: skip
-    events = [*kept, new] if last else [new, *kept]
-    values = base.parameters[event.point]
-    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, values, strict=True))
-    ended = Ended("EVENT", f"{event.type} at {where}: {note}")
+    end = event._replace(point=stop, arclength=length, bracket=(length, length), note=note)
+    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, new["parameters"], strict=True))
     return replace(
-        curve,
-        unknowns=grown(curve.unknowns, np.concatenate([whole, curve.unknowns[near, curve.plane.size :]])),
-        tangents=grown(curve.tangents, curve.tangents[near]),
-        parameters=grown(curve.parameters, values),
-        arclength=arclength - begin,
-        residual=grown(curve.residual, base.residual[event.point]),
-        multipliers=grown(curve.multipliers, np.full(curve.multipliers.shape[1], complex(math.nan, math.nan))),
-        coefficient=grown(curve.coefficient, math.nan),
-        events=tuple(one._replace(id=id) for one, id in zip(events, event_ids(one.type for one in events), strict=True)),
-        ended=(curve.ended[0], ended) if last else (ended, curve.ended[1]),
-        start=min(max(curve.start, first), stop - 1) + shift,
-    )
+        curve, **columns,
+        events=numbered([*(one for one in curve.events if one.point < stop), end]),
+        ended=(curve.ended[0], Ended("EVENT", f"{event.type} at {where}: {note}")),
+        start=min(curve.start, stop - 1),
+    )  # fmt: skip
 
 
 def _widened(single: ForcedProblem, y: np.ndarray, wide: ForcedProblem) -> np.ndarray:

@@ -13,7 +13,7 @@ from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.events import event_ids
 from continuation.problem import EndReason
 
-__all__ = ["can_go_on", "is_within", "joined"]
+__all__ = ["can_go_on", "is_within", "joined", "numbered", "reversed_curve"]
 
 _OPEN = {reason.name for reason in (EndReason.POINTS, EndReason.NOT_ASKED, EndReason.INTERRUPTED)}
 """Ends from which a curve can go on."""
@@ -49,32 +49,32 @@ def can_go_on(curve: BifurcationCurve, last: bool, window: Window) -> bool:
 def joined(curve: BifurcationCurve, further: BifurcationCurve, last: bool) -> BifurcationCurve:
     """A curve, and the piece that was followed outwards from its first or last point, as one curve."""
     if not last:
-        return _reversed(joined(_reversed(curve), further, True))
+        return reversed_curve(joined(reversed_curve(curve), further, True))
     place, length = len(curve) - 1, float(curve.arclength[-1])
     # An end of the old range is no event any more.
     kept = [event for event in curve.events if not (event.type == "EP" and event.point == place)]
     columns: dict[str, Any] = {name: np.concatenate([getattr(curve, name), getattr(further, name)[1:]]) for name in _COLUMNS}
     return replace(
         curve, **columns, arclength=np.concatenate([curve.arclength, length + further.arclength[1:]]),
-        events=_numbered([*kept, *(_moved(event, place, length) for event in further.events if event.point)]),
+        events=numbered([*kept, *(_moved(event, place, length) for event in further.events if event.point)]),
         ended=(curve.ended[0], further.ended[1]), window=further.window,
     )  # fmt: skip
 
 
-def _numbered(events: Iterable[CurveEvent]) -> tuple[CurveEvent, ...]:
+def numbered(events: Iterable[CurveEvent]) -> tuple[CurveEvent, ...]:
     """Events with their ids along the curve."""
     found = list(events)
     return tuple(event._replace(id=id) for event, id in zip(found, event_ids(event.type for event in found), strict=True))
 
 
-def _reversed(curve: BifurcationCurve) -> BifurcationCurve:
+def reversed_curve(curve: BifurcationCurve) -> BifurcationCurve:
     """The same curve in the other order."""
     place, length = len(curve) - 1, float(curve.arclength[-1])
     columns: dict[str, Any] = {name: getattr(curve, name)[::-1] for name in _COLUMNS}
     columns["tangents"] = -columns["tangents"]
     return replace(
         curve, **columns, arclength=length - curve.arclength[::-1],
-        events=_numbered(_moved(event, place, length, -1) for event in curve.events[::-1]),
+        events=numbered(_moved(event, place, length, -1) for event in curve.events[::-1]),
         ended=(curve.ended[1], curve.ended[0]), start=place - curve.start,
     )  # fmt: skip
 

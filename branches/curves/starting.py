@@ -22,8 +22,9 @@ from branches.forced.primitive import primitive_orbit
 from bvp.forced import ForcedProblem
 from bvp.released import ReleasedProblem
 from continuation.curves import Curve
+from continuation.problem import Step
 
-__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_at", "curve_problem", "curve_start"]
+__all__ = ["CURVES", "CurveStart", "NoCurve", "curve_at", "curve_problem", "curve_start", "is_inside"]
 
 CURVES = ("SN", "PD", "SB", "NS", "BP", "GR")
 """Events that can be continued in two parameters."""
@@ -66,6 +67,11 @@ def curve_problem(plane: ParameterPlane, code: str, kind: FreeKind | Grazing | N
         plane = surface_of(plane, grazing, y)
         return forced_curve(plane, grazing_condition(plane, grazing), GrazingMonitor(plane, grazing, window), grazing)
     return forced_curve(plane, forced_condition(plane, code), BifurcationMonitor(plane, code, window))
+
+
+def is_inside(curve: Curve, step: Step) -> bool:
+    """Whether a step has arrived at a point of a curve, inside all its bounds."""
+    return step.converged and all(value > 0.0 for test, value in zip(curve.tests, step.tests, strict=True) if test.kind == "guard")
 
 
 def curve_start(

@@ -14,7 +14,7 @@ from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import grazing_at, observed
 from branches.curves.grazing_monitor import GrazingMonitor
 from branches.curves.record import BifurcationCurve
-from branches.curves.starting import CurveStart, NoCurve, curve_start
+from branches.curves.starting import CurveStart, NoCurve, curve_start, is_inside
 from branches.forced.primitive import full_period, twice
 from bvp.released import ReleasedProblem
 from continuation.curves import Curve
@@ -102,8 +102,7 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
     tangent = fold.directed(direction / math.sqrt(float(way @ way)), borders)
     for distance in _ASIDE:
         step = fold.step(begun, tangent, distance)
-        guards = [value for test, value in zip(fold.tests, step.tests, strict=False) if test.kind == "guard"]
-        if step.converged and min(guards) > 0.0:
+        if is_inside(fold, step):
             return start._replace(y=step.y)
     raise NoCurve("no curve SN was found beside the point")
 
@@ -136,6 +135,9 @@ def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Cur
             monitor = CurveStart(plane, "GR", curve.grazing, y, origin).curve(curve.window).monitor
             assert isinstance(monitor, GrazingMonitor | FreeGrazingMonitor)
             problem, unknowns, grazing = monitor.second(y)
+            single = narrowed(problem, unknowns) if isinstance(monitor, GrazingMonitor) else None
+            if single is not None and single.apart < _NEAR:  # the other touch is the image of the first one
+                problem, unknowns, grazing = grazing_at(single.problem, observed(single.problem, single.y))
         else:
             solution = observed(plane.problem, y)
             clear = min(abs(solution["clearance"]), abs(solution["speed"]) / plane.problem.segment.scale[n], abs(solution["flight"]))

@@ -13,7 +13,7 @@ from branches.curves.extending import can_go_on, is_within, joined
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
-from branches.curves.starting import CurveStart, NoCurve
+from branches.curves.starting import CurveStart, NoCurve, is_inside
 from branches.events import Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.tracing import OUT_OF_DOMAIN
@@ -183,7 +183,11 @@ def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCur
     plane, unknowns = curve.plane.of(narrow.problem, narrow.y)
     try:
         start = CurveStart(plane, narrow.code, None, unknowns, free=narrow.free)
-        return follow_curve(start, _ANYWHERE, points=_NEAR_END)
+        # The place can be beyond a bound of these orbits by rounding: the bound is located from a point inside.
+        single, first = first_point(start, _ANYWHERE)
+        beside = (single.step(first.y, first.tangent, ds) for ds in _PROBES)
+        inside = next((step.y for step in beside if is_inside(single, step)), first.y)
+        return follow_curve(start._replace(y=inside), _ANYWHERE, points=_NEAR_END)
     except (ValueError, RuntimeError):
         return None
 

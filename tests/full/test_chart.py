@@ -8,6 +8,7 @@ import pytest
 
 import saltus
 from branches.curves.starting import CurveStart
+from branches.curves.switching import single_orbit
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import AbsorberOrbit
 from transitions.chart.chart import find_chart
@@ -46,6 +47,24 @@ def test_curves_are_those_of_matrix_exponentials(chart):
             assert orbit.distance(curve.code) < 1e-5, (curve.code, curve.parameters[k])
             checked += 1
     assert checked > 50
+
+
+def test_ends_at_single_orbits_have_their_name(chart):
+    """Oracle: the curves of the single orbits, which have the same points."""
+    checked = 0
+    for curve in chart.curves:
+        for event in curve.events:
+            single = single_orbit(curve, event.point)
+            if single is None:
+                continue
+            assert event.status == "located" and event.type != "GR-GR"
+            others = [
+                other for other in chart.curves if other.code == single.code and other.plane.problem.sequence == single.problem.sequence
+            ]
+            places = [np.abs(other.parameters[one.point] - curve.parameters[event.point]).max() for other in others for one in other.events]
+            assert min(places) < 1e-9
+            checked += 1
+    assert checked >= 2
 
 
 def test_grazings_touch_a_stop(chart):
