@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ResponseRequest", "add_start_arguments", "check_range", "event_named", "file_and_event", "further",
-    "in_names", "prepare_kernels", "request_of", "starts_of",
+    "in_names", "prepare_kernels", "request_of", "require_same_scene", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]

@@ -1,11 +1,9 @@
 """`saltus curve` of a self-excited motion, whose period is free: curves, their continuation, switching and families from their points."""
 
-import json
-
 import pytest
 
-from tests.branches.self_excited import exact_point
-from tests.saltus.running import read_branch, refused, run
+from tests.branches.self_excited import VALUES, exact_point
+from tests.saltus.running import read_branch, read_json, refused, run
 
 SCENE = """
 title = "A self-excited oscillator with an absorber"
@@ -57,34 +55,34 @@ def files(tmp_path_factory):
 
 def test_a_fold_and_the_torus_that_begins_on_it(files, folder, capsys):
     """Oracle: forty digits; both curves have the 1:1 resonance, to 1e-9."""
-    fold = json.loads(files["fold"].read_text())["curves"][0]
+    fold = read_json(files["fold"])["curves"][0]
     code, out, err = run(capsys, "curve", f"{files['fold']}:R1-1", "--to", "NS", "--range", "0:0.5,0.1:0.95", "--json", "ns.json")
     assert code == 0, err
-    torus = json.loads((folder / "ns.json").read_text())["curves"][0]
+    torus = read_json("ns.json")["curves"][0]
     places = [[event["values"]["lam"], event["values"]["rho"]] for one in (fold, torus) for event in one["events"] if event["type"] == "R1"]
     assert len(places) == 2 and places[0] == pytest.approx(places[1], abs=1e-9)
     for one, kind in ((fold, "SN"), (torus, "NS")):
         point = one["points"][len(one["points"]) // 2]
         lam, rho = point["parameters"]
         period = point["unknowns"][7]  # behind the state, the fraction of the period, lam and rho
-        values = {"mu": 0.1, "sigma": 0.1, "lam": lam, "c": 0.005, "rho": rho}
-        assert lam == pytest.approx(exact_point(kind, values, period, 1, "lam")[0], rel=1e-11)
+        assert lam == pytest.approx(exact_point(kind, VALUES | {"lam": lam, "rho": rho}, period, 1, "lam")[0], rel=1e-11)
 
 
 def test_a_curve_goes_on_and_a_family_begins_on_it(files, folder, capsys):
     """Oracle: the parameters of the points."""
     code, _, err = run(capsys, "curve", str(files["fold"]), "--range", "0:0.5,0.05:0.95", "--json", "wide.json")
     assert code == 0, err
-    rho = [point["parameters"][1] for point in json.loads((folder / "wide.json").read_text())["curves"][0]["points"]]
+    rho = [point["parameters"][1] for point in read_json("wide.json")["curves"][0]["points"]]
     assert (min(rho), max(rho)) == pytest.approx((0.05, 0.95), abs=1e-9)
     code, _, err = run(capsys, "continue", "--from", "wide.json:EP2", "--in", "lam", "--range", "0.01:0.2", "--json", "a.json")
     assert code == 0, err
     event = next(event for event in read_branch("a.json")["events"] if event["type"] == "SN")
-    curve = json.loads((folder / "wide.json").read_text())["curves"][0]
+    curve = read_json("wide.json")["curves"][0]
     end = next(one for one in curve["events"] if one["id"] == "EP2")
     assert event["values"]["lam"] == pytest.approx(end["values"]["lam"], rel=1e-9)
 
 
 def test_bad_input(files, folder, capsys):
+    """Contract: the line names what is missing."""
     refused(run(capsys, "chart", "--in", "lam,rho", "--from", str(files["response"])), "has no responses to periodic loads", "saltus curve")
     refused(run(capsys, "curve", f"{files['response']}:SN1", "--in", "lam,w", "--range", "0:1,0:1"), "unknown parameter w")

@@ -12,7 +12,7 @@ from transitions.basin.following import OPEN, StartFollower
 from transitions.basin.grid import inside
 from transitions.sweep.forced import ForcedMotion
 
-__all__ = ["POINTS", "TRAIL", "Cloud", "attracts", "cloud_of", "on_clouds", "trails"]
+__all__ = ["POINTS", "Cloud", "attracts", "cloud_of", "on_clouds"]
 
 POINTS = 4000
 """States of a cloud."""
@@ -72,7 +72,7 @@ def on_clouds(follower: StartFollower, states: np.ndarray, sticking: np.ndarray,
     """The index of the cloud that motions from states (B, 2n) at phase 0 are on, or -1, (B,)."""
     found = np.full(len(states), -1)
     if clouds and len(states):
-        trail = trails(follower, states, sticking)
+        trail = _trails(follower, states, sticking)
         for k, cloud in enumerate(clouds):
             found[(found < 0) & cloud.contains(trail)] = k
     return found
@@ -84,10 +84,10 @@ def attracts(follower: StartFollower, cloud: Cloud) -> bool:
     steps = np.concatenate([np.eye(len(cloud.scale)), -np.eye(len(cloud.scale))]) * (BESIDE * size / cloud.scale)
     states = cloud.states[-1] + steps
     found = follower.follow(states[inside(follower.system, states)], RETURN)
-    return bool(np.all(found.outcome == OPEN)) and bool(np.all(cloud.contains(trails(follower, found.states, found.sticking))))
+    return bool(np.all(found.outcome == OPEN)) and bool(np.all(cloud.contains(_trails(follower, found.states, found.sticking))))
 
 
-def trails(follower: StartFollower, states: np.ndarray, sticking: np.ndarray) -> np.ndarray:
+def _trails(follower: StartFollower, states: np.ndarray, sticking: np.ndarray) -> np.ndarray:
     """The next states at phase 0 of motions from states (B, 2n): (B, TRAIL, 2n); NaN after the end of a simulation."""
     found = np.full((len(states), TRAIL, states.shape[1]), np.nan)
     going = np.arange(len(states))

@@ -25,7 +25,7 @@ from transitions.sweep.returns import largest_exponent
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = [
-    "FamilyOrbit", "attractor_of", "family_name", "full_multipliers", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
+    "FamilyOrbit", "attractor_of", "full_multipliers", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
     "orbits_at", "saddle_of", "same_states", "states_later", "strobe_states",
 ]  # fmt: skip
 
@@ -39,7 +39,7 @@ _AGREES = 1e-9
 """Largest relative difference of a parameter of a solved orbit from that of the basin."""
 
 
-def family_name(problem: ForcedProblem, y: np.ndarray) -> str:
+def _family_name(problem: ForcedProblem, y: np.ndarray) -> str:
     """The beginning of the id of an orbit's family, `closure:sequence`: that of its primitive orbit."""
     primitive, _ = primitive_orbit(problem, y)
     return f"{closure_name(primitive)}:{canonical_letters(primitive)}"
@@ -137,7 +137,7 @@ def attractor_of(path: ParameterPath, settled: Settled) -> Attractor | None:
     if not orbit.problem.sequence:  # the simulated states of a motion that decays to rest depend on its start
         plain = replace(plain, states=strobe_states(orbit.problem, orbit.y))
     return replace(
-        plain, family=family_name(orbit.problem, orbit.y), problem=orbit.problem, unknowns=orbit.y, multipliers=multipliers,
+        plain, family=_family_name(orbit.problem, orbit.y), problem=orbit.problem, unknowns=orbit.y, multipliers=multipliers,
         exponent=exponent,
     )  # fmt: skip
 
@@ -218,7 +218,7 @@ def named_by(path: ParameterPath, attractor: Attractor, orbits: Sequence[FamilyO
 def saddle_of(problem: ForcedProblem, y: np.ndarray, phase: float, family: str | None = None, branch: int = 0) -> Saddle:
     """An unstable orbit as a saddle, with its states at a phase."""
     return Saddle(
-        family=family or family_name(problem, y), branch=branch, period=problem.load_periods, sequence=joined_sequence(problem.sequence),
+        family=family or _family_name(problem, y), branch=branch, period=problem.load_periods, sequence=joined_sequence(problem.sequence),
         states=strobe_states(problem, y, phase), multipliers=full_multipliers(problem, y), problem=problem, unknowns=y,
     )  # fmt: skip
 

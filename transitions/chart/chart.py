@@ -18,7 +18,7 @@ from transitions.chart.levels import follow_level
 from transitions.chart.plan import ChartPlan
 from transitions.chart.regions import Regions
 
-__all__ = ["Chart", "MeetingPoint", "event_name", "find_chart", "meeting_points"]
+__all__ = ["Chart", "MeetingPoint", "find_chart"]
 
 _ONE = 1e-6
 """Distance of two points of codimension two, in parts of the ranges, within which they are one."""
@@ -76,18 +76,18 @@ class Chart:
         return [stage.name for stage in self.stages for _ in range(stage.curves)]
 
 
-def event_name(number: int, id: str) -> str:
+def _event_name(number: int, id: str) -> str:
     """The name of an event of a curve with a number from 1, as `saltus curve FILE:EVENT` takes it.
 
     Examples
     --------
-    >>> event_name(1, "NS-GR1"), event_name(12, "CP1")
+    >>> _event_name(1, "NS-GR1"), _event_name(12, "CP1")
     ('NS-GR1', '12.CP1')
     """
     return id if number == 1 else f"{number}.{id}"
 
 
-def meeting_points(search: CurveSearch) -> list[MeetingPoint]:
+def _meeting_points(search: CurveSearch) -> list[MeetingPoint]:
     """The points of codimension two of all curves, merged: each with all curves through it."""
     low, high = np.array(search.plan.window).T
     names = list(search.plan.names[:2])
@@ -100,7 +100,7 @@ def meeting_points(search: CurveSearch) -> list[MeetingPoint]:
             place = curve.parameters[event.point, order]
             numbers = [k + 1, *(other + 1 for other in search.passing.get((k, event.id), ()))]
             made = MeetingPoint(
-                (event.type,), (float(place[0]), float(place[1])), tuple(numbers), (event_name(k + 1, event.id),), event.note or ""
+                (event.type,), (float(place[0]), float(place[1])), tuple(numbers), (_event_name(k + 1, event.id),), event.note or ""
             )
             at = next((n for n, one in enumerate(found) if np.all(np.abs(np.array(one.place) - place) < _ONE * (high - low))), None)
             if at is None:
@@ -192,7 +192,7 @@ def find_chart(
             regions, interrupted = find_regions(plan, executor, on_motion)
     except KeyboardInterrupt:
         interrupted = True
-    chart = Chart(plan, tuple(search.curves), tuple(meeting_points(search)), tuple(search.stages), tuple(search.notes), regions)
+    chart = Chart(plan, tuple(search.curves), tuple(_meeting_points(search)), tuple(search.stages), tuple(search.notes), regions)
     if interrupted and not search.curves:
         raise KeyboardInterrupt
     return chart, interrupted

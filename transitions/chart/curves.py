@@ -18,7 +18,7 @@ from bvp.forced import ForcedProblem
 from transitions.chart.known import KnownCurves
 from transitions.chart.plan import ChartPlan
 
-__all__ = ["CurveSearch", "Stage", "others_at"]
+__all__ = ["CurveSearch", "Stage"]
 
 _OTHERS = {
     "R1": {"SN": ("NS",), "NS": ("SN",)},
@@ -36,7 +36,7 @@ _LEAST = 3
 """Least points of a curve."""
 
 
-def others_at(curve: BifurcationCurve, event: CurveEvent) -> list[str]:
+def _others_at(curve: BifurcationCurve, event: CurveEvent) -> list[str]:
     """Types of the other curves that can pass through a point of codimension two."""
     single = single_orbit(curve, event.point)
     if single is not None:
@@ -114,7 +114,7 @@ class CurveSearch:
             number = self._begun
             curve = self.curves[number]
             for event in curve.events:
-                for code in others_at(curve, event):
+                for code in _others_at(curve, event):
                     self._through(number, curve, event, code)
             self._begun += 1
 
