@@ -14,8 +14,8 @@ from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 
 __all__ = [
-    "ENDED", "EVENT", "POINT", "PROBLEM", "RANGE", "SCHEMA", "ended_from", "ended_record", "named_events", "problem_from", "problem_record",
-    "range_from", "require_fitting", "restored",
+    "ENDED", "EVENT", "POINT", "PROBLEM", "RANGE", "SCHEMA", "ended_from", "ended_record", "event_name", "named_events", "problem_from",
+    "problem_record", "range_from", "require_fitting", "restored",
 ]  # fmt: skip
 
 SCHEMA = 1
@@ -146,11 +146,21 @@ def restored(
         raise RecordError(f"{path} is not a readable file of {what}: {one_line(error)}") from error
 
 
+def event_name(number: int, id: str) -> str:
+    """The name of an event in a file: its id, with the number of its branch or curve before it unless that is 1.
+
+    Examples
+    --------
+    >>> event_name(1, "NS-GR1"), event_name(12, "CP1")
+    ('NS-GR1', '12.CP1')
+    """
+    return id if number == 1 else f"{number}.{id}"
+
+
 def named_events(items: Iterable[Item]) -> dict[str, tuple[Item, Any]]:
-    """The events of some branches or curves by name, each with its branch or curve: "PD1"; from the second one on with its number before
-    it, "2.PD1"."""
+    """The events of some branches or curves by `event_name`, each with its branch or curve."""
     found: dict[str, tuple[Item, Any]] = {}
     for number, item in enumerate(items, 1):
         events: Iterable[Any] = item.events  # type: ignore[attr-defined]
-        found |= {(f"{number}." if number > 1 else "") + event.id: (item, event) for event in events}
+        found |= {event_name(number, event.id): (item, event) for event in events}
     return found

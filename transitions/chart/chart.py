@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.curves.record import BifurcationCurve
+from branches.forced.record import event_name
 from bvp.texts import brief
 from transitions.chart.cells import find_regions
 from transitions.chart.curves import CurveSearch, Stage
@@ -76,17 +77,6 @@ class Chart:
         return [stage.name for stage in self.stages for _ in range(stage.curves)]
 
 
-def _event_name(number: int, id: str) -> str:
-    """The name of an event of a curve with a number from 1, as `saltus curve FILE:EVENT` takes it.
-
-    Examples
-    --------
-    >>> _event_name(1, "NS-GR1"), _event_name(12, "CP1")
-    ('NS-GR1', '12.CP1')
-    """
-    return id if number == 1 else f"{number}.{id}"
-
-
 def _meeting_points(search: CurveSearch) -> list[MeetingPoint]:
     """The points of codimension two of all curves, merged: each with all curves through it."""
     low, high = np.array(search.plan.window).T
@@ -100,7 +90,7 @@ def _meeting_points(search: CurveSearch) -> list[MeetingPoint]:
             place = curve.parameters[event.point, order]
             numbers = [k + 1, *(other + 1 for other in search.passing.get((k, event.id), ()))]
             made = MeetingPoint(
-                (event.type,), (float(place[0]), float(place[1])), tuple(numbers), (_event_name(k + 1, event.id),), event.note or ""
+                (event.type,), (float(place[0]), float(place[1])), tuple(numbers), (event_name(k + 1, event.id),), event.note or ""
             )
             at = next((n for n, one in enumerate(found) if np.all(np.abs(np.array(one.place) - place) < _ONE * (high - low))), None)
             if at is None:
