@@ -16,7 +16,7 @@ from bvp.texts import shown
 
 __all__ = [
     "EPSILON", "SMALLEST", "Frozen", "InvalidSystem", "checked_energy_range", "checked_number", "finite_numbers", "is_finite",
-    "read_only", "real", "reals", "refuse_unknown", "require_branch", "require_motion", "require_system", "square",
+    "is_whole", "read_only", "real", "reals", "refuse_unknown", "require_branch", "require_motion", "require_system", "square",
 ]  # fmt: skip
 
 EPSILON = float(np.finfo(float).eps)
@@ -70,6 +70,17 @@ def is_finite(value: Any) -> bool:
         return math.isfinite(real(value))
     except (TypeError, ValueError):
         return False
+
+
+def is_whole(value: Any, least: int, most: int) -> bool:
+    """Whether a value is an integer from `least` to `most`, of Python or of numpy. A boolean is none.
+
+    Examples
+    --------
+    >>> is_whole(3, 1, 5), is_whole(np.int8(5), 1, 5), is_whole(0, 1, 5), is_whole(3.0, 1, 5), is_whole(True, 1, 5)
+    (True, True, False, False, False)
+    """
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= int(value) <= most
 
 
 def reals(value: Any, *, flat: bool = False) -> np.ndarray:
@@ -255,7 +266,7 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
 def require_branch(branch: Any) -> None:
     """Refuse what is no `branches.branch.Branch`, such as its name, with a TypeError."""
     if not hasattr(branch, "unknowns"):
-        raise TypeError(f"the branch is {shown(branch)}, expected a Branch such as saltus.trace(\"S13+\")")
+        raise TypeError(f'the branch is {shown(branch)}, expected a Branch such as saltus.trace("S13+")')
 
 
 def require_motion(motion: Any) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bvp.checks import is_finite
+from bvp.checks import is_finite, is_whole
 from bvp.texts import shown
 from transitions.sweep.forced import Carried, ForcedMotion, carried_into
 
@@ -49,7 +49,7 @@ class BasinAxis:
     def __post_init__(self) -> None:
         if not (is_finite(self.low) and is_finite(self.high) and self.low < self.high):
             raise ValueError(f"the range of {self.name} is two finite numbers, LO < HI; received {shown(self.low)} and {shown(self.high)}")
-        if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or not 2 <= self.count <= MOST:
+        if not is_whole(self.count, 2, MOST):
             raise ValueError(f"the number of starts along {self.name} is an integer from 2 to {MOST}; received {shown(self.count)}")
 
     @property

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from bvp.checks import is_whole
 from bvp.description import BASE
 from bvp.texts import shown
 from transitions.basin.grid import StartGrid
@@ -50,7 +49,7 @@ class BasinPlan:
     branches: Sequence[ForcedBranch] = ()
 
     def __post_init__(self) -> None:
-        if isinstance(self.most, bool) or not isinstance(self.most, (int, np.integer)) or not 1 <= self.most <= MOST:
+        if not is_whole(self.most, 1, MOST):
             raise ValueError(f"most is an integer from 1 to {MOST}; received {shown(self.most)}")
 
     @cached_property

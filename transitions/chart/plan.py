@@ -11,6 +11,7 @@ import numpy as np
 from branches.curves.monitor import Window
 from branches.curves.starting import CURVES
 from branches.forced.branch import ForcedBranch, ForcedEvent
+from bvp.checks import is_whole
 from bvp.parameters import ParametricSystem
 from bvp.texts import nearest_known, shown
 from transitions.response.path import ParameterPath
@@ -97,9 +98,9 @@ class ChartPlan:
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise ValueError(f"the range of {name} is two finite numbers, LO < HI; received {low:g} to {high:g}")
         for what, value, least in (("levels", self.levels, 0), ("most", self.most, 1), ("periods", self.periods, 1)):
-            if not _is_whole(value, least):
+            if not is_whole(value, least, MOST):
                 raise ValueError(f"{what} is an integer from {least} to {MOST}; received {shown(value)}")
-        if len(self.grid) != 2 or not (tuple(self.grid) == (0, 0) or all(_is_whole(count, 1) for count in self.grid)):
+        if len(self.grid) != 2 or not (tuple(self.grid) == (0, 0) or all(is_whole(count, 1, MOST) for count in self.grid)):
             raise ValueError(f"grid is two integers above 0, or (0, 0) for no regions; received {shown(self.grid)}")
         self.path(self.start)
 
@@ -180,10 +181,6 @@ def default_window(branches: Sequence[ForcedBranch], names: Sequence[str]) -> tu
             words.append(f"{name} = {low:.6g} to {high:.6g}{around}{cut}")
         ranges.append((low, high))
     return (ranges[0], ranges[1]), words
-
-
-def _is_whole(value: object, least: int) -> bool:
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and least <= int(value) <= MOST
 
 
 def _finite(bound: float, instead: float) -> float:

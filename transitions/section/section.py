@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import is_finite
+from bvp.checks import is_finite, is_whole
 from bvp.interrupts import Pace
 from bvp.kernels import motion as motion_kernels
 from bvp.kernels.contact_mode import PASSES
@@ -183,7 +183,7 @@ def section(
     """
     plane = SectionPlane(system, energy)
     for name, value in (("orbits", orbits), ("crossings", crossings)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 0 < value <= MOST:
+        if not is_whole(value, 1, MOST):
             raise ValueError(f"{name} is an integer from 1 to {MOST}; received {shown(value)}")
     if longest is not None and not (is_finite(longest) and longest > 0.0):
         raise ValueError(f"longest is a finite time above 0; received {shown(longest)}")

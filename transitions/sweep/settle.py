@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import is_finite
+from bvp.checks import is_finite, is_whole
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
@@ -200,7 +200,7 @@ def settle(
     if not (is_finite(phase) and 0.0 <= phase < 2.0 * math.pi):
         raise ValueError(f"phase is a number from 0 to below 2 pi; received {shown(phase)}")
     for name, value in (("most", most), ("longest", longest)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not 1 <= value <= 10**9:
+        if not is_whole(value, 1, 10**9):
             raise ValueError(f"{name} is an integer above 0; received {shown(value)}")
     n = system.degrees_of_freedom
     zero = np.zeros(n)

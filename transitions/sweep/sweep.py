@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.checks import finite_numbers
+from bvp.checks import finite_numbers, is_whole
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, PeriodRecord, carried_into, require_inside
@@ -50,7 +50,7 @@ class SweepSettings:
     def __post_init__(self) -> None:
         for name, least in (("transient", 0), ("record", 1)):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= MOST:
+            if not is_whole(value, least, MOST):
                 raise ValueError(f"{name} is an integer from {least} to {MOST}; received {shown(value)}")
 
 
