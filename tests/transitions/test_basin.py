@@ -4,12 +4,14 @@ Oracles: closed forms of linear motion; long simulations of each start by the pl
 a saddle; and that neither processes nor blocks change the result.
 """
 
+import dataclasses
 import math
 from concurrent.futures import ThreadPoolExecutor
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from bvp.forcing import Constant, Harmonic
 from bvp.parameters import ParametricSystem
@@ -267,6 +269,22 @@ def test_the_picture_has_each_basin_with_its_marks(bistable):
     assert np.allclose(marks["S1"], basin.saddles[0].states)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts[0].startswith("A1 period-2:+, ") and "beyond a stop" in texts and "saddle at this phase" in texts
+    plt.close("all")
+
+
+def test_a_mark_on_the_border_is_whole(bistable):
+    """Oracle: the colour of the pixel two points outside the axes. A mark that is farther outside is not drawn, and counted."""
+    _, _, basin = bistable
+    border, beyond = np.array([[-2.0 - 1e-15, 1.0], [-2.1, 1.0]]), np.array([[2.1, 0.0]])
+    figure = basin_figure(dataclasses.replace(basin, positions=(border, beyond)))
+    (axes,) = figure.axes
+    marks = {line.get_gid(): line for line in axes.lines if line.get_gid()}
+    assert np.array_equal(marks["A1"].get_xydata(), border[:1]) and not len(marks["A2"].get_xydata())
+    assert "attractor at this phase (1 of 2 out of the picture)" in [text.get_text() for text in figure.legends[0].get_texts()]
+    figure.canvas.draw()
+    pixels = np.asarray(figure.canvas.buffer_rgba())
+    x, y = axes.transData.transform(border[0]) - [2.0 * figure.dpi / 72.0, 0.0]
+    assert np.allclose(pixels[len(pixels) - 1 - round(y), round(x), :3] / 255.0, to_rgb(marks["A1"].get_markerfacecolor()), atol=0.01)
     plt.close("all")
 
 

@@ -25,6 +25,8 @@ _COLOURS = (
 _UNDECIDED_COLOUR = style.BLACK
 _SHOWN = 12
 """Attractors in the legend; those with fewer starts share an entry."""
+_ROUNDING = 1e-9
+"""Distance from the border, as a part of the range, at which a mark counts as on it."""
 
 
 def basin_figure(basin: Basin, *, title: str = "") -> Figure:
@@ -134,17 +136,20 @@ def _marks(axes: Axes, basin: Basin, colours: Sequence[str]) -> list[Any]:
     halo: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 8.0, "markeredgewidth": 0.0, "color": "#FFFFFF"}
     dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 6.0, "markeredgecolor": style.BLACK, "markeredgewidth": 0.8}
     cross: dict[str, Any] = {"linestyle": "none", "marker": "X", "markersize": 7.0, "markeredgecolor": style.BLACK, "markeredgewidth": 0.8}
+    whole: dict[str, Any] = {"clip_on": False, "zorder": 3.0}  # a mark on the border is not cut, and is in front of the frame
     entries: list[Any] = []
     placed = [(k, basin.positions[k]) for k, found in enumerate(basin.attractors) if found.period]
     for k, states in placed:
-        axes.plot(states[:, i], states[:, j], **halo)
-        axes.plot(states[:, i], states[:, j], gid=f"A{k + 1}", **dot | {"markerfacecolor": colours[k]})
+        shown = states[_inside(basin, states)]
+        axes.plot(shown[:, i], shown[:, j], **whole, **halo)
+        axes.plot(shown[:, i], shown[:, j], gid=f"A{k + 1}", **whole, **dot | {"markerfacecolor": colours[k]})
     if placed:
         text = f"attractor at this phase{where}{_left_out(basin, [states for _, states in placed])}"
         entries.append(_handle(dot | {"markerfacecolor": "#FFFFFF"}, text))
     if basin.saddles:
         for k, saddle in enumerate(basin.saddles):
-            axes.plot(saddle.states[:, i], saddle.states[:, j], gid=f"S{k + 1}", **cross | {"markerfacecolor": "#FFFFFF"})
+            shown = saddle.states[_inside(basin, saddle.states)]
+            axes.plot(shown[:, i], shown[:, j], gid=f"S{k + 1}", **whole, **cross | {"markerfacecolor": "#FFFFFF"})
         text = f"saddle at this phase{where}{_left_out(basin, [saddle.states for saddle in basin.saddles])}"
         entries.append(_handle(cross | {"markerfacecolor": "#FFFFFF"}, text))
     return entries
@@ -152,15 +157,17 @@ def _marks(axes: Axes, basin: Basin, colours: Sequence[str]) -> list[Any]:
 
 def _left_out(basin: Basin, places: Sequence[np.ndarray]) -> str:
     """How many orbits are out of the picture, in words."""
-    outside = sum(not _inside(basin, states) for states in places)
+    outside = sum(not _inside(basin, states).any() for states in places)
     return f" ({outside} of {len(places)} out of the picture)" if outside else ""
 
 
-def _inside(basin: Basin, states: np.ndarray) -> bool:
-    """Whether one of some states is in the picture."""
-    i, j = basin.grid.axes
-    x, y = states[:, i], states[:, j]
-    return bool(np.any((x >= basin.grid.x.low) & (x <= basin.grid.x.high) & (y >= basin.grid.y.low) & (y <= basin.grid.y.high)))
+def _inside(basin: Basin, states: np.ndarray) -> np.ndarray:
+    """Which of some states (p, 2n) are in the picture, (p,); those on its border are, within rounding."""
+    found = np.ones(len(states), dtype=bool)
+    for k, axis in zip(basin.grid.axes, (basin.grid.x, basin.grid.y), strict=True):
+        slack = _ROUNDING * (axis.high - axis.low)
+        found &= (states[:, k] >= axis.low - slack) & (states[:, k] <= axis.high + slack)
+    return found
 
 
 def _handle(look: dict[str, Any], label: str) -> Any:
