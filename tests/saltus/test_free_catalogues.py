@@ -93,6 +93,11 @@ def test_export(place, capsys, tmp_path):
     assert {branch["id"] for branch in json.loads(names["json"].read_text())["branches"]} == {BACKBONE, BROKEN}
     assert len(np.load(names["npz"])["sigma"]) == len(list(csv.DictReader(names["csv"].open()))) == count
     assert loadmat(names["mat"])["sigma"].size == count
+    rows = json.loads(run(capsys, "export", "points", BACKBONE, "--catalogue", place, "--json", "-")[1])["points"]
+    with Catalogue(place) as catalogue:
+        events = [(event.id, event.coefficient) for event in catalogue.branch(BACKBONE).events]
+    assert [(row["event"], row["coefficient"]) for row in rows if row["event"]] == events
+    assert any(coefficient is not None for _, coefficient in events)
     code, out, _ = run(capsys, "export", "graph", "--catalogue", place, "--json", "-")
     assert code == 0 and {node.get("ends") for node in json.loads(out)["nodes"]} == {"origin-stop+", "stop+-stop-"}
 

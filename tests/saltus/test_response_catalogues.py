@@ -150,6 +150,11 @@ def test_export_writes_points_graph_and_figure(folder, small, capsys, tmp_path):
     assert record["kind"] == "response" and {branch["id"] for branch in record["branches"]} >= {SINGLE, DOUBLED}
     count = sum(len(branch["points"]) for branch in record["branches"])
     assert len(np.load(names["npz"])["s"]) == count == len(list(csv.DictReader(names["csv"].open())))
+    code, out, _ = run(capsys, "export", "points", SINGLE, "--catalogue", small, "--columns", "event,coefficient", "--csv", "-")
+    with Catalogue(small) as catalogue:
+        events = catalogue.branch(SINGLE).events
+    rows = [line.split(",") for line in out.splitlines()[1:]]
+    assert code == 0 and [row for row in rows if row[0]] == [[event.id, repr(event.coefficient or "").strip("'")] for event in events]
     code, out, _ = run(capsys, "export", "points", SINGLE, "--catalogue", small, "--columns", "family,s,max.x", "--csv", "-")
     (points,) = (len(branch["points"]) for branch in record["branches"] if branch["id"] == SINGLE)
     assert code == 0 and out.splitlines()[0] == "family,s,max.x" and len(out.splitlines()) == 1 + points

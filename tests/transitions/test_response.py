@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -250,6 +251,21 @@ def test_every_column_can_be_drawn(one_impact):
         column = column_of(one_impact, name)
         assert column.shape[0] == len(one_impact) and column.shape[1] >= 1
     assert np.array_equal(table["max.u1"], column_of(one_impact, "max:u1")[:, 0])
+
+
+def test_the_table_has_the_events_and_the_file_has_them_once(one_impact):
+    """Oracle: the events of the branch, at their points and nowhere else."""
+    table = response_table([one_impact, one_impact])
+    for part in (slice(len(one_impact)), slice(len(one_impact), None)):
+        ids, coefficients = table["event"][part], table["coefficient"][part]
+        assert {i: id for i, id in enumerate(ids.tolist()) if id} == {event.point: event.id for event in one_impact.events}
+        known = {event.point: event.coefficient for event in one_impact.events if event.coefficient is not None}
+        assert known and {i: coefficients[i] for i in np.flatnonzero(np.isfinite(coefficients)).tolist()} == known
+    twice = dataclasses.replace(one_impact, events=(*one_impact.events, one_impact.events[0]._replace(id="X1", coefficient=7.0)))
+    first = one_impact.events[0]
+    assert response_table([twice])["event"][first.point] == f"{first.id} X1"
+    point = responses_record([one_impact])["branches"][0]["points"][first.point]
+    assert "event" not in point and "coefficient" not in point
 
 
 def test_curves_over_a_sweep_are_the_columns(one_impact, symmetric):

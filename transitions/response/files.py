@@ -69,7 +69,7 @@ def responses_record(branches: Sequence[ForcedBranch], harmonics: int | None = N
 
 def _branch_record(branch: ForcedBranch, harmonics: int | None) -> dict[str, Any]:
     problem = branch.problem
-    columns = plain_columns(response_table([branch], harmonics))
+    columns = plain_columns(response_table([branch], harmonics, events=False))
     del columns["branch"], columns["point"]
     columns |= {"unknowns": plain(branch.unknowns), "tangent": plain(branch.tangents)}
     points = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

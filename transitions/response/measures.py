@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from bvp.parameters import ParametricSystem
 
-__all__ = ["Measures", "column_names", "column_of", "measures_along", "response_table"]
+__all__ = ["Measures", "column_names", "column_of", "event_columns", "measures_along", "response_table"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,16 +195,37 @@ def column_of(branch: ForcedBranch, name: str) -> np.ndarray:
     return (measures.dissipated if kind == "dissipated" else measures.shares)[:, k : k + 1]
 
 
-def response_table(branches: Sequence[ForcedBranch], harmonics: int | None = None) -> Table:
-    """The points of some branches as one table; with their harmonics up to a number.
+def response_table(branches: Sequence[ForcedBranch], harmonics: int | None = None, *, events: bool = True) -> Table:
+    """The points of some branches as one table; with their harmonics up to a number. events: with the columns of the events.
 
     branch: its number, from 1; point; the parameters, by their names; period; arclength; stable; phase, speed: of each impact; max.NAME,
-    rms.NAME; harmonic.NAME.K; dissipated.PART, share.PART; work; test.NAME of `TESTS`; multipliers; residual. Of free orbits: see
-    `free_table`.
+    rms.NAME; harmonic.NAME.K; dissipated.PART, share.PART; work; test.NAME of `TESTS`; multipliers; residual; event, coefficient: see
+    `event_columns`. Of free orbits: see `free_table`, and the columns of events.
     """
     free = [branch for branch in branches if isinstance(branch, ReleasedBranch)]
-    if free:
-        return free_table(free, harmonics)
+    table = free_table(free, harmonics) if free else _table_of_responses(branches, harmonics)
+    more = event_columns(branches) if events else {}
+    return table | {name: column for name, column in more.items() if name not in table}  # a parameter can have such a name
+
+
+def event_columns(branches: Sequence[ForcedBranch]) -> Table:
+    """The events at the points of some branches.
+
+    event: the id of the event at a point, empty where there is none; several ids are separated by spaces. coefficient: of the normal form
+    there, NaN where none is known; of several the first.
+    """
+    names = [[""] * len(branch) for branch in branches]
+    coefficients = [np.full(len(branch), math.nan) for branch in branches]
+    for branch, ids, values in zip(branches, names, coefficients, strict=True):
+        for event in branch.events:
+            ids[event.point] = f"{ids[event.point]} {event.id}".strip()
+            if event.coefficient is not None and math.isnan(values[event.point]):
+                values[event.point] = event.coefficient
+    return {"event": np.array([id for ids in names for id in ids], dtype=str), "coefficient": np.concatenate(coefficients)}
+
+
+def _table_of_responses(branches: Sequence[ForcedBranch], harmonics: int | None) -> Table:
+    """The columns of points that are not free orbits."""
     first = branches[0]
     coordinates, parts = first.problem.system.coordinates, parts_of(first.problem.system)
     measures = [measures_along(branch) for branch in branches]
