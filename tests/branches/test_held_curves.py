@@ -125,3 +125,14 @@ def test_a_family_begins_at_a_point():
     assert end.values["F"] == pytest.approx(curve.parameters[index, 0], rel=1e-9)
     with pytest.raises(ValueError, match="on its other side; expected another direction than down"):
         starts_on_curve(curve, index, path, "down")
+
+
+def test_a_family_begins_at_a_point_beside_values_that_cannot_be(monkeypatch):
+    """The first distance leads to a negative frequency on one side, and far above the resonance on the other one. Oracle: without it."""
+    curve = pair_curve(0.5)
+    values = curve.plane.problem.parameters(curve.unknowns[60])
+    path = ParameterPath(curve.plane.problem.parametric, ["w"], values=values)
+    expected = starts_on_curve(curve, 60, path)
+    monkeypatch.setattr("transitions.response.curve_points._AWAY", (5.0, 1e-2, 1e-3))
+    found = starts_on_curve(curve, 60, path)
+    assert [start.orbit.tolist() for start in found] == [start.orbit.tolist() for start in expected]

@@ -84,7 +84,7 @@ def starts_on_curve(curve: BifurcationCurve, index: int, path: ParameterPath, di
 def _chosen(
     found: Sequence[tuple[ForcedProblem, np.ndarray]], y: np.ndarray, problem: ForcedProblem, direction: str
 ) -> list[ResponseStart]:
-    """The starts at orbits next to a grazing one, on the side that is asked for."""
+    """The starts at orbits next to a grazing one, y (u,), on the side that is asked for. found: these orbits, each with its problem."""
     if not found:
         raise ValueError("no orbit of a family is next to this grazing")
     place = 2 * problem.degrees_of_freedom + 1
@@ -99,14 +99,14 @@ def _opened(path: ParameterPath, problem: ForcedProblem, y: np.ndarray) -> Itera
     """The orbits on which a simulation settles next to one at which a stop sticks for the whole period."""
     values, n = problem.parameters(y), problem.degrees_of_freedom
     here, node = replace(path, values=values), problem.nodes(y)[0]
-    phase = math.remainder(2.0 * math.pi * float(node[2 * n]), 2.0 * math.pi) % (2.0 * math.pi)
+    phase = 2.0 * math.pi * (float(node[2 * n]) % 1.0)
     for sign in (1.0, -1.0):
         for part in _AWAY:
-            at = here.at(values[path.name] + sign * part * (abs(values[path.name]) or 1.0))
-            motion = settle(at.parametric.system(at.values), at.parametric.forces(at.values), node[:n], node[n : 2 * n], phase=phase)
             try:
+                at = here.at(values[path.name] + sign * part * (abs(values[path.name]) or 1.0))
+                motion = settle(at.parametric.system(at.values), at.parametric.forces(at.values), node[:n], node[n : 2 * n], phase=phase)
                 found = settled_orbit(at, motion)
-            except NoOrbit:
+            except (NoOrbit, ValueError):  # the system can have other values on one side only
                 continue
             yield found.problem, found.y
             break
