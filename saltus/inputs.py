@@ -1,4 +1,4 @@
-"""JSON files that a command is given: of which kind they are, and what they hold. A file is parsed once to tell its kind, and read once."""
+"""JSON files that a command is given: their kind and their contents. A file is parsed once to find its kind, and read once."""
 
 from __future__ import annotations
 

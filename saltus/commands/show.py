@@ -90,7 +90,7 @@ def _events(catalogue: Catalogue, id: str) -> tuple[BranchEvent, ...]:
 
 
 def _record(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, ...]) -> dict[str, Any]:
-    """All that there is to say, as plain data."""
+    """A family or linear mode with its events and neighbours, as plain data."""
     from saltus.scene.model import explain
 
     neighbours = [_neighbour(catalogue, edge, match.id) for edge in catalogue.edges(match.id)]
@@ -100,7 +100,7 @@ def _record(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, .
     family: dict[str, Any] = {"schema": SCHEMA, "family": family_record(row)}
     found = list(map(event_record, events))
     if catalogue.scene.parameters:
-        through = [{"curve": row.id, "edge": edge_record(edge)} for row, edge in catalogue.curve_edges(row.id)]
+        through = [{"curve": curve.id, "edge": edge_record(edge)} for curve, edge in catalogue.curve_edges(row.id)]
         return {**family, "path": catalogue.scene.parameters, "events": found, "neighbours": neighbours, "curves": through}
     return {**family, "model": explain(catalogue.system, row.id), "events": found, "neighbours": neighbours}
 

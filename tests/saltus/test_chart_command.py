@@ -128,7 +128,7 @@ def test_an_interrupt_writes_what_was_found(inside, monkeypatch):
         ("--in w,A --from quiet.json", ["has no event that can be continued", "EP"]),
         ("--scene absorber --in w,A --from response.json", ["another system than the scene absorber"]),
         ("--scene damped_impact_oscillator --set A=0.1 --in w,A --from response.json", ["another system", "there A is 0.12, not 0.1"]),
-        ("--in c,e --from response.json", ["each event of the response has another value of w", "expected w among the parameters"]),
+        ("--in c,e --from response.json", ["the events of the response have different values of w", "expected w among the parameters"]),
         ("--in A,w --from response.json --range 0.2:0.3,0.9:1.1", ["does not contain the start, which has A = 0.12"]),
         ("--in w,A --from response.json --grid 5", ["--grid", "NXxNY"]),
         ("--in w,A --from response.json --grid 0x5", ["--grid", "0x0 for no regions"]),

@@ -160,7 +160,7 @@ def _settle_pilots(search: BasinSearch) -> None:
 
 
 def _follow_round(search: BasinSearch, active: np.ndarray, length: int, phase: float, on_progress: Callable[[int], object] | None) -> None:
-    """Follow starts for so many periods, and assign those that are caught."""
+    """Follow starts for `length` periods from a phase, and assign those that are caught or unbounded. active: their numbers, (A,)."""
     known, owners = search.known.rows()
     for part, found in _in_blocks(search, active, _follow, length, known, phase, search.bound):
         search.states[part], search.sticking[part] = found.states, found.sticking
@@ -197,7 +197,7 @@ def _place_on_clouds(search: BasinSearch, active: np.ndarray) -> np.ndarray:
 
 
 def _left(search: BasinSearch, active: np.ndarray) -> np.ndarray:
-    """Those of the starts that are neither assigned nor given up."""
+    """The numbers (A,) of the starts that are neither assigned nor given up."""
     return active[(search.assigned[active] == UNDECIDED) & ~np.isin(active, list(search.reasons))]
 
 

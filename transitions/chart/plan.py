@@ -93,7 +93,7 @@ class ChartPlan:
         for branch in self.branches:
             if branch.name not in self.names:
                 one = branch.name
-                raise ValueError(f"each event of the response has another value of {one}; expected {one} among the parameters")
+                raise ValueError(f"the events of the response have different values of {one}; expected {one} among the parameters")
         for name, (low, high) in zip(self.names, self.window, strict=False):
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise ValueError(f"the range of {name} is two finite numbers, LO < HI; received {low:g} to {high:g}")
