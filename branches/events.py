@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from bvp.texts import brief
 
-__all__ = ["FREE_NORMAL_FORMS", "BranchEvent", "DigitWork", "Ended", "event_ids", "normal_form_text"]
+__all__ = ["FREE_NORMAL_FORMS", "BranchEvent", "DigitWork", "Ended", "event_ids", "ids_at_points", "normal_form_text"]
 
 FREE_NORMAL_FORMS = ("SN", "SB", "PD")
 """Bifurcations of free orbits whose normal form has a coefficient."""
@@ -22,6 +22,14 @@ def event_ids(types: Iterable[str]) -> list[str]:
         counts[type] += 1
         ids.append(f"{type}{'-' if type[-1].isdigit() else ''}{counts[type]}")
     return ids
+
+
+def ids_at_points(events: Iterable[tuple[int, str]], count: int) -> list[str]:
+    """The ids of the events at each of count points, separated by spaces. events: places and ids."""
+    found = [""] * count
+    for place, id in events:
+        found[place] = f"{found[place]} {id}".lstrip()
+    return found
 
 
 def normal_form_text(criticality: str | None, coefficient: float | None) -> str:

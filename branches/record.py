@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.events import ids_at_points
 from branches.files import is_special, write_text
 from branches.sequences import impacts_per_period
 from branches.tables import csv_cell, dataframe, plain, plain_columns
@@ -265,11 +266,9 @@ def orbit_to_csv(orbit: Orbit) -> str:
 def _rows(branch: Branch) -> list[dict[str, Any]]:
     """The points as flat rows, each with the ids of the events there."""
     record = to_record(branch)
-    rows = [_row(point) | {"event": ""} for point in record["points"]]
-    for event in record["events"]:
-        row = rows[event["point"]]
-        row["event"] = f"{row['event']} {event['id']}".lstrip()
-    return rows
+    points = record["points"]
+    ids = ids_at_points(((event["point"], event["id"]) for event in record["events"]), len(points))
+    return [_row(point) | {"event": names} for point, names in zip(points, ids, strict=True)]
 
 
 def _row(point: Mapping[str, Any]) -> dict[str, Any]:

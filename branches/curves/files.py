@@ -16,6 +16,7 @@ from branches.curves.held import surface_of
 from branches.curves.identity import curve_id
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import WORDS, BifurcationCurve, CurveEvent
+from branches.events import ids_at_points
 from branches.files import write_text
 from branches.forced import record
 from branches.reading import RecordError, load_json
@@ -114,20 +115,15 @@ def curves_table(curves: Sequence[BifurcationCurve]) -> Table:
         **{name: np.concatenate(columns) for name, columns in values.items()},
         "coefficient": np.concatenate([curve.coefficient for curve in curves]),
         "cosine": np.concatenate([curve.cosine for curve in curves]),
-        "event": np.concatenate([_event_names(curve) for curve in curves]),
+        "event": np.array(
+            [ids for curve in curves for ids in ids_at_points(((event.point, event.id) for event in curve.events), len(curve))], dtype=str
+        ),
         "residual": np.concatenate([curve.residual for curve in curves]),
         "multipliers": np.concatenate(
             [np.pad(curve.multipliers, ((0, 0), (0, most - curve.multipliers.shape[1])), constant_values=np.nan) for curve in curves]
         ),
     }
     return table
-
-
-def _event_names(curve: BifurcationCurve) -> np.ndarray:
-    names = np.full(len(curve), "", dtype="<U24")
-    for event in curve.events:
-        names[event.point] = event.id
-    return names
 
 
 def read_curves(path: str | os.PathLike[str]) -> list[BifurcationCurve]:

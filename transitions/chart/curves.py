@@ -131,7 +131,11 @@ class CurveSearch:
 
     def _follow(self, start: CurveStart) -> int | None:
         """The number of the curve of a start, which is followed if it is new."""
-        first = start.curve(self.plan.window).begin(start.y)
+        try:
+            first = start.curve(self.plan.window).begin(start.y)
+        except (ValueError, RuntimeError, np.linalg.LinAlgError) as error:
+            self._fail(start.origin, error)
+            return None
         known = self.known.number_at(start, first.y if first.converged else start.y)
         if known is not None:
             self._count(starts=1, known=1)

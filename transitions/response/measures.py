@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from branches.events import ids_at_points
 from branches.forced.branch import ForcedBranch
 from branches.forced.family import ForcedFamily
 from branches.harmonics import harmonic_columns
@@ -214,11 +215,10 @@ def event_columns(branches: Sequence[ForcedBranch]) -> Table:
     event: the id of the event at a point, empty where there is none; several ids are separated by spaces. coefficient: of the normal form
     there, NaN where none is known; of several the first.
     """
-    names = [[""] * len(branch) for branch in branches]
+    names = [ids_at_points(((event.point, event.id) for event in branch.events), len(branch)) for branch in branches]
     coefficients = [np.full(len(branch), math.nan) for branch in branches]
-    for branch, ids, values in zip(branches, names, coefficients, strict=True):
+    for branch, values in zip(branches, coefficients, strict=True):
         for event in branch.events:
-            ids[event.point] = f"{ids[event.point]} {event.id}".strip()
             if event.coefficient is not None and math.isnan(values[event.point]):
                 values[event.point] = event.coefficient
     return {"event": np.array([id for ids in names for id in ids], dtype=str), "coefficient": np.concatenate(coefficients)}
