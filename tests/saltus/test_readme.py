@@ -1,5 +1,6 @@
 """The README and the pages of docs/: every command and snippet runs as it is printed, and every link leads somewhere."""
 
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -58,8 +59,44 @@ def run_command(line, folder, capsys):
             assert (folder / value).stat().st_size > 0, line
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)], ids=lambda page: str(page.relative_to(ROOT)))
+LONG = [
+    ROOT / "docs" / name
+    for name in (
+        "how-to/curves.md",
+        "how-to/damped.md",
+        "how-to/families.md",
+        "how-to/figures.md",
+        "how-to/forced.md",
+        "how-to/sections.md",
+        "how-to/smooth.md",
+        "how-to/studies.md",
+        "limit.md",
+    )
+]
+"""Pages whose commands take long. They run in tests/full; here their command lines are read."""
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if blocks(page) and page not in LONG], ids=lambda page: str(page.relative_to(ROOT))
+)
 def test_a_page_runs(page, tmp_path, monkeypatch, capsys):
+    """Oracle: see `require_page`."""
+    require_page(page, tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("page", LONG, ids=lambda page: str(page.relative_to(ROOT)))
+def test_the_commands_of_a_long_page_have_valid_options(page, monkeypatch):
+    """Oracle: exit codes. Each command line is read, and nothing is computed."""
+    lines = [line for line in commands(page) if line not in SETUP]
+    assert lines
+    for line in lines:
+        words = shlex.split(line)[1:]
+        command = importlib.import_module("saltus.commands." + words[0].replace("continue", "continue_"))
+        monkeypatch.setattr(command, "run", lambda arguments: 0)
+        assert main(words) == 0, line
+
+
+def require_page(page, tmp_path, monkeypatch, capsys):
     """Oracle: exit codes, files, and no error. The blocks of a page build on each other, as a reader types them."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
@@ -129,7 +166,7 @@ def test_the_index_has_every_page():
 
 
 def test_every_block_is_one_that_the_tests_run():
-    """Oracle: the languages that `test_a_page_runs` knows. A TOML file with a name is used by a command of its page."""
+    """Oracle: the languages that `require_page` knows. A TOML file with a name is used by a command of its page."""
     for page in PAGES:
         assert text_of(page).count("```") == 2 * len(blocks(page))
         assert {language for language, _ in blocks(page)} <= {"sh", "python", "toml"}
