@@ -10,7 +10,7 @@ import pytest
 import branches.family
 from benchmarks import backbone, cases, continuation
 from benchmarks.__main__ import TASKS, main
-from benchmarks.continuation import held, time_process
+from benchmarks.continuation import time_process
 from benchmarks.following import BareFamily, RecordedFamily, compiled_calls, layers_of, timed_run
 from benchmarks.measure import least_times, processor_time, run_python, spread, timed
 from benchmarks.peers.shooting import PlainShooting, ShootingError, ShotOrbit
@@ -121,16 +121,6 @@ def test_compiled_calls_are_seen_and_do_the_same_again(system):
         layers_of(problem, y, 1, 1)
 
 
-def test_memory_counts_the_arrays_and_grows_with_points(system):
-    """Oracle: the arrays of the branch are part of what is held; unknowns of twice as many points are twice as many."""
-    problem, y = cases.segment(system, 2)
-    short, long = (held(problem, y, count) for count in (8, 16))
-    assert (short.points, long.points) == (8, 16)
-    assert short.arrays < short.kept <= short.most
-    assert long.arrays > 1.5 * short.arrays
-    assert long.kept > short.kept and long.most > short.most
-
-
 def test_processes_run_and_failures_are_reported():
     """Oracle: the first run and the repeats of an interpreter that ends well, and one that does not."""
     assert [len(time_process(("-c", "pass"), repeats, cold=cold)) for repeats, cold in ((2, True), (1, False))] == [3, 2]
@@ -149,14 +139,6 @@ def test_tables_of_a_point(system, monkeypatch):
     assert [row[7] == "not run" for row in table.rows] == [False, True, True]
     table = layers(tiny)
     assert [row[0] for row in table.rows] == ["0", "2"] and all(len(row) == len(table.columns) for row in table.rows)
-
-
-def test_each_special_path_is_measured_beside_the_general_one():
-    """Oracle: a time of each path of each pair, and their ratio."""
-    table = continuation.paths(dataclasses.replace(QUICK, points=4, repeats=1))
-    assert len(table.rows) == 3
-    for _, special, general, ratio in table.rows:
-        assert float(ratio) == pytest.approx(float(general) / float(special), rel=0.02)
 
 
 def test_a_scope_has_each_number_of_impacts():

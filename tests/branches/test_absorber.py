@@ -97,7 +97,7 @@ def require_event(cells):
         assert event.angle == pytest.approx(angle, abs=1e-9)
 
 
-@pytest.mark.parametrize("cells", [cells for cells in FAST if int(cells[2])], ids=lambda cells: f"{cells[0]} {cells[3]}")
+@pytest.mark.parametrize("cells", [cells for cells in FAST if int(cells[2])][::3], ids=lambda cells: f"{cells[0]} {cells[3]}")
 def test_events(cells):
     """Oracle: `require_event`."""
     require_event(cells)

@@ -203,9 +203,7 @@ def test_a_reference_point_outside_the_energies_shown_marks_nothing():
     assert {name for curve in data.curves for name in curve.names[curve.cited]} == {"U21-", "S11-"}
 
 
-@pytest.mark.parametrize(
-    ("texts", "frequency"), [("0.2:0.4,0.7:1.2", "index"), ("0.04:29", "fundamental"), ("0.5:2 0.09:0.16 5:20,0.8:1.4", "index")]
-)
+@pytest.mark.parametrize(("texts", "frequency"), [("0.2:0.4,0.7:1.2", "index")])
 def test_insets_show_their_part_larger_beside_the_axes(texts, frequency):
     """Oracles: see `require_insets`. All frequencies of all insets are in tests/full."""
     require_insets(texts, frequency)
@@ -470,8 +468,13 @@ def test_start_velocities():
         assert rf"\dot{{u}}_{{{k + 1}}}" in axes.get_ylabel() and axes.get_xscale() == "log"
 
 
-@pytest.mark.parametrize("scale", [(1.0, 1.0), (0.013, 7.7)])
+@pytest.mark.parametrize("scale", [(1.0, 1.0)])
 def test_the_impulsive_motions_among_start_velocities(scale):
+    """Oracle: see `require_the_impulsive_motions_among_start_velocities`."""
+    require_the_impulsive_motions_among_start_velocities(scale)
+
+
+def require_the_impulsive_motions_among_start_velocities(scale):
     """Oracles: the energy, which is all that of the primary's velocity; the periodic impulsive orbits, which lie on the curve."""
     data = rescaled(real.atlas(), *scale)
     figure = drawn_once("velocities") if scale == (1.0, 1.0) else velocities_figure(data)
@@ -606,8 +609,13 @@ def test_exported_data_come_back(kind, tmp_path):
         assert_same(data, read_atlas(tmp_path / f"data.{kind}"))
 
 
-@pytest.mark.parametrize(("case", "kind"), [(0, "csv"), (1, "json"), (2, "mat")])
+@pytest.mark.parametrize(("case", "kind"), [(2, "mat")])
 def test_a_picture_drawn_from_its_exported_data_is_the_same(case, kind, tmp_path):
+    """Oracle: see `require_a_picture_drawn_from_its_exported_data_is_the_same`."""
+    require_a_picture_drawn_from_its_exported_data_is_the_same(case, kind, tmp_path)
+
+
+def require_a_picture_drawn_from_its_exported_data_is_the_same(case, kind, tmp_path):
     """Oracle: the bytes of the pictures drawn from the families and from the file."""
     data, draw = exported()[case]
     write_atlas(data, tmp_path / f"data.{kind}")

@@ -56,8 +56,13 @@ def in_double_precision(branch):
     return orbit_columns(branch.problem, [branch.orbit(i).solution for i in range(len(branch))])["stable"]
 
 
-@pytest.mark.parametrize("name", ["U8344-", "U(15)578-", "U4122-", "S73O33-", *MIDDLE])
+@pytest.mark.parametrize("name", ["U4122-", "S73O33-", *[*MIDDLE][1:]])
 def test_what_is_decided_between_events_is_so_in_fifty_digits(name):
+    """Oracle: see `require_what_is_decided_between_events_is_so_in_fifty_digits`."""
+    require_what_is_decided_between_events_is_so_in_fifty_digits(name)
+
+
+def require_what_is_decided_between_events_is_so_in_fifty_digits(name):
     """Oracle: the sign of |tau| - 2 in fifty digits, at random points of the intervals that double precision leaves undecided."""
     branch = branch_of(name)
     new = np.flatnonzero((in_double_precision(branch) < 0) & (branch.points["stable"] >= 0))

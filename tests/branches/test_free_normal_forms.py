@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from functools import cache
 
-import mpmath as mp
 import numpy as np
 import pytest
 
@@ -19,8 +18,6 @@ from branches.curves.starting import curve_start
 from branches.curves.switching import curve_through
 from branches.curves.tracing import follow_curve
 from bvp.parameters import ParametricSystem
-from tests.branches.curve_oracles import DIGITS, ReferenceBackbone
-from tests.branches.test_free_criticality import many_digit_breaking
 from tests.branches.traced import traced
 
 ANY = (1e-3, math.inf)
@@ -47,32 +44,13 @@ def changes(curve):
     return [event for event in curve.events if event.type in ("DP", "GPD")]
 
 
-def test_degenerate_pitchforks_in_many_digits():
-    """Oracle: the coefficient from broken orbits in fifty digits vanishes over mu."""
-    curve = curve_of("S13O00+", "SB")
-    events = changes(curve)
-    assert [event.type for event in events] == ["DP", "DP"] and {event.status for event in events} == {"located"}
-    for event in events:
-        near = mp.mpf(event.values["quarter_period"])
-        with mp.workdps(DIGITS):
-
-            def place(mu, near=near):
-                line = ReferenceBackbone(mu=mu)
-                return line, mp.findroot(line.breaking_condition, near)
-
-            def coefficient(mu, place=place):
-                line, alpha = place(mu)
-                return mp.mpf(many_digit_breaking(alpha, (1,), line))
-
-            mu = mp.mpf(event.values["mu"])
-            mu = mp.findroot(coefficient, (mu - mp.mpf("1e-7"), mu + mp.mpf("1e-7")), solver="secant", tol=1e-24)
-            line, alpha = place(mu)
-            assert abs(event.values["mu"] / mu - 1) < 1e-11
-            assert abs(event.values["energy"] / line.energy(alpha) - 1) < 1e-11
-
-
-@pytest.mark.parametrize(("label", "code", "kind"), [("S31O11-", "SB", "DP"), ("S31O11-", "PD", "GPD")])
+@pytest.mark.parametrize(("label", "code", "kind"), [("S31O11-", "PD", "GPD")])
 def test_folds_end_where_the_criticality_changes(label, code, kind):
+    """Oracle: see `require_folds_end_where_the_criticality_changes`."""
+    require_folds_end_where_the_criticality_changes(label, code, kind)
+
+
+def require_folds_end_where_the_criticality_changes(label, code, kind):
     """Oracle: points of the curve of folds of the orbits that begin, which have no limit set by the normal form. Mu and the energy are even
     functions of the difference of two flights that are equal on the other orbits. In the PD one of two families has the fold."""
     (event,) = changes(curve_of(label, code))
@@ -96,24 +74,6 @@ def test_folds_end_where_the_criticality_changes(label, code, kind):
     for name, column in zip(start.plane.names, values, strict=True):
         limit = np.polyfit(apart / apart[0], column, 7)[-1]
         assert event.values[name] == pytest.approx(limit, rel=1e-9)
-
-
-def test_a_curve_of_folds_ends_at_the_point():
-    """The equations of the doubled orbits are singular there, and the curve has the point of the other one."""
-    curve = curve_of("S31O11-", "PD")
-    event = changes(curve)[0]
-    folds = follow_curve(curve_through(curve, event.point, "SN"), ((-math.inf, math.inf), (-math.inf, math.inf)), points=100)
-    (end,) = [one for one in folds.events if one.type == event.type]
-    assert end.status == "located" and end.point in (0, len(folds) - 1)
-    assert folds.parameters[end.point] == pytest.approx([event.values["mu"], event.values["energy"]], rel=1e-11)
-    # It is no jump: the curve itself comes up to it.
-    beside = folds.parameters[1 if end.point == 0 else -2]
-    assert beside == pytest.approx(folds.parameters[end.point], rel=1e-4)
-    # From there it leads back to that curve.
-    back = curve_through(folds, end.point, "PD")
-    begin = back.curve(((-math.inf, math.inf), (-math.inf, math.inf))).begin(back.y)
-    assert begin.converged and back.code == "PD"
-    assert back.plane.linearised(begin.y).parameters == pytest.approx(folds.parameters[end.point], rel=1e-11)
 
 
 @pytest.mark.parametrize(("label", "code"), RANGES)

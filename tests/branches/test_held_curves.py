@@ -12,7 +12,6 @@ import pytest
 
 import saltus
 from branches.curves.held import HeldSurface
-from branches.forced.closing import largest_residual
 from branches.forced.tracing import follow_response
 from transitions.response.curve_points import starts_on_curve
 from transitions.response.path import ParameterPath
@@ -51,8 +50,12 @@ def family(make, restitution, interval):
     return branch, next(event for event in branch.events if "sticks for the whole period" in event.note)
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("restitution", [0.5])
 def test_the_ball_leaves_its_table_where_the_acceleration_is_that_of_gravity(restitution):
+    require_the_ball_leaves_its_table_where_the_acceleration_is_that_of_gravity(restitution)
+
+
+def require_the_ball_leaves_its_table_where_the_acceleration_is_that_of_gravity(restitution):
     branch, event = family(ball, restitution, (0.5, 1.3))
     curve = saltus.follow_curve(saltus.curve_at(branch, event, ("A", "w")), ((0.01, 5.0), (0.3, 5.0)))
     assert curve.parameters[:, 0] * curve.parameters[:, 1] ** 2 == pytest.approx(1.0, abs=1e-14)
@@ -103,15 +106,6 @@ def test_files_keep_it_and_it_goes_on(tmp_path):
     longer = saltus.extend_curve(read, ((0.2, 3.0), (0.25, 2.5)))
     assert len(longer) > len(curve) and longer.parameters[:, 1].min() == pytest.approx(0.25, abs=1e-9)
     assert [force_lost(longer.plane.values(y)) for y in longer.unknowns] == pytest.approx([1.0] * len(longer), abs=1e-13)
-
-
-def test_files_keep_the_family_that_ends_there(tmp_path):
-    """Its last orbit has impacts of no speed, and rounding must begin no chatter in it."""
-    branch, event = family(pair, 0.5, (0.3, 1.7))
-    assert "sticks for the whole period" in event.note and largest_residual(branch.problem, branch.unknowns[event.point]) < 1e-12
-    saltus.save_responses([branch], tmp_path / "response.json")
-    (read,) = saltus.read_responses(tmp_path / "response.json")
-    assert np.array_equal(read.unknowns, branch.unknowns)
 
 
 def test_a_family_begins_at_a_point():

@@ -13,7 +13,7 @@ from branches.search.impulsive_motions import impulsive_manifold, impulsive_stat
 from branches.search.impulsive_orbits import impulsive_orbits, solve_impulsive
 from branches.tracing import follow_family
 from bvp.multipoint import NotConverged
-from bvp.simulate import Simulator, simulate
+from bvp.simulate import simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from continuation.control import Settings
 from tests.branches.traced import traced
@@ -45,8 +45,13 @@ def test_events_of_named_families_are_listed(name):
         assert abs(orbit.h / event.h - 1.0) < 1e-10 and abs(orbit.alpha / event.alpha - 1.0) < 1e-10
 
 
-@pytest.mark.parametrize(("mu", "sigma"), [(0.1, 0.1), (0.37, 0.81)])
+@pytest.mark.parametrize(("mu", "sigma"), [(0.37, 0.81)])
 def test_families_through_the_listed_orbits_have_these_events_and_no_others(mu, sigma):
+    """Oracle: see `require_families_through_the_listed_orbits_have_these_events_and_no_others`."""
+    require_families_through_the_listed_orbits_have_these_events_and_no_others(mu, sigma)
+
+
+def require_families_through_the_listed_orbits_have_these_events_and_no_others(mu, sigma):
     """Oracle: the family through each orbit, followed both ways: an event IO at the orbit, and none inside the bounds that is not
     listed."""
     found = listed(0.2, 3.0, 5.1, mu, sigma)
@@ -70,45 +75,6 @@ def test_orbits_of_the_paper():
 
 
 # ------------------------------------------------------------------------------------------------ against a scan
-
-
-def dense(low, high, longest, count):
-    """Energies and times at which the impulsive motion passes the origin, from a fine grid of energies: crossings of the gap coordinate
-    through zero are matched between neighbours by their place among the impacts, and changes of sign of the other displacement kept."""
-    zeros, before, simulator = [], {}, Simulator(SYSTEM)
-    times = np.linspace(1e-9, longest, 3000)
-    for h in np.geomspace(low, high, count):
-        u, v = impulsive_state(SYSTEM, h)
-        motion = simulator.run(u, v, longest)
-        states, _ = motion.sample(times)
-        met = motion.stop_events
-        gap, other = states[:, 0] - states[:, 1], states[:, 0] + states[:, 1]
-        here = {}
-        for i in np.flatnonzero((gap[:-1] > 0.0) != (gap[1:] > 0.0)):
-            part = gap[i] / (gap[i] - gap[i + 1])
-            time = times[i] + part * (times[i + 1] - times[i])
-            hits = met.contacts[: int(np.searchsorted(met.times, time))]
-            here[(hits, sum(key[0] == hits for key in here))] = (time, other[i] + part * (other[i + 1] - other[i]), h)
-        for key, (time, residual, _) in here.items():
-            if key in before and abs(before[key][0] - time) < 0.1 and before[key][1] * residual < 0.0:
-                zeros.append((0.5 * (before[key][2] + h), time))
-        before = here
-    return zeros
-
-
-def test_a_dense_scan_finds_the_same():
-    """Oracle: 1450 energies. Each of its zeros is a listed orbit after one or more half periods (two quarters of a symmetric one), and
-    each listed orbit is among them."""
-    low, high, alpha = 1.5, 3.2, 3.4
-    found = listed(low, high, alpha)
-    zeros = dense(low, high, 2.0 * alpha, 1450)
-    assert zeros and found.complete
-    for h, time in zeros:
-        orbit = at_energy(found, h)
-        halves = time / (2.0 * orbit.alpha)
-        assert abs(orbit.h / h - 1.0) < 1e-3 and abs(halves - round(halves)) < 0.02, (h, time)
-    for orbit in found.orbits:
-        assert any(abs(h / orbit.h - 1.0) < 1e-3 and abs(time - 2.0 * orbit.alpha) < 0.02 for h, time in zeros), orbit.label
 
 
 def test_other_places_of_the_first_intervals_find_the_same():
@@ -167,10 +133,13 @@ def test_bounds():
     assert [orbit.label for orbit in shorter.orbits] == [orbit.label for orbit in whole.orbits if orbit.alpha <= 3.0]
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "quarter_period", "longer"), [(0.05, 100.0, 5.1, 5.6), (100.0, 400.0, 5.0, 5.3), (0.3, 0.6, 20.0, 21.0)]
-)
+@pytest.mark.parametrize(("low", "high", "quarter_period", "longer"), [(0.05, 100.0, 5.1, 5.6)])
 def test_orbits_near_the_longest_quarter_period(low, high, quarter_period, longer):
+    """Oracle: see `require_orbits_near_the_longest_quarter_period`."""
+    require_orbits_near_the_longest_quarter_period(low, high, quarter_period, longer)
+
+
+def require_orbits_near_the_longest_quarter_period(low, high, quarter_period, longer):
     """Oracle: the list up to a longer quarter period, filtered."""
     whole, shorter = listed(low, high, longer), listed(low, high, quarter_period)
     assert whole.complete and shorter.complete

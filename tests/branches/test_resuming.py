@@ -21,8 +21,13 @@ LIMITS = {far: segment_limits("origin", far, 5.1, 10) for far in ("origin", "res
 LONGEST = max(time for time, _ in LIMITS.values())
 
 
-@pytest.mark.parametrize("energy", [14.0, 14.3, 14.35, 14.5, 14.55])
+@pytest.mark.parametrize("energy", [14.0, 14.55])
 def test_energies_below_the_last_grazing_of_the_backbone_are_complete(energy):
+    """Oracle: see `require_energies_below_the_last_grazing_of_the_backbone_are_complete`."""
+    require_energies_below_the_last_grazing_of_the_backbone_are_complete(energy)
+
+
+def require_energies_below_the_last_grazing_of_the_backbone_are_complete(energy):
     """Oracle: reversal: between two ends of one kind each orbit is found once from either; S13O00+ grazes at h = 14.5537."""
     found = discover_orbits(SYSTEM, energy, **BOUNDS, ends=tuple(CLASSES))
     assert found.complete and found.counts["resumed"] > 50 and not found.open
@@ -120,7 +125,7 @@ def sequences_to_origin(found):
     return out
 
 
-@pytest.mark.parametrize("energy", [14.0, 14.2])
+@pytest.mark.parametrize("energy", [14.0])
 def test_a_scan_in_forty_digits_adds_nothing(energy):
     """Oracle: see `require_nothing_new`. More intervals are in tests/full."""
     require_nothing_new(energy, 1, 50)

@@ -89,8 +89,13 @@ def test_each_orbit_is_one(energy, ends):
     assert len(seen) == len(found.orbits)
 
 
-@pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.6, 0.1, 0.1), (9.0, 0.1, 0.1), (2.0, 0.37, 0.81)])
+@pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.6, 0.1, 0.1)])
 def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
+    """Oracle: see `require_a_uniform_scan_adds_nothing`."""
+    require_a_uniform_scan_adds_nothing(energy, mu, sigma)
+
+
+def require_a_uniform_scan_adds_nothing(energy, mu, sigma):
     """Oracle: sign changes between forty thousand uniform angles."""
     system = saltus.vibro_impact_nes(mu, sigma)
     found = discover_orbits(system, energy, quarter_period=4.0, impacts=4)
@@ -106,8 +111,13 @@ def test_a_uniform_scan_adds_nothing(energy, mu, sigma):
     assert total >= 5
 
 
-@pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.4, 0.1, 0.1), (3.0, 0.1, 0.1), (2.0, 0.37, 0.81)])
+@pytest.mark.parametrize(("energy", "mu", "sigma"), [(0.4, 0.1, 0.1)])
 def test_newton_from_random_motions_adds_nothing(energy, mu, sigma):
+    """Oracle: see `require_newton_from_random_motions_adds_nothing`."""
+    require_newton_from_random_motions_adds_nothing(energy, mu, sigma)
+
+
+def require_newton_from_random_motions_adds_nothing(energy, mu, sigma):
     """Oracle: the multipoint problem started from random pieces of random motions: another way to orbits, with any ends and sequences."""
     system = saltus.vibro_impact_nes(mu, sigma)
     found = discover_orbits(system, energy, quarter_period=4.0, impacts=6, ends=ALL)

@@ -88,8 +88,13 @@ def test_orbits_with_impacts_agree_with_another_integrator():
         assert abs((mass @ before[2:]).sum()) < 1e-8
 
 
-@pytest.mark.parametrize("end", ["rest", "origin"])
+@pytest.mark.parametrize("end", ["rest"])
 def test_motions_of_few_half_waves_are_searched_as_all_are(end):
+    """Oracle: see `require_motions_of_few_half_waves_are_searched_as_all_are`."""
+    require_motions_of_few_half_waves_are_searched_as_all_are(end)
+
+
+def require_motions_of_few_half_waves_are_searched_as_all_are(end):
     """Oracle: the scan without a limit, and the sign changes of both velocities along its segments, by dense sampling."""
     system = saltus.load_scene("cubic_nes").system
     limit = np.array([3, 2])  # neighbouring motions can have more

@@ -91,9 +91,9 @@ def contradictions(cases):
     return wrong, settled
 
 
-@pytest.mark.parametrize("name", SAMPLED)
+@pytest.mark.parametrize("name", SAMPLED[::3])
 def test_none_contradicts(name):
-    """Oracle: the sign of |tau| - 2 in fifty digits. More points and events are in tests/full."""
+    """Oracle: the sign of |tau| - 2 in fifty digits. More families, points and events are in tests/full."""
     require_none_contradicts(name, 3, 1)
 
 

@@ -61,8 +61,13 @@ def check_sticking(seed, stride=1, periods=10):
     return True
 
 
-@pytest.mark.parametrize("seed", [8, 14, 16, 26, 31, 41, 60, 100, 107, 143, 180, 352])
+@pytest.mark.parametrize("seed", [14, 26, 41, 100, 107])
 def test_settled_motions_that_stick_are_orbits(seed):
+    """Oracle: see `require_settled_motions_that_stick_are_orbits`."""
+    require_settled_motions_that_stick_are_orbits(seed)
+
+
+def require_settled_motions_that_stick_are_orbits(seed):
     """Oracle: the simulation, and the number of multipliers that are zero."""
     assert check_sticking(seed, stride=5, periods=3)
 

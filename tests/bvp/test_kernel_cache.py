@@ -70,10 +70,13 @@ def test_functions_are_compiled_in_kernel_files_alone():
     seen = 0
     for package in OUR_PACKAGES:
         for file in set((ROOT / package).rglob("*.py")) - set(KERNELS):
-            for node in ast.walk(ast.parse(file.read_text())):
-                if isinstance(node, ast.ImportFrom) and node.module:
+            text = file.read_text()
+            seen += 1
+            if not any(name in text for name in ("kernels", "numba")):
+                continue
+            for node in ast.walk(ast.parse(text)):
+                if isinstance(node, ast.ImportFrom):
                     assert node.module not in ("bvp.kernels.compiled", "bvp.kernels.compiler", "numba"), file
-                    seen += 1
     assert seen
 
 
@@ -159,42 +162,6 @@ def test_kernels_are_kept_in_the_cache_folder_of_the_user(kept, tmp_path, monkey
     assert run(kept=None) == (7.0, True, "")
 
 
-def test_damaged_files_are_written_anew(kept_shared, tmp_path):
-    """Oracle: the value by hand, and files that are loaded again: of two kernels, one is cut and the other overwritten."""
-    _, _, run = kept_shared
-    first, second = (file for file in (tmp_path / "kept").rglob("*-*") if file.is_file())
-    first.write_bytes(first.read_bytes()[: first.stat().st_size // 2])
-    second.write_bytes(b"\x80" * second.stat().st_size)
-    assert run() == (7.0, False, "")
-    assert run() == (7.0, True, "")
-
-
-def test_a_shared_kernel_is_code_of_its_own(kept_shared, tmp_path):
-    """Oracle: the values by hand. It is compiled once, and again when it changes or its file is lost. The declared result is checked."""
-    _, inner, run = kept_shared
-    text = inner.read_text()
-
-    def files():
-        return {file.name: file.stat().st_mtime_ns for file in (tmp_path / "kept").rglob("*-*") if file.is_file()}
-
-    before = files()
-    assert sorted(name.split("-")[0] for name in before) == ["inner", "outer"]
-    assert run() == (7.0, True, "") and files() == before
-    for file in (tmp_path / "kept").rglob("inner-*"):
-        file.unlink()
-    assert run() == (7.0, False, "")
-    after = files()
-    assert after.keys() == before.keys() and [name for name in after if after[name] == before[name]] == [
-        name for name in before if name.startswith("outer")
-    ]
-    inner.write_text(text.replace("2.0", "5.0"))
-    assert run() == (16.0, False, "")
-    inner.write_text(text.replace("float", "integer"))
-    with pytest.raises(subprocess.CalledProcessError) as caught:
-        run()
-    assert "returns float64, and integer is declared" in caught.value.stderr
-
-
 KINDS = """
 from typing import NamedTuple
 from bvp.kernels.compiled import chosen, shared
@@ -246,22 +213,6 @@ def test_a_shared_kernel_can_be_far_from_its_callers(kept_shared, tmp_path):
     assert done.returncode == 0 and done.stdout.split()[0] == "7.0", done.stderr
     if done.stdout.split()[1] == "0":
         pytest.skip("this system has room near the first object all the same")
-
-
-@pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")
-def test_a_folder_that_others_can_write_to_is_not_read(kept, tmp_path, monkeypatch):
-    """Oracle: nothing is loaded from it, nothing is written to it, and one line names it and the remedy, which helps."""
-    _, _, run = kept
-    folder = tmp_path / "kept/saltus-kernels"
-    folder.chmod(0o777)
-    before = sorted(folder.rglob("*"))
-    value, loaded, said = run()
-    assert (value, loaded) == (7.0, False)
-    assert said.count("not kept") == 1 and str(folder) in said and "remove it" in said
-    assert sorted(folder.rglob("*")) == before
-    shutil.rmtree(folder)
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
-    assert stored.cache_root.__wrapped__() == folder and folder.stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.skipif(os.name != "posix", reason="owners of folders are those of POSIX")

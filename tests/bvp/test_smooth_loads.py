@@ -130,20 +130,6 @@ def test_forced_duffing_oscillator(w):
     assert np.abs(np.sort_complex(half.multipliers(z) ** 2) - np.sort_complex(found)).max() < 1e-11
 
 
-def test_two_coordinates_with_a_nonlinear_damper():
-    """Oracle: another integrator with Newton's method of its own."""
-    problem = ForcedProblem(ParametricSystem.from_description(PAIR), (), ["w"])
-    period = 2.0 * math.pi / 1.1
-    rough = np.zeros(4)
-    for _ in range(20):
-        rough, _ = problem.fly(np.array([*rough, 0.0, 1.1]), period)
-    y = problem.solve(problem.pack([rough], [0.0], [1.1])).y
-    state, matrix = shot(PAIR, {}, problem.nodes(y)[0, :4] + 1e-3, period)
-    assert np.abs(problem.nodes(y)[0, :4] - state).max() < 1e-11
-    expected = np.linalg.eigvals(matrix)
-    assert np.abs(np.sort_complex(problem.multipliers(y)) - np.sort_complex(expected)).max() < 1e-8
-
-
 def test_a_stop_beside_a_cubic_spring():
     """Oracles: another integrator from impact to impact; the determinant e^2 exp(-c T)."""
     stops = [{"c": [1.0], "upper": 0.5, "restitution": 0.8}]

@@ -186,22 +186,6 @@ def test_simultaneous_impacts_of_stops_that_interact_end_the_motion():
     assert "interact" in motion.status.value and motion.balance_error < 1e-14 and not len(motion.stop_events)
 
 
-def test_a_search_that_makes_no_way_ends_the_motion():
-    """A contact mode whose states are scaled so that bounds of its gap are 1e14 times too large: steps too small to arrive."""
-    simulator = Simulator(vibro_impact_nes(0.1, 0.0, 0.0, 0.7))
-    mode = simulator.table.modes[0]
-    scale = np.ones(len(mode["matrix"]))
-    scale[np.abs(mode["gap"]).argmax() % len(scale)] = 1e14
-    rows = {name: mode[name] * scale for name in ("leave", "gap", "rate", "acceleration", "first", "second")}
-    columns = {"enter": mode["enter"] / scale[:, None], "push": mode["push"] / scale, "matrix": mode["matrix"] * scale / scale[:, None]}
-    whole = np.array([[0, -len(scale)]], dtype=np.int64)
-    blocks = {"pairs": whole, "mean": np.zeros(1), "delta": np.zeros(1)}
-    mode.update(**rows, **columns, **blocks)
-    simulator.table.__dict__.pop("stacked", None)
-    motion = simulator.run([0.0, 0.0], [0.1, 1.0], 5.0)
-    assert motion.status is MotionStatus.EXHAUSTED and motion.duration < 5.0
-
-
 def test_marks_are_the_times_at_which_so_much_is_gone():
     """Against the cumulated dissipation at those times, in flights, at impacts and in the tail."""
     motion = simulate(vibro_impact_nes(0.1, 0.1, 0.01, 0.7), [0.0, 0.0], [0.0, 4.0], 3000.0, marks=(0.1, 0.5, 0.85, 0.9, 0.99, 0.999999))

@@ -98,10 +98,14 @@ def same(a, b):
         assert [float(v) for v in p.tests] == pytest.approx([float(v) for v in q.tests], rel=0, abs=0, nan_ok=True)
 
 
-@pytest.mark.parametrize("points", [None, 2, 3, 66, 67])
+@pytest.mark.parametrize("points", [None, 66])
 @pytest.mark.parametrize("patient", [False, True])
 @pytest.mark.parametrize("case", CASES)
 def test_a_march_is_the_run_step_by_step(case, patient, points):
+    require_a_march_is_the_run_step_by_step(case, patient, points)
+
+
+def require_a_march_is_the_run_step_by_step(case, patient, points):
     make, start, options = CASES[case]
     settings = Settings(**{**options, **({} if points is None else {"maximum_points": points})})
     marching = Marching(make(), patient)

@@ -170,3 +170,9 @@ def rotation(problem, y, w, turns=1500):
     place = (np.arange(len(steps)) + 0.5) / len(steps)
     weights = np.exp(-1.0 / (place * (1.0 - place)))  # such a mean converges fast for a motion with two frequencies
     return abs(weights @ steps / weights.sum())
+
+
+@pytest.mark.parametrize("cells", [cells for cells in FAST if int(cells[2])], ids=lambda cells: f"{cells[0]} {cells[3]}")
+def test_events(cells):
+    """Oracle: `require_event`."""
+    require_event(cells)

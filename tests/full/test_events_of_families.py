@@ -6,10 +6,12 @@ Takes a few minutes, and is run apart: `python -m pytest tests/full`.
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from branches.catalogue import Catalogue
 from branches.tracing import SETTINGS, follow_family
 from tests.branches.building.pieces import differences
+from tests.branches.test_events_of_families import BORN, OPEN, require_a_family_passes_the_branch_point_that_it_is_born_at
 from tests.full.test_shipped_scene import COMPLETE
 
 FAMILIES = 320
@@ -50,3 +52,9 @@ def test_events_do_not_depend_on_start_range_direction_or_step_size(built):
                 wrong.append((branch.id, start, energy, direction, settings, missing, added))
     assert len(wrong) <= DIFFERENT * FAMILIES, f"{len(wrong)} of {FAMILIES}: {wrong[:5]}"
     assert stuck <= STUCK * FAMILIES
+
+
+@pytest.mark.parametrize(("parent", "energy"), [*BORN, OPEN])
+def test_a_family_passes_the_branch_point_that_it_is_born_at(parent, energy):
+    """Oracle: see `require_a_family_passes_the_branch_point_that_it_is_born_at`."""
+    require_a_family_passes_the_branch_point_that_it_is_born_at(parent, energy)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.branches.test_forced_chains import check
+from tests.branches.test_forced_chains import check, require_settled_motions_are_orbits
 from tests.branches.test_sticking_chains import check_sticking, require_neighbours
 
 
@@ -22,3 +22,9 @@ def test_motions_that_stick():
 def test_each_grazing_of_a_chain_that_sticks_has_a_neighbour(seed):
     """Oracle: the other family ends at the same frequency."""
     require_neighbours(seed)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_settled_motions_are_orbits(seed):
+    """Oracle: see `require_settled_motions_are_orbits`."""
+    require_settled_motions_are_orbits(seed)

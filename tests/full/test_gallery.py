@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from saltus.commands.gallery import load_gallery
 from tests.saltus.running import run
 
@@ -15,3 +17,17 @@ def test_all_figures_of_the_paper_are_made(capsys, tmp_path):
     for name, figure in figures.items():
         assert figure["caption"] in page and (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert all(file.stat().st_size > 0 for file in tmp_path.glob(f"{name}.*")) and len([*tmp_path.glob(f"{name}.*")]) == 3
+
+
+def test_a_catalogue_lies_behind(capsys, tmp_path, small_scene):
+    """Oracles: stages named by other families than the one that the motion starts on; a family that the catalogue lacks is said, its figure
+    is left out and the others are made."""
+    path, _ = small_scene
+    words = ("gallery", "paper", "--out", tmp_path / "figures", "--catalogue", path)
+    code, out, err = run(capsys, *words, "--figure", "fig18", "--figure", "fig20")
+    assert code == 1 and "S95E22-" in err and "fig18 was not made" in err
+    assert [line.split()[0] for line in out.splitlines()] == ["fig20", "wrote"]
+    assert not (tmp_path / "figures" / "fig18.txt").exists() and "fig18" not in (tmp_path / "figures" / "captions.md").read_text()
+    stages = json.loads((tmp_path / "figures" / "fig20.json").read_text())["stages"]
+    followed = {stage["follows"]["label"] for stage in stages if stage["follows"]}
+    assert followed & {"S13O00+"}

@@ -9,8 +9,11 @@ from branches.building.build import build
 from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from saltus.processes import open_executor
+from tests.transitions import test_stages as origin
 from tests.transitions.test_stages import check_a_cut, check_other_amplitudes, check_own_families, check_third_harmonics
 from transitions.families import families_of
+
+light = origin.light
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +39,10 @@ def test_another_mass_ratio(scenes):
     check_a_cut(*scenes["heavy"])
     check_third_harmonics(*scenes["heavy"])
     check_other_amplitudes(*scenes["heavy"], "S13O00+", "stop+-stop-::31e6f439")
+
+
+def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(light):
+    """Oracle: the catalogue. Orbits whose strong harmonics the wavelet parts; what fits as well by spectrum and impacts is reported, and
+    has no fewer impacts than what is named."""
+    reported, named = check_own_families(*light, every=4)
+    assert reported > named >= 3

@@ -9,7 +9,6 @@ from branches.building.build import build
 from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from saltus.__main__ import main
-from saltus.processes import open_executor
 from tests.branches.building.test_frontier import Serial
 from tests.branches.catalogue.families import rows
 from tests.saltus.running import refused, run
@@ -105,10 +104,3 @@ def test_workers_that_cannot_run_saltus(cluster, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("saltus.processes._version", fail)
     said = refused_address(cluster.scheduler_address, tmp_path, capsys)
     assert "cannot run saltus: " in said and "No module named 'saltus'" in said
-
-
-def test_a_cluster_that_is_lost_is_one_line(cluster):
-    """Oracle: the error of Dask's connections, which the program turns into exit code 1."""
-    with pytest.raises(RuntimeError, match=r"the Dask cluster at tcp://.* was lost; what was finished is kept"):
-        with open_executor(dask=cluster.scheduler_address):
-            raise distributed.comm.CommClosedError

@@ -45,10 +45,13 @@ def test_regimes_and_impulsive_motions(folder):
 
 
 @pytest.mark.parametrize("what", ["fep", "velocities"])
-@pytest.mark.parametrize(
-    "filters", ["--label S*", "--energy 0.5", "--stable", "--ends origin-stop", "--impacts 1", "--energy 0.5 --stable --label S13+", ""]
-)
+@pytest.mark.parametrize("filters", ["--label S*", "--energy 0.5 --stable --label S13+", ""])
 def test_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
+    """Oracle: see `require_pictures_take_the_filters_of_list`."""
+    require_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters)
+
+
+def require_pictures_take_the_filters_of_list(catalogue, tmp_path, what, filters):
     """Oracle: the ids that `saltus list` gives for the same words, from a catalogue and from files of the same families."""
     _, out, _ = reported(f"list --catalogue {catalogue} --json - {filters}")
     expected = {family["id"] for family in json.loads(out)["families"]}

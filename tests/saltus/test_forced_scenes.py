@@ -105,9 +105,14 @@ def _later(scene, turn):
     return [Harmonic(entries[layout.frequency][0], load.real, -load.imag), Constant(entries[layout.constant])]
 
 
-@pytest.mark.parametrize("e", [0.5, 0.8])
+@pytest.mark.parametrize("e", [0.5])
 @pytest.mark.parametrize("n", [1, 2])
 def test_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling(e, n):
+    """Oracle: see `require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling`."""
+    require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling(e, n)
+
+
+def require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling(e, n):
     """Oracle: the ball leaves and lands at the same height after T = 2 pi n/w, so v- = g T/(1 + e); it exists above
     Gamma = n pi (1 - e)/(1 + e), and is stable up to sqrt(that^2 + (2 (1 + e^2)/(1 + e)^2)^2)."""
     fold = n * math.pi * (1 - e) / (1 + e)

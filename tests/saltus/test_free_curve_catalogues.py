@@ -59,16 +59,3 @@ def test_a_family_of_free_orbits_starts_at_a_point(folder, capsys):
     ):
         result = run(capsys, *words, *more)
         check_refused(result, *parts)
-
-
-def test_a_curve_of_free_orbits_goes_on(folder, capsys):
-    """Oracle: one run in the wide range."""
-    wide = "0.05:0.2,0.01:1"
-    code, out, err = run(capsys, "curve", folder / "c.json", "--range", wide, "--json", folder / "d.json")
-    assert code == 0, err
-    code, out, err = run(capsys, "curve", f"{folder / 'f.json'}:GR1", *PLANE[:2], "--range", wide, "--json", folder / "e.json")
-    assert code == 0, err
-    (found,), (whole,) = read_json(folder / "d.json")["curves"], read_json(folder / "e.json")["curves"]
-    assert found["id"] == whole["id"]
-    for event, expected in zip(found["events"], whole["events"], strict=True):
-        assert event["id"] == expected["id"] and event["values"] == pytest.approx(expected["values"], abs=1e-9)

@@ -54,20 +54,6 @@ def test_figures_with_their_data(capsys, tmp_path):
         assert "<svg" in picture and caption[:40] in picture
 
 
-def test_a_catalogue_lies_behind(capsys, tmp_path, small_scene):
-    """Oracles: stages named by other families than the one that the motion starts on; a family that the catalogue lacks is said, its figure
-    is left out and the others are made."""
-    path, _ = small_scene
-    words = ("gallery", "paper", "--out", tmp_path / "figures", "--catalogue", path)
-    code, out, err = run(capsys, *words, "--figure", "fig18", "--figure", "fig20")
-    assert code == 1 and "S95E22-" in err and "fig18 was not made" in err
-    assert [line.split()[0] for line in out.splitlines()] == ["fig20", "wrote"]
-    assert not (tmp_path / "figures" / "fig18.txt").exists() and "fig18" not in (tmp_path / "figures" / "captions.md").read_text()
-    stages = json.loads((tmp_path / "figures" / "fig20.json").read_text())["stages"]
-    followed = {stage["follows"]["label"] for stage in stages if stage["follows"]}
-    assert followed & {"S13O00+"}
-
-
 def test_what_is_interrupted_lists_what_was_made(capsys, tmp_path, monkeypatch):
     """Oracle: exit code 130; the page of captions has the figures that there are."""
     import saltus.commands.run as command

@@ -71,6 +71,7 @@ LONG = [
         "how-to/smooth.md",
         "how-to/studies.md",
         "limit.md",
+        "tutorial.md",
     )
 ]
 """Pages whose commands take long. They run in tests/full; here their command lines are read."""

@@ -70,32 +70,6 @@ def test_a_build_that_is_repeated_changes_nothing(built, capsys):
         assert ([row[:15] for row in catalogue.all_families()], catalogue.edges()) == before
 
 
-def test_an_interrupted_build_goes_on(small, capsys, tmp_path, monkeypatch):
-    """Oracle: the catalogue of a build that was not interrupted."""
-    from branches.building import responses
-
-    real_work, calls = responses.follow_seed, []
-
-    def work(*arguments):
-        calls.append(arguments)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return real_work(*arguments)
-
-    place = str(tmp_path / "part.sqlite")
-    words = "build", *SMALL, "--depth", "2", "--catalogue", place
-    monkeypatch.setattr(responses, "follow_seed", work)
-    code, out, err = run(capsys, *words)
-    assert code == 130 and "keeps what was finished" in err
-    code, _, err = run(capsys, *words[:-4], "--depth", "1", "--catalogue", place)
-    assert code == 2 and "depth 2 is not finished" in err and "received -0.1:0.06, depth 1" in err
-    assert 0 < run(capsys, "list", "--catalogue", place)[1].count("\n") < 6
-    assert run(capsys, *words)[0] == 0
-    with Catalogue(small) as whole, Catalogue(place) as other:
-        assert whole.counts() == other.counts()
-        assert [row.id for row in whole.all_families()] == [row.id for row in other.all_families()]
-
-
 def test_two_workers_give_the_same(small, capsys, tmp_path):
     """Oracle: the catalogue of one."""
     place = str(tmp_path / "two.sqlite")

@@ -267,13 +267,6 @@ def test_the_building(capsys):
         assert record["peaks"]["displacements"][name]["rms"] < locked["peaks"]["displacements"][name]["rms"]
 
 
-def test_modes_of_more_coordinates_are_in_the_picture(capsys, tmp_path):
-    """Oracle: the names of the modes of the shipped building that reach a stop and are within the panel's frequencies and energies."""
-    words = ("--scene", "three_storey_building", "--duration", "2", "--plot", tmp_path / "building.svg")
-    assert run(capsys, "run", *words)[0] == 0
-    assert 'id="families-L1"' in (tmp_path / "building.svg").read_text()
-
-
 def test_the_table_reports_what_the_record_has(capsys):
     """Oracle: the record of the same run."""
     words = ("--impulsive", "--energy", "8", *DAMPED, "--duration", "150")
@@ -460,14 +453,16 @@ def stage_table(out):
     ("words", "reasons"),
     [
         (("S13O00+", "--energy", "10"), ["of the orbit's amplitude", None, None, "has no orbit at these energies", "no impact"]),
-        (("S11O00-", "--energy", "0.8"), ["too fast for the spectrum", "no impact"]),
-        (("S95E22-", "--impulsive"), [None, "has no orbit at these energies", "no impact"]),
-        (("S31O11-", "--impulsive"), [None, "octaves from harmonic 1 of S31O11-", "no impact"]),
         (("U4122-", "--impulsive"), ["of the orbit's amplitude", "no impact"]),
     ],
     ids=lambda words: words[0],
 )
 def test_the_stages_begin_with_the_family_of_the_start(capsys, words, reasons):
+    """Oracle: see `require_the_stages_begin_with_the_family_of_the_start`."""
+    require_the_stages_begin_with_the_family_of_the_start(capsys, words, reasons)
+
+
+def require_the_stages_begin_with_the_family_of_the_start(capsys, words, reasons):
     """Oracles: the impacts of the motion; each stage follows the family of the start, by the name that was asked for, or says why not;
     another label of that family is said behind the name alone."""
     code, out, err = run(capsys, "run", "--on", *words, *DAMPED, "--duration", "400", "--stages", "--json", "-")

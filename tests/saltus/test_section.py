@@ -74,16 +74,6 @@ def test_panels_of_the_scene_say_which_energies_are_cited(tmp_path):
     assert code == 0 and "note   the energies are our choice" in out
 
 
-def test_panels_of_a_range_have_eight_energies(tmp_path):
-    """Oracle: a geometric sequence."""
-    code, out, _ = reported(f"section --panels --energy 0.06:6 {SMALL}")
-    found = [float(line.split()[0]) for line in out.splitlines()[1:9]]
-    assert code == 0 and np.allclose(found, np.geomspace(0.06, 6.0, 8), rtol=1e-5)
-    code, out, _ = reported(f"section --panels --energy 0.1,0.2,0.7 {SMALL} --colour lyapunov --plot {tmp_path}/p.pdf")
-    assert code == 0 and [line.split()[0] for line in out.splitlines()[1:4]] == ["0.1", "0.2", "0.7"]
-    assert (tmp_path / "p.pdf").read_bytes().startswith(b"%PDF")
-
-
 def test_rotation_numbers_say_about_which_point(tmp_path):
     """Oracle: the ratio of the linear frequencies, 1.370157, below the first impact."""
     words = f"section --energy 0.04 --colour rotation --start 0,0.7 --start 0.01,-0.6 --plot {tmp_path}/r.png"

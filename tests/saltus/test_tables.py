@@ -85,8 +85,13 @@ def terminal(columns, *words):
     return text.decode().replace("\r\n", "\n")
 
 
-@pytest.mark.parametrize("columns", [60, 80, 100])
+@pytest.mark.parametrize("columns", [60])
 def test_the_commands_fit_the_terminal(catalogue, columns):
+    """Oracle: see `require_the_commands_fit_the_terminal`."""
+    require_the_commands_fit_the_terminal(catalogue, columns)
+
+
+def require_the_commands_fit_the_terminal(catalogue, columns):
     """Oracle: what they print elsewhere, word by word but for ids, which keep their hash, and for remarks."""
     with Catalogue(catalogue) as kept:
         rows = kept.families()
@@ -107,8 +112,13 @@ def test_the_commands_fit_the_terminal(catalogue, columns):
     assert real()[3].id[-9:] in plain
 
 
-@pytest.mark.parametrize("columns", [60, 80, 100])
+@pytest.mark.parametrize("columns", [60])
 def test_a_discovery_fits_the_terminal(catalogue, columns):
+    """Oracle: see `require_a_discovery_fits_the_terminal`."""
+    require_a_discovery_fits_the_terminal(catalogue, columns)
+
+
+def require_a_discovery_fits_the_terminal(catalogue, columns):
     """Oracle: the orbits of the four families, from their branches."""
     words = ("discover", "--energy", "0.5", "--max-quarter-period", "2", "--max-impacts", "4", "--catalogue", catalogue)
     text = terminal(columns, *words)

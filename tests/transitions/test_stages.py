@@ -237,13 +237,6 @@ def check_own_families(catalogue, families, every):
     return reported, named
 
 
-def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(light):
-    """Oracle: the catalogue. Orbits whose strong harmonics the wavelet parts; what fits as well by spectrum and impacts is reported, and
-    has no fewer impacts than what is named."""
-    reported, named = check_own_families(*light, every=4)
-    assert reported > named >= 3
-
-
 def test_closely_spaced_harmonics_need_a_sharper_wavelet():
     """Oracle: U8353- at h = 1.9458, alpha = 4.9065 (Lee et al. 2009): its harmonics 8, 9 and 10 carry a third to a half of
     the amplitude, and a wavelet parts neighbours of ratio 1.1 where its sharpness is some thirty."""

@@ -1,12 +1,5 @@
 """Catalogues that are built whole: against discovery at energies between those of the build, their own check, other workers, and a kill."""
 
-import signal
-import subprocess
-import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -24,8 +17,6 @@ from tests.branches.building.test_frontier import Serial
 
 BOUNDS = Bounds((0.06, 3.0), 2.0, 3)
 """Of a tiny catalogue, which is built several times."""
-
-ROOT = Path(__file__).parents[3]
 
 
 def built(path, executor, workers=1):
@@ -162,55 +153,6 @@ def test_a_family_is_followed_once(tiny):
     assert sorted(FOLLOWED) == sorted(id for id, _ in content(tiny[0])[0]) and len(FOLLOWED) > 10
 
 
-def test_the_number_of_workers_changes_nothing(tiny, tmp_path):
-    """Oracle: the catalogue of one worker, bit for bit."""
-    path = tmp_path / "several.sqlite"
-    with ThreadPoolExecutor(1) as pool:
-        built(path, pool, workers=5)
-    one, other = content(tiny[0]), content(path)
-    assert one[0] == other[0] and one[2:] == other[2:]
-    for id, columns in one[1].items():
-        for name, values in columns.items():
-            assert np.array_equal(values, other[1][id][name], equal_nan=values.dtype.kind in "fc"), (id, name)
-
-
-BUILDER = """
-import sys
-sys.path.insert(0, {root!r})
-from tests.branches.building.test_build import Serial, built
-built({path!r}, Serial())
-"""
-
-
-def kept(path):
-    """How many families a file holds that is being written; 0 while there is none."""
-    try:
-        with Catalogue(path) as catalogue:
-            return len(catalogue)
-    except CatalogueError:
-        return 0
-
-
-def test_a_killed_build_goes_on(tiny, tmp_path):
-    """Oracle: the catalogue of a build that was not killed."""
-    path = tmp_path / "killed.sqlite"
-    command = [sys.executable, "-c", BUILDER.format(root=str(ROOT), path=str(path))]
-    for families in (2, 7):
-        process = subprocess.Popen(command)
-        while kept(path) < families:
-            assert process.poll() is None, "it ended before it was killed"
-            time.sleep(0.02)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        with Catalogue(path) as catalogue:
-            assert {row.id for row in catalogue.families()} <= {id for id, _ in content(tiny[0])[0]}
-            assert len(catalogue) < len(content(tiny[0])[0])
-    report = built(path, Serial())
-    assert report["digits"].pop("seconds") > 0.0 and report == {**tiny[1], "digits": {"orbits": tiny[1]["digits"]["orbits"]}}
-    assert [id for id, _ in content(path)[0]] == [id for id, _ in content(tiny[0])[0]]
-    assert content(path)[2] == content(tiny[0])[2]
-
-
 @pytest.mark.parametrize("value", ["[]", "null", "{}", "3", '"x"'])
 @pytest.mark.parametrize("place", ["report", "plan", "unfolded 0000001", "work"])
 def test_a_build_that_cannot_be_gone_on_with_says_so(tmp_path, place, value):
@@ -239,18 +181,6 @@ def test_another_plan_is_refused(tiny):
         build(catalogue, other, Serial())
     after = content(tiny[0])
     assert after[0] == before[0] and after[2:] == before[2:]
-
-
-def test_families_that_were_saved_are_followed_anew(tiny, tmp_path):
-    """Oracle: the catalogue of a build into a new file. The saved branch covers a part of its family."""
-    path = tmp_path / "saved.sqlite"
-    with Catalogue(path, "a", scene=saltus.load_scene()) as catalogue:
-        catalogue.add(saltus.trace("S13O00+", saltus.load_scene().system, energy=(0.3, 0.5)))
-    built(path, Serial())
-    with Catalogue(path) as catalogue, Catalogue(tiny[0]) as other:
-        assert {row.id for row in catalogue.families()} == {row.id for row in other.families()}
-        ranges = [next(row.h for row in each.families() if row.label == "S13O00+") for each in (catalogue, other)]
-        np.testing.assert_allclose(*ranges, rtol=1e-9)
 
 
 def test_saved_families_that_were_started_outside_the_limits(tmp_path):

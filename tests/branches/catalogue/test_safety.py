@@ -3,7 +3,6 @@
 import os
 import random
 import re
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -53,32 +52,6 @@ def writer(branch_file, path, first=0):
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline().strip() == "open"
     return process
-
-
-def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
-    """Oracle: the ids that the writer printed before it was killed, at random moments, several times in one file; the points themselves."""
-    path = tmp_path / "killed.sqlite"
-    printed = []
-    dice = random.Random(20)
-    for run, waited in enumerate((0, 12, 3)):
-        process = writer(branch_file, path, 100000 * run)
-        # However slow the machine is, so many families are finished.
-        printed += [process.stdout.readline().strip() for _ in range(waited)]
-        time.sleep(dice.uniform(0.0, 0.1))
-        process.send_signal(signal.SIGKILL)
-        printed += process.stdout.read().split()
-        assert process.wait() == -signal.SIGKILL
-        with saltus.Catalogue(path) as catalogue:
-            kept = {row.id for row in catalogue.families()}
-            assert kept.issuperset(printed)
-            assert len(kept) <= len(printed) + run + 1
-            for id in printed[-2:]:
-                assert same_columns(catalogue.points(id), real()[0].points)
-    assert len(printed) >= 15
-    with saltus.Catalogue(path, "a", scene=scene()) as catalogue:
-        assert catalogue._connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        assert {row.id for row in catalogue.families()}.issuperset(printed)
-    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
 def test_a_writer_killed_while_it_makes_the_file(branch_file, tmp_path):

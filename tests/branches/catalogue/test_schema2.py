@@ -1,12 +1,8 @@
 """A catalogue of schema 2, written by an older saltus: it is read as it is, and converted when it is opened to write."""
 
 import os
-import random
 import shutil
 import sqlite3
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +14,6 @@ from branches.catalogue import Catalogue, CatalogueDamaged, CatalogueError, Cata
 from branches.catalogue.check import check_catalogue
 from tests.branches.catalogue.families import rows, same_columns, scene, sql
 
-ROOT = Path(__file__).parents[3]
 KEPT = Path(__file__).with_name("schema2.db")
 """S13O00+ from h = 0.4 to 0.55, the family born at its SB1, a linear mode, a dead end, a piece of work and a note."""
 
@@ -103,22 +98,6 @@ def test_a_conversion_that_fails_leaves_it_as_it_was(path, monkeypatch):
     with pytest.raises(ZeroDivisionError):
         Catalogue(path, "a")
     assert path.read_bytes() == before and [entry.name for entry in path.parent.iterdir()] == [path.name]
-
-
-def test_a_conversion_that_is_killed(path):
-    """Oracle: what was read before, after processes that were killed at random moments; the next writer converts the file."""
-    before, dice = content(path), random.Random(9)
-    script = f"import saltus; c = saltus.Catalogue; c; print(1, flush=True); c({str(path)!r}, 'a').close()"
-    for _ in range(2):
-        process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, cwd=ROOT)
-        process.stdout.readline()
-        time.sleep(dice.uniform(0.0, 1.2))
-        process.kill()
-        process.wait()
-        assert content(path)[1:] == before[1:]
-    Catalogue(path, "a").close()
-    assert content(path)[1:] == before[1:]
-    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
 
 
 def test_a_catalogue_of_another_system_is_not_converted(path):
