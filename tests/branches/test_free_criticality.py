@@ -183,15 +183,6 @@ def check(branch, expected):
     assert found == expected
 
 
-def test_smooth_forces():
-    """Oracle: as above."""
-    system = saltus.load_scene("cubic_and_stops").system
-    found = saltus.discover(system, 1.0, quarter_period=4.0, impacts=3, ends=("origin-stop",))
-    families = [saltus.trace(one, energy=(0.9, 1.7)) for one in found.orbits if one.sequence == "-"]
-    (branch,) = (family for family in families if any(event.type == "PD" for event in family.events))
-    check(branch, {"PD1": "supercritical", "SB1": "subcritical"})
-
-
 def test_what_has_no_normal_form():
     branch = traced("S13O00+", low=0.2, high=3.0)
     closed = switch(traced("U21-", low=0.05, high=50.0), "SB1", energy=(0.05, 50.0))[0]

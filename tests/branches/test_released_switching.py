@@ -59,19 +59,6 @@ def require_symmetry_breaking(at_energy, number):
     assert abs(first - last) < 0.1 * abs(first - event.values["quarter_period"]) + 1e-3
 
 
-def test_grazing(at_quarter_period):
-    """Families meet the backbone where it touches a stop at a fixed quarter period. Those with ends begin there, at the same mu and energy.
-    Along the others mu does not change, which makes no event."""
-    _, event, found = at_quarter_period
-    reversible = [one for one in found if one.problem.ends != ("periodic", "periodic")]
-    assert {"".join(one.problem.sequence) for one in reversible} == {"+-", "-"}
-    for one in found:
-        assert one in reversible or not events_of(one, "SN")
-    for one in reversible:
-        assert passes(one, "GR", event.values["mu"])
-        assert min(abs(end.values["energy"] / event.values["energy"] - 1.0) for end in events_of(one, "GR")) < 1e-6
-
-
 def test_events_where_nothing_begins(at_energy):
     end = events_of(at_energy, "EP")[0]
     with pytest.raises(ValueError, match="no other family begins at EP1; expected an event of type"):

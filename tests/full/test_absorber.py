@@ -9,10 +9,20 @@ import numpy as np
 import pytest
 
 import saltus
+from branches.family import SETTINGS
 from branches.forced.tracing import follow_response, switch_response
 from bvp.simulate import simulate
 from tests.branches.forced_digits import ForcedDigits
-from tests.branches.test_absorber import ABSORBER, EVENTS, FAST, RANGE, of_row, require_event, whole
+from tests.branches.test_absorber import (
+    ABSORBER,
+    EVENTS,
+    FAST,
+    RANGE,
+    of_row,
+    require_a_fold_and_a_pitchfork_that_are_1e_6_apart,
+    require_event,
+    whole,
+)
 from tests.docs.pages import page, table
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
@@ -176,3 +186,10 @@ def rotation(problem, y, w, turns=1500):
 def test_events(cells):
     """Oracle: `require_event`."""
     require_event(cells)
+
+
+@pytest.mark.parametrize("step", [SETTINGS.maximum_step, 0.005])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_fold_and_a_pitchfork_that_are_1e_6_apart(step, sign):
+    """Oracle: see `require_a_fold_and_a_pitchfork_that_are_1e_6_apart`."""
+    require_a_fold_and_a_pitchfork_that_are_1e_6_apart(step, sign)

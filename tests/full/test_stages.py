@@ -10,7 +10,13 @@ from branches.building.plan import Bounds, BuildPlan
 from branches.catalogue import Catalogue
 from saltus.processes import open_executor
 from tests.transitions import test_stages as origin
-from tests.transitions.test_stages import check_a_cut, check_other_amplitudes, check_own_families, check_third_harmonics
+from tests.transitions.test_stages import (
+    check_a_cut,
+    check_other_amplitudes,
+    check_own_families,
+    check_third_harmonics,
+    require_a_faint_end_goes_on_as_far_as_the_record_goes,
+)
 from transitions.families import families_of
 
 light = origin.light
@@ -46,3 +52,11 @@ def test_the_motion_of_a_stable_orbit_is_one_stage_on_its_own_family(light):
     has no fewer impacts than what is named."""
     reported, named = check_own_families(*light, every=4)
     assert reported > named >= 3
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+@pytest.mark.parametrize("decades", [3, 7, 12])
+def test_a_faint_end_goes_on_as_far_as_the_record_goes(decades, offset, reverse):
+    """Oracle: see `require_a_faint_end_goes_on_as_far_as_the_record_goes`."""
+    require_a_faint_end_goes_on_as_far_as_the_record_goes(decades, offset, reverse)

@@ -7,8 +7,7 @@ import pytest
 from scipy.io import loadmat
 
 from bvp.multipoint import NotConverged
-from tests.saltus.running import read_branch, read_json, run
-from tests.saltus.test_continue_smooth_response import DUFFING
+from tests.saltus.running import read_json, run
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -46,19 +45,6 @@ def test_a_family_in_a_parameter_has_the_columns(capsys, folder):
     other = next(row for row in rows("b.csv") if abs(float(row["h"]) - 0.1) < 1e-12)
     for name in ("harmonic.u1.1", "harmonic.u1.3", "harmonic.u2.1"):
         assert abs(float(first[name]) / float(other[name]) - 1.0) < 1e-9
-
-
-def test_a_response_has_the_columns_and_its_file_can_be_tabled_again(capsys, folder):
-    """Oracle: Parseval's equation with the root mean square of the same file; the same columns from the file of responses."""
-    (folder / "scene.toml").write_text(DUFFING, encoding="utf-8")
-    words = ("continue", "--scene", "scene.toml", "--from", "rest", "--in", "w", "--range", "0.98:1.0", "--harmonics", "15")
-    code, _, err = run(capsys, *words, "--json", "a.json", "--csv", "a.csv", "--plot", "a.png")
-    assert code == 0 and not err and (folder / "a.png").stat().st_size > 10_000
-    for point in read_branch("a.json")["points"]:
-        squares = [point[f"harmonic.u1.{k}"] ** 2 for k in range(16)]
-        assert abs(squares[0] + 0.5 * sum(squares[1:]) - point["rms.u1"] ** 2) < 1e-9
-    assert run(capsys, "plot", "a.json", "--harmonics", "15", "--csv", "b.csv")[0] == 0
-    assert (folder / "a.csv").read_text() == (folder / "b.csv").read_text()
 
 
 def test_a_point_that_cannot_be_sampled_says_why(capsys, monkeypatch):

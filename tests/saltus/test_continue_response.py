@@ -282,15 +282,6 @@ def test_a_simulated_motion_that_sticks_is_followed(capsys):
     refused(run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0:0.1"), "the restitution of a plastic impact cannot vary")
 
 
-def test_a_ball_that_rests_on_its_table_at_phase_0_is_followed(capsys):
-    """Oracle: the table lifts the ball if Gamma is above 1. Rounding leaves the resting ball a little below the table."""
-    words = "--set", "Gamma=1.2", "--from", "simulate", "--in", "Gamma", "--range", "0.9:1.5"
-    code, out, err = run(capsys, "continue", "--scene", "bouncing_ball", *words)
-    assert code == 0, err
-    (row,) = (line.split() for line in out.splitlines() if line.startswith("GR"))
-    assert float(row[1]) == pytest.approx(1.0, abs=1e-9)
-
-
 def test_the_families_behind_events_are_followed(capsys):
     """Oracle: branch by branch, the same values of the events; what is not followed is said."""
     words = "continue", "--scene", "absorber", "--from", "rest", "--in", "w", "--range", "0.98:2.2", "--set", "w=2"

@@ -48,14 +48,6 @@ def test_all_that_is_missing_is_compiled_and_nothing_twice(empty, capsys):
     assert compiling.missing() == empty["kernels"][1:]
 
 
-def test_a_kernel_that_cannot_be_compiled_is_named(empty, capsys):
-    """Oracle: a kernel that does not exist."""
-    empty["kernels"].append([0.1, "bvp.kernels.flight", "none_such", ["", "float"]])
-    empty["commands"]["run"].append(2)
-    assert main(["compile"]) == 1
-    assert "not compiled: none_such of bvp.kernels.flight" in capsys.readouterr().out
-
-
 def test_a_folder_that_cannot_be_used_is_named(empty, monkeypatch, tmp_path, capsys):
     """Oracle: a file where the folder should be."""
     (tmp_path / "file").write_text("no folder")

@@ -137,17 +137,6 @@ def _numbers(data):
         return {name: arrays[name].tobytes() for name in arrays.files}
 
 
-def test_parquet_has_the_same_numbers(finished, tmp_path, capsys):
-    """Oracle: the NPZ."""
-    pytest.importorskip("pyarrow")
-    out = tmp_path / "other"
-    assert run(capsys, "study", finished[0], "--out", out, "--format", "parquet", "--workers", 1)[0] == 0
-    assert len(list(out.glob("block-*.parquet"))) == 6
-    assert_same(out, finished[1])
-    code, text, err = run(capsys, "study", finished[0], "--out", out)
-    assert code == 2 and not text and "--format parquet" in err
-
-
 def test_a_killed_study_goes_on(finished, tmp_path, capsys):
     """Oracle: the study that was not killed; blocks that were finished are not run again."""
     path, out = written(tmp_path, SMALL), tmp_path / "a.study"

@@ -1,10 +1,11 @@
 """Long cases of tests/benchmarks/test_auto.py."""
 
 import numpy as np
+import pytest
 
 from benchmarks.peers.auto import Auto
 from benchmarks.peers.auto_files import AutoSettings
-from tests.benchmarks.test_auto import needs_auto, orbits
+from tests.benchmarks.test_auto import needs_auto, orbits, require_forced_orbits
 
 
 @needs_auto
@@ -23,3 +24,10 @@ def test_all_ends_and_inner_impacts():
                 exact = problem.solve(y, energy=point.h).y
                 assert np.max(np.abs(y - exact)) < 1e-9 * np.max(np.abs(exact)), (problem.ends, problem.sequence, point.h)
     assert {"origin", "rest", "stop+", "stop-"} == {end for end, _ in seen} and len(seen) >= 5
+
+
+@needs_auto
+@pytest.mark.parametrize("times", [1, 3])
+def test_forced_orbits(times):
+    """Oracle: see `require_forced_orbits`."""
+    require_forced_orbits(times)

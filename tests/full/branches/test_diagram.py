@@ -5,7 +5,15 @@ from __future__ import annotations
 import pytest
 
 from branches.figures.single import branch_figure, orbit_figure
-from tests.branches.test_diagram import make_orbit, require_files_are_of_their_format_and_the_same_with_any_settings_of_the_user, single
+from tests.branches import test_diagram as origin
+from tests.branches.test_diagram import (
+    make_orbit,
+    require_files_are_of_their_format_and_the_same_with_any_settings_of_the_user,
+    require_no_two_texts_overlap_and_all_lie_in_the_figure,
+    single,
+)
+
+drawn = origin.drawn
 
 
 @pytest.mark.parametrize(
@@ -19,3 +27,9 @@ from tests.branches.test_diagram import make_orbit, require_files_are_of_their_f
 def test_files_are_of_their_format_and_the_same_with_any_settings_of_the_user(tmp_path, name, magic, draw, data):
     """Oracle: see `require_files_are_of_their_format_and_the_same_with_any_settings_of_the_user`."""
     require_files_are_of_their_format_and_the_same_with_any_settings_of_the_user(tmp_path, name, magic, draw, data)
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_no_two_texts_overlap_and_all_lie_in_the_figure(drawn, kind):
+    """Oracle: see `require_no_two_texts_overlap_and_all_lie_in_the_figure`."""
+    require_no_two_texts_overlap_and_all_lie_in_the_figure(drawn, kind)

@@ -11,7 +11,13 @@ from branches.curves.switching import curve_through
 from branches.curves.tracing import follow_curve
 from tests.branches.curve_oracles import DIGITS, ReferenceBackbone
 from tests.branches.test_free_criticality import many_digit_breaking
-from tests.branches.test_free_normal_forms import changes, curve_of, require_folds_end_where_the_criticality_changes
+from tests.branches.test_free_normal_forms import (
+    RANGES,
+    changes,
+    curve_of,
+    require_criticality_along_a_curve,
+    require_folds_end_where_the_criticality_changes,
+)
 
 
 def test_degenerate_pitchforks_in_many_digits():
@@ -60,3 +66,9 @@ def test_a_curve_of_folds_ends_at_the_point():
     begin = back.curve(((-math.inf, math.inf), (-math.inf, math.inf))).begin(back.y)
     assert begin.converged and back.code == "PD"
     assert back.plane.linearised(begin.y).parameters == pytest.approx(folds.parameters[end.point], rel=1e-11)
+
+
+@pytest.mark.parametrize(("label", "code"), RANGES)
+def test_criticality_along_a_curve(label, code):
+    """Oracle: see `require_criticality_along_a_curve`."""
+    require_criticality_along_a_curve(label, code)

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import time
 
 import pytest
 
 from bvp.kernels import stored
 from tests.bvp import test_kernel_cache as origin
 
-project = origin.project
 kept = origin.kept
+project = origin.project
 kept_shared = origin.kept_shared
 
 
@@ -66,3 +67,34 @@ def test_a_folder_that_others_can_write_to_is_not_read(kept, tmp_path, monkeypat
     shutil.rmtree(folder)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
     assert stored.cache_root.__wrapped__() == folder and folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_a_folder_that_cannot_be_written_is_read(kept, tmp_path, monkeypatch):
+    """Oracle: what is there is loaded; what is not there is compiled; one line gives the reason."""
+    copy, inner, run = kept
+    (copy / "sitecustomize.py").write_text(
+        "import os\ntrue = os.access\nos.access = lambda path, mode: mode != os.W_OK and true(path, mode)\n"
+        "def refuse(*a, **o): raise PermissionError(13, 'read-only')\nos.replace = os.mkdir = refuse\n"
+    )
+    value, loaded, said = run(PYTHONPATH=str(copy))
+    assert (value, loaded) == (7.0, True)
+    assert said.count("not kept") == 1 and "cannot write to the folder" in said
+    inner.write_text(inner.read_text().replace("2.0", "5.0"))
+    assert run(PYTHONPATH=str(copy))[:2] == (16.0, False)
+
+
+def test_folders_that_were_not_used_are_removed(kept, tmp_path):
+    """Oracle: folders by hand, one used 29 and one 31 days ago. Loading renews the date of a folder."""
+    _, inner, run = kept
+    root = tmp_path / "kept/saltus-kernels"
+    days = {"old": 31, "recent": 29, **{folder.name: 29 for folder in root.iterdir()}}
+    for name, age in days.items():
+        (root / name).mkdir(exist_ok=True)
+        (root / name / "file").touch()
+        os.utime(root / name, (time.time() - age * stored.DAY,) * 2)
+    run()
+    used = next(root.glob("bvp.kernels.outer-*"))
+    assert time.time() - used.stat().st_mtime < stored.DAY and (root / "old").is_dir()
+    inner.write_text(inner.read_text() + "\n")
+    run()
+    assert not (root / "old").exists() and (root / "recent").is_dir() and used.is_dir()

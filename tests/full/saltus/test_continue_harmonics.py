@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.saltus import test_continue_harmonics as origin
-from tests.saltus.running import run
+from tests.saltus.running import read_branch, run
 from tests.saltus.test_continue_smooth_response import DUFFING
 
 pytestmark = origin.pytestmark
@@ -58,3 +58,16 @@ def test_a_backbone_is_drawn_beside_the_response(capsys, folder):
     ):
         code, _, err = run(capsys, "plot", *line.split())
         assert code == 2 and expected in err and len(err.splitlines()) == 1, (line, err)
+
+
+def test_a_response_has_the_columns_and_its_file_can_be_tabled_again(capsys, folder):
+    """Oracle: Parseval's equation with the root mean square of the same file; the same columns from the file of responses."""
+    (folder / "scene.toml").write_text(DUFFING, encoding="utf-8")
+    words = ("continue", "--scene", "scene.toml", "--from", "rest", "--in", "w", "--range", "0.98:1.0", "--harmonics", "15")
+    code, _, err = run(capsys, *words, "--json", "a.json", "--csv", "a.csv", "--plot", "a.png")
+    assert code == 0 and not err and (folder / "a.png").stat().st_size > 10_000
+    for point in read_branch("a.json")["points"]:
+        squares = [point[f"harmonic.u1.{k}"] ** 2 for k in range(16)]
+        assert abs(squares[0] + 0.5 * sum(squares[1:]) - point["rms.u1"] ** 2) < 1e-9
+    assert run(capsys, "plot", "a.json", "--harmonics", "15", "--csv", "b.csv")[0] == 0
+    assert (folder / "a.csv").read_text() == (folder / "b.csv").read_text()

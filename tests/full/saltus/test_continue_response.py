@@ -38,3 +38,12 @@ def test_two_parameters_move_along_an_equation(capsys):
     words = "--from", "b.json", "--in", "c,A", "--range", "0.05:0.2", "--points", "20"
     unequal = "--keep: A = c does not hold at the orbit, which has c = 0.1"
     refused(run(capsys, "continue", *words, "--keep", "A = c"), unequal, "expected A = 0.1")
+
+
+def test_a_ball_that_rests_on_its_table_at_phase_0_is_followed(capsys):
+    """Oracle: the table lifts the ball if Gamma is above 1. Rounding leaves the resting ball a little below the table."""
+    words = "--set", "Gamma=1.2", "--from", "simulate", "--in", "Gamma", "--range", "0.9:1.5"
+    code, out, err = run(capsys, "continue", "--scene", "bouncing_ball", *words)
+    assert code == 0, err
+    (row,) = (line.split() for line in out.splitlines() if line.startswith("GR"))
+    assert float(row[1]) == pytest.approx(1.0, abs=1e-9)

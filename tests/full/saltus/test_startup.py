@@ -17,3 +17,11 @@ def test_the_command_compiles_everything(empty, capsys):
     assert compiling.missing() == []
     assert main(["compile"]) == 0
     assert capsys.readouterr() == ("all kernels are compiled: no command compiles any\n", "")
+
+
+def test_a_kernel_that_cannot_be_compiled_is_named(empty, capsys):
+    """Oracle: a kernel that does not exist."""
+    empty["kernels"].append([0.1, "bvp.kernels.flight", "none_such", ["", "float"]])
+    empty["commands"]["run"].append(2)
+    assert main(["compile"]) == 1
+    assert "not compiled: none_such of bvp.kernels.flight" in capsys.readouterr().out

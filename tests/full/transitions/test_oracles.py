@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from tests.transitions.test_oracles import STABLE, require_a_stable_orbit_stays_on_itself_for_a_hundred_periods, slope, steady
+from tests.transitions.test_oracles import (
+    STABLE,
+    require_a_stable_orbit_stays_on_itself_for_a_hundred_periods,
+    require_two_impacts_a_period_lie_on_the_slow_invariant_manifold,
+    slope,
+    steady,
+)
 
 
 @pytest.mark.parametrize("name", STABLE)
@@ -26,3 +32,9 @@ def test_the_smallest_amplitude_of_the_regime():
     # Lost, it is no steady one any more: the spread over a window is then as the rounding will have it, so three forces are asked.
     spreads = [steady(0.004, 0.7, force)[-1] for force in (0.9, 0.88, 0.85)]
     assert max(spreads) > 0.01 and min(spreads) > 1e-6
+
+
+@pytest.mark.parametrize(("rho", "force"), [(0.6, 1.0), (0.6, 1.6), (0.8, 1.2)])
+def test_two_impacts_a_period_lie_on_the_slow_invariant_manifold(rho, force):
+    """Oracle: see `require_two_impacts_a_period_lie_on_the_slow_invariant_manifold`."""
+    require_two_impacts_a_period_lie_on_the_slow_invariant_manifold(rho, force)

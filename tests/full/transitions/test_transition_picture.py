@@ -5,7 +5,11 @@ from __future__ import annotations
 import pytest
 
 from tests.transitions import test_transition_picture as origin
-from tests.transitions.test_transition_picture import require_formats, require_the_picture_is_drawn_again_from_its_files
+from tests.transitions.test_transition_picture import (
+    require_formats,
+    require_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure,
+    require_the_picture_is_drawn_again_from_its_files,
+)
 
 drawn = origin.drawn
 
@@ -20,3 +24,9 @@ def test_the_picture_is_drawn_again_from_its_files(drawn, suffix, tmp_path):
 def test_formats(drawn, kind, magic, tmp_path):
     """Oracle: see `require_formats`."""
     require_formats(drawn, kind, magic, tmp_path)
+
+
+@pytest.mark.parametrize("long", [False, True])
+def test_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long):
+    """Oracle: see `require_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure`."""
+    require_no_two_texts_of_a_panel_overlap_and_all_lie_in_the_figure(drawn, long)

@@ -4,11 +4,14 @@ import random
 import signal
 import time
 
+import pytest
+
 import saltus
 from tests.branches.catalogue import test_safety as origin
 from tests.branches.catalogue.families import real, same_columns, scene
-from tests.branches.catalogue.test_safety import writer
+from tests.branches.catalogue.test_safety import CHANGES, require_what_is_damaged_is_named, writer
 
+good = origin.good
 branch_file = origin.branch_file
 
 
@@ -36,3 +39,9 @@ def test_a_killed_writer_loses_no_finished_family(branch_file, tmp_path):
         assert catalogue._connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         assert {row.id for row in catalogue.families()}.issuperset(printed)
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_damaged_is_named(good, change):
+    """Oracle: see `require_what_is_damaged_is_named`."""
+    require_what_is_damaged_is_named(good, change)
