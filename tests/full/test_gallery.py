@@ -1,4 +1,4 @@
-"""All figures of the paper's damped motions by one command. tests/saltus/test_gallery.py makes some of them."""
+"""All figures of the paper's damped motions by one command, and two of them beside their own commands."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 
 from saltus.commands.gallery import load_gallery
 from tests.saltus.running import run
+from tests.saltus.test_gallery import PAPER
 
 
 def test_all_figures_of_the_paper_are_made(capsys, tmp_path):
@@ -31,3 +32,24 @@ def test_a_catalogue_lies_behind(capsys, tmp_path, small_scene):
     stages = json.loads((tmp_path / "figures" / "fig20.json").read_text())["stages"]
     followed = {stage["follows"]["label"] for stage in stages if stage["follows"]}
     assert followed & {"S13O00+"}
+
+
+def test_figures_with_their_data(capsys, tmp_path):
+    """Oracle: the same command run by itself; a line a figure; the page of captions."""
+    place = tmp_path / "new {stem}" / "figures"
+    code, out, err = run(capsys, "gallery", "paper", "--out", place, "--figure", "fig17", "--figure", "fig16", "--format", "svg")
+    assert code == 0 and not err
+    assert [line.split()[0] for line in out.splitlines()] == ["fig16", "fig17", "wrote"]
+    assert sorted(path.name for path in place.iterdir()) == sorted(
+        ["captions.md", *(f"{name}.{kind}" for name in ("fig16", "fig17") for kind in ("svg", "json", "txt"))]
+    )
+    page = (place / "captions.md").read_text()
+    for name in ("fig16", "fig17"):
+        caption = PAPER[name]["caption"]
+        assert caption in page and f"({name}.svg)" in page
+        made = json.loads((place / f"{name}.json").read_text())
+        code, out, _ = run(capsys, *PAPER[name]["words"], "--stages", "--json", "-", "--samples", "4000")
+        assert code == 0 and made == json.loads(out)
+        assert "last at" in (place / f"{name}.txt").read_text()
+        picture = (place / f"{name}.svg").read_text()
+        assert "<svg" in picture and caption[:40] in picture

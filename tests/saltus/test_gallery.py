@@ -1,7 +1,6 @@
-"""`saltus gallery`. Oracles: the commands of the figures run by themselves, the paper's list of figures, the words of refusals."""
+"""`saltus gallery`. Oracles: the paper's list of figures, the words of refusals."""
 
 import configparser
-import json
 from importlib import resources
 from pathlib import Path
 
@@ -31,27 +30,6 @@ def test_galleries_are_installed():
     assert "galleries/*.toml" in configuration["options.package_data"]["catalogues"]
     shipped = (entry.name for entry in (resources.files("catalogues") / "galleries").iterdir())
     assert sorted(shipped) == ["absorber.toml", "limit.toml", "paper.toml"]
-
-
-def test_figures_with_their_data(capsys, tmp_path):
-    """Oracle: the same command run by itself; a line a figure; the page of captions."""
-    place = tmp_path / "new {stem}" / "figures"
-    code, out, err = run(capsys, "gallery", "paper", "--out", place, "--figure", "fig17", "--figure", "fig16", "--format", "svg")
-    assert code == 0 and not err
-    assert [line.split()[0] for line in out.splitlines()] == ["fig16", "fig17", "wrote"]
-    assert sorted(path.name for path in place.iterdir()) == sorted(
-        ["captions.md", *(f"{name}.{kind}" for name in ("fig16", "fig17") for kind in ("svg", "json", "txt"))]
-    )
-    page = (place / "captions.md").read_text()
-    for name in ("fig16", "fig17"):
-        caption = PAPER[name]["caption"]
-        assert caption in page and f"({name}.svg)" in page
-        made = json.loads((place / f"{name}.json").read_text())
-        code, out, _ = run(capsys, *PAPER[name]["words"], "--stages", "--json", "-", "--samples", "4000")
-        assert code == 0 and made == json.loads(out)
-        assert "last at" in (place / f"{name}.txt").read_text()
-        picture = (place / f"{name}.svg").read_text()
-        assert "<svg" in picture and caption[:40] in picture
 
 
 def test_what_is_interrupted_lists_what_was_made(capsys, tmp_path, monkeypatch):
