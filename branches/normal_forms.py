@@ -8,8 +8,12 @@ from dataclasses import replace
 from branches.branch import Branch
 from branches.events import FREE_NORMAL_FORMS, BranchEvent
 from branches.orbit import Orbit
+from bvp.kernels.compiled import interpreted
 
 __all__ = ["normal_form_at", "with_normal_forms"]
+
+_FEW = 1000
+"""Flights of a first run, times n^3, up to which it takes longer to compile the kernels than to run them in Python."""
 
 
 def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Branch:
@@ -29,14 +33,18 @@ def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Bran
     'subcritical 1.267'
     """
     forms = {(event.type, event.h, event.alpha): event for event in known}
-    events = []
-    for event in branch.events:
+    events, new = [], []
+    for k, event in enumerate(branch.events):
         same = forms.get((event.type, event.h, event.alpha))
         if same is not None:
             event = event._replace(coefficient=same.coefficient, criticality=same.criticality)
         elif event.type in FREE_NORMAL_FORMS and event.coefficient is None:
-            event = normal_form_at(branch.orbit(event.point), event)
+            new.append(k)
         events.append(event)
+    problem = branch.problem
+    with interpreted(len(new) * (problem.inner + 1) * problem.half**3 <= _FEW):
+        for k in new:
+            events[k] = normal_form_at(branch.orbit(events[k].point), events[k])
     found = replace(branch, events=tuple(events))
     found.__dict__.update({name: value for name, value in branch.__dict__.items() if name in ("id", "full_family", "wider")})
     return found

@@ -23,12 +23,13 @@ from bvp.forced_metric import forced_metric
 from bvp.forced_modes import ModeTable
 from bvp.kernels.extrema import Observed
 from bvp.kernels.forced import LoadedSegment, ReleasedEntries, fly_loaded, forced_step, set_parameters
-from bvp.kernels.forced_sticking import contact_force
+from bvp.kernels.forced_sticking import Unstuck, contact_force
 from bvp.kernels.loaded_paths import Watched, forced_observe, make_extended
 from bvp.kernels.loads import Loads
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
+from bvp.kernels.undamped import WORK, renew_free_flight
 from bvp.multipliers import sort_multipliers
 from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
@@ -264,6 +265,12 @@ class ForcedProblem:
         if at == self._modes_at:
             return
         segment, layout = self.segment, self.parametric.layout
+        if self._is_undamped:
+            renewed = renew_free_flight(segment, *self._undamped_work)
+            self._modes_at = at if renewed else ()
+            if not renewed:
+                self._table.arrays.delta[0] = math.nan
+            return
         try:
             system, made = self._table.modes_at(at, self._system_at)
             if not self.is_smooth:  # no stop sticks there
@@ -279,6 +286,20 @@ class ForcedProblem:
         for j, slopes in enumerate(released.slopes):
             parts = [slopes[part].reshape(n, n) for part in (layout.mass, layout.damping, layout.stiffness)]
             self._table.write_slopes(system, j, parts, segment.gap, segment.push_slope[j])
+
+    @cached_property
+    def _is_undamped(self) -> bool:
+        """Whether the system has linear springs and no dampers, and no stop sticks."""
+        layout, damping = self.parametric.layout, self.segment.released.entries[self.parametric.layout.damping]
+        varies = np.isin(self.segment.released.rows, range(layout.size)[layout.damping]).any()
+        return not (self.is_smooth or varies or damping.any() or self._leaves_unseen) and isinstance(self._table.kind, Unstuck)
+
+    @cached_property
+    def _undamped_work(self) -> tuple[np.ndarray, ...]:
+        """The arguments of `renew_free_flight`."""
+        n, layout = self.degrees_of_freedom, self.parametric.layout
+        places = np.array([layout.mass.start, layout.stiffness.start], dtype=np.int64)
+        return places, np.zeros((4, n, n)), np.zeros((3, n)), np.zeros((WORK, n, n))
 
     def _system_at(self, at: tuple[float, ...]) -> Matrices:
         """The system at values of all parameters, whose entries the kernels have evaluated; beside smooth forces only its matrices."""

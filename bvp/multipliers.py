@@ -39,8 +39,8 @@ from bvp.kernels.sweeps import SweepWork, make_sweep_work
 from bvp.smooth_flights import flight_of, modal_energies
 
 __all__ = [
-    "GRAZING_LIMIT", "TRIVIAL_LOST", "Multipliers", "floquet_multipliers", "nearest_grazing", "pairs_of",
-    "saddle_point_multipliers", "scaled_nodes", "sort_multipliers",
+    "GRAZING_LIMIT", "TRIVIAL_LOST", "Formed", "Multipliers", "SystemData", "floquet_multipliers", "formed", "nearest_grazing", "pairs_of",
+    "saddle_point_multipliers", "scaled_nodes", "sort_multipliers", "system_data",
 ]  # fmt: skip
 
 GRAZING_LIMIT = 1e-13
@@ -94,7 +94,7 @@ class Multipliers:
         return float(np.real(np.sum(self.values)))
 
 
-class _SystemData(NamedTuple):
+class SystemData(NamedTuple):
     """The arguments of `formed_multipliers` that depend on the system alone, and scratch."""
 
     flight: Any
@@ -117,18 +117,56 @@ class _SystemData(NamedTuple):
         return found
 
 
-@lru_cache(maxsize=64)
-def _data_of(system: Any) -> _SystemData:
-    modes, conservative = system.modes, system.is_conservative
-    n = len(modes.squares)
-    contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
-    free = deflated_motions(system) if conservative else np.zeros((0, n))
-    work = make_reduction(free, np.concatenate([modes.squares, np.ones(n)]) if conservative else np.ones(2 * n), conservative)
+def system_data(
+    flight: Any, contacts: ContactRows, squares: np.ndarray, free: np.ndarray, conservative: bool = True, scaled: bool = True
+) -> SystemData:
+    """That of a system with the modes of free flight, and with motions `free` (f, n) that nothing resists."""
+    n = len(squares)
+    work = make_reduction(free, np.concatenate([squares, np.ones(n)]) if conservative else np.ones(2 * n), conservative)
     m = 2 * n - len(work.vectors)
-    return _SystemData(
-        modes.flight, contacts, conservative, modes.layout != "coupled", work, conservative and n > 2, make_sweep_work(m, 2 * n),
-        np.empty((m, m)), make_eigenvalue_work(m), {},
+    return SystemData(
+        flight, contacts, conservative, scaled, work, conservative and n > 2, make_sweep_work(m, 2 * n), np.empty((m, m)),
+        make_eigenvalue_work(m), {},
     )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def _data_of(system: Any) -> SystemData:
+    modes, conservative = system.modes, system.is_conservative
+    contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
+    free = deflated_motions(system) if conservative else np.zeros((0, len(modes.squares)))
+    return system_data(modes.flight, contacts, modes.squares, free, conservative, modes.layout != "coupled")
+
+
+class Formed(NamedTuple):
+    """Multipliers of a formed product: sorted; errors of the trivial directions and of the pairs; the map; rounds of frames."""
+
+    values: np.ndarray
+    trivial: float
+    pairing: float
+    matrix: np.ndarray
+    sweeps: int
+
+
+def formed(data: SystemData, orbit: ClosedOrbit) -> Formed | None:
+    """The multipliers of a linear system's orbit from the product, with the large ones split off where that is needed; None where the
+    product loses digits."""
+    spectrum = EigenvalueWork(np.empty_like(data.spectrum.matrix), *data.spectrum[1:])  # the result keeps the matrix
+    linearised = data.linearised(len(orbit.duration))
+    found, _, flow, level, pairing = formed_multipliers(
+        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, linearised, spectrum
+    )
+    sweeps = 0
+    if found == FOUND and data.deflates:
+        sweeps, pairing = deflated_multipliers(
+            data.flight, data.contacts, orbit, linearised, data.work, spectrum, data.sweeps, data.square
+        )
+    if found != EXACT and not sweeps:
+        return None
+    real, imaginary = spectrum.values
+    values = np.empty(len(real), complex)
+    values.real, values.imag = real, imaginary
+    return Formed(values, max(flow, level), pairing, spectrum.matrix, sweeps)
 
 
 def floquet_multipliers(cycle: Cycle) -> Multipliers:
@@ -143,23 +181,10 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     if cycle.system.smooth_forces is not None or max(cycle.contact.tolist()) < 0:
         return saddle_point_multipliers(cycle)
     data = _data_of(cycle.system)
-    spectrum = EigenvalueWork(np.empty_like(data.spectrum.matrix), *data.spectrum[1:])  # the result keeps the matrix
-    orbit = ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact)
-    linearised = data.linearised(len(orbit.duration))
-    found, _, flow, level, pairing = formed_multipliers(
-        data.flight, data.contacts, orbit, data.conservative, data.scaled, data.work, linearised, spectrum
-    )
-    sweeps = 0
-    if found == FOUND and data.deflates:
-        sweeps, pairing = deflated_multipliers(
-            data.flight, data.contacts, orbit, linearised, data.work, spectrum, data.sweeps, data.square
-        )
-    if found == EXACT or sweeps:
-        real, imaginary = spectrum.values
-        values = np.empty(len(real), complex)
-        values.real, values.imag = real, imaginary
-        return _judged(cycle, values, max(flow, level), pairing if data.conservative else None, spectrum.matrix, sweeps)
-    return saddle_point_multipliers(cycle)
+    found = formed(data, ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact))
+    if found is None:
+        return saddle_point_multipliers(cycle)
+    return _judged(cycle, found.values, found.trivial, found.pairing if data.conservative else None, found.matrix, found.sweeps)
 
 
 def _judged(cycle: Cycle, values: np.ndarray, trivial: float, pairing: float | None, matrix: np.ndarray, sweeps: int) -> Multipliers:

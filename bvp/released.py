@@ -12,12 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from bvp.closures import EndsError, cycle_of, parse_end
+from bvp.blocks import exact_product
+from bvp.closures import EndsError, cycle_of, parse_end, unfolded
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import GRAZING, ForcedProblem
+from bvp.kernels.flight import Flight
+from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
-from bvp.multipliers import floquet_multipliers, sort_multipliers
+from bvp.kernels.pencil import ContactRows
+from bvp.multipliers import floquet_multipliers, formed, sort_multipliers, system_data
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.stability import half_map_multipliers
@@ -143,15 +147,47 @@ class ReleasedProblem(ForcedProblem):
 
     def multipliers(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
         """All 2 n multipliers of the full period of an orbit y, by modulus descending: two are 1. NaN where an impact grazes."""
+        if not evaluated:
+            self._evaluated(y)
+        found = self.formed_multipliers(y)
+        if found is None:
+            found = self._multipliers_of_system(y)
+        return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
+
+    def formed_multipliers(self, y: np.ndarray) -> np.ndarray | None:
+        """The multipliers but trivial ones, from the product of flights and impacts, of the orbit that was evaluated last; None where the
+        product loses digits or does not do."""
+        flight, n = self.segment.flight, self.degrees_of_freedom
+        if self.is_smooth or self.structure.drifts:
+            return None
+        squares, shapes, enter = -flight.free.delta[:n], flight.leave[:n, :n], flight.enter.T
+        parts = exact_product(np.array([stop.gap for stop in self.system.stops], float), shapes)[self.modes.contact_stop]
+        none = np.zeros_like(parts)
+        push = np.hstack([none, parts / np.sum(parts * parts, axis=1)[:, None]])
+        contacts = ContactRows(np.hstack([parts, none]), np.hstack([none, parts]), push, np.full(len(parts), 2.0))
+        begins_with_state = {"start_map": np.eye(2 * n), "start_offset": np.zeros(2 * n)}
+        segment = self.structure.segment._replace(gap=contacts.gap[self.contacts], **begins_with_state)
+        rows = np.column_stack([self.nodes(y)[:, : 2 * n] @ enter, self.flight_times(y)])
+        ends = self._factor.before[:, : 2 * n] @ enter
+        orbit, _ = unfolded(segment, rows.ravel(), ends, self.contacts, self.modes.contact_opposite)
+        if not len(orbit.row):
+            return None
+        speeds = np.abs(np.sum(contacts.rate[orbit.row] * orbit.before, axis=1))
+        if np.min(speeds) < GRAZING * math.sqrt(float(squares @ orbit.after[0, :n] ** 2 + np.sum(orbit.after[0, n:] ** 2))):
+            return np.full(2 * n, complex(math.nan, math.nan))
+        modal = Flight(*(np.ascontiguousarray(part[:n]) for part in flight.free[:3]), flight.free.matrix)
+        found = formed(system_data(modal, contacts, squares, np.zeros((0, n))), ClosedOrbit(*orbit))
+        return None if found is None else found.values
+
+    def _multipliers_of_system(self, y: np.ndarray) -> np.ndarray:
+        """The multipliers but trivial ones, by the problem of the system there."""
         problem, at = self.orbit_problem(y)
         cycle = cycle_of(problem, at)
         if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * math.sqrt(2.0 * problem.energy(at)):
             return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
         if problem.is_smooth and not problem.periodic:
-            found = half_map_multipliers(problem, problem.orbit_at(at))[0] if problem.pairs else np.zeros(0)
-        else:
-            found = floquet_multipliers(cycle).values
-        return sort_multipliers(np.concatenate([found, np.ones(2 * self.degrees_of_freedom - len(found))]))
+            return half_map_multipliers(problem, problem.orbit_at(at))[0] if problem.pairs else np.zeros(0)
+        return floquet_multipliers(cycle).values
 
     def period(self, y: np.ndarray) -> float:
         """T."""

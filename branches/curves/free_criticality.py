@@ -56,6 +56,9 @@ _BESIDE = 1e-5
 _REAL = 1e-3
 """Largest imaginary part of a number that is real but for rounding."""
 
+_ALIKE = 1e-2
+"""Distance of the trace of a pair from 2 below which its half-period trace is near 2 or -2."""
+
 _AGREED = 0.1
 """Largest relative difference of that change over twice the distance."""
 
@@ -359,8 +362,11 @@ def critical_nu(problem: ReleasedProblem, y: np.ndarray, level: int) -> tuple[fl
     """The distance from a level of the nu nearest to it, NaN where that is no real pair; and the parameter."""
     n = problem.degrees_of_freedom
     if problem.released:
-        plain, at = problem.orbit_problem(y)
         parameter = float(y[2 * n + 1])
+        found = _nu_of_multipliers(problem, y, level)
+        if found is not None:
+            return found, parameter
+        plain, at = problem.orbit_problem(y)
     else:
         plain = problem.structure
         states = problem.nodes(y)[:, : 2 * n] @ plain.modes.from_state.T
@@ -370,8 +376,26 @@ def critical_nu(problem: ReleasedProblem, y: np.ndarray, level: int) -> tuple[fl
         values = floquet_multipliers(cycle_of(plain, at)).values
         apart = (values + 1.0 / values - 2.0) / 4.0 - level
     else:
-        found = Solution(at, np.zeros(2 * at.size), np.zeros(0), plain.end_states(at), np.full(len(RESULT), math.nan))
-        phi, m = half_map_of(plain, found)[0], plain.pairs
+        solution = Solution(at, np.zeros(2 * at.size), np.zeros(0), plain.end_states(at), np.full(len(RESULT), math.nan))
+        phi, m = half_map_of(plain, solution)[0], plain.pairs
         apart = np.linalg.eigvals(phi[:m, m:].T @ phi[m:, :m] if level == 0 else phi[m:, m:].T @ phi[:m, :m])
-    nearest = complex(apart[int(np.argmin(np.abs(apart)))])
-    return (nearest.real if abs(nearest.imag) <= _REAL * abs(nearest) else math.nan), parameter
+    return _real(apart[int(np.argmin(np.abs(apart)))]), parameter
+
+
+def _real(value: complex) -> float:
+    return float(value.real) if abs(value.imag) <= _REAL * abs(value) else math.nan
+
+
+def _nu_of_multipliers(problem: ReleasedProblem, y: np.ndarray, level: int) -> float | None:
+    """The same distance by the multipliers of the full period; None where these do not tell it."""
+    problem.residual(y)
+    values = problem.formed_multipliers(y)
+    if values is None or np.any(np.isnan(values)):
+        return None
+    traces = values + 1.0 / values
+    if problem.quarters == 1:  # the traces of half a period are the roots of those of all of it, plus 2
+        if np.sum(np.abs(traces - 2.0) < _ALIKE) > 2:
+            return None
+        traces = np.sqrt(traces + 2.0) * (1.0 if level == 0 else -1.0)
+    apart = (traces - 2.0) / 4.0 - level
+    return _real(apart[int(np.argmin(np.abs(apart)))])

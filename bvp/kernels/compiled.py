@@ -3,9 +3,12 @@
 `bvp.kernels.compiler` compiles, with numba. To load and to call a kernel takes neither (`bvp.kernels.stored`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
+
+import numpy as np
 
 from bvp.kernels import hook
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
@@ -33,10 +36,31 @@ class Kernel(Declared):
             if result is not NotImplemented:
                 break
         else:
+            if _interpreting:
+                return self._interpreted(*arguments)
             result = self.entry(*arguments).call(*arguments)
         if failures:
             raise failures.pop()
         return result
+
+    def _interpreted(self, *arguments: Any) -> Any:
+        """The result in Python, of a kernel that has no machine code."""
+        if _interpreting[-1]:  # called by another one
+            return self.function(*arguments)
+        types = types_of(arguments)
+        entry = load(self.function.__module__, symbol(self.function.__module__, self.function.__qualname__, types))
+        if entry is not None:
+            self.entries[types] = entry
+            return self(*arguments)
+        _interpreting.append(True)
+        try:
+            with np.errstate(all="ignore"):
+                return self.function(*arguments)
+        except (ArithmeticError, ValueError, TypeError):  # machine code divides by zero, and calls at addresses
+            pass
+        finally:
+            _interpreting.pop()
+        return self.entry(*arguments).call(*arguments)
 
     def entry(self, *arguments: Any) -> Entry:
         """The kernel for arguments of these types, from a file or else compiled."""
@@ -64,6 +88,23 @@ class Kernel(Declared):
         if folder is not None:
             keep(folder / name, code)
         return code
+
+
+_interpreting: list[bool] = []
+"""Whether kernels without machine code run in Python: not where it is empty. The last item tells whether one of them is running."""
+
+
+@contextmanager
+def interpreted(wanted: bool = True) -> Iterator[None]:
+    """Run kernels that have no machine code in Python, which takes less time than to compile them for a few calls."""
+    if not wanted:
+        yield
+        return
+    _interpreting.append(False)
+    try:
+        yield
+    finally:
+        _interpreting.pop()
 
 
 kernel: Any = partial(Kernel, _nrt=False)
@@ -97,13 +138,17 @@ chosen: Any = Chosen
 """Declare a function that comes in kinds (`bvp.kernels.declared.Chosen`): `@name.of(Kind)` above a kernel makes it the one for arguments
 whose first is a `Kind`."""
 
-call_at: Any = Intrinsic("call_at")
+def _not_in_python(address: int, arguments: Any) -> None:
+    raise TypeError("an address is called in machine code only")
+
+
+call_at: Any = Intrinsic("call_at", _not_in_python)
 """call_at(address, arguments): inside a kernel, call another one, without a result, at its address (`Entry`): one of several that Python
 chooses. The tuple must have the argument types that it was compiled for."""
 
-sized: Any = Intrinsic("sized")
+sized: Any = Intrinsic("sized", lambda array, length: array)
 """sized(array, n): the same array, whose last axis is known to have the written-out length n: loops along it are unrolled, in this kernel
 and its parts. The array is contiguous, and has that length: it is not looked at."""
 
-square: Any = Intrinsic("square")
+square: Any = Intrinsic("square", lambda vector, n: vector[: n * n].reshape(n, n))
 """square(vector, n): the first n^2 entries of a contiguous vector as a matrix (n, n). It has so many entries: it is not looked at."""

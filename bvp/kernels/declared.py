@@ -57,6 +57,10 @@ class Chosen:
 
 
 class Intrinsic(NamedTuple):
-    """An operation on compiled code, by its name in `bvp.kernels.compiler`."""
+    """An operation on compiled code, by its name in `bvp.kernels.compiler`, and what it does in Python."""
 
     name: str
+    function: Callable[..., Any]
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
