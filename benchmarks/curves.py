@@ -15,27 +15,33 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.backbone import energy
 from benchmarks.measure import timed
 from benchmarks.report import Table, machine, number, show
+from branches.curves.free_start import released_of
 from branches.curves.monitor import Window
 from branches.curves.record import BifurcationCurve
-from branches.curves.starting import CurveStart, curve_at
+from branches.curves.starting import CurveStart, curve_at, curve_start
 from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
 from branches.forced.tracing import follow_response, switch_response
+from branches.released.family import ReleasedFamily
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
+from bvp.system import vibro_impact_nes
 from continuation.control import control_of
 from continuation.problem import Goal, Problem, Recent, Step
+from saltus import trace
 from saltus.errors import DONE
 from saltus.scene import load_scene
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle
 
-__all__ = ["Case", "absorber_cases", "add_arguments", "curves_table", "doubling_stop", "fold_stop", "oscillator_cases"]
+__all__ = ["Case", "absorber_cases", "add_arguments", "curves_table", "doubling_stop", "fold_stop", "free_cases", "oscillator_cases"]
 
 RESTITUTION = 0.8
 """Of the oscillator."""
@@ -62,14 +68,26 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 class Case(NamedTuple):
-    """A curve: its system, the event of a family where it is started, the parameters, their ranges, and the error of a curve."""
+    """A curve: its system, a family that it crosses and a point of it, where it is started, the ranges of the parameters, and the error."""
 
     system: str
     branch: ForcedBranch
-    event: ForcedEvent
-    names: tuple[str, str]
+    point: int
+    start: CurveStart
     window: Window
     error: Callable[[BifurcationCurve], float]
+
+
+def _forced_case(
+    system: str,
+    branch: ForcedBranch,
+    event: ForcedEvent,
+    names: tuple[str, str],
+    window: Window,
+    error: Callable[[BifurcationCurve], float],
+) -> Case:
+    """A curve that starts at an event of a response."""
+    return Case(system, branch, _plain_point(branch, event), curve_at(branch, event, names), window, error)
 
 
 def _terms(w: float) -> tuple[float, float, float, float]:
@@ -111,7 +129,7 @@ def oscillator_cases() -> list[Case]:
 
     window, forms = ((1.2, 6.0), (-5.0, 1.0)), {"SN": fold_stop, "PD": doubling_stop}
     events = [next(event for event in branch.events if event.type == code) for code in forms]
-    return [Case("oscillator", branch, event, ("w", "s"), window, error(forms[event.type])) for event in events]
+    return [_forced_case("oscillator", branch, event, ("w", "s"), window, error(forms[event.type])) for event in events]
 
 
 def absorber_cases(codes: tuple[str, ...] = ("SN", "NS", "SB", "PD", "GR")) -> list[Case]:
@@ -127,8 +145,32 @@ def absorber_cases(codes: tuple[str, ...] = ("SN", "NS", "SB", "PD", "GR")) -> l
     cases = []
     for code in codes:
         branch, event = next((branch, event) for branch in branches for event in branch.events if event.type == code)
-        cases.append(Case("absorber", branch, event, ("w", "F"), ((0.5, 3.0), (0.05, 3.5)), _critical_error))
+        cases.append(_forced_case("absorber", branch, event, ("w", "F"), ((0.5, 3.0), (0.05, 3.5)), _critical_error))
     return cases
+
+
+def free_cases(codes: tuple[str, ...] = ("SN", "SB", "GR")) -> list[Case]:
+    """Curves of free orbits of the reference system over the mass ratio and the energy, and its families over the mass ratio."""
+    cases = []
+    for code in codes:
+        name = "S13O00+" if code == "SB" else "S11O00-"
+        branch = trace(name, vibro_impact_nes(mu=0.1, sigma=0.1), energy=(0.06, 4.0))
+        event = next(event for event in branch.events if event.type == code)
+        start = curve_start(*released_of(branch.orbit(event.point), ("mu", "energy")), code, ("mu", "energy"))
+        problem, y = released_of(branch.orbit(branch.start), ("mu",))
+        family = follow_response(problem, y, (0.02, 1.0))
+        cases.append(Case("reference", family, _plain_point(family, family.events[0]), start, ((0.02, 1.0), (0.01, 20.0)), _energy_error))
+    return cases
+
+
+def _energy_error(curve: BifurcationCurve) -> float:
+    """The largest relative difference of the energy from the closed form at the quarter period."""
+    problem, worst = curve.plane.problem, 0.0
+    for y in curve.unknowns:
+        values = problem.known_values(y[: curve.plane.size])
+        exact = float(energy(problem.parametric.system({"mu": values["mu"]}), values["quarter_period"]))
+        worst = max(worst, abs(values["energy"] / exact - 1.0))
+    return worst
 
 
 def _critical_error(curve: BifurcationCurve) -> float:
@@ -147,7 +189,8 @@ def _critical_error(curve: BifurcationCurve) -> float:
 
 def curves_table(quick: bool) -> Table:
     """Microseconds a point of each curve, and the ratio to a point of its family."""
-    cases = [*oscillator_cases(), *absorber_cases(("SN", "SB") if quick else ("SN", "NS", "SB", "PD", "GR"))]
+    forced = [*oscillator_cases(), *absorber_cases(("SN", "SB") if quick else ("SN", "NS", "SB", "PD", "GR"))]
+    cases = [*forced, *free_cases(("SN",) if quick else ("SN", "SB", "GR"))]
     return Table(
         "Points of curves in two parameters",
         (
@@ -159,23 +202,28 @@ def curves_table(quick: bool) -> Table:
             "Least of some repeats. Us a point: single steps, with all test functions. Of the family: the same of the family on which the",
             "curve is started; in blocks: its compiled steps. Of a run: with events and record. Error of the oscillator: the distance from",
             "the closed form. Of the absorber: the distance of the critical multiplier, by flights and saltation matrices, from its value,",
-            "or the speed of the impact that grazes.",
+            "or the speed of the impact that grazes. Of the reference system, whose families are those over the mass ratio at one energy: the",
+            "relative difference of the energy from the closed form.",
         ),
     )  # fmt: skip
 
 
 def _row(case: Case, quick: bool) -> tuple[str, ...]:
-    branch = case.branch
-    start = curve_at(branch, case.event, case.names)
-    family, y = ForcedFamily(branch.problem), branch.unknowns[_plain_point(branch, case.event)]
-    steps = _single_steps(start.curve(case.window), start.y, STEP), _single_steps(family, y, FAMILY_STEP), _blocks(family, y)
-    point, single, block = _least(steps, 3 if quick else 25)
+    branch, start = case.branch, case.start
+    family = ReleasedFamily(branch.problem) if isinstance(branch.problem, ReleasedProblem) else ForcedFamily(branch.problem)
+    y = branch.unknowns[case.point]
+    steps = [_single_steps(start.curve(case.window), start.y, STEP), _single_steps(family, y, FAMILY_STEP)]
+    if family.advance is not None:
+        steps.append(_blocks(family, y))
+    point, single, *blocks = _least(steps, 3 if quick else 25)
     curve = follow_curve(start, case.window, points=POINTS)
     runs = partial(_curve_points, start, case.window), partial(_branch_points, branch)
     whole, of_branch = _least(runs, 1 if quick else 4)
+    in_blocks = [f"{1e6 * block:.1f}" for block in blocks] or ["none"]
+    of_blocks = [f"{point / block:.1f}" for block in blocks] or ["none"]
     return (
-        case.system, case.event.type, str(branch.problem.inner + 1), f"{1e6 * point:.0f}", f"{1e6 * single:.0f}", f"{point / single:.1f}",
-        f"{1e6 * block:.1f}", f"{point / block:.1f}", str(len(curve)), str(len(curve.events)), f"{1e6 * whole:.0f}",
+        case.system, start.code, str(branch.problem.inner + 1), f"{1e6 * point:.0f}", f"{1e6 * single:.0f}", f"{point / single:.1f}",
+        *in_blocks, *of_blocks, str(len(curve)), str(len(curve.events)), f"{1e6 * whole:.0f}",
         f"{1e6 * of_branch:.0f}", f"{whole / of_branch:.1f}", f"{whole * POINTS:.2f}", number(case.error(curve), 2),
     )  # fmt: skip
 
@@ -214,7 +262,7 @@ def _single_steps(problem: Problem, y: np.ndarray, ds: float) -> Callable[[], in
     return run
 
 
-def _blocks(family: ForcedFamily, y: np.ndarray) -> Callable[[], int]:
+def _blocks(family: ForcedFamily | ReleasedFamily, y: np.ndarray) -> Callable[[], int]:
     """Steps in a compiled block."""
     begin = family.begin(y)
     unknown = [math.nan] * len(begin.tests)
