@@ -45,7 +45,7 @@ class BranchEvent(NamedTuple):
     id: type and count along the branch, e.g. "SB1". point: index into `Branch.points`. number: count of points from the start orbit,
     negative below it. bracket: arclengths between which it certainly is. residual: of its test function. stop: contact touched or
     left (GR). p_q: [p, q] of a p:q resonance. breaks: what an SB breaks. multiplier: modulus of the largest multiplier. coefficient: of
-    the normal form at SN, SB and PD, if it was computed (`branches.curves.free_criticality`); criticality: what it means at SB and PD.
+    the normal form at SN, SB and PD, if it was computed (`branches.released.criticality`); criticality: what it means at SB and PD.
     """
 
     id: str

@@ -54,7 +54,7 @@ def normal_form_at(orbit: Orbit, event: BranchEvent) -> BranchEvent:
     """An event with the coefficient of its normal form, where it has one. orbit: the one at the event."""
     if event.type not in FREE_NORMAL_FORMS:
         return event
-    from branches.curves.free_criticality import free_criticality
+    from branches.released.criticality import free_criticality
 
     found = free_criticality(orbit, event.type)
     return event if found is None else event._replace(coefficient=found.coefficient, criticality=found.kind)

@@ -18,6 +18,7 @@ from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import GRAZING, ForcedProblem
 from bvp.kernels.flight import Flight
+from bvp.kernels.loads import LoadedFlight
 from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
 from bvp.kernels.pencil import ContactRows
@@ -158,15 +159,15 @@ class ReleasedProblem(ForcedProblem):
         """The multipliers but trivial ones, from the product of flights and impacts, of the orbit that was evaluated last; None where the
         product loses digits or does not do."""
         flight, n = self.segment.flight, self.degrees_of_freedom
-        if self.is_smooth or self.structure.drifts:
+        if not isinstance(flight, LoadedFlight) or self.structure.drifts:
             return None
         squares, shapes, enter = -flight.free.delta[:n], flight.leave[:n, :n], flight.enter.T
         parts = exact_product(np.array([stop.gap for stop in self.system.stops], float), shapes)[self.modes.contact_stop]
         none = np.zeros_like(parts)
         push = np.hstack([none, parts / np.sum(parts * parts, axis=1)[:, None]])
         contacts = ContactRows(np.hstack([parts, none]), np.hstack([none, parts]), push, np.full(len(parts), 2.0))
-        begins_with_state = {"start_map": np.eye(2 * n), "start_offset": np.zeros(2 * n)}
-        segment = self.structure.segment._replace(gap=contacts.gap[self.contacts], **begins_with_state)
+        begun = self.structure.segment._replace(start_map=np.eye(2 * n), start_offset=np.zeros(2 * n))  # with a state
+        segment = begun._replace(gap=contacts.gap[self.contacts])
         rows = np.column_stack([self.nodes(y)[:, : 2 * n] @ enter, self.flight_times(y)])
         ends = self._factor.before[:, : 2 * n] @ enter
         orbit, _ = unfolded(segment, rows.ravel(), ends, self.contacts, self.modes.contact_opposite)
@@ -175,7 +176,8 @@ class ReleasedProblem(ForcedProblem):
         speeds = np.abs(np.sum(contacts.rate[orbit.row] * orbit.before, axis=1))
         if np.min(speeds) < GRAZING * math.sqrt(float(squares @ orbit.after[0, :n] ** 2 + np.sum(orbit.after[0, n:] ** 2))):
             return np.full(2 * n, complex(math.nan, math.nan))
-        modal = Flight(*(np.ascontiguousarray(part[:n]) for part in flight.free[:3]), flight.free.matrix)
+        pairs, mean, delta, matrix = flight.free
+        modal = Flight(pairs[:n].copy(), mean[:n].copy(), delta[:n].copy(), matrix)
         found = formed(system_data(modal, contacts, squares, np.zeros((0, n))), ClosedOrbit(*orbit))
         return None if found is None else found.values
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from branches.curves.extending import numbered, reversed_curve
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
-from branches.curves.free_monitor import event_of
+from branches.curves.free_points import event_of
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.forced.primitive import apart_from_image, full_period, image_sign, twice

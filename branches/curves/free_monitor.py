@@ -1,139 +1,28 @@
-"""The test functions of curves of bifurcations and of grazings of free orbits."""
+"""The test functions of curves of bifurcations of free orbits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
-from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Fold, Symmetry, with_rows_of_one
-from branches.curves.free_grazing import approach_speeds, are_at, impact_places, touch_as_impact
+from branches.curves.free import Symmetry
 from branches.curves.free_normal_form import CurveNormalForm
-from branches.curves.grazing import Grazing, beside_grazing
-from branches.curves.grazing_monitor import SECOND_GRAZING, enter_least, second_grazing, signed_smallest
+from branches.curves.free_points import Critical, FreePoint, event_of, half_multiplier, observed_free
 from branches.curves.monitor import NAMES, Window, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
 from bvp.closures import cycle_of
-from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import (
-    CLEARANCE,
-    CLEARANCE_TIME,
-    FLIGHT,
-    FLIGHT_INDEX,
-    QUARTER_PERIOD,
-    REST,
-    RESULT,
-    SPEED,
-    SPEED_NODE,
-)
-from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 from continuation.curves import Held, Linearised
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["FreeGrazingMonitor", "FreeMonitor", "FreePoint", "event_of", "observed_free"]
-
-
-def observed_free(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray | None = None) -> Solution:
-    """An orbit as it stands, with its clearance, its slowest impact and its shortest flight. ends: the states after the flights of the
-    orbit that was evaluated last; None: y is evaluated."""
-    if ends is None:
-        problem.residual(y)
-        ends = problem._factor.before.copy()
-    result = np.full(len(RESULT), math.nan)
-    ForcedProblem._observe(problem, np.array(y), ends, result)
-    _see_rests(problem, y, ends, result)
-    nodes, speeds = approach_speeds(problem, y, ends)
-    enter_least(result, [SPEED, SPEED_NODE], speeds, nodes)
-    result[QUARTER_PERIOD] = float(np.sum(problem.flight_times(y))) / problem.quarters
-    return Solution(np.array(y), np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
-
-
-def _see_rests(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
-    """Where an orbit is at rest all gaps turn: compare their distances from the stops with the clearance in a result."""
-    watched, k, n = problem._watched, problem.inner, problem.degrees_of_freedom
-    bounds = problem.segment.released.entries[watched.bounds]
-    places = (0, y[:n], 0.0), (k, ends[k, :n], float(problem.flight_times(y)[k]))
-    for kind, (flight, x, time) in zip(() if problem.structure.periodic else problem.kinds, places, strict=False):
-        if kind != REST:
-            continue
-        gaps = watched.gaps @ x
-        distances = np.array([gaps - bounds[0], bounds[1] - gaps])
-        side, stop = np.unravel_index(int(distances.argmin()), distances.shape)
-        if distances[side, stop] < result[CLEARANCE]:
-            result[CLEARANCE : CLEARANCE_TIME + 1] = distances[side, stop], flight, stop, 2.0 * side - 1.0, time
-
-
-def event_of(problem: ReleasedProblem, symmetry: Symmetry) -> tuple[str, str]:
-    """The type of event of a critical perturbation, and what happens there."""
-    if symmetry == FOLD:
-        return "SN", "fold"
-    if symmetry == BOTH:
-        return "SB", "the last reversal is broken"
-    kept = f"the reversal about the {'far end' if symmetry[0] else 'start'} stays"
-    return ("SB", f"half-period symmetry breaks, {kept}") if problem.quarters == 1 else ("PD", f"period doubling, {kept}")
-
-
-def _half_multiplier(symmetry: Symmetry) -> int:
-    """The multiplier of the map between equal reversals, of half a period or of all of it."""
-    return -1 if symmetry[0] != symmetry[1] else 1
-
-
-class _Critical:
-    """The critical matrices of a surface of orbits, as numbers that pass zero where they are singular."""
-
-    def __init__(self, plane: ParameterPlane, without: Iterable[Symmetry], doubled: bool = False):
-        problem = plane.problem
-        assert isinstance(problem, ReleasedProblem)
-        self.fold = Fold(plane, in_energy=True)
-        self.breaking = None if problem.structure.periodic else Breaking(plane)
-        # A period doubling of a quarter period is solved on half of it, where two perturbations are critical at once.
-        skipped = {*without, *([(False, True), (True, False)] if doubled else [])}
-        every = (FOLD, *(SYMMETRIES if self.breaking else ()))
-        # With one degree of freedom the energy and the stops hit determine the orbit.
-        self.symmetries = [symmetry for symmetry in every if symmetry not in skipped and problem.degrees_of_freedom > 1]
-
-    def values(self, at: Linearised, scale: np.ndarray) -> list[float]:
-        found = []
-        for symmetry in self.symmetries:
-            if symmetry == FOLD:
-                matrix = self.fold.matrix(at)
-            else:
-                assert self.breaking is not None
-                matrix = self.breaking.matrix(at, symmetry)
-            found.append(signed_smallest(with_rows_of_one(matrix * scale)))
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class FreePoint:
-    """An orbit on a curve, as `branches.curves.monitor.CurvePoint`. Its multipliers and its coefficient, which `normal_form` gives, are
-    computed when they are wanted."""
-
-    problem: ReleasedProblem
-    solution: Solution
-    normal_form: Callable[[], float] = lambda: math.nan
-    cosine: float = math.nan
-
-    @cached_property
-    def coefficient(self) -> float:
-        """Of the normal form; NaN where it is not known."""
-        return self.normal_form()
-
-    @cached_property
-    def multipliers(self) -> np.ndarray:
-        """(2 n,), those of the full period; NaN where an impact grazes."""
-        try:
-            return self.problem.multipliers(self.solution.y)
-        except (ValueError, RuntimeError, np.linalg.LinAlgError):
-            return np.full(2 * self.problem.degrees_of_freedom, complex(math.nan, math.nan))
+__all__ = ["FreeMonitor"]
 
 
 class FreeMonitor:
@@ -161,11 +50,11 @@ class FreeMonitor:
         assert isinstance(problem, ReleasedProblem)
         self.plane, self.problem, self.code, self.symmetry, self.window = plane, problem, code, symmetry, window
         periodic = problem.structure.periodic
-        self._critical = _Critical(plane, [symmetry] if code == "SN" or not periodic else [], doubled)
-        own = -1 if periodic and code == "PD" else _half_multiplier(symmetry)
+        self._critical = Critical(plane, [symmetry] if code == "SN" or not periodic else [], doubled)
+        own = -1 if periodic and code == "PD" else half_multiplier(symmetry)
         others = []
         for other in self._critical.symmetries:
-            meets = {(1, 1): "R1", (-1, -1): "R2"}.get((own, _half_multiplier(other)), "FF")
+            meets = {(1, 1): "R1", (-1, -1): "R2"}.get((own, half_multiplier(other)), "FF")
             kind, words = event_of(problem, other)
             others.append(TestFunction(meets, "crossing", False, f"a second critical multiplier: {kind}, {words}"))
         self._folds = code == "SN"
@@ -237,81 +126,3 @@ _BESIDE = 1e-5
 
 _NEARLY = 1e-4
 """Difference of states and times of a symmetric orbit that is located. The equations are singular there, and steps fail nearby."""
-
-
-class FreeGrazingMonitor:
-    """The test functions of a curve of grazings of free orbits.
-
-    Parameters
-    ----------
-    plane : ParameterPlane
-    grazing : Grazing
-    y : (u,) float
-        An orbit of the curve. Images of the touch have no speed along the curve, either.
-    window : Window
-    """
-
-    def __init__(self, plane: ParameterPlane, grazing: Grazing, y: np.ndarray, window: Window):
-        problem = plane.problem
-        assert isinstance(problem, ReleasedProblem)
-        self.plane, self.problem, self.grazing, self.window = plane, problem, grazing, window
-        self._critical = _Critical(plane, [])
-        problem.residual(y)
-        nodes, speeds = approach_speeds(problem, y, problem._factor.before)
-        left = nodes == grazing.flight if grazing.kind == "speed" else np.zeros(len(nodes), dtype=bool)
-        if left.any() and problem.structure.periodic:
-            places = impact_places(problem, y, problem._factor.before, nodes)
-            left = are_at(places, places[left][0], True) & (speeds <= _SLOW * float(np.max(np.abs(problem._factor.before))))
-        self._others = nodes[~left]
-        events = [event_of(problem, symmetry) for symmetry in self._critical.symmetries]
-        self.tests = (
-            *window_tests(plane, window),
-            *SECOND_GRAZING,
-            *(TestFunction(f"{code}-GR", "crossing", False, f"orbits with the impact: {words}") for code, words in events),
-        )
-
-    def values(self, at: Linearised, own: np.ndarray, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[Sequence[float], Any]:
-        """See `continuation.curves.Monitor`."""
-        solution, bend = self._observed(at.y)
-        self.problem.residual(at.y)
-        guards = [solution["clearance"], solution["speed"], solution["flight"], bend]
-        values = [*window_values(self.plane, at.parameters, self.window), *guards, *self._critical.values(at, scale)]
-        return values, FreePoint(self.problem, solution)
-
-    def second(self, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray, Grazing]:
-        """What else grazes at an orbit of the curve. Result and errors as of `branches.curves.grazing_monitor.GrazingMonitor.second`."""
-        problem, grazing = self.problem, self.grazing
-        problem.residual(y)
-        solution = self._observed(y)[0]
-        least = second_grazing(problem, solution)
-        if least != "clearance":
-            return problem, y, Grazing(least, int(solution["speed_node" if least == "speed" else "flight_index"]))
-        ends = solution.ends
-        return touch_as_impact(problem, y, impact_places(problem, y, ends, np.array([grazing.flight]))[0])
-
-    def _observed(self, y: np.ndarray) -> tuple[Solution, float]:
-        """The orbit that was evaluated last, with all else but its grazing, and the acceleration of the gap at its touch."""
-        problem, grazing, ends = self.problem, self.grazing, self.problem._factor.before.copy()
-        flights, shown, shown_ends, bend = problem.flight_times(y), np.array(y), ends, 1.0
-        if grazing.kind == "flight":
-            problem.flight_times(shown)[grazing.flight] = 0.0
-            flights = np.where(np.arange(len(flights)) == grazing.flight, math.inf, flights)
-        else:
-            shown, shown_ends, bend = beside_grazing(problem, y, ends, grazing.flight, problem.structure.periodic)
-        nodes, speeds = approach_speeds(problem, y, ends)
-        watched = np.isin(nodes, self._others)
-        solution = observed_free(problem, shown, shown_ends)
-        enter_least(solution.result, [SPEED, SPEED_NODE], speeds[watched], nodes[watched])
-        enter_least(solution.result, [FLIGHT, FLIGHT_INDEX], flights, np.arange(len(flights)))
-        return Solution(y, solution.tangent, solution.position, ends, solution.result), bend
-
-    def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
-        """What an event is."""
-        test = self.tests[index]
-        if test.kind == "crossing" and location.kind in ("pole", "jump"):
-            return None
-        return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
-
-
-_SLOW = 1e-7
-"""Part of the largest velocity or displacement below which the impact of a located grazing has no speed."""

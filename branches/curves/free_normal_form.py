@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from branches.curves.free import BOTH, Symmetry
-from branches.curves.free_criticality import CriticalEquations, critical_nu
 from branches.curves.plane import ParameterPlane
+from branches.released.criticality import CriticalEquations, critical_nu
 from branches.released.segments import Segment, segment_of
 from branches.sequences import Ends, ImpactSequence
 from bvp.released import ReleasedProblem

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from branches.admissible import unphysical
-from branches.curves.free_criticality import free_criticality_of
 from branches.events import FREE_NORMAL_FORMS, Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.along_parameters import unbounded
@@ -23,6 +22,7 @@ from branches.forced.primitive import primitive_orbit
 from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_moment, emanating_orbits
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch, branch_in_parameter
+from branches.released.criticality import free_criticality_of
 from branches.tracing import event_along
 from bvp.contact_sequence import joined_sequence
 from bvp.criticality import NORMAL_FORMS, Criticality, criticality

@@ -9,11 +9,11 @@ import mpmath as mp
 import pytest
 
 import saltus
-from branches.curves.free_criticality import free_criticality, free_criticality_of
 from branches.curves.free_start import released_of
 from branches.forced.tracing import follow_response
 from branches.linear_modes import families_at, linear_modes
 from branches.reading import branch_of_record, read_branch
+from branches.released.criticality import free_criticality, free_criticality_of
 from branches.switching import emanating_families, switch
 from bvp.stability import stability
 from tests.branches.curve_oracles import DIGITS, ReferenceBackbone, exact

@@ -15,8 +15,9 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.backbone import OneImpact
-from branches.curves.free import BOTH, SYMMETRIES, Breaking, Turned, free_condition, smallest_singular
-from branches.curves.free_monitor import FOLD, FreeMonitor, event_of
+from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Turned, free_condition, smallest_singular
+from branches.curves.free_monitor import FreeMonitor
+from branches.curves.free_points import event_of
 from branches.curves.free_start import free_curve_start, released_of
 from branches.curves.plane import plane_of
 from branches.family import SETTINGS

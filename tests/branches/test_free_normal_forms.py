@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from branches.curves.figure import _pieces
-from branches.curves.free_criticality import free_criticality_of
 from branches.curves.free_start import released_of
 from branches.curves.starting import curve_start
 from branches.curves.switching import curve_through
 from branches.curves.tracing import follow_curve
+from branches.released.criticality import free_criticality_of
 from bvp.parameters import ParametricSystem
 from tests.branches.traced import traced
 
