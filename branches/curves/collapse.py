@@ -18,15 +18,18 @@ import numpy as np
 from branches.curves.extending import numbered, reversed_curve
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_points import event_of
+from branches.curves.grazing import observed
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.forced.primitive import apart_from_image, full_period, image_sign, twice
+from branches.forced.resequencing import later, with_touch, without_impact
 from branches.released.segments import Segment, segment_of
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
+from bvp.multipoint import RESULT_INDEX
 from bvp.released import ReleasedProblem
 
-__all__ = ["Narrow", "narrowed", "with_collapsed_ends"]
+__all__ = ["Narrow", "narrowed", "with_collapsed_ends", "without_grazing"]
 
 _APART = 0.2
 """Difference of an orbit and its image, beside the orbit, up to which the point where they are one is looked for."""
@@ -145,8 +148,8 @@ def _collapse(
     singular = stopped if stopped is not None and stopped.type in _SINGULAR else None
     if curve.ended[int(last)].reason != "MINIMUM_STEP" and singular is None:
         return None
-    problem, unknowns = curve.plane.problem, curve.unknowns[:, : curve.plane.size]
-    narrow = narrowed(problem, unknowns[place])
+    unknowns = curve.unknowns[:, : curve.plane.size]
+    narrow = narrowed(*without_grazing(curve, unknowns[place]))
     if narrow is None or narrow.apart > _APART:
         return None
     near = narrow.apart < _BLURRED
@@ -164,8 +167,18 @@ def _collapse(
     if event is None or not distance <= _REACH * reach + _ROOT:
         return None
     rows = unknowns[::-1] if last else unknowns
-    blurred = next((k for k, y in enumerate(rows) if not _apart(problem, y) < _BLURRED), len(curve))
+    blurred = next((k for k, y in enumerate(rows) if not _apart(*without_grazing(curve, y)) < _BLURRED), len(curve))
     return base, event, min(max(blurred, int(stopped is not None)), len(curve) - 1)
+
+
+def without_grazing(curve: BifurcationCurve, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+    """An orbit of a curve. The impact that grazes is left out where its image is none: it hides what else the orbit and its image share."""
+    problem, grazing = curve.plane.problem, curve.grazing
+    if grazing is None or grazing.kind != "speed" or isinstance(problem, ReleasedProblem) or image_sign(problem) != 0.0:
+        return problem, y
+    solution = observed(problem, y)
+    solution.result[RESULT_INDEX["speed_node"]] = grazing.flight
+    return without_impact(problem, solution) or (problem, y)
 
 
 def _apart(problem: ForcedProblem, y: np.ndarray) -> float:
@@ -181,8 +194,10 @@ def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: 
     if not last:
         return reversed_curve(_ending(reversed_curve(curve), True, base, event, left))
     stop, u = len(curve) - left, curve.plane.size
-    whole = _widened(base.plane.problem, base.unknowns[event.point, : base.plane.size], curve.plane.problem)
     position, near = curve.plane.position, curve.unknowns[stop - 1]
+    whole = _widened(base.plane.problem, base.unknowns[event.point, : base.plane.size], curve.plane.problem, near[:u])
+    if whole is None:
+        return curve
     length = float(curve.arclength[stop - 1]) + float(np.linalg.norm(position(whole) - position(near[:u])))
     new = {
         "unknowns": np.concatenate([whole, near[u:]]), "tangents": curve.tangents[stop - 1], "parameters": base.parameters[event.point],
@@ -208,9 +223,21 @@ def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: 
     )  # fmt: skip
 
 
-def _widened(single: ForcedProblem, y: np.ndarray, wide: ForcedProblem) -> np.ndarray:
-    """An orbit in the unknowns of the problem of twice its segment."""
+def _widened(single: ForcedProblem, y: np.ndarray, wide: ForcedProblem, near: np.ndarray) -> np.ndarray | None:
+    """An orbit in the unknowns of the problem of twice its segment, in which one of its touches can be an impact; None where it has no such
+    touch. near: an orbit of that problem."""
     if isinstance(single, ReleasedProblem):
         assert isinstance(wide, ReleasedProblem)
         return segment_of(single, y).twice().unknowns(wide)
-    return (full_period if single.half else twice)(single, y)[1]
+    plain, doubled = (full_period if single.half else twice)(single, y)
+    if plain.sequence == wide.sequence:
+        return doubled
+    found, touching = [], observed(plain, doubled)
+    for repeat in (0, single.inner + 1):
+        touching.result[RESULT_INDEX["clearance_flight"]] = (int(touching["clearance_flight"]) + repeat) % (plain.inner + 1)
+        made, begun = with_touch(plain, touching)
+        for _ in made.sequence:
+            if made.sequence == wide.sequence:
+                found.append(begun)
+            made, begun = later(made, begun)
+    return min(found, key=lambda one: float(np.abs(wide.nodes(one) - wide.nodes(near)).max()), default=None)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from branches.curves.collapse import Narrow, narrowed
+from branches.curves.collapse import Narrow, narrowed, without_grazing
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_grazing_monitor import FreeGrazingMonitor
 from branches.curves.free_normal_form import CurveNormalForm
@@ -78,7 +78,7 @@ def single_orbit(curve: BifurcationCurve, index: int) -> Narrow | None:
     """The single orbit, or the symmetric one, at an end of a curve of doubled orbits or of orbits without symmetry; None elsewhere."""
     if index not in (0, len(curve) - 1):
         return None
-    narrow = narrowed(curve.plane.problem, curve.unknowns[index, : curve.plane.size])
+    narrow = narrowed(*without_grazing(curve, curve.unknowns[index, : curve.plane.size]))
     return narrow if narrow is not None and narrow.apart < _NEAR else None
 
 

@@ -11,7 +11,7 @@ import pytest
 from branches.curves.starting import curve_at
 from branches.curves.switching import curve_through
 from branches.curves.tracing import follow_curve
-from branches.forced.tracing import follow_response
+from branches.forced.tracing import follow_response, switch_response
 from bvp.criticality import criticality
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import AbsorberOrbit
@@ -120,3 +120,22 @@ def test_a_branch_through_points_of_a_curve_has_the_event(name):
     assert len(points) > len(found) - 8
     for i in points[:: len(points) // 6]:
         require_event(found, i)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_grazings_of_doubled_orbits_end_at_the_grazing_of_the_doubling(number):
+    """They touch once in two periods, so that their sequence has no image. Oracle: the curve of the doubling."""
+    broken = absorber_families()[2]
+    doubling = [event for event in broken.events if event.type == "PD"][number]
+    doubled = follow_response(*switch_response(broken, doubling)[0], (0.7, 2.2))
+    grazings = through(doubled, "GR")
+    assert len(grazings.plane.problem.sequence) == 9
+    single = through(broken, "PD")
+    place = single.parameters[point(single, "PD-GR", (0.9087, 0.3401))]
+    end = next(event for event in grazings.events if event.type == "PD-GR" and event.point in (0, len(grazings) - 1))
+    assert end.status == "located" and grazings.parameters[end.point] == pytest.approx(place, abs=1e-9)
+    orbit = AbsorberOrbit.of(grazings.plane.problem, grazings.unknowns[end.point, : grazings.plane.size])
+    assert orbit.residual() < 1e-9
+    back = follow_curve(curve_through(grazings, end.point, "PD"), WINDOW, points=40)
+    assert back.plane.problem.sequence == broken.problem.sequence
+    assert np.abs(back.parameters - place).max(axis=1).min() < 1e-9
