@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.curves.extending import numbered, reversed_curve
-from branches.curves.free import FOLD, FreeKind, names_quarter_period
+from branches.curves.free import BOTH, FOLD, FreeKind, names_quarter_period
 from branches.curves.free_points import event_of
 from branches.curves.grazing import observed
 from branches.curves.record import BifurcationCurve, CurveEvent
@@ -24,6 +24,7 @@ from branches.events import Ended
 from branches.forced.primitive import apart_from_image, full_period, image_sign, twice
 from branches.forced.resequencing import later, with_touch, without_impact
 from branches.released.segments import Segment, segment_of
+from branches.sequences import PERIODIC
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import RESULT_INDEX
@@ -86,38 +87,57 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
 
 
 def _narrowed_free(problem: ReleasedProblem, y: np.ndarray) -> Narrow | None:
-    if problem.structure.periodic:
-        return None
     whole = segment_of(problem, y)
-    found = _folded(whole)
+    found = _folded(whole, problem.system.has_odd_symmetry)
     if found is None:
         return None
-    mean, apart = found
-    half = mean.half(problem)
+    if problem.structure.periodic and found.turn is not None:
+        half = found.mean.opened(problem, found.turn).half(problem)
+    else:
+        half = found.mean.half(problem)
     try:
         single = half.problem(problem, y)
     except EndsError:
         return None
+    if problem.structure.periodic:
+        kind = FreeKind(FOLD if found.turn is None else BOTH)
+        return Narrow(single, half.unknowns(single), "PD" if found.turn is None else "SB", found.apart, kind)
     # A quarter doubles in half of its period, which is its own image, too.
-    again = _folded(half) if single.quarters == 2 else None
+    again = _folded(half, False) if single.quarters == 2 else None
     code, _ = event_of(single, _FAR)
-    return Narrow(single, half.unknowns(single), code, apart, FreeKind(_FAR, again is not None and again[1] < _APART))
+    return Narrow(single, half.unknowns(single), code, found.apart, FreeKind(_FAR, again is not None and again.apart < _APART))
 
 
 _FAR = (False, True)
 """The symmetry of the perturbation that leaves the reversal about the start alone."""
 
 
-def _folded(segment: Segment) -> tuple[Segment, float] | None:
-    """The mean of a segment and its image about its middle, and their difference; None where no image has its ends and sequence."""
+class _Folded(NamedTuple):
+    """The mean of a segment and its nearest image, their difference beside the orbit, and of a closed segment the sum of two impacts that
+    the reversal exchanges: None where it runs twice."""
+
+    mean: Segment
+    apart: float
+    turn: int | None = None
+
+
+def _folded(segment: Segment, odd: bool) -> _Folded | None:
+    """The segment and its image about its middle; those of a closed one are its reversals, and half the period later. None where no image
+    has its ends and sequence. odd: whether the image of a closed segment can be a mirror image, too."""
     back = segment.backwards()
-    images = back, back.mirrored()
-    apart = [
-        float(np.abs(image.after - segment.after).max() / np.abs(segment.after).max()) if image[:2] == segment[:2] else math.inf
-        for image in images
+    images: list[tuple[Segment, int | None]] = [(back, None), (back.mirrored(), None)]
+    if segment.ends == PERIODIC:
+        count = len(segment.sequence)
+        reversed_ones = [back, back.mirrored()] if odd else [back]
+        images = [(one.begun_at(impact), -impact % count) for one in reversed_ones for impact in range(count)]
+        if count % 2 == 0:
+            images.append((segment.begun_at(count // 2), None))
+    found = [
+        _Folded(segment.mean(image), float(np.abs(image.after - segment.after).max() / np.abs(segment.after).max()), turn)
+        for image, turn in images
+        if image[:2] == segment[:2]
     ]
-    nearest = int(np.argmin(apart))
-    return None if math.isinf(apart[nearest]) else (segment.mean(images[nearest]), apart[nearest])
+    return min(found, key=lambda one: one.apart, default=None)
 
 
 def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]) -> BifurcationCurve:
@@ -184,8 +204,8 @@ def without_grazing(curve: BifurcationCurve, y: np.ndarray) -> tuple[ForcedProbl
 def _apart(problem: ForcedProblem, y: np.ndarray) -> float:
     """The difference of an orbit and its image, beside the orbit; infinity where the sequence has no such image."""
     if isinstance(problem, ReleasedProblem):
-        folded = None if problem.structure.periodic else _folded(segment_of(problem, y))
-        return math.inf if folded is None else folded[1]
+        folded = _folded(segment_of(problem, y), problem.system.has_odd_symmetry)
+        return math.inf if folded is None else folded.apart
     return math.inf if image_sign(problem) == 0.0 else apart_from_image(problem, y)
 
 
@@ -228,7 +248,12 @@ def _widened(single: ForcedProblem, y: np.ndarray, wide: ForcedProblem, near: np
     touch. near: an orbit of that problem."""
     if isinstance(single, ReleasedProblem):
         assert isinstance(wide, ReleasedProblem)
-        return segment_of(single, y).twice().unknowns(wide)
+        whole = segment_of(single, y).twice()
+        if not wide.structure.periodic:
+            return whole.unknowns(wide)
+        whole = whole if whole.ends == PERIODIC else whole.closed()
+        turned = [whole.begun_at(impact) for impact in range(len(whole.sequence))]
+        return _nearest([one.unknowns(wide) for one in turned if one.sequence == tuple(wide.sequence)], wide, near)
     plain, doubled = (full_period if single.half else twice)(single, y)
     if plain.sequence == wide.sequence:
         return doubled
@@ -240,4 +265,9 @@ def _widened(single: ForcedProblem, y: np.ndarray, wide: ForcedProblem, near: np
             if made.sequence == wide.sequence:
                 found.append(begun)
             made, begun = later(made, begun)
-    return min(found, key=lambda one: float(np.abs(wide.nodes(one) - wide.nodes(near)).max()), default=None)
+    return _nearest(found, wide, near)
+
+
+def _nearest(found: list[np.ndarray], problem: ForcedProblem, near: np.ndarray) -> np.ndarray | None:
+    """The orbit whose nodes are nearest to those of another one."""
+    return min(found, key=lambda one: float(np.abs(problem.nodes(one) - problem.nodes(near)).max()), default=None)

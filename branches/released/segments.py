@@ -42,7 +42,7 @@ class Segment(NamedTuple):
         turn = np.repeat([1.0, -1.0], self.after.shape[1] // 2)
         return self._replace(
             ends=(self.ends[1], self.ends[0]),
-            sequence=self.sequence[::-1],
+            sequence=(*self.sequence[:1], *self.sequence[:0:-1]) if self.ends == PERIODIC else self.sequence[::-1],
             after=(self.before * turn)[::-1],
             before=(self.after * turn)[::-1],
             times=self.times[::-1],
@@ -84,26 +84,65 @@ class Segment(NamedTuple):
         times = np.append(self.times[1:-1], self.times[-1] + self.times[0])
         return self._replace(ends=PERIODIC, after=self.after[1:], before=np.concatenate([self.before[1:-1], self.before[:1]]), times=times)
 
+    def begun_at(self, impact: int) -> Segment:
+        """A closed segment, begun at another one of its impacts."""
+        parts = [np.roll(part, -impact, axis=0) for part in self[2:5]]
+        return Segment(PERIODIC, self.sequence[impact:] + self.sequence[:impact], parts[0], parts[1], parts[2], self.parameters)
+
+    def opened(self, problem: ReleasedProblem, turn: int) -> Segment:
+        """A closed segment, run from a reversal to the same one a period later. Reversed, impact i is impact turn - i. problem: that of the
+        segment."""
+        count = len(self.sequence)
+        if turn % 2 and count % 2 == 0:
+            begun = self.begun_at((turn + 1) // 2 % count)
+            middle = _flown(problem, begun, count - 1)
+            half = 0.5 * begun.times[-1:]
+            end = _kind(problem, middle)
+            return begun._replace(
+                ends=(end, end),
+                after=np.vstack([middle, begun.after]),
+                before=np.vstack([begun.before[-1:], begun.before[:-1], middle]),
+                times=np.concatenate([half, begun.times[:-1], half]),
+            )
+        begun = self.begun_at((turn if turn % 2 == 0 else turn + count) // 2 % count)
+        end = "stop" + begun.sequence[0]
+        return begun._replace(ends=(end, end), sequence=begun.sequence[1:])
+
     def half(self, problem: ReleasedProblem) -> Segment:
-        """The first half of a segment whose orbit reverses in its middle, too. problem: that of the segment."""
+        """The first half of a segment whose orbit reverses in its middle, too, or that runs twice. problem: that of the segment."""
         middle, odd = divmod(len(self.sequence), 2)
+        if self.ends == PERIODIC:
+            return self._replace(
+                sequence=self.sequence[:middle], after=self.after[:middle], before=self.before[:middle], times=self.times[:middle]
+            )
         first = slice(0, middle + 1)
         after, before, times = self.after[first], self.before[first].copy(), self.times[first].copy()
         if odd:
             end = "stop" + self.sequence[middle]
         else:
+            before[-1] = _flown(problem, self, middle)
             times[-1] *= 0.5
-            before[-1] = problem.fly(np.concatenate([after[-1], [0.0], self.parameters]), times[-1], middle)[0]
-            n = before.shape[1] // 2
-            units = problem.segment.scale[: 2 * n]
-            sizes = np.abs(before[-1] / np.where(units > 0.0, units, 1.0))
-            end = "origin" if sizes[:n].max() < sizes[n:].max() else "rest"
+            end = _kind(problem, before[-1])
         return self._replace(ends=(self.ends[0], end), sequence=self.sequence[:middle], after=after, before=before, times=times)
 
     def mean(self, other: Segment) -> Segment:
         """The mean of two segments with the same ends and sequence."""
         parts = [0.5 * (one + two) for one, two in zip(self[2:5], other[2:5], strict=True)]
         return self._replace(after=parts[0], before=parts[1], times=parts[2])
+
+
+def _flown(problem: ReleasedProblem, segment: Segment, flight: int) -> np.ndarray:
+    """The state in the middle of a flight, (2 n,)."""
+    node = np.concatenate([segment.after[flight], [0.0], segment.parameters])
+    return problem.fly(node, 0.5 * float(segment.times[flight]), min(flight, problem.inner))[0]
+
+
+def _kind(problem: ReleasedProblem, state: np.ndarray) -> str:
+    """The end inside a flight that a state is."""
+    n = len(state) // 2
+    units = problem.segment.scale[: 2 * n]
+    sizes = np.abs(state / np.where(units > 0.0, units, 1.0))
+    return "origin" if sizes[:n].max() < sizes[n:].max() else "rest"
 
 
 def segment_of(problem: ReleasedProblem, y: np.ndarray) -> Segment:
