@@ -18,7 +18,7 @@ import numpy as np
 from branches.curves.extending import numbered, reversed_curve
 from branches.curves.free import BOTH, FOLD, FreeKind, names_quarter_period
 from branches.curves.free_points import event_of
-from branches.curves.grazing import observed
+from branches.curves.grazing import Grazing, observed
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.events import Ended
 from branches.forced.primitive import apart_from_image, full_period, image_sign, twice
@@ -27,6 +27,7 @@ from branches.released.segments import Segment, segment_of
 from branches.sequences import PERIODIC
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
+from bvp.kernels.multipoint import REST
 from bvp.multipoint import RESULT_INDEX
 from bvp.released import ReleasedProblem
 
@@ -37,6 +38,9 @@ _APART = 0.2
 
 _BLURRED = 1e-4
 """The same difference, below which the wider equations show events that are rounding."""
+
+_NEAR_REST = 0.05
+"""Part of the segment between a touch and an end at rest up to which the point where they meet is looked for."""
 
 _REACH = 10.0
 """Distance of that point in the parameters, relative, in squares of that difference; along a grazing in such differences."""
@@ -53,13 +57,14 @@ _MEETINGS = {"SB": ("R2",), "PD": ("FF",), "NS": ("FF", "PN")}
 
 class Narrow(NamedTuple):
     """The single orbit next to a doubled one, or the symmetric one next to another: its problem and unknowns, PD or SB, the difference of
-    the orbit and its image beside the orbit, and what is critical of a free orbit."""
+    the orbit and its image beside the orbit, and what is critical of a free orbit, or grazes."""
 
     problem: ForcedProblem
     y: np.ndarray
     code: str
     apart: float
     free: FreeKind | None = None
+    grazing: Grazing | None = None
 
 
 def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
@@ -153,16 +158,26 @@ def with_collapsed_ends(curve: BifurcationCurve, follow: Callable[[Narrow, Bifur
     if curve.closed or (free is not None and free.symmetry == FOLD and names_quarter_period(curve.plane) and not free.in_energy):
         return curve
     for last in (False, True):
-        found = _collapse(curve, last, follow)
-        if found is not None:
-            curve = _ending(curve, last, *found)
+        end = _collapse(curve, last, follow) or _touch_at_rest(curve, last, follow)
+        curve = curve if end is None else _ending(curve, last, end)
     return curve
+
+
+class _End(NamedTuple):
+    """An end of a curve at an event of another one: that curve, the event, the orbit there in the unknowns of the first curve, how many of
+    its points are left out, and what happens."""
+
+    base: BifurcationCurve
+    event: CurveEvent
+    y: np.ndarray
+    left: int
+    note: str
 
 
 def _collapse(
     curve: BifurcationCurve, last: bool, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]
-) -> tuple[BifurcationCurve, CurveEvent, int] | None:
-    """The curve of the single orbits at an end, its event there, and the number of points that are left out; None where there is none."""
+) -> _End | None:
+    """The end at the single orbits; None where there is none."""
     place = len(curve) - 1 if last else 0
     stopped = next((event for event in curve.events if event.point == place), None)
     singular = stopped if stopped is not None and stopped.type in _SINGULAR else None
@@ -188,7 +203,57 @@ def _collapse(
         return None
     rows = unknowns[::-1] if last else unknowns
     blurred = next((k for k, y in enumerate(rows) if not _apart(*without_grazing(curve, y)) < _BLURRED), len(curve))
-    return base, event, min(max(blurred, int(stopped is not None)), len(curve) - 1)
+    left = min(max(blurred, int(stopped is not None)), len(curve) - 1)
+    whole = _widened(base.plane.problem, base.unknowns[event.point, : base.plane.size], curve.plane.problem, rows[left])
+    words = "are symmetric" if base.code == "SB" else "are those of half the period, traversed twice"
+    named = {
+        "GPD": ": generalised period doubling", "DP": ": degenerate pitchfork",
+        "PD-GR": ": their doubling grazes", "SB-GR": ": their symmetry breaking grazes",
+    }  # fmt: skip
+    note = f"the orbits {words}{named.get(event.type, f', with {event.note}')}"
+    return None if whole is None else _End(base, event, whole, left, note)
+
+
+def _touch_at_rest(
+    curve: BifurcationCurve, last: bool, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]
+) -> _End | None:
+    """The end where a touch beside an end at rest has come there, and meets its image. The time between them goes as the root of the
+    distance along the curve, and its equations are singular. Orbits whose end touches have the point where the gap is not accelerated."""
+    rows = curve.unknowns[:: -1 if last else 1, : curve.plane.size]
+    beside = [_touching(curve, y) for y in rows[: len(rows) // 2]]
+    left = next((k for k, one in enumerate(beside) if one is None or one.apart > _BLURRED), len(beside))
+    if curve.ended[int(last)].reason not in ("MINIMUM_STEP", "EVENT") or left == len(beside):
+        return None
+    narrow = beside[left]
+    if narrow is None or narrow.apart > _NEAR_REST:
+        return None
+    base = follow(narrow, curve)
+    if base is None:
+        return None
+    problem, single = curve.plane.problem, base.plane.problem
+    assert isinstance(problem, ReleasedProblem) and isinstance(single, ReleasedProblem)
+    here = curve.parameters[::-1][left] if last else curve.parameters[left]
+    for event in base.events:
+        distance = float(np.abs(base.parameters[event.point] / here - 1.0).max())
+        if event.type == "GR-GR" and distance <= _REACH * narrow.apart**2:
+            y = segment_of(single, base.unknowns[event.point, : base.plane.size]).resting(problem.kinds[1] == REST)
+            return _End(base, event, y.unknowns(problem), left, "the touch has come to the end at rest, where it meets its image")
+    return None
+
+
+def _touching(curve: BifurcationCurve, y: np.ndarray) -> Narrow | None:
+    """An orbit that touches a stop beside an end at rest, as one that touches it there; None where it has no such touch."""
+    problem, grazing = curve.plane.problem, curve.grazing
+    if not isinstance(problem, ReleasedProblem) or grazing is None or grazing.kind != "speed" or not problem.inner:
+        return None
+    far = problem.kinds[1] == REST and grazing.flight == problem.inner - 1
+    if not far and not (problem.kinds[0] == REST and grazing.flight == 0):
+        return None
+    whole = segment_of(problem, y)
+    single = whole.stopped(far)
+    made = single.problem(problem, y)
+    apart = float(whole.times[-1 if far else 0] / np.sum(whole.times))
+    return Narrow(made, single.unknowns(made), "GR", apart, None, Grazing("speed", made.inner if far else made.inner + 1))
 
 
 def without_grazing(curve: BifurcationCurve, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
@@ -209,36 +274,27 @@ def _apart(problem: ForcedProblem, y: np.ndarray) -> float:
     return math.inf if image_sign(problem) == 0.0 else apart_from_image(problem, y)
 
 
-def _ending(curve: BifurcationCurve, last: bool, base: BifurcationCurve, event: CurveEvent, left: int) -> BifurcationCurve:
-    """The curve with the point of an event of another curve as its end, in place of some points. left: how many."""
+def _ending(curve: BifurcationCurve, last: bool, at: _End) -> BifurcationCurve:
+    """The curve with the point of an event of another curve as its end, in place of some points."""
     if not last:
-        return reversed_curve(_ending(reversed_curve(curve), True, base, event, left))
-    stop, u = len(curve) - left, curve.plane.size
-    position, near = curve.plane.position, curve.unknowns[stop - 1]
-    whole = _widened(base.plane.problem, base.unknowns[event.point, : base.plane.size], curve.plane.problem, near[:u])
-    if whole is None:
-        return curve
-    length = float(curve.arclength[stop - 1]) + float(np.linalg.norm(position(whole) - position(near[:u])))
+        return reversed_curve(_ending(reversed_curve(curve), True, at))
+    stop, u = len(curve) - at.left, curve.plane.size
+    position, near, place = curve.plane.position, curve.unknowns[stop - 1], at.base.parameters[at.event.point]
+    length = float(curve.arclength[stop - 1]) + float(np.linalg.norm(position(at.y) - position(near[:u])))
     new = {
-        "unknowns": np.concatenate([whole, near[u:]]), "tangents": curve.tangents[stop - 1], "parameters": base.parameters[event.point],
-        "arclength": length, "residual": base.residual[event.point], "multipliers": np.full(curve.multipliers.shape[1], np.nan),
+        "unknowns": np.concatenate([at.y, near[u:]]), "tangents": curve.tangents[stop - 1], "parameters": place,
+        "arclength": length, "residual": at.base.residual[at.event.point], "multipliers": np.full(curve.multipliers.shape[1], np.nan),
         "coefficient": math.nan,
     }  # fmt: skip
     columns: dict[str, Any] = {
         name: np.concatenate([column := getattr(curve, name)[:stop], np.asarray(row, column.dtype)[None]]) for name, row in new.items()
     }
-    words = "are symmetric" if base.code == "SB" else "are those of half the period, traversed twice"
-    named = {
-        "GPD": ": generalised period doubling", "DP": ": degenerate pitchfork",
-        "PD-GR": ": their doubling grazes", "SB-GR": ": their symmetry breaking grazes",
-    }  # fmt: skip
-    note = f"the orbits {words}{named.get(event.type, f', with {event.note}')}"
-    end = event._replace(point=stop, arclength=length, bracket=(length, length), note=note)
-    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, new["parameters"], strict=True))
+    end = at.event._replace(point=stop, arclength=length, bracket=(length, length), note=at.note)
+    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, place, strict=True))
     return replace(
         curve, **columns,
         events=numbered([*(one for one in curve.events if one.point < stop), end]),
-        ended=(curve.ended[0], Ended("EVENT", f"{event.type} at {where}: {note}")),
+        ended=(curve.ended[0], Ended("EVENT", f"{at.event.type} at {where}: {at.note}")),
         start=min(curve.start, stop - 1),
     )  # fmt: skip
 

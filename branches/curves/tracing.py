@@ -182,7 +182,7 @@ def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCur
     """The curve of the single orbits next to the end of one of doubled orbits, or of orbits without symmetry."""
     plane, unknowns = curve.plane.of(narrow.problem, narrow.y)
     try:
-        start = CurveStart(plane, narrow.code, None, unknowns, free=narrow.free)
+        start = CurveStart(plane, narrow.code, narrow.grazing, unknowns, free=narrow.free)
         # The place can be beyond a bound of these orbits by rounding: the bound is located from a point inside.
         single, first = first_point(start, _ANYWHERE)
         beside = (single.step(first.y, first.tangent, ds) for ds in _PROBES)

@@ -108,6 +108,22 @@ class Segment(NamedTuple):
         end = "stop" + begun.sequence[0]
         return begun._replace(ends=(end, end), sequence=begun.sequence[1:])
 
+    def stopped(self, far: bool) -> Segment:
+        """A segment whose impact beside an end at rest has no speed, with this stop as its end. far: its far end, else its start."""
+        if not far:
+            return self.backwards().stopped(True).backwards()
+        end = self.ends[0], "stop" + self.sequence[-1]
+        return Segment(end, self.sequence[:-1], self.after[:-1], self.before[:-1], self.times[:-1], self.parameters)
+
+    def resting(self, far: bool) -> Segment:
+        """The opposite: an end at a stop without speed as an impact, and a flight without duration to an end at rest."""
+        if not far:
+            return self.backwards().resting(True).backwards()
+        last = self.before[-1:]
+        parts = [np.vstack([self.after, last]), np.vstack([self.before, last]), np.append(self.times, 0.0)]
+        sequence = (*self.sequence, self.ends[1].removeprefix("stop"))
+        return Segment((self.ends[0], "rest"), sequence, parts[0], parts[1], parts[2], self.parameters)
+
     def half(self, problem: ReleasedProblem) -> Segment:
         """The first half of a segment whose orbit reverses in its middle, too, or that runs twice. problem: that of the segment."""
         middle, odd = divmod(len(self.sequence), 2)

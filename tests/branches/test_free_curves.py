@@ -23,6 +23,7 @@ from branches.curves.plane import plane_of
 from branches.family import SETTINGS
 from branches.presentation import canonical_orbit, is_solved_as_it_is
 from branches.released.presentation import released_orbit
+from branches.switching import emanating_families
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
@@ -166,6 +167,38 @@ def test_impact_that_vanishes_on_a_linear_mode(branches, label, mode):
     for values in points:
         w, b = ReferenceBackbone(values["mu"], values["sigma"]).modes[mode]
         assert distance(values["energy"], w * w / (2 * b)) < 1e-12
+
+
+def touch_at_rest(mu, half):
+    """Near a guess in many digits: an orbit with one impact a period, which is at rest half a period later, where it touches the other stop
+    and the gap is not accelerated. Each mode, with the square b of its part in the gap, moves it by J b cos(w (t - T/2))/(2 w sin(w T/2))."""
+    with mp.workdps(DIGITS):
+
+        def modes(mu, half):
+            return [(w, b, mp.sin(w * half), mp.cos(w * half)) for w, b in ReferenceBackbone(mu, "0.1").modes]
+
+        def conditions(mu, half):
+            parts = modes(mu, half)
+            return sum(b * (c + 1) / (w * s) for w, b, s, c in parts), sum(b * w / s for w, b, s, _ in parts)
+
+        mu, half = mp.findroot(conditions, (mp.mpf(mu), mp.mpf(half)))
+        parts = modes(mu, half)
+        kick = 1 / sum(b * c / (2 * w * s) for w, b, s, c in parts)
+        return mu, sum(b * (kick / (2 * s)) ** 2 for w, b, s, _ in parts) / 2
+
+
+def test_touch_that_comes_to_an_end_at_rest(branches):
+    """The curve is singular there: it is located on the curve of touches at the end itself."""
+    branch = branches["U21-"]
+    other = next(iter(emanating_families(branch, of_type(branch, "SB"))))
+    closed = follow_family(other.problem, other.step.y, energy=(0.3, 2.0))
+    problem, y = released_of(closed.orbit(of_type(closed, "GR").point), ("mu", "energy"))
+    curve = follow_curve(curve_start(problem, y, "GR", ("mu", "energy")), ((0.09, 1.0), FREE))
+    assert "rest" in curve.plane.problem.ends
+    (end,) = [event for event in curve.events if event.type == "GR-GR"]
+    assert end.status == "located" and "at rest" in end.note and end.point in (0, len(curve) - 1)
+    for value, wanted in zip(curve.parameters[end.point], touch_at_rest(0.17, 3.69), strict=True):
+        assert distance(float(value), wanted) < 1e-11
 
 
 def events_at(plane, y):
