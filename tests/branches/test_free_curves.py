@@ -15,16 +15,18 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.backbone import OneImpact
+from branches.curves.collapse import _widened, narrowed
 from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Turned, free_condition, smallest_singular
 from branches.curves.free_monitor import FreeMonitor
 from branches.curves.free_points import event_of
 from branches.curves.free_start import free_curve_start, released_of
 from branches.curves.plane import plane_of
 from branches.family import SETTINGS
-from branches.presentation import canonical_orbit, is_solved_as_it_is
+from branches.presentation import canonical_orbit, closed_presentation, is_solved_as_it_is
 from branches.released.presentation import released_orbit
 from branches.switching import emanating_families
 from branches.tracing import follow_family
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
@@ -171,7 +173,7 @@ def test_impact_that_vanishes_on_a_linear_mode(branches, label, mode):
 
 def touch_at_rest(mu, half):
     """Near a guess in many digits: an orbit with one impact a period, which is at rest half a period later, where it touches the other stop
-    and the gap is not accelerated. Each mode, with the square b of its part in the gap, moves it by J b cos(w (t - T/2))/(2 w sin(w T/2))."""
+    and the gap is not accelerated. A mode with the square b of its part in the gap moves it by J b cos(w (t - T/2))/(2 w sin(w T/2))."""
     with mp.workdps(DIGITS):
 
         def modes(mu, half):
@@ -413,3 +415,25 @@ def test_turned_ends_have_as_many_rows():
     turned = Turned(problem)
     assert turned.unknowns == problem.unknowns and turned.segment.end_map.shape == problem.segment.end_map.shape
     assert free_condition(plane_of(problem, problem.pack([[0, 0, 1, 1]], [0], [0.1], [1.0]), ("mu", "energy"))[0], "SB", BOTH).own == 0
+
+
+@pytest.mark.parametrize(("label", "ends"), [("S13O00+", None), ("S31O11-", None), ("U21-", ("origin", "origin"))])
+@pytest.mark.parametrize("first", [0, 1])
+def test_closed_orbits_with_a_reversal_or_that_run_twice_are_known(branches, label, ends, first):
+    """Oracle: the orbit as it was followed."""
+    orbit = branches[label].orbit(len(branches[label]) // 2)
+    problem, y = released_of(orbit, ("mu", "energy"))
+    plain, at = problem.orbit_problem(y)
+    for cover in (1, 2):
+        closed = closed_presentation(cycle_of(plain, at), cover, first)
+        wide = MultipointProblem(plain.system, closed.ends, closed.sequence)
+        made, whole = released_orbit(problem, problem.parameters(y), wide, closed.unknowns(wide))
+        narrow = narrowed(made, whole)
+        assert narrow.apart < 1e-11 and narrow.code == ("SB" if cover == 1 else narrow.code)
+        assert np.abs(narrow.problem.residual(narrow.y)).max() < 1e-11
+        if cover == 1:
+            assert narrow.problem.ends != ("periodic", "periodic") and (ends is None or narrow.problem.ends == ends)
+        period = narrow.problem.period(narrow.y) * (cover if narrow.code == "PD" else 1)
+        assert period == pytest.approx(made.period(whole), rel=1e-12)
+        again = _widened(narrow.problem, narrow.y, made, whole)
+        assert made.scales(whole) @ np.abs(again - whole) < 1e-9
