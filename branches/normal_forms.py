@@ -8,7 +8,7 @@ from dataclasses import replace
 from branches.branch import Branch
 from branches.events import FREE_NORMAL_FORMS, BranchEvent
 from branches.orbit import Orbit
-from bvp.kernels.compiled import interpreted
+from bvp.kernels.hook import interpreted
 
 __all__ = ["normal_form_at", "with_normal_forms"]
 

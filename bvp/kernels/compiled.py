@@ -3,8 +3,7 @@
 `bvp.kernels.compiler` compiles, with numba. To load and to call a kernel takes neither (`bvp.kernels.stored`).
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -36,7 +35,7 @@ class Kernel(Declared):
             if result is not NotImplemented:
                 break
         else:
-            if _interpreting:
+            if hook.interpreting:
                 return self._interpreted(*arguments)
             result = self.entry(*arguments).call(*arguments)
         if failures:
@@ -45,21 +44,21 @@ class Kernel(Declared):
 
     def _interpreted(self, *arguments: Any) -> Any:
         """The result in Python, of a kernel that has no machine code."""
-        if _interpreting[-1]:  # called by another one
+        if hook.interpreting[-1]:  # called by another one
             return self.function(*arguments)
         types = types_of(arguments)
         entry = load(self.function.__module__, symbol(self.function.__module__, self.function.__qualname__, types))
         if entry is not None:
             self.entries[types] = entry
             return self(*arguments)
-        _interpreting.append(True)
+        hook.interpreting.append(True)
         try:
             with np.errstate(all="ignore"):
                 return self.function(*arguments)
         except (ArithmeticError, ValueError, TypeError):  # machine code divides by zero, and calls at addresses
             pass
         finally:
-            _interpreting.pop()
+            hook.interpreting.pop()
         return self.entry(*arguments).call(*arguments)
 
     def entry(self, *arguments: Any) -> Entry:
@@ -88,23 +87,6 @@ class Kernel(Declared):
         if folder is not None:
             keep(folder / name, code)
         return code
-
-
-_interpreting: list[bool] = []
-"""Whether kernels without machine code run in Python: not where it is empty. The last item tells whether one of them is running."""
-
-
-@contextmanager
-def interpreted(wanted: bool = True) -> Iterator[None]:
-    """Run kernels that have no machine code in Python, which takes less time than to compile them for a few calls."""
-    if not wanted:
-        yield
-        return
-    _interpreting.append(False)
-    try:
-        yield
-    finally:
-        _interpreting.pop()
 
 
 kernel: Any = partial(Kernel, _nrt=False)

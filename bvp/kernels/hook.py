@@ -1,8 +1,9 @@
-"""What is called before a kernel is compiled, and after one that called a Python function which failed.
+"""What is done with a kernel that has no machine code, and after one that called a Python function which failed.
 
-What is called before may compile the kernel with others, in several processes."""
+What is called before a kernel is compiled may compile it with others, in several processes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 before_compiling: Callable[[str, str, Any], None] | None = None
@@ -10,3 +11,19 @@ before_compiling: Callable[[str, str, Any], None] | None = None
 
 failures: list[BaseException] = []
 """Errors of Python functions that kernels called. The next kernel that returns to Python raises the first."""
+
+interpreting: list[bool] = []
+"""Whether kernels without machine code run in Python: not where it is empty. The last item tells whether one of them is running."""
+
+
+@contextmanager
+def interpreted(wanted: bool = True) -> Iterator[None]:
+    """Run kernels that have no machine code in Python, which takes less time than to compile them for a few calls."""
+    if not wanted:
+        yield
+        return
+    interpreting.append(False)
+    try:
+        yield
+    finally:
+        interpreting.pop()

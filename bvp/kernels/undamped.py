@@ -2,15 +2,16 @@
 
 import math
 
-import numpy as np
-
-from bvp.checks import EPSILON, LARGEST, SMALLEST
 from bvp.kernels.compiled import kernel
+
+EPSILON = 2.220446049250313e-16
+SMALLEST, LARGEST = 1e-25, 1e25
+"""Sizes of masses, and of all entries, that can be computed with: as in `bvp.checks`, which the machine code does not depend on."""
 
 SWEEPS = 60
 """Most sweeps of Jacobi's method; ten are many."""
 
-SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
+SUBNORMAL = 2.2250738585072014e-308 / EPSILON
 """A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
 
 WORK = 8

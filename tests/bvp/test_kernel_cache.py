@@ -5,16 +5,19 @@ from __future__ import annotations
 import ast
 import functools
 import itertools
+import math
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import platformdirs
 import pytest
 
-from bvp.kernels import stored
+from bvp.kernels import compiled, hook, stored
+from bvp.kernels.undamped import solve_upper
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = [file for package in ("bvp", "branches", "transitions") for file in (ROOT / package).rglob("*.py")]
@@ -249,3 +252,23 @@ def test_an_entry_can_be_deleted_after_all_modules():
     environment = {**os.environ, "PYTHONMALLOC": "malloc", "MALLOC_PERTURB_": "2"}
     done = subprocess.run([sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_kernel_without_machine_code_can_run_in_python(monkeypatch):
+    """Oracle: the same kernel, compiled. What Python cannot compute, as a number divided by zero, is compiled."""
+    monkeypatch.setattr(hook, "before_compiling", None)
+    monkeypatch.setattr(compiled, "load", lambda module, name: None)
+    monkeypatch.setattr(compiled, "folder_of", lambda module: None)
+    lower, column = np.array([[2.0, 0.0], [0.7, 3.0]]), np.array([1.0, -0.3])
+    solve, divide = (compiled.Kernel(function, _nrt=False) for function in (solve_upper.function, inverse))
+    with hook.interpreted():
+        solve(lower, found := column.copy())
+        assert not solve.entries
+        assert divide(2.0) == 0.5 and not divide.entries
+        assert divide(0.0) == math.inf and divide.entries
+    solve(lower, column)
+    assert solve.entries and np.array_equal(found, column)
+
+
+def inverse(x):
+    return 1.0 / x

@@ -8,7 +8,10 @@ import pytest
 from scipy.linalg import expm
 
 from benchmarks.backbone import Backbone
+from bvp import checks
 from bvp.closures import EndsError
+from bvp.kernels import undamped
+from bvp.multipliers import sort_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
@@ -191,3 +194,58 @@ def test_a_bound_that_breaks_the_symmetry_is_refused():
 def test_number_of_equations():
     with pytest.raises(ValueError, match="2 released parameters need 2 equations to keep; received 1"):
         ReleasedProblem(NES, ("origin", "stop+"), (), ("mu", "sigma"), ["energy = 0.8"])
+
+
+def written(problem):
+    """What flights and impacts take from masses and springs."""
+    segment = problem.segment
+    free = segment.flight.free
+    parts = [free.delta, free.matrix, segment.flight.enter, segment.flight.leave, segment.flight.change]
+    return [part.copy() for part in (*parts, segment.drive, segment.drive_slope, segment.push, segment.push_slope)]
+
+
+@pytest.mark.parametrize("names", [("m", "k"), ("k", "d"), ("m",)])
+def test_undamped_modes_at_other_parameters(names):
+    """Oracle: the modes, and their derivatives, of the system that is made there (`bvp.forced_modes`)."""
+    start = [0.0, 0.0, 0.0, 1.1, 0.8, 0.5]
+    problem, y, *_ = released(chain(), ("origin", "stop+"), (), names, ["energy = {h!r}"] + ["d = 1.1"] * (len(names) - 1), start, [1.4])
+    assert problem._is_undamped
+    for factor in (1.1, 0.7, 1.0):
+        there = y.copy()
+        problem.nodes(there)[:, 2 * problem.degrees_of_freedom + 1 :] *= factor
+        problem.residual(there)
+        found = written(problem)
+        other = problem.sibling(())
+        other.__dict__["_is_undamped"] = False
+        other.residual(there)
+        for one, wanted in zip(found, written(other), strict=True):
+            assert np.abs(one - wanted).max() < 1e-13 * max(1.0, np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("bad", [-1.3, 0.0, 1e-26, np.nan])
+def test_a_mass_that_a_system_cannot_have(bad):
+    """No step converges there, and none is disturbed afterwards."""
+    start = [0.0, 0.0, 0.0, 1.1, 0.8, 0.5]
+    problem, y, *_ = released(chain(), ("origin", "stop+"), (), ("m",), ["energy = {h!r}"], start, [1.4])
+    before = problem.residual(y)
+    there = y.copy()
+    problem.nodes(there)[:, 2 * problem.degrees_of_freedom + 1] = bad
+    assert np.isnan(problem.residual(there)).any()
+    assert problem.residual(y) == pytest.approx(before, abs=1e-15)
+
+
+def test_multipliers_need_no_problem_of_the_system():
+    """Oracle: the problem of the system at the parameters of the orbit."""
+    start = [0.0, 0.0, 0.0, 1.1, 0.8, 0.5]
+    for problem, y, *_ in (
+        backbone_at("energy = {h!r}", ("mu",)),
+        released(chain(), ("origin", "stop+"), (), ("k",), ["energy = {h!r}"], start, [1.4]),
+    ):
+        problem.residual(y)
+        found, wanted = problem.formed_multipliers(y), problem._multipliers_of_system(y)
+        assert len(found) == 2 * problem.degrees_of_freedom - 2
+        assert sort_multipliers(found) == pytest.approx(sort_multipliers(wanted), rel=1e-10)
+
+
+def test_the_sizes_of_entries_are_those_of_a_system():
+    assert (undamped.EPSILON, undamped.SMALLEST, undamped.LARGEST) == (checks.EPSILON, checks.SMALLEST, checks.LARGEST)
