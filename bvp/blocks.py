@@ -19,8 +19,11 @@ import numpy as np
 from bvp.checks import EPSILON
 
 __all__ = [
-    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact_product", "traceless",
+    "Blocks", "Matrices", "blocks_of", "coupled_groups", "cut", "decay_rates", "exact_product", "jacobi", "traceless",
 ]  # fmt: skip
+
+SWEEPS = 60
+"""Jacobi sweeps before it is said that they do not converge; ten are many."""
 
 LIGHT = 0.1
 """Decay, of the frequency, of a mode that counts as lightly damped."""
@@ -173,7 +176,7 @@ def _turn_repeated(system: Matrices, squares: np.ndarray, shapes: np.ndarray, no
             part = shapes[:, start:end]
             damping = part.T @ system.damping @ part
             damping = np.where(np.abs(damping) <= noise[start:end, start:end], 0.0, damping)
-            shapes[:, start:end] = part @ _eigenvectors(damping)
+            shapes[:, start:end] = part @ jacobi(damping)[1]
         start = end
     return shapes
 
@@ -302,20 +305,44 @@ def decay_rates(system: Matrices, shapes: np.ndarray) -> np.ndarray:
     return 0.0 - power / energy
 
 
-def _eigenvectors(matrix: np.ndarray) -> np.ndarray:
-    """Orthogonal eigenvectors of a symmetric matrix, as columns: those of graded matrices keep their digits.
+def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (not sorted) and orthogonal eigenvectors of a symmetric matrix by cyclic Jacobi rotations.
+
+    An entry is left alone where it is below the rounding of the geometric mean of its two diagonal entries, so graded matrices
+    keep the relative accuracy of their small eigenvalues.
 
     Raises
     ------
     RuntimeError
-        Where the iteration does not converge.
+        After `SWEEPS` sweeps without convergence.
     """
-    from bvp.kernels.undamped import diagonalise
-
-    vectors = np.empty_like(matrix)
-    if not diagonalise(np.array(matrix, dtype=float), vectors):
-        raise RuntimeError(f"Jacobi's method did not diagonalise a matrix of size {len(matrix)}")
-    return vectors
+    a = np.array(matrix, dtype=float)
+    n = a.shape[0]
+    vectors = np.eye(n)
+    tiny = np.finfo(float).tiny
+    for _ in range(SWEEPS):
+        quiet = True
+        for i in range(n - 1):
+            for j in range(i + 1, n):
+                coupling = a[i, j]
+                if abs(coupling) <= tiny or abs(coupling) <= 0.5 * EPSILON * np.sqrt(abs(a[i, i])) * np.sqrt(abs(a[j, j])):
+                    continue
+                quiet = False
+                theta = (a[j, j] - a[i, i]) / 2.0 / coupling
+                tangent = 1.0 / (abs(theta) + np.hypot(1.0, theta))
+                tangent = -tangent if theta < 0.0 else tangent
+                cosine = 1.0 / np.hypot(1.0, tangent)
+                sine = tangent * cosine
+                low, high = a[i, i] - tangent * coupling, a[j, j] + tangent * coupling
+                for rows in (a, vectors.T):
+                    first, second = rows[i].copy(), rows[j].copy()
+                    rows[i] = cosine * first - sine * second
+                    rows[j] = sine * first + cosine * second
+                a[:, i], a[:, j] = a[i], a[j]
+                a[i, i], a[j, j], a[i, j], a[j, i] = low, high, 0.0, 0.0
+        if quiet:
+            return np.diag(a).copy(), vectors
+    raise RuntimeError(f"Jacobi's method did not diagonalise a matrix of size {n} in {SWEEPS} sweeps")
 
 
 def exact_product(*factors: np.ndarray) -> np.ndarray:

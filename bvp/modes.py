@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.blocks import Blocks, Matrices, blocks_of, exact_product
+from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, jacobi
+from bvp.checks import EPSILON
 
 if TYPE_CHECKING:
     from bvp.kernels.flight import Contacts, Flight
@@ -23,6 +24,9 @@ __all__ = [
     "Modes", "balanced", "energy_form", "impulse_direction", "modal_impulse", "repeated_contacts", "system_modes", "two_parts",
     "undamped_modes",
 ]  # fmt: skip
+
+_SUBNORMAL = float(np.finfo(float).tiny) / EPSILON
+"""A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
 
 KNOWN = 64
 """Pairs of matrices whose modes are kept: the system of an orbit is made several times, for its steps, its stability and its files."""
@@ -183,12 +187,43 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
 @lru_cache(KNOWN)
 def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The modes of two matrices (n, n)."""
-    from bvp.kernels.undamped import WORK, undamped_modes
-
-    mass, stiffness = (np.frombuffer(entries).reshape(n, n).copy() for entries in (mass_entries, stiffness_entries))
-    squares, shapes = np.empty(n), np.empty((n, n))
-    if not undamped_modes(mass, stiffness, squares, shapes, np.zeros((WORK, n, n))) > 0.0:
-        raise RuntimeError(f"the modes of a system of {n} coordinates were not found: its mass is not positive definite")
+    mass, stiffness = (np.frombuffer(entries).reshape(n, n) for entries in (mass_entries, stiffness_entries))
+    scale = 1.0 / np.sqrt(np.diag(mass))
+    lower = np.linalg.cholesky(scale[:, None] * mass * scale)
+    half = np.linalg.solve(lower, scale[:, None] * stiffness * scale)
+    reduced = np.linalg.solve(lower, half.T)
+    shapes = scale[:, None] * np.linalg.solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
+    for _ in range(2):
+        gram = shapes.T @ mass @ shapes
+        defect = np.eye(n) - gram
+        energy = shapes.T @ stiffness @ shapes
+        squares = np.diag(energy) / np.diag(gram)
+        coupling = energy + squares * defect
+        size = np.abs(shapes)
+        noise = size.T @ np.abs(stiffness) @ size + np.abs(squares) * (size.T @ np.abs(mass) @ size)
+        gap = squares[None, :] - squares[:, None]
+        real = (np.abs(coupling) > 4.0 * n * EPSILON * noise) & (np.abs(coupling) < 1e-3 * np.abs(gap))
+        # Where a coupling is rounding noise, only orthogonality is restored.
+        correction = np.where(real, coupling / np.where(real, gap, 1.0), 0.5 * defect)
+        shapes = shapes + shapes @ correction
+    norms = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
+    shapes = shapes / np.sqrt(norms)
+    squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
+    rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
+    squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
+    # In a free translation (square 0), an entry at rounding level in kinetic energy and in displacement is set to 0. A translation can
+    # cover any distance, so rounding would move bodies that do not take part in it.
+    size = np.abs(shapes)
+    weight = size * np.sqrt(np.diag(mass))[:, None]
+    leak = (weight <= 8.0 * n * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
+    shapes = np.where((squares == 0.0) & leak, 0.0, shapes)
+    order = np.argsort(squares, kind="stable")
+    squares, shapes = squares[order], shapes[:, order]
+    weight = np.abs(shapes) * np.sqrt(np.diag(mass))[:, None]
+    for k in range(n):
+        leading = int(np.argmax(weight[:, k] >= (1.0 - 1e-6) * weight[:, k].max()))
+        if shapes[leading, k] < 0.0:
+            shapes[:, k] = -shapes[:, k]
     return squares, shapes
 
 

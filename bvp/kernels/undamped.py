@@ -1,4 +1,7 @@
-"""The modes of an undamped system, and what free flights of a multipoint problem take from them when its masses or springs change."""
+"""The modes of an undamped system whose masses or springs change, and what free flights of a multipoint problem take from them.
+
+The method is that of `bvp.modes.undamped_modes`, which takes matrices of any size to LAPACK: for a few coordinates it is all overhead.
+"""
 
 import math
 

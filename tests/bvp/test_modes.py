@@ -8,6 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from bvp.blocks import cut
+from bvp.kernels import undamped as kernels
 from bvp.modes import undamped_modes
 from bvp.motion import MotionStatus
 from bvp.simulate import simulate
@@ -262,3 +263,19 @@ def test_cut_is_a_similarity(size, seed):
     growth = np.linalg.cond(forward)
     assert growth < 1e5
     np.testing.assert_allclose(forward @ diagonal @ backward, a, atol=1e-14 * growth * max(1.0, np.abs(a).max()) * size)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6, 12])
+def test_modes_by_the_kernel_for_changing_parameters(n):
+    """Oracle: those of LAPACK. Where frequencies are far apart, shapes are known to rounding."""
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        lower = np.tril(0.2 * rng.standard_normal((n, n)), -1) + np.diag(rng.uniform(0.5, 2.0, n))
+        turned = np.linalg.qr(rng.standard_normal((n, n)))[0]
+        mass, stiffness = lower @ lower.T, lower @ turned @ np.diag(np.arange(n) ** 2.0) @ turned.T @ lower.T
+        stiffness = 0.5 * (stiffness + stiffness.T)
+        squares, shapes, work = np.empty(n), np.empty((n, n)), np.empty((kernels.WORK, n, n))
+        assert kernels.undamped_modes(mass, stiffness, squares, shapes, work) > 0.0
+        wanted = undamped_modes(mass, stiffness)
+        assert np.abs(squares - wanted[0]).max() < 1e-13 * n * max(1.0, wanted[0].max())
+        assert np.abs(shapes - wanted[1]).max() < 1e-13 * n
