@@ -21,6 +21,8 @@ from branches.curves.free_monitor import FreeMonitor
 from branches.curves.free_points import event_of
 from branches.curves.free_start import free_curve_start, released_of
 from branches.curves.plane import plane_of
+from branches.curves.starting import curve_start
+from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
 from branches.presentation import canonical_orbit, closed_presentation, is_solved_as_it_is
 from branches.released.presentation import released_orbit
