@@ -8,7 +8,7 @@ from dataclasses import replace
 from branches.branch import Branch
 from branches.events import FREE_NORMAL_FORMS, BranchEvent
 from branches.orbit import Orbit
-from bvp.kernels.hook import interpreted
+from bvp.kernels.hook import NotInterpretedError, interpreted
 
 __all__ = ["normal_form_at", "with_normal_forms"]
 
@@ -42,9 +42,14 @@ def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Bran
             new.append(k)
         events.append(event)
     problem = branch.problem
-    with interpreted(len(new) * (problem.inner + 1) * problem.half**3 <= _FEW):
-        for k in new:
-            events[k] = normal_form_at(branch.orbit(events[k].point), events[k])
+    few = len(new) * (problem.inner + 1) * problem.half**3 <= _FEW
+    for k in new:
+        orbit, event = branch.orbit(events[k].point), events[k]
+        try:
+            with interpreted(few):
+                events[k] = normal_form_at(orbit, event)
+        except NotInterpretedError:
+            events[k] = normal_form_at(orbit, event)
     found = replace(branch, events=tuple(events))
     found.__dict__.update({name: value for name, value in branch.__dict__.items() if name in ("id", "full_family", "wider")})
     return found

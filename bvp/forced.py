@@ -322,7 +322,8 @@ class ForcedProblem:
     def locate_domains(self, names: Sequence[str]) -> None:
         """Let steps go beyond the domains of these released parameters, by default of the first one: test functions locate their ends."""
         self._located = tuple(names)
-        self.__dict__.pop("_leaves_unseen", None)
+        for name in ("_leaves_unseen", "_is_undamped"):
+            self.__dict__.pop(name, None)
 
     def _metric(self) -> np.ndarray:
         """What a unit of arclength is for each entry of the first node, (N,): see `forced_metric`."""

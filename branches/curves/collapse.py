@@ -25,7 +25,6 @@ from branches.forced.primitive import apart_from_image, full_period, image_sign,
 from branches.forced.resequencing import later, with_touch, without_impact
 from branches.released.segments import Segment, segment_of
 from branches.sequences import PERIODIC
-from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import REST
 from bvp.multipoint import RESULT_INDEX
@@ -57,7 +56,8 @@ _MEETINGS = {"SB": ("R2",), "PD": ("FF",), "NS": ("FF", "PN")}
 
 class Narrow(NamedTuple):
     """The single orbit next to a doubled one, or the symmetric one next to another: its problem and unknowns, PD or SB, the difference of
-    the orbit and its image beside the orbit, and what is critical of a free orbit, or grazes."""
+    the orbit and its image beside the orbit, and what is critical of a free orbit. Next to an orbit that touches a stop beside an end at
+    rest, the one that touches it there: GR, the part of the segment between the touch and the end, and what grazes."""
 
     problem: ForcedProblem
     y: np.ndarray
@@ -83,7 +83,7 @@ def narrowed(problem: ForcedProblem, y: np.ndarray) -> Narrow | None:
             single = problem.sibling(first, load_periods=problem.load_periods // 2, values=values)
         else:
             single = problem.sibling(first, half=True, values=values)
-    except EndsError:
+    except ValueError:
         return None
     states = 0.5 * (nodes[:count, :size] + sign * nodes[count:, :size])
     fractions = 0.5 * (nodes[:count, size] + nodes[count:, size] - 0.5 * problem.has_clock)
@@ -102,7 +102,7 @@ def _narrowed_free(problem: ReleasedProblem, y: np.ndarray) -> Narrow | None:
         half = found.mean.half(problem)
     try:
         single = half.problem(problem, y)
-    except EndsError:
+    except ValueError:
         return None
     if problem.structure.periodic:
         kind = FreeKind(FOLD if found.turn is None else BOTH)
@@ -118,8 +118,8 @@ _FAR = (False, True)
 
 
 class _Folded(NamedTuple):
-    """The mean of a segment and its nearest image, their difference beside the orbit, and of a closed segment the sum of two impacts that
-    the reversal exchanges: None where it runs twice."""
+    """The mean of a segment and its nearest image, their difference beside the orbit, and how the image of a closed segment is a reversal:
+    impact i is impact turn - i of the image. None where the segment runs twice."""
 
     mean: Segment
     apart: float
@@ -130,8 +130,10 @@ def _folded(segment: Segment, odd: bool) -> _Folded | None:
     """The segment and its image about its middle; those of a closed one are its reversals, and half the period later. None where no image
     has its ends and sequence. odd: whether the image of a closed segment can be a mirror image, too."""
     back = segment.backwards()
-    images: list[tuple[Segment, int | None]] = [(back, None), (back.mirrored(), None)]
-    if segment.ends == PERIODIC:
+    images: list[tuple[Segment, int | None]]
+    if segment.ends != PERIODIC:
+        images = [(back, None), (back.mirrored(), None)]
+    else:
         count = len(segment.sequence)
         reversed_ones = [back, back.mirrored()] if odd else [back]
         images = [(one.begun_at(impact), -impact % count) for one in reversed_ones for impact in range(count)]
@@ -218,14 +220,18 @@ def _touch_at_rest(
     curve: BifurcationCurve, last: bool, follow: Callable[[Narrow, BifurcationCurve], BifurcationCurve | None]
 ) -> _End | None:
     """The end where a touch beside an end at rest has come there, and meets its image. The time between them goes as the root of the
-    distance along the curve, and its equations are singular. Orbits whose end touches have the point where the gap is not accelerated."""
-    rows = curve.unknowns[:: -1 if last else 1, : curve.plane.size]
-    beside = [_touching(curve, y) for y in rows[: len(rows) // 2]]
-    left = next((k for k, one in enumerate(beside) if one is None or one.apart > _BLURRED), len(beside))
-    if curve.ended[int(last)].reason not in ("MINIMUM_STEP", "EVENT") or left == len(beside):
+    distance along the curve, and its equations are singular. The point is also on the curve of orbits that touch the stop at rest: there
+    the gap has no acceleration."""
+    place = len(curve) - 1 if last else 0
+    stopped = any(event.point == place and event.type in _SINGULAR for event in curve.events)
+    if not stopped and curve.ended[int(last)].reason != "MINIMUM_STEP":
         return None
-    narrow = beside[left]
-    if narrow is None or narrow.apart > _NEAR_REST:
+    rows = curve.unknowns[:: -1 if last else 1, : curve.plane.size]
+    left, narrow = 0, _touching(curve, rows[0])
+    while narrow is not None and narrow.apart <= _BLURRED and left + 2 < len(rows):
+        left += 1
+        narrow = _touching(curve, rows[left])
+    if narrow is None or not _BLURRED < narrow.apart <= _NEAR_REST:
         return None
     base = follow(narrow, curve)
     if base is None:
@@ -236,8 +242,8 @@ def _touch_at_rest(
     for event in base.events:
         distance = float(np.abs(base.parameters[event.point] / here - 1.0).max())
         if event.type == "GR-GR" and distance <= _REACH * narrow.apart**2:
-            y = segment_of(single, base.unknowns[event.point, : base.plane.size]).resting(problem.kinds[1] == REST)
-            return _End(base, event, y.unknowns(problem), left, "the touch has come to the end at rest, where it meets its image")
+            touching = segment_of(single, base.unknowns[event.point, : base.plane.size]).resting(problem.kinds[1] == REST)
+            return _End(base, event, touching.unknowns(problem), left, "the touch has come to the end at rest, where it meets its image")
     return None
 
 
@@ -251,7 +257,10 @@ def _touching(curve: BifurcationCurve, y: np.ndarray) -> Narrow | None:
         return None
     whole = segment_of(problem, y)
     single = whole.stopped(far)
-    made = single.problem(problem, y)
+    try:
+        made = single.problem(problem, y)
+    except ValueError:
+        return None
     apart = float(whole.times[-1 if far else 0] / np.sum(whole.times))
     return Narrow(made, single.unknowns(made), "GR", apart, None, Grazing("speed", made.inner if far else made.inner + 1))
 

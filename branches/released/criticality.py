@@ -359,7 +359,8 @@ def _unstable_side(parent: _Parent, level: int) -> int:
 
 
 def critical_nu(problem: ReleasedProblem, y: np.ndarray, level: int) -> tuple[float, float]:
-    """The distance from a level of the nu nearest to it, NaN where that is no real pair; and the parameter."""
+    """The distance from a level of the nu nearest to it, NaN where that is no real pair; and the parameter. The orbit is beside an event at
+    this level."""
     n = problem.degrees_of_freedom
     if problem.released:
         parameter = float(y[2 * n + 1])

@@ -55,11 +55,10 @@ class Kernel(Declared):
         try:
             with np.errstate(all="ignore"):
                 return self.function(*arguments)
-        except (ArithmeticError, ValueError, TypeError):  # machine code divides by zero, and calls at addresses
-            pass
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            raise hook.NotInterpretedError(f"{self.function.__qualname__}: {error}") from error
         finally:
             hook.interpreting.pop()
-        return self.entry(*arguments).call(*arguments)
 
     def entry(self, *arguments: Any) -> Entry:
         """The kernel for arguments of these types, from a file or else compiled."""

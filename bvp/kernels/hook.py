@@ -16,9 +16,19 @@ interpreting: list[bool] = []
 """Whether kernels without machine code run in Python: not where it is empty. The last item tells whether one of them is running."""
 
 
+class NotInterpretedError(Exception):
+    """A kernel cannot run in Python: machine code divides by zero, and calls at addresses. What it had to write is half written."""
+
+
 @contextmanager
 def interpreted(wanted: bool = True) -> Iterator[None]:
-    """Run kernels that have no machine code in Python, which takes less time than to compile them for a few calls."""
+    """Run kernels that have no machine code in Python, which takes less time than to compile them for a few calls.
+
+    Raises
+    ------
+    NotInterpretedError
+        For a kernel that cannot run so.
+    """
     if not wanted:
         yield
         return

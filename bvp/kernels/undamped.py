@@ -257,14 +257,15 @@ def finish_modes(mass, stiffness, squares, shapes, work):
 
 
 @kernel
-def is_like(matrix):
-    """Whether a matrix is one of finite numbers, symmetric to a few roundings, of sizes that can be computed with. It is made symmetric."""
+def symmetrise(matrix):
+    """Make a matrix exactly symmetric. Returns whether it was, to a few roundings, with numbers of sizes that can be computed with."""
     n = matrix.shape[0]
     for i in range(n):
         for j in range(i + 1):
             first, second = matrix[i, j], matrix[j, i]
-            size = max(abs(first), abs(second))
-            if not size <= LARGEST or abs(first - second) > 8.0 * EPSILON * size:
+            if not (abs(first) <= LARGEST and abs(second) <= LARGEST):
+                return False
+            if abs(first - second) > 8.0 * EPSILON * max(abs(first), abs(second)):
                 return False
             matrix[i, j] = matrix[j, i] = 0.5 * (first + second)
     return True
@@ -315,7 +316,7 @@ def renew_free_flight(segment, places, matrices, vectors, work):
             stiffness[i, j] = released.entries[places[1] + i * n + j]
         if not mass[i, i] >= SMALLEST:
             return False
-    if not (is_like(mass) and is_like(stiffness)):
+    if not (symmetrise(mass) and symmetrise(stiffness)):
         return False
     if not undamped_modes(mass, stiffness, squares, shapes, work) > 4.0 * n * EPSILON:
         return False

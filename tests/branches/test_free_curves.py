@@ -203,6 +203,10 @@ def test_touch_that_comes_to_an_end_at_rest(branches):
     assert end.status == "located" and "at rest" in end.note and end.point in (0, len(curve) - 1)
     for value, wanted in zip(curve.parameters[end.point], touch_at_rest(0.17, 3.69), strict=True):
         assert distance(float(value), wanted) < 1e-11
+    # Where the range ends before that point, the curve does, too.
+    short = follow_curve(curve_start(problem, y, "GR", ("mu", "energy")), ((0.09, 0.1705), FREE))
+    assert short.parameters[:, 0].max() == pytest.approx(0.1705, rel=1e-12)
+    assert sorted(event.type for event in short.events if event.point in (0, len(short) - 1)) == ["EP", "EP"]
 
 
 def events_at(plane, y):

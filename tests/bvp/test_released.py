@@ -11,10 +11,12 @@ from benchmarks.backbone import Backbone
 from bvp import checks
 from bvp.closures import EndsError
 from bvp.kernels import undamped
+from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import sort_multipliers
-from bvp.multipoint import MultipointProblem
+from bvp.multipoint import MultipointProblem, Solution
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
+from bvp.stability import half_map_of
 from bvp.system import vibro_impact_nes
 
 NES = ParametricSystem.of(vibro_impact_nes())
@@ -245,6 +247,34 @@ def test_multipliers_need_no_problem_of_the_system():
         found, wanted = problem.formed_multipliers(y), problem._multipliers_of_system(y)
         assert len(found) == 2 * problem.degrees_of_freedom - 2
         assert sort_multipliers(found) == pytest.approx(sort_multipliers(wanted), rel=1e-10)
+
+
+def test_multipliers_of_an_orbit_with_negative_energy():
+    """A spring that pushes away leaves the energy without a lower bound. Oracle: the half map has the same pair."""
+    system = {
+        "mass": [["m", 0.0], [0.0, 0.7]],
+        "stiffness": [["k - 1", "-k"], ["-k", "k + 1.4"]],
+        "stops": [{"c": [1.0, -0.3], "lower": -1.0, "upper": 1.0}],
+    }
+    parametric = ParametricSystem.from_description({"parameters": {"m": 1.0, "k": 0.3}, "system": system})
+    plain = MultipointProblem(parametric.system(), ("rest", "stop+"), ())
+    guess = plain.pack(plain.modes.from_state @ np.array([0.8, 0.2, 0.0, 0.0]), None, [1.0])
+    y = plain.solve(guess, quarter_period=plain.quarter_period(guess)).y
+    assert plain.energy(y) < -0.1
+    problem = ReleasedProblem(parametric, ("rest", "stop+"), (), ("k",), [f"energy = {plain.energy(y)!r}"], energy=0.3)
+    found = problem.multipliers(problem.of_orbit(plain, y))
+    solution = Solution(y, np.zeros(2 * y.size), np.zeros(0), plain.end_states(y), np.full(len(RESULT), np.nan))
+    phi = half_map_of(plain, solution)[0]
+    trace = 2.0 + 4.0 * float(phi[0, 1] * phi[1, 0])
+    assert found[0] + found[-1] == pytest.approx(trace, rel=1e-10) and found[1:-1] == pytest.approx([1.0, 1.0])
+
+
+def test_limits_of_a_parameter_are_looked_at_anew():
+    """A parameter whose domain is located can leave it unseen: then the system is made at each point."""
+    problem, *_ = backbone_at("energy = {h!r}", ("mu",))
+    assert problem._is_undamped
+    problem.locate_domains(())
+    assert "_is_undamped" not in vars(problem)
 
 
 def test_the_sizes_of_entries_are_those_of_a_system():
