@@ -174,7 +174,7 @@ class ReleasedProblem(ForcedProblem):
         if not len(orbit.row):
             return None
         speeds = np.abs(np.sum(contacts.rate[orbit.row] * orbit.before, axis=1))
-        if np.min(speeds) < GRAZING * float(np.abs(orbit.before[:, n:]).max()):
+        if np.min(speeds) < GRAZING * math.sqrt(float(np.abs(squares) @ orbit.after[0, :n] ** 2 + np.sum(orbit.after[0, n:] ** 2))):
             return np.full(2 * n, complex(math.nan, math.nan))
         pairs, mean, delta, matrix = flight.free
         modal = Flight(pairs[:n].copy(), mean[:n].copy(), delta[:n].copy(), matrix)
@@ -185,9 +185,8 @@ class ReleasedProblem(ForcedProblem):
         """The multipliers but trivial ones, by the problem of the system there."""
         problem, at = self.orbit_problem(y)
         cycle = cycle_of(problem, at)
-        n = self.degrees_of_freedom
-        if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * float(np.abs(cycle.before[:, n:]).max()):
-            return np.full(2 * n, complex(math.nan, math.nan))
+        if np.min(np.abs(cycle.speeds), initial=math.inf) < GRAZING * math.sqrt(2.0 * abs(problem.energy(at))):
+            return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
         if problem.is_smooth and not problem.periodic:
             return half_map_multipliers(problem, problem.orbit_at(at))[0] if problem.pairs else np.zeros(0)
         return floquet_multipliers(cycle).values
