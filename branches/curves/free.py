@@ -93,11 +93,11 @@ class Turned(ReleasedProblem):
 
 
 class _Rows(NamedTuple):
-    """Where the rows of a critical matrix come from, (u,) each: the problem of the family (0), the one with turned ends (1), or a constant
-    row (-1); and the row there. ends: where the rows of each end begin."""
+    """The rows of a critical matrix that are those of the problem of the family, and of the one with turned ends: each with the row there.
+    constant: the others (u, u), else zeros. ends: where the rows of each end begin."""
 
-    source: np.ndarray
-    row: np.ndarray
+    of_family: tuple[np.ndarray, np.ndarray]
+    of_turned: tuple[np.ndarray, np.ndarray]
     constant: np.ndarray
     ends: tuple[int, int]
 
@@ -246,8 +246,8 @@ class Breaking:
 
     def _chosen(self, symmetry: Symmetry, of_family: np.ndarray, of_turned: np.ndarray) -> np.ndarray:
         found, rows = np.zeros((self.size, self.size)), self._rows[symmetry]
-        for place, part in zip((rows.source == 0, rows.source == 1), (of_family, of_turned), strict=True):
-            found[place] = part[rows.row[place]]
+        for (places, taken), part in ((rows.of_family, of_family), (rows.of_turned, of_turned)):
+            found[places] = part[taken]
         return found
 
     def _leave_energy_free(self, found: np.ndarray, y: np.ndarray, last: np.ndarray) -> None:
@@ -281,7 +281,8 @@ def _kept_part(kind: int, n: int) -> slice:
 
 
 def _breaking_rows(problem: ReleasedProblem, symmetry: Symmetry) -> _Rows:
-    """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters."""
+    """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters. Each comes from the problem of the
+    family (0), from the one with turned ends (1), or is constant (-1)."""
     n, width, size, k = problem.degrees_of_freedom, problem.size, problem.unknowns, problem.inner
     first = k * (width + 1)
     source, row, ends = [0] * first, list(range(first)), []
@@ -310,7 +311,8 @@ def _breaking_rows(problem: ReleasedProblem, symmetry: Symmetry) -> _Rows:
         constant(times[0] if not moved[0] else times[-1])  # excludes a shift
     for j in range(len(problem.released)):
         constant(2 * n + 1 + j)
-    return _Rows(np.array(source), np.array(row), constants, (ends[0], ends[1]))
+    parts = [(np.flatnonzero(place), np.array(row)[place]) for place in (np.array(source) == 0, np.array(source) == 1)]
+    return _Rows(parts[0], parts[1], constants, (ends[0], ends[1]))
 
 
 def smallest_singular(condition: SingularCondition, at: Linearised, scale: np.ndarray) -> tuple[float, float]:
