@@ -29,7 +29,7 @@ from bvp.kernels.loads import Loads
 from bvp.kernels.multipoint import CLOSED, PERIODIC, RESULT, UNFOLDED, make_factor
 from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
-from bvp.kernels.undamped import WORK, renew_free_flight
+from bvp.kernels.undamped import Renewal, make_renewal, renew_free_flight
 from bvp.multipliers import sort_multipliers
 from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
@@ -266,7 +266,7 @@ class ForcedProblem:
             return
         segment, layout = self.segment, self.parametric.layout
         if self._is_undamped:
-            renewed = renew_free_flight(segment, *self._undamped_work)
+            renewed = renew_free_flight(segment, self._renewal)
             self._modes_at = at if renewed else ()
             if not renewed:
                 self._table.arrays.delta[0] = math.nan
@@ -295,11 +295,11 @@ class ForcedProblem:
         return not (self.is_smooth or varies or damping.any() or self._leaves_unseen) and isinstance(self._table.kind, Unstuck)
 
     @cached_property
-    def _undamped_work(self) -> tuple[np.ndarray, ...]:
-        """The arguments of `renew_free_flight`."""
-        n, layout = self.degrees_of_freedom, self.parametric.layout
-        places = np.array([layout.mass.start, layout.stiffness.start], dtype=np.int64)
-        return places, np.zeros((4, n, n)), np.zeros((3, n)), np.zeros((WORK, n, n))
+    def _renewal(self) -> Renewal:
+        """Work of `renew_free_flight`."""
+        layout = self.parametric.layout
+        renewal: Renewal = make_renewal(self.degrees_of_freedom, layout.mass.start, layout.stiffness.start)
+        return renewal
 
     def _system_at(self, at: tuple[float, ...]) -> Matrices:
         """The system at values of all parameters, whose entries the kernels have evaluated; beside smooth forces only its matrices."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bvp.blocks import exact_product
-from bvp.closures import EndsError, cycle_of, parse_end, unfolded
+from bvp.closures import EndsError, cycle_of, impacts_of_period, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import GRAZING, ForcedProblem
@@ -170,7 +170,7 @@ class ReleasedProblem(ForcedProblem):
         segment = begun._replace(gap=contacts.gap[self.contacts])
         rows = np.column_stack([self.nodes(y)[:, : 2 * n] @ enter, self.flight_times(y)])
         ends = self._factor.before[:, : 2 * n] @ enter
-        orbit, _ = unfolded(segment, rows.ravel(), ends, self.contacts, self.modes.contact_opposite)
+        orbit, _ = impacts_of_period(segment, rows.ravel(), ends, self.contacts, self.modes.contact_opposite)
         if not len(orbit.row):
             return None
         speeds = np.abs(np.sum(contacts.rate[orbit.row] * orbit.before, axis=1))

@@ -4,8 +4,12 @@ The method is that of `bvp.modes.undamped_modes`, which takes matrices of any si
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from bvp.kernels.compiled import kernel
+from bvp.kernels.flight import copy_1, inner, times_matrix
 
 EPSILON = 2.220446049250313e-16
 SMALLEST, LARGEST = 1e-25, 1e25
@@ -17,8 +21,47 @@ SWEEPS = 60
 SUBNORMAL = 2.2250738585072014e-308 / EPSILON
 """A square below this has no digits left in products with it; a motion in a period of 1e145 is uniform."""
 
-WORK = 8
-"""Matrices (n, n) of scratch."""
+
+class ModeWork(NamedTuple):
+    """The modes of a system with n coordinates, and scratch."""
+
+    squares: np.ndarray  # (n,) squared frequencies, ascending
+    shapes: np.ndarray  # (n, n) columns with Phi' M Phi = 1
+    scale: np.ndarray  # (n,) what makes the diagonal of the mass 1
+    lower: np.ndarray  # (n, n) the triangular factor of the scaled mass
+    gram: np.ndarray  # (n, n) Phi' M Phi
+    energy: np.ndarray  # (n, n) Phi' K Phi
+    half: np.ndarray  # (n, n)
+    correction: np.ndarray  # (n, n)
+    mass_terms: np.ndarray  # (n, n) sizes of the terms of `gram`
+    stiffness_terms: np.ndarray  # (n, n) and of `energy`
+    moduli: np.ndarray  # (2, n, n)
+
+
+def make_mode_work(n):
+    """Arrays for systems with n coordinates."""
+    lower, gram, energy, half, correction, mass_terms, stiffness_terms = np.zeros((7, n, n))
+    return ModeWork(
+        np.zeros(n), np.zeros((n, n)), np.zeros(n), lower, gram, energy, half, correction, mass_terms, stiffness_terms, np.zeros((2, n, n))
+    )
+
+
+class Renewal(NamedTuple):
+    """The modes at changed masses and springs, and scratch."""
+
+    places: np.ndarray  # (2,) int64: where the mass and the stiffness begin among the entries
+    mass: np.ndarray  # (n, n)
+    stiffness: np.ndarray  # (n, n)
+    slopes: np.ndarray  # (2, n, n) Phi' M_p Phi and Phi' K_p Phi of a parameter p
+    along: np.ndarray  # (n,) M^-1 c of a gap row c
+    turned: np.ndarray  # (n,) its derivative
+    modes: ModeWork
+
+
+def make_renewal(n, mass, stiffness):
+    """Arrays for a system with n coordinates. mass, stiffness: where these begin among the entries."""
+    places, square = np.array([mass, stiffness], dtype=np.int64), (n, n)
+    return Renewal(places, np.zeros(square), np.zeros(square), np.zeros((2, *square)), np.zeros(n), np.zeros(n), make_mode_work(n))
 
 
 @kernel
@@ -107,83 +150,68 @@ def diagonalise(matrix, vectors):
 
 
 @kernel
-def congruence(matrix, shapes, half, out):
-    """out = shapes' matrix shapes, (n, n). half: matrix shapes."""
-    n = matrix.shape[0]
+def product(first, second, out):
+    """out = first second, (n, n)."""
+    n = first.shape[0]
     for i in range(n):
         for j in range(n):
             total = 0.0
             for k in range(n):
-                total += matrix[i, k] * shapes[k, j]
-            half[i, j] = total
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += shapes[k, i] * half[k, j]
+                total += first[i, k] * second[k, j]
             out[i, j] = total
 
 
 @kernel
-def sizes_of_terms(matrix, shapes, half, out):
+def congruence(matrix, shapes, half, out):
+    """out = shapes' matrix shapes, (n, n). half: matrix shapes."""
+    product(matrix, shapes, half)
+    product(shapes.T, half, out)
+
+
+@kernel
+def sizes_of_terms(matrix, shapes, moduli, half, out):
     """The same of the moduli of all entries: the sizes of the terms of a congruence."""
     n = matrix.shape[0]
     for i in range(n):
         for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += abs(matrix[i, k]) * abs(shapes[k, j])
-            half[i, j] = total
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += abs(shapes[k, i]) * half[k, j]
-            out[i, j] = total
+            moduli[0, i, j] = abs(matrix[i, j])
+            moduli[1, i, j] = abs(shapes[i, j])
+    congruence(moduli[0], moduli[1], half, out)
 
 
 @kernel
-def refine_shapes(mass, stiffness, squares, shapes, work):
+def refine_shapes(mass, stiffness, work):
     """One step of Ogita and Aishima's refinement. Where a coupling is rounding, only orthogonality is restored."""
     n = mass.shape[0]
-    gram, energy, half, correction, of_mass, of_stiffness = work[0], work[1], work[2], work[3], work[6], work[7]
-    congruence(mass, shapes, half, gram)
-    congruence(stiffness, shapes, half, energy)
-    sizes_of_terms(mass, shapes, half, of_mass)
-    sizes_of_terms(stiffness, shapes, half, of_stiffness)
+    squares, shapes, half, correction = work.squares, work.shapes, work.half, work.correction
+    congruence(mass, shapes, half, work.gram)
+    congruence(stiffness, shapes, half, work.energy)
+    sizes_of_terms(mass, shapes, work.moduli, half, work.mass_terms)
+    sizes_of_terms(stiffness, shapes, work.moduli, half, work.stiffness_terms)
     for k in range(n):
-        squares[k] = energy[k, k] / gram[k, k]
+        squares[k] = work.energy[k, k] / work.gram[k, k]
     for i in range(n):
         for j in range(n):
-            defect = (1.0 if i == j else 0.0) - gram[i, j]
-            coupling = energy[i, j] + squares[j] * defect
+            defect = (1.0 if i == j else 0.0) - work.gram[i, j]
+            coupling = work.energy[i, j] + squares[j] * defect
             gap = squares[j] - squares[i]
-            correction[i, j] = 0.5 * defect
-            if abs(coupling) < 1e-3 * abs(gap):
-                noise = of_stiffness[i, j] + abs(squares[j]) * of_mass[i, j]
-                if abs(coupling) > 4.0 * n * EPSILON * noise:
-                    correction[i, j] = coupling / gap
+            noise = work.stiffness_terms[i, j] + abs(squares[j]) * work.mass_terms[i, j]
+            is_real = 4.0 * n * EPSILON * noise < abs(coupling) < 1e-3 * abs(gap)
+            correction[i, j] = coupling / gap if is_real else 0.5 * defect
+    product(shapes, correction, half)
     for i in range(n):
         for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += shapes[i, k] * correction[k, j]
-            half[i, j] = shapes[i, j] + total
-    for i in range(n):
-        for j in range(n):
-            shapes[i, j] = half[i, j]
+            shapes[i, j] += half[i, j]
 
 
 @kernel
-def undamped_modes(mass, stiffness, squares, shapes, work):
-    """The squared frequencies (n,), ascending, and the shapes of K phi = w^2 M phi, the columns of (n, n): see `bvp.modes.undamped_modes`.
+def modes_of_matrices(mass, stiffness, work):
+    """Fill the squared frequencies and the shapes of K phi = w^2 M phi, and the factor of the mass, into a `ModeWork`.
 
-    work (WORK, n, n): scratch. Matrix 5 gets the triangular factor of the mass, scaled to a unit diagonal, and the first row of matrix 4
-    the scale. Returns the smallest squared pivot: not above 0 where the mass is not positive definite, or Jacobi's method does not
-    converge.
-    """
+    Returns the smallest squared pivot of that factor: not above 0 where the mass is not positive definite, or Jacobi's method does not
+    converge."""
     n = mass.shape[0]
-    scale, reduced, vectors, lower = work[4, 0], work[0], work[1], work[5]
+    scale, lower, reduced, vectors = work.scale, work.lower, work.gram, work.energy
     for i in range(n):
         if not mass[i, i] > 0.0:
             return 0.0
@@ -207,28 +235,28 @@ def undamped_modes(mass, stiffness, squares, shapes, work):
         solve_upper(lower, vectors[:, j])
     for i in range(n):
         for j in range(n):
-            shapes[i, j] = scale[i] * vectors[i, j]
-    refine_shapes(mass, stiffness, squares, shapes, work)
-    refine_shapes(mass, stiffness, squares, shapes, work)
-    finish_modes(mass, stiffness, squares, shapes, work)
+            work.shapes[i, j] = scale[i] * vectors[i, j]
+    refine_shapes(mass, stiffness, work)
+    refine_shapes(mass, stiffness, work)
+    finish_modes(mass, stiffness, work)
     return least
 
 
 @kernel
-def finish_modes(mass, stiffness, squares, shapes, work):
+def finish_modes(mass, stiffness, work):
     """Give the shapes their length and sign, and bring the modes in order. A square below its rounding is 0."""
     n = mass.shape[0]
-    half, energy, of_stiffness = work[2], work[1], work[7]
-    congruence(mass, shapes, half, energy)
+    squares, shapes = work.squares, work.shapes
+    congruence(mass, shapes, work.half, work.gram)
     for k in range(n):
-        size = math.sqrt(energy[k, k])
+        size = math.sqrt(work.gram[k, k])
         for i in range(n):
             shapes[i, k] /= size
-    congruence(stiffness, shapes, half, energy)
-    sizes_of_terms(stiffness, shapes, half, of_stiffness)
+    congruence(stiffness, shapes, work.half, work.energy)
+    sizes_of_terms(stiffness, shapes, work.moduli, work.half, work.stiffness_terms)
     for k in range(n):
-        square = energy[k, k]
-        rounding = 4.0 * n * EPSILON * of_stiffness[k, k]
+        square = work.energy[k, k]
+        rounding = 4.0 * n * EPSILON * work.stiffness_terms[k, k]
         squares[k] = square if abs(square) > max(rounding, SUBNORMAL) else 0.0
     for k in range(n):
         most_weight, most_size = 0.0, 0.0
@@ -257,6 +285,25 @@ def finish_modes(mass, stiffness, squares, shapes, work):
 
 
 @kernel
+def solve_mass(modes, column):
+    """Solve M x = column in place, with the factor of the scaled mass in a `ModeWork`."""
+    for i in range(len(column)):
+        column[i] *= modes.scale[i]
+    solve_lower(modes.lower, column)
+    solve_upper(modes.lower, column)
+    for i in range(len(column)):
+        column[i] *= modes.scale[i]
+
+
+@kernel
+def impulse(modes, gap, along):
+    """along = M^-1 gap. Returns gap . along."""
+    copy_1(gap, along)
+    solve_mass(modes, along)
+    return inner(gap, along)
+
+
+@kernel
 def symmetrise(matrix):
     """Make a matrix exactly symmetric. Returns whether it was, to a few roundings, with numbers of sizes that can be computed with."""
     n = matrix.shape[0]
@@ -272,98 +319,69 @@ def symmetrise(matrix):
 
 
 @kernel
-def solve_mass(lower, scale, column):
-    """Solve M x = column in place, with the triangular factor of the scaled mass."""
-    for i in range(len(column)):
-        column[i] *= scale[i]
-    solve_lower(lower, column)
-    solve_upper(lower, column)
-    for i in range(len(column)):
-        column[i] *= scale[i]
-
-
-@kernel
-def impulse(lower, scale, gap, along):
-    """along = M^-1 gap. Returns gap . along."""
-    for i in range(len(along)):
-        along[i] = gap[i]
-    solve_mass(lower, scale, along)
-    total = 0.0
-    for i in range(len(along)):
-        total += gap[i] * along[i]
-    return total
-
-
-@kernel
-def renew_free_flight(segment, places, matrices, vectors, work):
+def renew_free_flight(segment, work):
     """Compute what flights and impacts of an undamped system without sticking take from its masses and springs, and the derivatives, at
-    the entries that a segment has (`bvp.kernels.forced.LoadedSegment`).
-
-    places (2,) int64: where the mass and the stiffness begin among the entries. matrices (4, n, n), vectors (3, n),
-    work (WORK, n, n): scratch. Returns whether the system can have these entries.
+    the entries that a segment has (`bvp.kernels.forced.LoadedSegment`). work: `Renewal`. Returns whether the system can have these entries.
 
     The derivatives are those of `bvp.forced_modes.mode_slopes`, without damping: with Phi' M Phi = 1 and K Phi = M Phi W, the rates of
     modal velocities have Phi' M_p Phi W - Phi' K_p Phi.
     """
-    flight, released = segment.flight, segment.released
-    size = flight.enter.shape[0]
-    n = size // 2
-    mass, stiffness, shapes, rates = matrices[0], matrices[1], matrices[2], matrices[3]
-    squares, along, turned, scale, lower = vectors[0], vectors[1], vectors[2], work[4, 0], work[5]
+    flight, entries = segment.flight, segment.released.entries
+    modes, mass, stiffness = work.modes, work.mass, work.stiffness
+    n = mass.shape[0]
+    squares, shapes, half = modes.squares, modes.shapes, modes.half
     for i in range(n):
         for j in range(n):
-            mass[i, j] = released.entries[places[0] + i * n + j]
-            stiffness[i, j] = released.entries[places[1] + i * n + j]
+            mass[i, j] = entries[work.places[0] + i * n + j]
+            stiffness[i, j] = entries[work.places[1] + i * n + j]
         if not mass[i, i] >= SMALLEST:
             return False
     if not (symmetrise(mass) and symmetrise(stiffness)):
         return False
-    if not undamped_modes(mass, stiffness, squares, shapes, work) > 4.0 * n * EPSILON:
+    if not modes_of_matrices(mass, stiffness, modes) > 4.0 * n * EPSILON:
         return False
-    blocks = flight.free
+    free = flight.free
+    product(shapes.T, mass, half)
     for i in range(n):
-        blocks.delta[i] = 0.0 - squares[i]
-        blocks.matrix[n + i, i] = 0.0 - squares[i]
+        free.delta[i] = 0.0 - squares[i]
+        free.matrix[n + i, i] = 0.0 - squares[i]
         for j in range(n):
-            total = 0.0
-            for k in range(n):
-                total += shapes[k, i] * mass[k, j]
-            flight.enter[i, j] = flight.enter[n + i, n + j] = total
+            flight.enter[i, j] = flight.enter[n + i, n + j] = half[i, j]
             flight.leave[i, j] = flight.leave[n + i, n + j] = shapes[i, j]
             segment.drive[n + i, j] = shapes[j, i]
-    for i in range(n, blocks.delta.shape[0]):  # the last block stands several times
-        blocks.delta[i] = blocks.delta[n - 1]
+    for i in range(n, free.delta.shape[0]):  # the last block stands several times
+        free.delta[i] = free.delta[n - 1]
     for row in range(segment.gap.shape[0]):
-        reach = impulse(lower, scale, segment.gap[row, :n], along)
+        reach = impulse(modes, segment.gap[row, :n], work.along)
         for i in range(n):
-            segment.push[row, n + i] = along[i] / reach if reach > 0.0 else 0.0
+            segment.push[row, n + i] = work.along[i] / reach if reach > 0.0 else 0.0
     for p in range(segment.push_slope.shape[0]):
-        slopes = released.slopes[p]
-        for part in range(2):
-            for i in range(n):
-                for j in range(n):
-                    rates[i, j] = slopes[places[part] + i * n + j]
-            congruence(rates, shapes, work[0], work[1 + part])
+        renew_slopes(segment, work, p)
+    return True
+
+
+@kernel
+def renew_slopes(segment, work, p):
+    """The derivatives by a released parameter, for `renew_free_flight`."""
+    modes, along, turned = work.modes, work.along, work.turned
+    n = len(along)
+    of_mass, of_stiffness, slope = work.slopes[0], work.slopes[1], modes.correction
+    for part in range(2):
         for i in range(n):
             for j in range(n):
-                flight.change[p, n + i, j] = work[1, i, j] * squares[j] - work[2, i, j]
-                total = 0.0
-                for k in range(n):
-                    total += work[1, i, k] * shapes[j, k]
-                segment.drive_slope[p, n + i, j] = -total
-        for row in range(segment.gap.shape[0]):
-            reach = impulse(lower, scale, segment.gap[row, :n], along)
-            if not reach > 0.0:
-                continue
+                slope[i, j] = segment.released.slopes[p, work.places[part] + i * n + j]
+        congruence(slope, modes.shapes, modes.half, work.slopes[part])
+    product(of_mass, modes.shapes.T, modes.half)
+    for i in range(n):
+        for j in range(n):
+            segment.flight.change[p, n + i, j] = of_mass[i, j] * modes.squares[j] - of_stiffness[i, j]
+            segment.drive_slope[p, n + i, j] = -modes.half[i, j]
+            slope[i, j] = -segment.released.slopes[p, work.places[0] + i * n + j]
+    for row in range(segment.gap.shape[0]):
+        reach = impulse(modes, segment.gap[row, :n], along)
+        if reach > 0.0:
+            times_matrix(slope, along, turned)
+            solve_mass(modes, turned)
+            change = inner(segment.gap[row, :n], turned)
             for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total -= slopes[places[0] + i * n + j] * along[j]
-                turned[i] = total
-            solve_mass(lower, scale, turned)
-            total = 0.0
-            for i in range(n):
-                total += segment.gap[row, i] * turned[i]
-            for i in range(n):
-                segment.push_slope[p, row, n + i] = (turned[i] - along[i] * total / reach) / reach
-    return True
+                segment.push_slope[p, row, n + i] = (turned[i] - along[i] * change / reach) / reach
