@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from branches.curves.collapse import Narrow, narrowed, without_grazing
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
 from branches.curves.free_grazing_monitor import FreeGrazingMonitor
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import grazing_at, observed
 from branches.curves.grazing_monitor import GrazingMonitor
 from branches.curves.record import BifurcationCurve
+from branches.curves.single_orbits import Narrow, narrowed, without_grazing
 from branches.curves.starting import CurveStart, NoCurve, curve_start, is_inside
 from branches.forced.primitive import full_period, twice
 from bvp.released import ReleasedProblem

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from branches.curves.collapse import Narrow, with_collapsed_ends
+from branches.curves.collapse import with_collapsed_ends
 from branches.curves.extending import can_go_on, is_within, joined
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
+from branches.curves.single_orbits import Narrow
 from branches.curves.starting import CurveStart, NoCurve, is_inside
 from branches.events import Ended, event_ids
 from branches.family import SETTINGS

@@ -15,12 +15,12 @@ import pytest
 
 from benchmarks import backbone
 from benchmarks.backbone import OneImpact
-from branches.curves.collapse import _widened, narrowed
 from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Turned, free_condition, smallest_singular
 from branches.curves.free_monitor import FreeMonitor
 from branches.curves.free_points import event_of
 from branches.curves.free_start import free_curve_start, released_of
 from branches.curves.plane import plane_of
+from branches.curves.single_orbits import narrowed, widened
 from branches.curves.starting import curve_start
 from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
@@ -441,5 +441,5 @@ def test_closed_orbits_with_a_reversal_or_that_run_twice_are_known(branches, lab
             assert narrow.problem.ends != ("periodic", "periodic") and (ends is None or narrow.problem.ends == ends)
         period = narrow.problem.period(narrow.y) * (cover if narrow.code == "PD" else 1)
         assert period == pytest.approx(made.period(whole), rel=1e-12)
-        again = _widened(narrow.problem, narrow.y, made, whole)
+        again = widened(narrow.problem, narrow.y, made, whole)
         assert made.scales(whole) @ np.abs(again - whole) < 1e-9
