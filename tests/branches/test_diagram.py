@@ -596,7 +596,7 @@ def test_runs_are_stable_only_where_both_ends_are():
     assert lone[0].tolist() == [[1.0, 1.0]]
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.floats(-8, 8), st.floats(-7, 1.08), st.integers(3, 14), st.booleans())
 def test_every_axis_has_ticks_with_different_texts(exponent, width, count, log):
     """Oracle: two ticks or more inside the limits, at most about as many as asked for, all with their own text."""

@@ -103,7 +103,13 @@ def test_the_derivatives_of_its_equations():
 
 
 def test_files_keep_it_and_it_goes_on(tmp_path):
-    curve = pair_curve(0.0)
+    """Oracle: see `require_files_keep_it_and_it_goes_on`."""
+    require_files_keep_it_and_it_goes_on(0.0, tmp_path)
+
+
+def require_files_keep_it_and_it_goes_on(restitution, tmp_path):
+    """Oracle: the force that is lost."""
+    curve = pair_curve(restitution)
     saltus.save_curves([curve], tmp_path / "curve.json")
     (read,) = saltus.read_curves(tmp_path / "curve.json")
     assert read.grazing == curve.grazing and np.array_equal(read.unknowns, curve.unknowns)

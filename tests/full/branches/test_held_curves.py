@@ -13,6 +13,7 @@ from tests.branches.test_held_curves import (
     pair,
     pair_curve,
     require_a_pressed_mass_leaves_its_stop,
+    require_files_keep_it_and_it_goes_on,
     require_the_ball_leaves_its_table_where_the_acceleration_is_that_of_gravity,
 )
 from transitions.response.curve_points import starts_on_curve
@@ -61,3 +62,8 @@ def test_a_family_begins_at_a_point_beside_values_that_cannot_be(monkeypatch):
     monkeypatch.setattr("transitions.response.curve_points._AWAY", (5.0, 1e-2, 1e-3))
     found = starts_on_curve(curve, 60, path)
     assert [start.orbit.tolist() for start in found] == [start.orbit.tolist() for start in expected]
+
+
+def test_files_keep_it_and_it_goes_on(tmp_path):
+    """Oracle: see `require_files_keep_it_and_it_goes_on`."""
+    require_files_keep_it_and_it_goes_on(0.5, tmp_path)
