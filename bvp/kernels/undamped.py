@@ -150,7 +150,7 @@ def diagonalise(matrix, vectors):
 
 
 @kernel
-def product(first, second, out):
+def matrix_product(first, second, out):
     """out = first second, (n, n)."""
     n = first.shape[0]
     for i in range(n):
@@ -164,8 +164,8 @@ def product(first, second, out):
 @kernel
 def congruence(matrix, shapes, half, out):
     """out = shapes' matrix shapes, (n, n). half: matrix shapes."""
-    product(matrix, shapes, half)
-    product(shapes.T, half, out)
+    matrix_product(matrix, shapes, half)
+    matrix_product(shapes.T, half, out)
 
 
 @kernel
@@ -198,7 +198,7 @@ def refine_shapes(mass, stiffness, work):
             noise = work.stiffness_terms[i, j] + abs(squares[j]) * work.mass_terms[i, j]
             is_real = 4.0 * n * EPSILON * noise < abs(coupling) < 1e-3 * abs(gap)
             correction[i, j] = coupling / gap if is_real else 0.5 * defect
-    product(shapes, correction, half)
+    matrix_product(shapes, correction, half)
     for i in range(n):
         for j in range(n):
             shapes[i, j] += half[i, j]
@@ -341,7 +341,7 @@ def renew_free_flight(segment, work):
     if not modes_of_matrices(mass, stiffness, modes) > 4.0 * n * EPSILON:
         return False
     free = flight.free
-    product(shapes.T, mass, half)
+    matrix_product(shapes.T, mass, half)
     for i in range(n):
         free.delta[i] = 0.0 - squares[i]
         free.matrix[n + i, i] = 0.0 - squares[i]
@@ -371,7 +371,7 @@ def renew_slopes(segment, work, p):
             for j in range(n):
                 slope[i, j] = segment.released.slopes[p, work.places[part] + i * n + j]
         congruence(slope, modes.shapes, modes.half, work.slopes[part])
-    product(of_mass, modes.shapes.T, modes.half)
+    matrix_product(of_mass, modes.shapes.T, modes.half)
     for i in range(n):
         for j in range(n):
             segment.flight.change[p, n + i, j] = of_mass[i, j] * modes.squares[j] - of_stiffness[i, j]
