@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -32,7 +33,7 @@ from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 from bvp.system import vibro_impact_nes
-from continuation.control import control_of
+from continuation.control import Settings, control_of
 from continuation.problem import Goal, Problem, Recent, Step
 from saltus import trace
 from saltus.errors import DONE
@@ -200,10 +201,11 @@ def curves_table(quick: bool) -> Table:
         [_row(case, quick) for case in cases],
         (
             "Least of some repeats. Us a point: single steps, with all test functions. Of the family: the same of the family on which the",
-            "curve is started; in blocks: its compiled steps. Of a run: with events and record. Error of the oscillator: the distance from",
-            "the closed form. Of the absorber: the distance of the critical multiplier, by flights and saltation matrices, from its value,",
-            "or the speed of the impact that grazes. The families of the reference system are those over the mass ratio at one energy. Its",
-            "error is the relative difference of the energy from the closed form.",
+            "curve is started; in blocks: its compiled steps. Of a run: with events and record. For 500 points: a run of them, with steps",
+            "as short as it needs. Error of the oscillator: the distance from the closed form. Of the absorber: the distance of the critical",
+            "multiplier, by flights and saltation matrices, from its value, or the speed of the impact that grazes. The families of the",
+            "reference system are those over the mass ratio at one energy. Its error is the relative difference of the energy from the",
+            "closed form.",
         ),
     )  # fmt: skip
 
@@ -219,12 +221,13 @@ def _row(case: Case, quick: bool) -> tuple[str, ...]:
     curve = follow_curve(start, case.window, points=POINTS)
     runs = partial(_curve_points, start, case.window), partial(_branch_points, branch)
     whole, of_branch = _least(runs, 1 if quick else 4)
+    (long,) = _least([partial(_curve_points, start, case.window, _short_steps(start, case.window, len(curve)))], 1 if quick else 3)
     in_blocks = [f"{1e6 * block:.1f}" for block in blocks] or ["none"]
     of_blocks = [f"{point / block:.1f}" for block in blocks] or ["none"]
     return (
         case.system, start.code, str(branch.problem.inner + 1), f"{1e6 * point:.0f}", f"{1e6 * single:.0f}", f"{point / single:.1f}",
         *in_blocks, *of_blocks, str(len(curve)), str(len(curve.events)), f"{1e6 * whole:.0f}",
-        f"{1e6 * of_branch:.0f}", f"{whole / of_branch:.1f}", f"{whole * POINTS:.2f}", number(case.error(curve), 2),
+        f"{1e6 * of_branch:.0f}", f"{whole / of_branch:.1f}", f"{long * POINTS:.2f}", number(case.error(curve), 2),
     )  # fmt: skip
 
 
@@ -276,8 +279,18 @@ def _blocks(family: ForcedFamily | ReleasedFamily, y: np.ndarray) -> Callable[[]
     return run
 
 
-def _curve_points(start: CurveStart, window: Window) -> int:
-    return len(follow_curve(start, window, points=POINTS))
+def _curve_points(start: CurveStart, window: Window, settings: Settings = SETTINGS) -> int:
+    return len(follow_curve(start, window, points=POINTS, settings=settings))
+
+
+def _short_steps(start: CurveStart, window: Window, points: int) -> Settings:
+    """Settings with which a curve of so many points has `POINTS` of them."""
+    settings = SETTINGS
+    while points < POINTS:
+        first, longest, turn = (0.7 * length for length in (settings.initial_step, settings.maximum_step, settings.target_turn))
+        settings = replace(settings, initial_step=first, maximum_step=longest, target_turn=turn)
+        points = _curve_points(start, window, settings)
+    return settings
 
 
 def _branch_points(branch: ForcedBranch) -> int:

@@ -366,10 +366,16 @@ class ForcedProblem:
     def fly(self, node: np.ndarray, time: float, flight: int = 0) -> tuple[np.ndarray, float]:
         """The state (u, v) and the fraction of the period to which a node (N,) flies as in a flight of the orbit."""
         size = 2 * self.degrees_of_freedom
-        out, jacobian, rate = np.empty(self.size), np.empty((self.size, self.size)), np.empty(self.size)
         set_parameters(self.segment, np.array(node, float))
-        fly_loaded(self._table.flight_in(flight), np.array(node, float), float(time), out, jacobian, rate)
+        out = self.flown(node, time, flight)[0]
         return out[:size].copy(), float(out[size])
+
+    def flown(self, node: np.ndarray, time: float, flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The node at a time of a flight (N,), its derivatives by the first one (N, N) and its rate (N,), at the parameters that the kernels
+        have evaluated last."""
+        out, jacobian, rate = np.empty(self.size), np.empty((self.size, self.size)), np.empty(self.size)
+        fly_loaded(self._table.flight_in(flight), np.array(node), float(time), out, jacobian, rate)
+        return out, jacobian, rate
 
     def contact_force(self, node: np.ndarray, flight: int, contact: int) -> float:
         """The force of a contact that sticks in a flight of the orbit, at a node (N,), equation (43): positive where it presses."""
@@ -414,9 +420,10 @@ class ForcedProblem:
         self._evaluated(y)
         return dense_jacobian(self._factor, self.size + 1)
 
-    def scales(self, y: np.ndarray) -> np.ndarray:
-        """Typical size of each unknown at the orbit y, (u,)."""
-        self._evaluated(y)
+    def scales(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
+        """Typical size of each unknown at the orbit y, (u,). evaluated: y is the orbit that was evaluated last."""
+        if not evaluated:
+            self._evaluated(y)
         set_scale(self.segment, np.array(y, float), self._factor)
         return self._factor.scale.copy()
 

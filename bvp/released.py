@@ -8,21 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from bvp.blocks import exact_product
-from bvp.closures import EndsError, cycle_of, impacts_of_period, parse_end
+from bvp.closures import EndsError, cycle_of, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import GRAZING, ForcedProblem
-from bvp.kernels.flight import Flight
+from bvp.kernels.free_period import GRAZES, FreePeriod, make_free_period, unfold_free
 from bvp.kernels.loads import LoadedFlight
 from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
-from bvp.kernels.pencil import ContactRows
-from bvp.multipliers import floquet_multipliers, formed, sort_multipliers, system_data
+from bvp.multipliers import SystemData, floquet_multipliers, formed, sort_multipliers, system_data
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.stability import half_map_multipliers
@@ -158,28 +157,28 @@ class ReleasedProblem(ForcedProblem):
     def formed_multipliers(self, y: np.ndarray) -> np.ndarray | None:
         """The multipliers but trivial ones, from the product of flights and impacts, of the orbit that was evaluated last; None where the
         product loses digits or does not do."""
-        flight, n = self.segment.flight, self.degrees_of_freedom
-        if not isinstance(flight, LoadedFlight) or self.structure.drifts:
+        if not isinstance(self.segment.flight, LoadedFlight) or self.structure.drifts:
             return None
-        squares, shapes, enter = -flight.free.delta[:n], flight.leave[:n, :n], flight.enter.T
-        parts = exact_product(np.array([stop.gap for stop in self.system.stops], float), shapes)[self.modes.contact_stop]
-        none = np.zeros_like(parts)
-        push = np.hstack([none, parts / np.sum(parts * parts, axis=1)[:, None]])
-        contacts = ContactRows(np.hstack([parts, none]), np.hstack([none, parts]), push, np.full(len(parts), 2.0))
-        begun = self.structure.segment._replace(start_map=np.eye(2 * n), start_offset=np.zeros(2 * n))  # with a state
-        segment = begun._replace(gap=contacts.gap[self.contacts])
-        rows = np.column_stack([self.nodes(y)[:, : 2 * n] @ enter, self.flight_times(y)])
-        ends = self._factor.before[:, : 2 * n] @ enter
-        orbit, _ = impacts_of_period(segment, rows.ravel(), ends, self.contacts, self.modes.contact_opposite)
-        if not len(orbit.row):
+        period, data = self._period
+        count = unfold_free(self.segment.flight, np.array(y, dtype=float), self._factor.before, GRAZING, period)
+        if count == GRAZES:
+            return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan))
+        if count == 0:
             return None
-        speeds = np.abs(np.sum(contacts.rate[orbit.row] * orbit.before, axis=1))
-        if np.min(speeds) < GRAZING * math.sqrt(float(np.abs(squares) @ orbit.after[0, :n] ** 2 + np.sum(orbit.after[0, n:] ** 2))):
-            return np.full(2 * n, complex(math.nan, math.nan))
-        pairs, mean, delta, matrix = flight.free
-        modal = Flight(pairs[:n].copy(), mean[:n].copy(), delta[:n].copy(), matrix)
-        found = formed(system_data(modal, contacts, squares, np.zeros((0, n))), ClosedOrbit(*orbit))
+        found = formed(data, ClosedOrbit(*(array[:count] for array in period.impacts)))
         return None if found is None else found.values
+
+    @cached_property
+    def _period(self) -> tuple[FreePeriod, SystemData]:
+        """The full period of an orbit with impacts, for the kernels of its multipliers; they fill it."""
+        modes, structure, n = self.modes, self.structure, self.degrees_of_freedom
+        stops = np.array([stop.gap for stop in self.system.stops], float).reshape(-1, n)
+        contact_stop, opposite = (np.array(part, dtype=np.int64) for part in (modes.contact_stop, modes.contact_opposite))
+        period = make_free_period(
+            stops, np.array(self.contacts, dtype=np.int64), contact_stop, opposite, self.segment.flight.free, structure.segment
+        )
+        data = system_data(period.flight, period.rows, period.weights[:n], np.zeros((0, n)))
+        return period._replace(weights=data.work.weights), data
 
     def _multipliers_of_system(self, y: np.ndarray) -> np.ndarray:
         """The multipliers but trivial ones, by the problem of the system there."""

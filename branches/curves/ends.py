@@ -56,7 +56,7 @@ def ending(curve: BifurcationCurve, last: bool, at: End) -> BifurcationCurve:
     """The curve with the point of an event of another curve as its end, in place of some points."""
     if not last:
         return reversed_curve(ending(reversed_curve(curve), True, at))
-    stop, u = len(curve) - at.left, curve.plane.size
+    stop, u, former = len(curve) - at.left, curve.plane.size, singular_event(curve, True)
     position, near, place = curve.plane.position, curve.unknowns[stop - 1], at.base.parameters[at.event.point]
     length = float(curve.arclength[stop - 1]) + float(np.linalg.norm(position(at.y) - position(near[:u])))
     new = {
@@ -71,7 +71,7 @@ def ending(curve: BifurcationCurve, last: bool, at: End) -> BifurcationCurve:
     where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, place, strict=True))
     return replace(
         curve, **columns,
-        events=numbered([*(one for one in curve.events if one.point < stop), end]),
+        events=numbered([*(one for one in curve.events if one.point < stop and one is not former), end]),
         ended=(curve.ended[0], Ended("EVENT", f"{at.event.type} at {where}: {at.note}")),
         start=min(curve.start, stop - 1),
     )  # fmt: skip

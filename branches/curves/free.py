@@ -21,6 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from branches.curves.kernels import CONSTANT, OTHER, OWN
+from branches.curves.pencils import MatrixRows, RowsCondition, whole_rows
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.closures import parse_end
 from bvp.curvature import second_along
@@ -92,16 +94,6 @@ class Turned(ReleasedProblem):
         return rows
 
 
-class _Rows(NamedTuple):
-    """The rows of a critical matrix that are those of the problem of the family, and of the one with turned ends: each with the row there.
-    constant: the others (u, u), else zeros. ends: where the rows of each end begin."""
-
-    of_family: tuple[np.ndarray, np.ndarray]
-    of_turned: tuple[np.ndarray, np.ndarray]
-    constant: np.ndarray
-    ends: tuple[int, int]
-
-
 def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = FOLD, in_energy: bool = False) -> SingularCondition:
     """The condition of a bifurcation of free orbits.
 
@@ -148,7 +140,7 @@ class Fold:
     def __init__(self, plane: ParameterPlane, in_energy: bool = False):
         problem = plane.problem
         assert isinstance(problem, ReleasedProblem)
-        self.problem, self.size = problem, plane.size
+        self._plane, self.problem, self.size = plane, problem, plane.size
         self._energy: ReleasedProblem | None = None
         if in_energy and names_quarter_period(plane):
             self._energy = problem.sibling(problem.sequence, keep=(*problem.keep[:-1], "energy = 1"))
@@ -158,22 +150,20 @@ class Fold:
     def matrix(self, at: Linearised) -> np.ndarray:
         """The matrix, (u, u)."""
         if self._energy is None:
-            return np.vstack([at.jacobian, at.gradients])
+            return at.extra
         return np.vstack([at.jacobian[: self.size - len(self._rows) - 1], self._rows, self._energy.jacobian(at.y)[-1]])
 
     @property
     def condition(self) -> SingularCondition:
         """The condition that it is singular."""
-        none = np.zeros((self.size, self.size))
+        energy, none = self._energy, np.zeros((self.size, self.size))
+        if energy is None:
+            return RowsCondition(self._plane, whole_rows(self._plane, none), 1.0)
 
         def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
-            found = np.zeros((self.size, self.size))
-            second = second_along(self.problem, at.y, direction)
-            if self._energy is None:
-                found[:-2], found[-1] = second[:-1], second[-1]
-                return found
-            count = self.size - len(self._rows) - 1
-            found[:count], found[-1] = second[:count], second_along(self._energy, at.y, direction)[-1]
+            found, count = none.copy(), self.size - len(self._rows) - 1
+            found[:count] = second_along(self.problem, at.y, direction)[:count]
+            found[-1] = second_along(energy, at.y, direction)[-1]
             return found
 
         return SingularCondition(lambda at: (self.matrix(at), none), along, 1.0)
@@ -190,23 +180,15 @@ def _parameter_rows(problem: ReleasedProblem) -> np.ndarray:
     return np.eye(len(problem.released), problem.unknowns, first)
 
 
-def _doubling(plane: ParameterPlane) -> SingularCondition:
+def _doubling(plane: ParameterPlane) -> RowsCondition:
     """Of orbits closed on themselves: the state after the period is that before it with the other sign."""
     problem, size = plane.problem, plane.size
     assert isinstance(problem, ReleasedProblem)
-    shifted = closing_block(plane)
+    rows = whole_rows(plane, closing_block(plane))
     fixed_rows = np.vstack([_parameter_rows(problem), np.eye(1, size, size - 1)])
-    count = size - len(fixed_rows)
-
-    def matrices(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
-        return np.vstack([at.jacobian[:count], fixed_rows]) - shifted, shifted
-
-    def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
-        found = np.zeros((size, size))
-        found[:count] = second_along(problem, at.y, direction)[:count]
-        return found
-
-    return SingularCondition(matrices, along, -1.0)
+    rows.source[size - len(fixed_rows) :, 0] = CONSTANT
+    rows.constant[size - len(fixed_rows) :] = fixed_rows
+    return RowsCondition(plane, rows, -1.0)
 
 
 class Breaking:
@@ -220,34 +202,28 @@ class Breaking:
     def __init__(self, plane: ParameterPlane):
         problem = plane.problem
         assert isinstance(problem, ReleasedProblem)
-        self.problem, self.size = problem, plane.size
-        self._turned = Turned(problem)
-        self._rows = {symmetry: _breaking_rows(problem, symmetry) for symmetry in SYMMETRIES}
-        self._none = np.zeros((plane.size, plane.size))
-        self._at: tuple[Linearised | None, np.ndarray, np.ndarray] = None, self._none, self._none
+        self.plane, self.problem = plane, problem
+        turned = Turned(problem)
+        self._rows = {symmetry: _breaking_rows(turned, symmetry) for symmetry in SYMMETRIES}
+        self._turned = turned
+        self._at: tuple[Linearised | None, np.ndarray, np.ndarray] = None, np.zeros(0), np.zeros(0)
 
     def condition(self, symmetry: Symmetry) -> SingularCondition:
         """The condition that the matrix is singular."""
-
-        def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
-            return self._chosen(symmetry, second_along(self.problem, at.y, direction), second_along(self._turned, at.y, direction))
-
-        return SingularCondition(lambda at: (self.matrix(at, symmetry), self._none), along, 1.0)
+        found = RowsCondition(self.plane, self._rows[symmetry][0], 1.0)
+        if symmetry != BOTH:
+            return found
+        none = np.zeros((self.plane.size, self.plane.size))
+        return SingularCondition(lambda at: (self.matrix(at, symmetry), none), found.slopes, 1.0)
 
     def matrix(self, at: Linearised, symmetry: Symmetry) -> np.ndarray:
         """The matrix, (u, u)."""
         if self._at[0] is not at:
             self._at = at, self._turned.jacobian(at.y), self._turned._factor.before[-1].copy()
         _, of_turned, last = self._at
-        found = self._chosen(symmetry, at.jacobian, of_turned) + self._rows[symmetry].constant
+        found = self._rows[symmetry][0].matrix(at.extra, of_turned)
         if symmetry == BOTH:
             self._leave_energy_free(found, at.y, last)
-        return found
-
-    def _chosen(self, symmetry: Symmetry, of_family: np.ndarray, of_turned: np.ndarray) -> np.ndarray:
-        found, rows = np.zeros((self.size, self.size)), self._rows[symmetry]
-        for (places, taken), part in ((rows.of_family, of_family), (rows.of_turned, of_turned)):
-            found[places] = part[taken]
         return found
 
     def _leave_energy_free(self, found: np.ndarray, y: np.ndarray, last: np.ndarray) -> None:
@@ -258,7 +234,7 @@ class Breaking:
         problem, n = self.problem, self.problem.degrees_of_freedom
         first, column = problem.inner * (problem.size + 1), 2 * n
         states = y[: 2 * n], last[: 2 * n]
-        rows = self._rows[BOTH].ends
+        rows = self._rows[BOTH][1]
         kinds = problem.kinds
         if kinds[0] == kinds[1] == STOP:
             segment, k = problem.segment, problem.inner
@@ -280,39 +256,39 @@ def _kept_part(kind: int, n: int) -> slice:
     return slice(n, 2 * n) if kind == ORIGIN else slice(0, n)
 
 
-def _breaking_rows(problem: ReleasedProblem, symmetry: Symmetry) -> _Rows:
-    """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters. Each comes from the problem of the
-    family (0), from the one with turned ends (1), or is constant (-1)."""
-    n, width, size, k = problem.degrees_of_freedom, problem.size, problem.unknowns, problem.inner
+def _breaking_rows(turned: Turned, symmetry: Symmetry) -> tuple[MatrixRows, tuple[int, int]]:
+    """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters: those of the problem of the family, of
+    the one with turned ends, or constant. And where the rows of each end begin."""
+    n, width, size, k = turned.degrees_of_freedom, turned.size, turned.unknowns, turned.inner
     first = k * (width + 1)
-    source, row, ends = [0] * first, list(range(first)), []
+    source, row, ends = [OWN] * first, list(range(first)), []
     constants = np.zeros((size, size))
     times = width + np.arange(k + 1) * (width + 1)
 
     def constant(columns: np.ndarray | int) -> None:
         constants[len(row), columns] = 1.0
-        source.append(-1)
+        source.append(CONSTANT)
         row.append(0)
 
-    moved = [symmetry[end] and problem.kinds[end] == STOP for end in (0, 1)]
+    moved = [symmetry[end] and turned.kinds[end] == STOP for end in (0, 1)]
     for end in (0, 1):
         ends.append(len(row))
-        source += [int(symmetry[end])] * n
+        source += [OTHER if symmetry[end] else OWN] * n
         row += range(first + end * n, first + (end + 1) * n)
         if moved[end]:
-            source.append(0)
+            source.append(OWN)
             row.append(first + end * n)  # c . du = 0
     if not any(moved):
         constant(times)
     if symmetry != BOTH:
-        source.append(0)
+        source.append(OWN)
         row.append(first + 2 * n)
     elif not all(moved):
         constant(times[0] if not moved[0] else times[-1])  # excludes a shift
-    for j in range(len(problem.released)):
+    for j in range(len(turned.released)):
         constant(2 * n + 1 + j)
-    parts = [(np.flatnonzero(place), np.array(row)[place]) for place in (np.array(source) == 0, np.array(source) == 1)]
-    return _Rows(parts[0], parts[1], constants, (ends[0], ends[1]))
+    rows = MatrixRows(np.array([source, row]).T.copy(), constants, np.zeros((size, size)), turned)
+    return rows, (ends[0], ends[1])
 
 
 def smallest_singular(condition: SingularCondition, at: Linearised, scale: np.ndarray) -> tuple[float, float]:

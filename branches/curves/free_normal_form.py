@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 
 from branches.curves.free import BOTH, Symmetry
 from branches.curves.plane import ParameterPlane
 from branches.released.criticality import CriticalEquations, critical_nu
-from branches.released.segments import Segment, segment_of
+from branches.released.segments import Segment, changed, segment_of
 from branches.sequences import Ends, ImpactSequence
 from bvp.released import ReleasedProblem
 from continuation.curves import Held, Linearised
@@ -19,7 +19,7 @@ from continuation.curves import Held, Linearised
 __all__ = ["CurveNormalForm"]
 
 _STEP = 1e-5
-"""Distance from an orbit, in units of the unknowns, over which changes across the curve are measured."""
+"""Distance from an orbit, in units of the unknowns, over which the change of a multiplier is measured."""
 
 
 class CurveNormalForm:
@@ -50,24 +50,25 @@ class CurveNormalForm:
         self.problem = problem
         # The level of nu at which the pair is critical: see `bvp.stability`.
         self.level = 0 if symmetry == BOTH else -1
-        self._windows: list[Callable[[Segment], Segment]] = [partial(_window, symmetry, problem.quarters)]
+        self._windows: list[Callable[[Segment, Segment | None], Segment]] = [
+            lambda segment, change: _window(symmetry, problem.quarters, segment if change is None else change)
+        ]
         if doubled:
-            self._windows.append(lambda half: _window((True, False), 1, half.half(problem)).twice())
+            self._windows.append(lambda half, change: _window((True, False), 1, half.half(problem, change)).twice())
         self.count = len(self._windows)
         self._wide: dict[tuple[Ends, ImpactSequence], ReleasedProblem] = {}
 
     def reduced(self, at: Linearised, held: Held, tangent: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r of each family, NaN where it is not known, and the direction across the curve, (u,)."""
+        """r of each family, NaN where it is not known, and the direction across the curve, (u,). The orbit was evaluated last."""
         problem = self.problem
         way = _across(at, held, tangent, scale)
-        here, *beside = (segment_of(problem, at.y + change * way) for change in (0.0, _STEP, -_STEP))
+        here, moved = segment_of(problem, at.y, evaluated=True), changed(problem, at.y, way)
         found = np.full(self.count, math.nan)
         for k, (window, matrix) in enumerate(zip(self._windows, self._matrices(here), strict=True)):
             cubic = None if matrix is None else matrix.cubic()
             if matrix is None or cubic is None:
                 continue
-            ahead, behind = (window(one).unknowns(matrix.problem) for one in beside)
-            slope, error = matrix.slope((ahead - behind) / (2.0 * _STEP))
+            slope, error = matrix.slope(window(here, moved).unknowns(matrix.problem))
             if abs(slope) > error:  # else rounding decides the sign
                 found[k] = cubic.coefficient / slope
         return found, way
@@ -77,7 +78,7 @@ class CurveNormalForm:
         problem, here = self.problem, segment_of(self.problem, y)
         cubics = [None if matrix is None else matrix.cubic() for matrix in self._matrices(here)]
         sizes = [math.inf if cubic is None else abs(cubic.coefficient) for cubic in cubics]
-        found = self._windows[int(np.argmin(sizes))](here)
+        found = self._windows[int(np.argmin(sizes))](here, None)
         made = found.problem(problem, y)
         return made, found.unknowns(made)
 
@@ -100,7 +101,7 @@ class CurveNormalForm:
         found: list[CriticalEquations | None] = []
         for window in self._windows:
             try:
-                segment = window(here)
+                segment = window(here, None)
                 matrix = CriticalEquations(wide := self._over(segment), segment.unknowns(wide))
             except (ValueError, RuntimeError, np.linalg.LinAlgError):
                 found.append(None)
@@ -128,7 +129,8 @@ def _window(symmetry: Symmetry, quarters: int, segment: Segment) -> Segment:
 def _across(at: Linearised, held: Held, tangent: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """The direction in the surface of orbits, across a curve, in which its condition rises. (u,), of length 1 in units of the unknowns."""
     u = len(at.y)
-    plane = np.linalg.svd(at.jacobian * scale)[2][-2:]
-    along = plane @ (tangent[:u] / scale)
-    way = (plane[1] * along[0] - plane[0] * along[1]) / math.hypot(*along) * scale
-    return way if float(held.gradient[0, :u] @ way) > 0.0 else -way
+    matrix, right = np.empty((u, u)), np.zeros(u)
+    matrix[:-2], matrix[-2], matrix[-1] = at.jacobian * scale, tangent[:u] / scale, held.gradient[0, :u] * scale
+    right[-1] = 1.0
+    found = dgesv(matrix, right)[2]
+    return found / math.sqrt(float(found @ found)) * scale

@@ -19,14 +19,13 @@ from branches.forced.primitive import primitive_orbit
 from branches.forced.resequencing import with_touch, without_impact
 from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
-from bvp.kernels.forced import fly_loaded
 from bvp.kernels.forced_sticking import contact_force
 from bvp.kernels.multipoint import QUARTER_PERIOD, RESULT
 from bvp.multipoint import Solution
 from continuation.curves import Linearised, ScalarCondition
 
 __all__ = [
-    "Grazing", "beside_grazing", "flown", "grazing_at", "grazing_condition", "grazing_of", "grazing_sizes", "observed",
+    "Grazing", "beside_grazing", "grazing_at", "grazing_condition", "grazing_of", "grazing_sizes", "observed",
     "paths_beside", "what_grazes",
 ]  # fmt: skip
 
@@ -150,13 +149,6 @@ def observed(problem: ForcedProblem, y: np.ndarray) -> Solution:
     return Solution(y, np.zeros(2 * y.size), np.zeros(problem.size), ends, result)
 
 
-def flown(problem: ForcedProblem, node: np.ndarray, time: float, flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The node at a time of a flight (N,), its derivatives by the first one (N, N) and its rate (N,)."""
-    out, jacobian, rate = np.empty(problem.size), np.empty((problem.size, problem.size)), np.empty(problem.size)
-    fly_loaded(problem._table.flight_in(flight), np.array(node), float(time), out, jacobian, rate)
-    return out, jacobian, rate
-
-
 def grazing_condition(plane: ParameterPlane, grazing: Grazing) -> ScalarCondition:
     """The condition of a grazing. An impact behind the last node is the one at the start of a segment between two ends."""
     problem, flight = plane.problem, grazing.flight
@@ -169,7 +161,7 @@ def grazing_condition(plane: ParameterPlane, grazing: Grazing) -> ScalarConditio
         if flight > problem.inner:
             gradient[n : 2 * n] = -row
             return float(gradient[n : 2 * n] @ point.y[n : 2 * n]), gradient
-        out, jacobian, rate = flown(problem, point.y[at : at + width], point.y[at + width], flight)
+        out, jacobian, rate = problem.flown(point.y[at : at + width], point.y[at + width], flight)
         gradient[at : at + width] = row @ jacobian[n : 2 * n]
         gradient[at + width] = row @ rate[n : 2 * n]
         return float(row @ out[n : 2 * n]), gradient
@@ -213,7 +205,7 @@ def beside_grazing(
     row = problem.segment.side[flight] * problem.segment.gap[flight, :n]
     at_start = flight > k
     place, time = (0, 0.0) if at_start else (flight, float(problem.flight_times(y)[flight]))
-    bend = -float(row @ flown(problem, problem.nodes(y)[place], time, place)[2][n : 2 * n])
+    bend = -float(row @ problem.flown(problem.nodes(y)[place], time, place)[2][n : 2 * n])
     after = 0 if at_start or (flight == k and wraps) else flight + 1
     return *_shortened(problem, y, ends, None if at_start else flight, after if after <= k else None), bend
 
@@ -230,7 +222,7 @@ def paths_beside(problem: ForcedProblem, y: np.ndarray, ends: np.ndarray, grazin
     before, after = np.array(y), np.array(y)
     problem.flight_times(before)[flight] = time
     problem.flight_times(after)[flight] = duration - time
-    problem.nodes(after)[flight] = flown(problem, problem.nodes(y)[flight], time, flight)[0]
+    problem.nodes(after)[flight] = problem.flown(problem.nodes(y)[flight], time, flight)[0]
     paths = [_shortened(problem, before, ends, flight, None), _shortened(problem, after, ends, None, flight)]
     return [path for path in paths if problem.flight_times(path[0])[flight] > 0.0]
 
@@ -244,9 +236,9 @@ def _shortened(
     short = _NEXT * float(np.sum(times))
     if before is not None:
         times[before] -= short
-        ends[before] = flown(problem, nodes[before], float(times[before]), before)[0]
+        ends[before] = problem.flown(nodes[before], float(times[before]), before)[0]
     if after is not None:
-        nodes[after] = flown(problem, nodes[after], short, after)[0]
+        nodes[after] = problem.flown(nodes[after], short, after)[0]
         times[after] -= short
     return shown, ends
 
@@ -259,7 +251,7 @@ def _least_force(problem: ForcedProblem, y: np.ndarray, grazing: Grazing) -> tup
     node, duration = problem.nodes(y)[flight], float(problem.flight_times(y)[flight])
 
     def at(time: float) -> tuple[float, np.ndarray, np.ndarray, float]:
-        out, jacobian, rate = flown(problem, node, time, flight)
+        out, jacobian, rate = problem.flown(node, time, flight)
         row = np.empty(problem.size)
         value = contact_force(arrays, problem.segment.flight.loads, mode, grazing.stop, out, row)
         return value, row, jacobian, float(row @ rate)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from branches.curves.grazing import Grazing, flown
+from branches.curves.grazing import Grazing
 from branches.curves.plane import ParameterPlane
 from branches.forced.closing import without_chatter
 from bvp.kernels.forced_sticking import contact_force
@@ -72,7 +72,7 @@ class HeldSurface(ParameterPlane):
 
         def force(time: float) -> tuple[np.ndarray, float]:
             """Derivatives by the node (N,), and by the time."""
-            out, jacobian, rate = flown(problem, node, time, 0)
+            out, jacobian, rate = problem.flown(node, time, 0)
             row = np.empty(problem.size)
             contact_force(arrays, loads, mode, self._stop, out, row)
             return row @ jacobian, float(row @ rate)

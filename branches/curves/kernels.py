@@ -1,6 +1,7 @@
 """Compiled steps along curves of bifurcations and grazings: Newton's iteration of `continuation.curves.Curve`.
 
-Second derivatives of an orbit take longer than all the rest: every other iteration but the last keeps the gradient of the condition.
+Second derivatives of an orbit take longer than all the rest: where updates shrink fast, every other iteration but the last keeps the
+gradient of the condition.
 """
 
 from __future__ import annotations
@@ -22,15 +23,22 @@ from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import Landing, Request
 
 __all__ = [
-    "CONTRACTION", "CONVERGED", "DURATION", "ITERATIONS", "RESIDUAL", "SINGULAR", "SPEED", "TURN", "CurveArrays", "CurveData",
-    "take_curve_step",
+    "CONSTANT", "CONTRACTION", "CONVERGED", "DURATION", "ITERATIONS", "OTHER", "OWN", "RESIDUAL", "SINGULAR", "SPEED", "TURN",
+    "CurveArrays", "CurveData", "take_curve_step",
 ]  # fmt: skip
 
 SINGULAR, SPEED, DURATION = range(3)
 """Conditions: a singular matrix, an impact without speed, a flight without duration."""
 
+OWN, OTHER, CONSTANT = range(3)
+"""Where a row of a singular matrix is from: the derivatives of the equations of the orbit, those of the other conditions, a constant."""
+
 CONVERGED, ITERATIONS, CONTRACTION, TURN, RESIDUAL = range(5)
 """Entries of the result of a step."""
+
+
+_NEAR, _FAST = 0.01, 0.1
+"""Largest update, in units of the unknowns, and as a part of the one before, after which an iteration keeps the gradient."""
 
 
 class CurveData(NamedTuple):
@@ -41,6 +49,11 @@ class CurveData(NamedTuple):
     segment: LoadedSegment
     factor: Factor
     bending: Bending
+    other: LoadedSegment  # the same orbit with other conditions at its ends
+    other_factor: Factor
+    other_bending: Bending
+    source: np.ndarray  # (u, 2) int64 where each row of the matrix is from: OWN, OTHER or CONSTANT, and which row there
+    constant: np.ndarray  # (u, u)
     landing: Landing  # scratch of the step
     metric: np.ndarray  # (4, N) scratch of the step
     zero: np.ndarray  # (2 u,)
@@ -70,6 +83,8 @@ class CurveArrays(NamedTuple):
     left: np.ndarray  # (d, s + d)
     borders: np.ndarray  # (2 d s,) the first s entries of left and right, made orthonormal
     slopes: np.ndarray  # (s, u) derivatives of the matrix times the first null vector
+    fixed: np.ndarray  # (u, u) the matrix with the multiplier 1
+    other: np.ndarray  # (2, u, u) what its rows are taken from
     bordered: np.ndarray  # (s + d, s + d)
     matrix: np.ndarray  # (u + e, u + e)
     pivots: np.ndarray  # (s + d,) int64
@@ -79,6 +94,19 @@ class CurveArrays(NamedTuple):
     held: np.ndarray  # (u,) the orbit where the condition was computed last
     orbit: np.ndarray  # (u,)
     along: np.ndarray  # (u,)
+
+
+@kernel
+def _spread(factor, width, rows):
+    """The blocks of a Jacobian as rows (.., u)."""
+    u, flights = rows.shape[1], factor.window.shape[0]
+    set_2(rows, 0.0)
+    for r in range(flights):
+        base = max(0, (r // width - 1) * width)
+        for c in range(min(factor.window.shape[1], u - base)):
+            rows[r, base + c] = factor.window[r, c]
+    for r in range(factor.closing.shape[0]):
+        copy_1(factor.closing[r], rows[flights + r])
 
 
 @inlined
@@ -93,18 +121,46 @@ def _linearise(curve, arrays):
     call_at(curve.step, (curve.segment, factor, orbit, curve.zero, request, curve.metric, curve.landing))
     for r in range(u - 1):
         arrays.residual[r] = factor.work[6, r]
-    set_2(rows, 0.0)
-    flights = factor.window.shape[0]
-    for r in range(flights):
-        base = max(0, (r // width - 1) * width)
-        for c in range(min(factor.window.shape[1], u - base)):
-            rows[r, base + c] = factor.window[r, c]
-    for r in range(factor.closing.shape[0]):
-        copy_1(factor.closing[r], rows[flights + r])
+    _spread(factor, width, rows)
     # The last equation keeps the second parameter.
     copy_1(rows[u - 2], rows[u - 1])
     set_1(rows[u - 2], 0.0)
     rows[u - 2, curve.place] = 1.0
+
+
+@inlined
+def _needs_other(curve):
+    """Whether the singular matrix has rows of the other conditions."""
+    found = False
+    for r in range(curve.source.shape[0]):
+        found = found or curve.source[r, 0] == OTHER
+    return found
+
+
+@inlined
+def _choose(curve, own, other, constant, out):
+    """out (u, u): each row from where it is taken. constant: what the constant ones are multiplied by."""
+    for r in range(out.shape[0]):
+        place = curve.source[r, 1]
+        if curve.source[r, 0] == OWN:
+            copy_1(own[place], out[r])
+        elif curve.source[r, 0] == OTHER:
+            copy_1(other[place], out[r])
+        else:
+            for c in range(out.shape[1]):
+                out[r, c] = constant * curve.constant[r, c]
+
+
+@inlined
+def _fix(curve, arrays):
+    """Write the singular matrix, the multiplier of its closing block being 1."""
+    orbit, other = arrays.orbit, arrays.other[0]
+    if _needs_other(curve):
+        set_1(curve.other_factor.scale, 1.0)
+        request = Request(0.0, math.nan, LINEARISED)
+        call_at(curve.step, (curve.other, curve.other_factor, orbit, curve.zero, request, curve.metric, curve.landing))
+        _spread(curve.other_factor, curve.segment.gap.shape[1] + 1, other[: orbit.shape[0] - 1])
+    _choose(curve, arrays.rows, other, 1.0, arrays.fixed)
 
 
 @inlined
@@ -135,15 +191,15 @@ def _unit(curve, y, r):
 @inlined
 def _border(curve, arrays, borders):
     """Write the bordered matrix that is singular without its borders."""
-    rows, shifted, scale, matrix = arrays.rows, curve.shifted, arrays.scale, arrays.bordered
-    u = rows.shape[0]
+    whole, shifted, scale, matrix = arrays.fixed, curve.shifted, arrays.scale, arrays.bordered
+    u = whole.shape[0]
     d = arrays.values.shape[0]
     s = d * u
     set_2(matrix, 0.0)
     for r in range(u):
         for c in range(u):
             moved = shifted[r, c] * scale[c]
-            fixed = rows[r, c] * scale[c] - moved
+            fixed = whole[r, c] * scale[c] - moved
             if d == 1:
                 matrix[r, c] = fixed + curve.multiplier * moved
             else:
@@ -164,6 +220,7 @@ def _hold(curve, arrays, borders, bends):
     d = arrays.values.shape[0]
     s = d * u
     right, left, slopes, gradient, along = arrays.right, arrays.left, arrays.slopes, arrays.gradient, arrays.along
+    _fix(curve, arrays)
     _border(curve, arrays, borders)
     factorise(arrays.bordered, arrays.pivots)
     for j in range(d):
@@ -178,10 +235,13 @@ def _hold(curve, arrays, borders, bends):
     for k in range(d):
         for r in range(u):
             along[r] = right[0, k * u + r] * arrays.scale[r]
-        part = slopes[k * u : (k + 1) * u]
-        call_at(curve.bend, (curve.bending, arrays.orbit, along, part[: u - 1]))
-        copy_1(part[u - 2], part[u - 1])
-        set_1(part[u - 2], 0.0)
+        own, other = arrays.other[0], arrays.other[1]
+        call_at(curve.bend, (curve.bending, arrays.orbit, along, own[: u - 1]))
+        copy_1(own[u - 2], own[u - 1])
+        set_1(own[u - 2], 0.0)
+        if _needs_other(curve):
+            call_at(curve.bend, (curve.other_bending, arrays.orbit, along, other[: u - 1]))
+        _choose(curve, own, other, 0.0, slopes[k * u : (k + 1) * u])
     set_2(gradient, 0.0)
     for j in range(d):
         for r in range(s):
@@ -298,7 +358,7 @@ def take_curve_step(curve, y, tangent, ds, arrays):
             bends = True
             continue
         # Where updates are squared, the next one is the last.
-        bends = not bends or curve.kind != SINGULAR or length * length <= curve.settled
+        bends = not bends or curve.kind != SINGULAR or length * length <= curve.settled or not length < min(_NEAR, _FAST * last)
         if not settled and last < math.inf and length > curve.rounding:
             contraction = max(contraction, length / last)
         last = length

@@ -5,35 +5,85 @@ The multipoint problem is linearised with its closing block multiplied by lambda
     SN  lambda = 1        PD  lambda = -1        NS  lambda = exp(+-i theta)
 
 Of half a period the closing block belongs to N = -(map over T/2). There SN is 1 of N, and SB is -1 of N.
+
+The matrices of free orbits have rows of other conditions at their ends, too: see `branches.curves.free`.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from branches.curves.kernels import OTHER, OWN
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.curvature import second_along
+from bvp.forced import ForcedProblem
 from continuation.curves import Linearised, SingularCondition
 
-__all__ = ["MULTIPLIERS", "forced_condition"]
+__all__ = ["MULTIPLIERS", "MatrixRows", "RowsCondition", "forced_condition", "whole_rows"]
 
 MULTIPLIERS = {"SN": 1.0, "PD": -1.0, "SB": -1.0, "NS": None}
 """lambda of each kind of bifurcation; None: a pair on the unit circle."""
 
 
-def forced_condition(plane: ParameterPlane, code: str) -> SingularCondition:
-    """The condition of a bifurcation of orbits that close after a period, or half of it."""
-    problem = plane.problem
-    shifted = closing_block(plane)
+class MatrixRows(NamedTuple):
+    """Of which rows a singular matrix consists. The closing block, multiplied by lambda - 1, is added.
 
-    def matrices(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
-        return at.extra - shifted, shifted
+    source : (u, 2) int64 for each row OWN, OTHER or CONSTANT, and which row there
+    constant : (u, u) the constant rows, else zeros
+    shifted : (u, u) the closing block
+    other : the problem with the other conditions, linearised at the same unknowns; None: there is none
+    """
 
-    def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
-        found = np.zeros((plane.size, plane.size))
-        second = second_along(problem, at.y, direction)
-        found[:-2] = second[:-1]
-        found[-1] = second[-1]
+    source: np.ndarray
+    constant: np.ndarray
+    shifted: np.ndarray
+    other: ForcedProblem | None = None
+
+    def matrix(self, own: np.ndarray, other: np.ndarray | None) -> np.ndarray:
+        """The matrix with lambda = 1, from the derivatives of the equations and of the two parameters (u, u), and the other ones."""
+        return self._filled(self.constant.copy(), own, other)
+
+    def slopes(self, own: np.ndarray, other: np.ndarray | None) -> np.ndarray:
+        """The derivatives of the matrix times a vector, from those of its parts."""
+        return self._filled(np.zeros_like(self.constant), own, other)
+
+    def _filled(self, found: np.ndarray, own: np.ndarray, other: np.ndarray | None) -> np.ndarray:
+        kinds, places = self.source.T
+        for kind, part in ((OWN, own), (OTHER, other)):
+            if part is not None:
+                taken = kinds == kind
+                found[taken] = part[places[taken]]
         return found
 
-    return SingularCondition(matrices, along, MULTIPLIERS[code])
+
+def whole_rows(plane: ParameterPlane, shifted: np.ndarray) -> MatrixRows:
+    """All rows of the equations, and of the two parameters."""
+    rows = np.arange(plane.size)
+    return MatrixRows(np.column_stack([np.full_like(rows, OWN), rows]), np.zeros((plane.size, plane.size)), shifted)
+
+
+class RowsCondition(SingularCondition):
+    """A matrix of such rows that is singular at a multiplier (None: at a pair)."""
+
+    def __init__(self, plane: ParameterPlane, rows: MatrixRows, multiplier: float | None):
+        self.plane, self.rows = plane, rows
+        super().__init__(self._parts, self.slopes, multiplier)
+
+    def _parts(self, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
+        rows = self.rows
+        other = None if rows.other is None else rows.other.jacobian(at.y)
+        return rows.matrix(at.extra, other) - rows.shifted, rows.shifted
+
+    def slopes(self, at: Linearised, direction: np.ndarray) -> np.ndarray:
+        """The derivatives of the matrix times a direction, (u, u)."""
+        rows, second = self.rows, second_along(self.plane.problem, at.y, direction)
+        own = np.zeros((self.plane.size, self.plane.size))
+        own[:-2], own[-1] = second[:-1], second[-1]
+        return rows.slopes(own, None if rows.other is None else second_along(rows.other, at.y, direction))
+
+
+def forced_condition(plane: ParameterPlane, code: str) -> RowsCondition:
+    """The condition of a bifurcation of orbits that close after a period, or half of it."""
+    return RowsCondition(plane, whole_rows(plane, closing_block(plane)), MULTIPLIERS[code])

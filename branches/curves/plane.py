@@ -71,7 +71,7 @@ class ParameterPlane:
 
     def worst(self, at: Linearised) -> float:
         """See `continuation.curves.Surface`."""
-        return float(np.abs(at.residual / self.problem.scales(at.y)[: len(at.residual)]).max())
+        return float(np.abs(at.residual / self.problem.scales(at.y, evaluated=True)[: len(at.residual)]).max())
 
     def position(self, y: np.ndarray) -> np.ndarray:
         """The first node in units of arclength."""

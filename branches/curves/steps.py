@@ -21,35 +21,40 @@ from branches.curves.kernels import (
     CurveData,
     take_curve_step,
 )
-from branches.curves.plane import LEAST, ParameterPlane, closing_block
+from branches.curves.pencils import RowsCondition, whole_rows
+from branches.curves.plane import LEAST, ParameterPlane
 from bvp.kernels import curvature
 from bvp.kernels.forced import forced_step
 from bvp.kernels.multipoint import RESULT
 from bvp.kernels.newton import LINEARISED
 from bvp.kernels.step import Landing, Request
 from continuation import curves
-from continuation.curves import Condition, Corrected, Curve, Held, Linearised, Monitor, Null, SingularCondition
+from continuation.curves import Condition, Corrected, Curve, Held, Linearised, Monitor, Null
 
-__all__ = ["CompiledCurve", "forced_curve"]
+__all__ = ["CompiledCurve", "curve_of"]
 
 _KINDS = {"speed": SPEED, "flight": DURATION}
 """Grazings whose condition is compiled."""
 
 
-def forced_curve(plane: ParameterPlane, condition: Condition, monitor: Monitor, grazing: Grazing | None = None) -> Curve:
-    """A curve of forced orbits; its steps are compiled where the derivatives of its equations are exact."""
-    compiled = plane.problem.curvature.is_exact and (grazing is None or grazing.kind in _KINDS)
+def curve_of(plane: ParameterPlane, condition: Condition, monitor: Monitor, grazing: Grazing | None = None) -> Curve:
+    """A curve of orbits; its steps are compiled where the derivatives of its equations are exact, and its condition is a compiled one."""
+    if grazing is None:
+        known = isinstance(condition, RowsCondition)
+    else:
+        known = grazing.kind in _KINDS and grazing.flight <= plane.problem.inner
+    compiled = known and plane.problem.curvature.is_exact
     return CompiledCurve(plane, condition, monitor, grazing) if compiled else Curve(plane, condition, monitor)
 
 
 class CompiledCurve(Curve):
-    """A curve of forced orbits with exact derivatives: of SN, PD, SB, NS, or of grazings. Its points are those of `Curve`.
+    """A curve of orbits with exact derivatives: of SN, PD, SB, NS, or of grazings. Its points are those of `Curve`.
 
     Parameters
     ----------
     plane : ParameterPlane
     condition : Condition
-        Of `branches.curves.pencils.forced_condition`, or of `branches.curves.grazing.grazing_condition`.
+        A `branches.curves.pencils.RowsCondition`, or one of `branches.curves.grazing.grazing_condition`.
     monitor : Monitor
     grazing : Grazing, optional
         What grazes: an impact without speed, or a flight without duration.
@@ -59,21 +64,24 @@ class CompiledCurve(Curve):
         super().__init__(plane, condition, monitor)
         self.plane, self.order = plane, 1 + condition.own
         self._kind, self._flight = (SINGULAR, 0) if grazing is None else (_KINDS[grazing.kind], grazing.flight)
-        multiplier = condition.multiplier if isinstance(condition, SingularCondition) else None
+        known = isinstance(condition, RowsCondition)
+        self._rows = condition.rows if known else whole_rows(plane, np.zeros((plane.size, plane.size)))
+        multiplier = condition.multiplier if known else None
         self._multiplier = math.nan if multiplier is None else multiplier
 
     @cached_property
     def _data(self) -> CurveData:
-        plane, problem = self.plane, self.plane.problem
-        u = plane.size
+        plane, problem, rows = self.plane, self.plane.problem, self._rows
+        u, other = plane.size, rows.other or problem
         landing = Landing(np.zeros(u), np.zeros(2 * u), np.zeros(len(RESULT)))
         metric, zero, bending = np.zeros((4, problem.size)), np.zeros(2 * u), problem.curvature.bending
         request = Request(0.0, math.nan, LINEARISED)
         step = forced_step.entry(problem.segment, problem._factor, landing.y, zero, request, metric, landing).address
         bend = curvature.second_along.entry(bending, landing.y, landing.y, np.zeros((u - 1, u))).address
         return CurveData(
-            step, bend, problem.segment, problem._factor, bending, landing, metric, zero, self._kind, closing_block(plane),
-            self._multiplier, self._flight, plane.place, LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
+            step, bend, problem.segment, problem._factor, bending, other.segment, other._factor, other.curvature.bending,
+            rows.source, rows.constant, landing, metric, zero, self._kind, rows.shifted, self._multiplier, self._flight, plane.place,
+            LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
         )  # fmt: skip
 
     @cached_property
@@ -82,7 +90,8 @@ class CompiledCurve(Curve):
         m, s = u + d - 1, d * u
         return CurveArrays(
             np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(5), np.zeros(u - 1), np.zeros((u, u)), np.zeros(d), np.zeros((d, m)),
-            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros(2 * d * s), np.zeros((s, u)), np.zeros((s + d, s + d)), np.zeros((m, m)),
+            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros(2 * d * s), np.zeros((s, u)), np.zeros((u, u)), np.zeros((2, u, u)), np.zeros((s + d, s + d)),
+            np.zeros((m, m)),
             np.zeros(s + d, dtype=np.int64), np.zeros(m), np.zeros(m), np.zeros(self.plane.problem.size), np.zeros(u),
             np.zeros(u), np.zeros(u),
         )  # fmt: skip

@@ -19,6 +19,7 @@ from branches.events import Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.tracing import OUT_OF_DOMAIN
 from branches.interrupted import with_computed
+from continuation.control import Settings
 from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
@@ -37,6 +38,7 @@ def follow_curve(
     on_event: Callable[[Event], object] | None = None,
     on_point: Callable[[int], object] | None = None,
     begun: tuple[Curve, Step] | None = None,
+    settings: Settings = SETTINGS,
 ) -> BifurcationCurve:
     """Follow a curve from its start, both ways.
 
@@ -53,6 +55,8 @@ def follow_curve(
         Called with each event, and with the number of points so far.
     begun : (Curve, Step), optional
         The result of `first_point` for this start and window, if it is known.
+    settings : continuation.Settings
+        How the curve is followed.
 
     Raises
     ------
@@ -62,7 +66,7 @@ def follow_curve(
         With the curve up to there as its attribute `branch`.
     """
     curve, first = first_point(start, window) if begun is None else begun
-    settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
+    settings = settings if points is None else replace(settings, maximum_points=points)
     count = 0
 
     def counted(new: Sequence[Point]) -> None:

@@ -215,10 +215,9 @@ class CriticalEquations:
 
     def __init__(self, problem: ReleasedProblem, y: np.ndarray):
         self.problem, self.y = problem, y
-        scale = problem.scales(y)
+        jacobian, scale = problem.jacobian(y), problem.scales(y, evaluated=True)
         self.scale = np.where(scale > 0.0, scale, 1.0)
         self.n = problem.degrees_of_freedom
-        jacobian = problem.jacobian(y)
         last = np.zeros((1, problem.unknowns))
         if problem.released:
             last[0, 2 * self.n + 1] = 1.0

@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, mirror
+from bvp.kernels.loads import loaded_rate
 from bvp.released import ReleasedProblem
 
-__all__ = ["Segment", "segment_of"]
+__all__ = ["Segment", "changed", "segment_of"]
 
 
 class Segment(NamedTuple):
@@ -124,22 +125,26 @@ class Segment(NamedTuple):
         sequence = (*self.sequence, self.ends[1].removeprefix("stop"))
         return Segment((self.ends[0], "rest"), sequence, parts[0], parts[1], parts[2], self.parameters)
 
-    def half(self, problem: ReleasedProblem) -> Segment:
-        """The first half of a segment whose orbit reverses in its middle, too, or that runs twice. problem: that of the segment."""
+    def half(self, problem: ReleasedProblem, change: Segment | None = None) -> Segment:
+        """The first half of a segment whose orbit reverses in its middle, too, or that runs twice; of a change of it (`changed`) the change
+        of that. problem: that of the segment."""
+        part = self if change is None else change
         middle, odd = divmod(len(self.sequence), 2)
         if self.ends == PERIODIC:
             return self._replace(
-                sequence=self.sequence[:middle], after=self.after[:middle], before=self.before[:middle], times=self.times[:middle]
-            )
+                sequence=self.sequence[:middle], after=part.after[:middle], before=part.before[:middle], times=part.times[:middle],
+                parameters=part.parameters,
+            )  # fmt: skip
         first = slice(0, middle + 1)
-        after, before, times = self.after[first], self.before[first].copy(), self.times[first].copy()
+        after, before, times = part.after[first], part.before[first].copy(), part.times[first].copy()
         if odd:
             end = "stop" + self.sequence[middle]
         else:
-            before[-1] = _flown(problem, self, middle)
+            state = _flown(problem, self, middle)
+            before[-1] = state if change is None else _flown_change(problem, self, change, middle)
             times[-1] *= 0.5
-            end = _kind(problem, before[-1])
-        return self._replace(ends=(self.ends[0], end), sequence=self.sequence[:middle], after=after, before=before, times=times)
+            end = _kind(problem, state)
+        return Segment((self.ends[0], end), self.sequence[:middle], after, before, times, part.parameters)
 
     def mean(self, other: Segment) -> Segment:
         """The mean of two segments with the same ends and sequence."""
@@ -153,6 +158,14 @@ def _flown(problem: ReleasedProblem, segment: Segment, flight: int) -> np.ndarra
     return problem.fly(node, 0.5 * float(segment.times[flight]), min(flight, problem.inner))[0]
 
 
+def _flown_change(problem: ReleasedProblem, segment: Segment, change: Segment, flight: int) -> np.ndarray:
+    """The change of the state in the middle of a flight, (2 n,)."""
+    node = np.concatenate([segment.after[flight], [0.0], segment.parameters])
+    _, by_node, by_time = problem.flown(node, 0.5 * float(segment.times[flight]), min(flight, problem.inner))
+    moved = by_node @ np.concatenate([change.after[flight], [0.0], change.parameters]) + by_time * 0.5 * change.times[flight]
+    return moved[: len(segment.after[flight])]
+
+
 def _kind(problem: ReleasedProblem, state: np.ndarray) -> str:
     """The end inside a flight that a state is."""
     n = len(state) // 2
@@ -161,11 +174,26 @@ def _kind(problem: ReleasedProblem, state: np.ndarray) -> str:
     return "origin" if sizes[:n].max() < sizes[n:].max() else "rest"
 
 
-def segment_of(problem: ReleasedProblem, y: np.ndarray) -> Segment:
-    """The segment that a problem solves, from its unknowns (u,), which are evaluated."""
-    problem.residual(y)
+def segment_of(problem: ReleasedProblem, y: np.ndarray, *, evaluated: bool = False) -> Segment:
+    """The segment that a problem solves, from its unknowns (u,). evaluated: y is the orbit that was evaluated last."""
+    if not evaluated:
+        problem.residual(y)
     before, nodes, n = problem._factor.before, problem.nodes(y), problem.degrees_of_freedom
     return Segment(
         problem.ends, tuple(problem.sequence), nodes[:, : 2 * n].copy(), before[:, : 2 * n].copy(), problem.flight_times(y).copy(),
         nodes[0, 2 * n + 1 :].copy(),
     )  # fmt: skip
+
+
+def changed(problem: ReleasedProblem, y: np.ndarray, way: np.ndarray) -> Segment:
+    """The derivatives of the segment along a direction (u,), in the form of a segment; y was evaluated last. What makes another segment of
+    it, `half` but for its argument, is linear: it makes the change of that one."""
+    factor, nodes, times, n = problem._factor, problem.nodes(way), problem.flight_times(way), problem.degrees_of_freedom
+    before = np.einsum("ijk,ik->ij", factor.flights, nodes)
+    rate = np.empty(problem.size)
+    for i in range(len(times)):
+        loaded_rate(problem._table.flight_in(i), factor.before[i], rate)
+        before[i] += times[i] * rate
+    return Segment(
+        problem.ends, tuple(problem.sequence), nodes[:, : 2 * n], before[:, : 2 * n], times.copy(), nodes[0, 2 * n + 1 :]
+    )
