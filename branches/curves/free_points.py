@@ -51,7 +51,7 @@ def _see_rests(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, result
     bounds = problem.segment.released.entries[watched.bounds]
     places = (0, y[:n], 0.0), (k, ends[k, :n], float(problem.flight_times(y)[k]))
     for kind, (flight, x, time) in zip(() if problem.structure.periodic else problem.kinds, places, strict=False):
-        if kind != REST:
+        if kind != REST or not len(watched.gaps):
             continue
         gaps = watched.gaps @ x
         distances = np.array([gaps - bounds[0], bounds[1] - gaps])

@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--save", action="store_true", help="save the curve in a catalogue of responses, and the family that it starts at")
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue to keep it in, and in which START is looked up if it is no file")
-    options.add_scene(parser)
+    options.add_scene(parser, uses=("ground", "forces", "springs"))
 
 
 def run(arguments: argparse.Namespace) -> int:

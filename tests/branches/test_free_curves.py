@@ -22,10 +22,12 @@ from branches.curves.free_start import free_curve_start, released_of
 from branches.curves.plane import plane_of
 from branches.curves.single_orbits import narrowed, widened
 from branches.curves.starting import curve_start
+from branches.curves.steps import CompiledCurve
 from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
 from branches.presentation import canonical_orbit, closed_presentation, is_solved_as_it_is
 from branches.released.presentation import released_orbit
+from branches.released.segments import changed, segment_of
 from branches.switching import emanating_families
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
@@ -375,6 +377,53 @@ def test_derivatives_of_a_critical_matrix(ends, symmetry):
     wanted = (ahead - back) / (2.0 * step)
     found = condition._along(plane.linearised(y), direction) @ along
     assert found == pytest.approx(wanted, abs=2e-7 * np.max(np.abs(wanted)))
+
+
+@pytest.mark.parametrize(
+    ("label", "code"), [("S11O00-", "SN"), ("S13O00+", "SB"), ("S31O11-", "PD"), ("S11O00-", "GR"), ("U21-", "GR")]
+)
+def test_compiled_steps(branches, label, code):
+    """Oracle: the general corrector, with the same condition."""
+    plane, curve, y = start(branches[label], code, ("energy", "mu"), (FREE, (0.02, 1.0)))
+    assert isinstance(curve, CompiledCurve)
+    general = Curve(plane, curve.condition, curve.monitor)
+    begin = curve.begin(y)
+    scale = plane.scales(begin.y)
+    for ds in (0.03, -0.05, 1e-3):
+        found, wanted = (one.step(begin.y, begin.tangent, ds) for one in (curve, general))
+        assert found.converged and wanted.converged
+        assert np.max(np.abs(found.y - wanted.y) / scale) < 1e-10
+        assert found.turn == pytest.approx(wanted.turn, abs=1e-8)
+        # Sizes of the unknowns are those of the prediction, or of the point before: only zeros are the same.
+        signs = [[math.copysign(1.0, value) for value in step.tests if abs(value) > 1e-6] for step in (found, wanted)]
+        assert signs[0] == signs[1]
+    for corrected in (curve.corrected(begin.y, begin.tangent, 0.0), general.corrected(begin.y, begin.tangent, 0.0)):
+        assert corrected.residual < 1e-12
+        assert corrected.held.gradient @ corrected.along == pytest.approx(0.0, abs=1e-10 * np.max(np.abs(corrected.held.gradient)))
+
+
+@pytest.mark.parametrize("window", ["as it is", "twice", "closed", "half", "half of a half"])
+def test_changes_of_a_segment(branches, window):
+    """Oracle: central differences."""
+    plane, _, y = start(branches["S31O11-"], "PD", ("energy", "mu"), (FREE, (0.02, 1.0)))
+    problem, scale = plane.problem, plane.scales(y)
+    assert problem.quarters == 2
+    windows = {
+        "as it is": lambda segment, change: change or segment,
+        "twice": lambda segment, change: (change or segment).backwards().twice(),
+        "closed": lambda segment, change: (change or segment).twice().closed(),
+        "half": lambda segment, change: segment.half(problem, change),
+        "half of a half": lambda segment, change: segment.half(problem, change).twice().twice(),
+    }
+    way = np.random.default_rng(3).standard_normal(plane.size) * scale
+    problem.nodes(way)[:, 4], problem.nodes(way)[:, 5:] = 0.0, problem.nodes(way)[0, 5:]
+    ahead, behind = (windows[window](segment_of(problem, y + sign * 1e-5 * way), None) for sign in (1.0, -1.0))
+    here = segment_of(problem, y)
+    found = windows[window](here, changed(problem, y, way))
+    assert (found.ends, found.sequence) == (ahead.ends, ahead.sequence)
+    for name in ("after", "before", "times", "parameters"):
+        wanted = (getattr(ahead, name) - getattr(behind, name)) / 2e-5
+        assert getattr(found, name) == pytest.approx(wanted, abs=1e-7 * max(1.0, np.max(np.abs(wanted)))), name
 
 
 def test_doubling_of_orbits_closed_on_themselves(branches):
