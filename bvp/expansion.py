@@ -2,7 +2,7 @@
 
 With its loads a linear flight is autonomous: x = (u, v), the cosines and sines of the loads and 1 form a state xi' = A xi, so that
 xi(t) = exp(A t) xi(0). In infinitesimals (`bvp.nilpotent`) this has the exact derivatives along any directions, since A, t and xi(0) have
-them. The other equations are products.
+them. Flights with smooth forces are those of `bvp.smooth_expansion`. The other equations are products.
 
 Each node carries its own copy of the released parameters. The equations of a flight and of the impact at its end depend on that of the node
 where it begins, and the gap of a node on its own. This is how `ForcedProblem.jacobian` places its columns. All nodes have the parameters of
@@ -20,6 +20,7 @@ import numpy as np
 
 from bvp.kernels.multipoint import PERIODIC, STOP, UNFOLDED
 from bvp.nilpotent import composed, constant, exponential, inverse, product
+from bvp.smooth_expansion import SmoothExpansion, Terms
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
@@ -72,6 +73,7 @@ class _Expansion:
         self.values = values
         self.rows = problem.segment.released.rows
         self.tables = problem.curvature.tables(values, self.order)
+        self.smooth = problem.curvature.smooth_expansion(self.order) if problem.is_smooth else None
 
     # -- parts ----------------------------------------------------------------------------------------------------------------
 
@@ -93,9 +95,7 @@ class _Expansion:
         found = []
         for i in range(self.problem.inner + 1):
             entries = constant(self.segment.released.entries, self.count).astype(self.y.dtype)
-            parameters = self.node(i)[:, 2 * self.n + 1 :].copy()
-            parameters[0] = self.node(0)[0, 2 * self.n + 1 :]
-            entries[:, self.rows] = composed(self.tables, parameters)
+            entries[:, self.rows] = composed(self.tables, self.released(i))
             found.append(entries)
         return found
 
@@ -158,6 +158,8 @@ class _Expansion:
     def flight(self, i: int) -> np.ndarray:
         """The state at the end of flight i, before the impact, (2^d, 2 n)."""
         n, motion, loads = self.n, self.motion(i, i), self.loads(i)
+        if self.smooth is not None:
+            return self.smooth_flight(i, self.smooth)
         q = loads.shape[2]
         rates = np.zeros((self.count, 2 * n + q, 2 * n + q), dtype=self.y.dtype)
         rates[:, :n, n : 2 * n] = motion.project
@@ -172,6 +174,23 @@ class _Expansion:
         whole = np.concatenate([start, self.phases(i)], axis=1)
         turn = exponential(rates, self.time(i))
         return product(turn, whole, np.matmul)[:, : 2 * n]
+
+    def smooth_flight(self, i: int, smooth: SmoothExpansion) -> np.ndarray:
+        """The same with smooth forces."""
+        n, harmonics, loads, entries = self.n, self.segment.flight.loads.harmonics, self.loads(i), self.entries(i)
+        cosine, sine = np.zeros((2, self.count, n, len(harmonics)), dtype=self.y.dtype)
+        first = self.constants
+        cosine[:, :, :first], cosine[:, :, first:], sine[:, :, first:] = loads[:, :, :first], loads[:, :, first::2], loads[:, :, first + 1 :: 2]
+        rates = entries[:, self.segment.released.frequency, None] * harmonics
+        phases = self.node(i)[:, 2 * n, None] * (2.0 * math.pi * self.segment.flight.loads.load_periods * harmonics)
+        terms = Terms(*self.matrices(i), cosine, sine, rates)
+        return smooth.flight(self.node(i)[:, : 2 * n], phases, self.time(i), self.released(i), terms)
+
+    def released(self, i: int) -> np.ndarray:
+        """The released parameters of node i, (2^d, m)."""
+        found = self.node(i)[:, 2 * self.n + 1 :].copy()
+        found[0] = self.node(0)[0, 2 * self.n + 1 :]
+        return found
 
     def impact(self, row: int, i: int, x: np.ndarray) -> np.ndarray:
         """The state x after the impact of a row of nodes, at the parameters of node i."""
@@ -259,8 +278,17 @@ class _Expansion:
         """The derivative of the energy by the start, (2^d, 2 n)."""
         n, (mass, _, stiffness) = self.n, self.matrices(0)
         x = self.node(0)
-        parts = product(stiffness, x[:, :n], np.matmul), product(mass, x[:, n : 2 * n], np.matmul)
-        return np.concatenate(parts, axis=1)
+        of_place, of_speed = product(stiffness, x[:, :n], np.matmul), product(mass, x[:, n : 2 * n], np.matmul)
+        if self.smooth is not None:
+            of_place = of_place + self.smooth.energy_gradient(x[:, :n], self.released(0))
+        return np.concatenate([of_place, of_speed], axis=1)
+
+    def energy(self) -> np.ndarray:
+        """The energy of the start, (2^d,)."""
+        n, (mass, _, stiffness), x = self.n, self.matrices(0), self.node(0)
+        parts = [(stiffness, x[:, :n]), (mass, x[:, n : 2 * n])]
+        total: np.ndarray = 0.5 * sum(product(part, product(matrix, part, np.matmul), np.dot) for matrix, part in parts)
+        return total if self.smooth is None else total + self.smooth.energy(x[:, :n], self.released(0))
 
     def kept(self, found: np.ndarray) -> None:
         """The equations of the user."""
@@ -270,7 +298,7 @@ class _Expansion:
         moved = [self.node(0)[:, 2 * self.n + 1 :]]
         values = self.values
         if problem.conserved:
-            energy = 0.5 * product(self.node(0)[:, : 2 * self.n], self.energy_gradient(), np.dot)
+            energy = self.energy()
             quarter = sum(self.time(i) for i in range(problem.inner + 1)) / self.segment.shape[2]
             values = np.array([*values, energy[0].real, quarter[0].real])
             moved += [energy[:, None], quarter[:, None]]

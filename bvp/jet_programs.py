@@ -166,18 +166,16 @@ def plain_powers(expression: Any) -> Any:
     """
     import sympy
 
-    signed, even, logarithm = _powers()
-    expression = expression.replace(signed, lambda w, p: sympy.sign(w) * sympy.Abs(w) ** p)
-    return expression.replace(even, lambda w, p: sympy.Abs(w) ** p).replace(logarithm, lambda w, p: sympy.log(sympy.Abs(w) + TINY))
+    signed, even, signed_log, even_log = _powers()
+    expression = expression.replace(signed, lambda w, p: sympy.sign(w) * sympy.Abs(w) ** p).replace(even, lambda w, p: sympy.Abs(w) ** p)
+    expression = expression.replace(signed_log, lambda w, p, k: sympy.sign(w) * sympy.Abs(w) ** p * sympy.log(sympy.Abs(w) + TINY) ** k)
+    return expression.replace(even_log, lambda w, p, k: sympy.Abs(w) ** p * sympy.log(sympy.Abs(w) + TINY) ** k)
 
 
 @cache
-def _powers() -> tuple[Any, Any, Any]:
-    """The functions |w|^p sign w, |w|^p, and log |w| beside one of them."""
+def _powers() -> tuple[Any, Any, Any, Any]:
+    """The functions |w|^p sign w, |w|^p, and both times (log |w|)^k."""
     import sympy
-
-    class ModulusLogarithm(sympy.Function):
-        """log |w|, from |w|^p."""
 
     class SignedPower(sympy.Function):
         @classmethod
@@ -189,7 +187,7 @@ def _powers() -> tuple[Any, Any, Any]:
 
         def fdiff(self, argindex: int = 1) -> Any:
             base, exponent = _arguments(self)
-            return exponent * EvenPower(base, exponent - 1) if argindex == 1 else self * ModulusLogarithm(base, exponent)
+            return exponent * EvenPower(base, exponent - 1) if argindex == 1 else SignedLogarithm(base, exponent, 1)
 
     class EvenPower(sympy.Function):
         @classmethod
@@ -201,9 +199,31 @@ def _powers() -> tuple[Any, Any, Any]:
 
         def fdiff(self, argindex: int = 1) -> Any:
             base, exponent = _arguments(self)
-            return exponent * SignedPower(base, exponent - 1) if argindex == 1 else self * ModulusLogarithm(base, exponent)
+            return exponent * SignedPower(base, exponent - 1) if argindex == 1 else EvenLogarithm(base, exponent, 1)
 
-    return SignedPower, EvenPower, ModulusLogarithm
+    class SignedLogarithm(sympy.Function):
+        @classmethod
+        def eval(cls, base: Any, exponent: Any, power: Any) -> Any:
+            return SignedPower(base, exponent) if power == 0 else None
+
+        def fdiff(self, argindex: int = 1) -> Any:
+            base, exponent, power = _arguments(self)
+            if argindex == 2:
+                return SignedLogarithm(base, exponent, power + 1)
+            return exponent * EvenLogarithm(base, exponent - 1, power) + power * EvenLogarithm(base, exponent - 1, power - 1)
+
+    class EvenLogarithm(sympy.Function):
+        @classmethod
+        def eval(cls, base: Any, exponent: Any, power: Any) -> Any:
+            return EvenPower(base, exponent) if power == 0 else None
+
+        def fdiff(self, argindex: int = 1) -> Any:
+            base, exponent, power = _arguments(self)
+            if argindex == 2:
+                return EvenLogarithm(base, exponent, power + 1)
+            return exponent * SignedLogarithm(base, exponent - 1, power) + power * SignedLogarithm(base, exponent - 1, power - 1)
+
+    return SignedPower, EvenPower, SignedLogarithm, EvenLogarithm
 
 
 def _arguments(function: Any) -> tuple[Any, ...]:
@@ -315,21 +335,25 @@ class _Writer:
             if function in (sine, cosine, tangent):
                 first = self.operation(code, self.register(inner))
                 return first if function is sine else first + 1 if function is cosine else self.operation(kernels.DIVIDE, first, first + 1)
-        signed, even, logarithm = _powers()
-        if function in (signed, even, logarithm) and not self.varies(expression.args[1]):
-            return self._modulus(function, self.register(inner), expression.args[1])
+        if function in _powers() and not self.varies(expression.args[1]):
+            return self._modulus(function, self.register(inner), *expression.args[1:])
         raise ExpressionError(f"{expression} has no Taylor series here, expected sums, products, powers and {', '.join(FUNCTIONS[:-2])}")
 
-    def _modulus(self, function: Any, base: int, exponent: Any) -> int:
+    def _modulus(self, function: Any, base: int, exponent: Any, power: int = 0) -> int:
         """|w|^p sign w is w |w|^(p - 1), so that a force and its derivative are left out together where they are too small."""
-        signed, even, _ = _powers()
+        signed, even, signed_log, even_log = _powers()
+        if function in (signed_log, even_log):
+            modulus = self._modulus(even, base, exponent)
+            logarithm = self.with_number(
+                kernels.SCALE, self.operation(kernels.LOG, self.with_number(kernels.SHIFT, modulus, TINY)), 1 / exponent
+            )
+            found = self._modulus(signed, base, exponent) if function is signed_log else modulus
+            for _ in range(int(power)):
+                found = self._times(found, logarithm)
+            return found
         if function is signed:
             return self.operation(kernels.MULTIPLY, self._modulus(even, base, exponent - 1), base)
-        power = self.with_number(kernels.EVEN_POWER, base, exponent)
-        if function is even:
-            return power
-        logarithm = self.operation(kernels.LOG, self.with_number(kernels.SHIFT, power, TINY))
-        return self.with_number(kernels.SCALE, logarithm, 1 / exponent)
+        return self.with_number(kernels.EVEN_POWER, base, exponent)
 
     def _split(self, expression: Any) -> tuple[Any, list[Any]]:
         """The factors of an expression without inputs, as one number, and the others."""

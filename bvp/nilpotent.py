@@ -13,25 +13,25 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["composed", "constant", "exponential", "inverse", "product"]
+__all__ = ["composed", "constant", "exponential", "inverse", "partitions", "parts", "product"]
 
 _CONVERGENCE = 0.25
 """Size of a matrix up to which a Taylor polynomial of degree 15 is its exponential to rounding, also in three infinitesimals."""
 
 
 @cache
-def _parts(whole: int) -> tuple[int, ...]:
+def parts(whole: int) -> tuple[int, ...]:
     """All subsets of a set of bits."""
     return tuple(part for part in range(whole + 1) if part & whole == part)
 
 
 @cache
-def _partitions(whole: int) -> tuple[tuple[int, ...], ...]:
+def partitions(whole: int) -> tuple[tuple[int, ...], ...]:
     """All ways to split a set of bits into sets that are not empty."""
     if not whole:
         return ((),)
     low = whole & -whole
-    return tuple((low | part, *rest) for part in _parts(whole ^ low) for rest in _partitions(whole ^ low ^ part))
+    return tuple((low | part, *rest) for part in parts(whole ^ low) for rest in partitions(whole ^ low ^ part))
 
 
 def constant(value: Any, count: int) -> np.ndarray:
@@ -54,7 +54,7 @@ def product(f: np.ndarray, g: np.ndarray, of: Callable[[Any, Any], Any] = np.mul
     >>> product(np.array([2.0, 1.0]), np.array([3.0, 5.0]))
     array([ 6., 13.])
     """
-    return np.array([sum(of(f[part], g[whole ^ part]) for part in _parts(whole)) for whole in range(len(f))])
+    return np.array([sum(of(f[part], g[whole ^ part]) for part in parts(whole)) for whole in range(len(f))])
 
 
 def inverse(f: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ def inverse(f: np.ndarray) -> np.ndarray:
     """
     found = [np.linalg.inv(f[0])]
     for whole in range(1, len(f)):
-        found.append(-found[0] @ sum(f[part] @ found[whole ^ part] for part in _parts(whole) if part))
+        found.append(-found[0] @ sum(f[part] @ found[whole ^ part] for part in parts(whole) if part))
     return np.array(found)
 
 
@@ -95,7 +95,7 @@ def exponential(f: np.ndarray, t: np.ndarray) -> np.ndarray:
     rates = product(f, t[:, None, None])
     blocks = np.zeros((count, size, count, size), dtype=rates.dtype)
     for whole in range(count):
-        for part in _parts(whole):
+        for part in parts(whole):
             blocks[whole, :, part] = rates[whole ^ part]
     whole_matrix: np.ndarray = _exponential(blocks.reshape(count * size, -1))
     return whole_matrix[:, :size].reshape(count, size, size)
@@ -130,7 +130,7 @@ def composed(derivatives: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:
     >>> composed(square, np.array([[3.0], [1.0], [2.0], [0.0]])).ravel()
     array([ 9.,  6., 12.,  4.])
     """
-    return np.array([sum(_along(derivatives, x, blocks) for blocks in _partitions(whole)) for whole in range(len(x))])
+    return np.array([sum(_along(derivatives, x, blocks) for blocks in partitions(whole)) for whole in range(len(x))])
 
 
 def _along(derivatives: Sequence[np.ndarray], x: np.ndarray, blocks: tuple[int, ...]) -> np.ndarray:

@@ -103,6 +103,10 @@ class Condition(Protocol):
 
     def held(self, at: Linearised, own: np.ndarray, borders: np.ndarray, scale: np.ndarray) -> Held: ...
 
+    def finished(self, held: Held, scale: np.ndarray) -> Held:
+        """The condition at a point that was found, for its test functions."""
+        ...
+
 
 class ScalarCondition:
     """A number that vanishes: `function` gives it and its derivatives (u,)."""
@@ -120,6 +124,10 @@ class ScalarCondition:
         """See `Condition`."""
         value, gradient = self._function(at)
         return Held(np.array([value]), gradient[None, :], borders)
+
+    def finished(self, held: Held, scale: np.ndarray) -> Held:
+        """See `Condition`."""
+        return held
 
 
 class Null(NamedTuple):
@@ -144,6 +152,8 @@ class SingularCondition:
         ``along(at, v)`` (m, u): the derivatives of B0 v by the unknowns, B1 being constant.
     multiplier : float or None
         lambda; None: a pair exp(+-i theta), whose cosine is an unknown.
+    refined : callable, optional
+        ``refined(y, v)``: the same as `along` at the unknowns y, exact, where that is not.
     """
 
     def __init__(
@@ -151,8 +161,9 @@ class SingularCondition:
         matrices: Callable[[Linearised], tuple[np.ndarray, np.ndarray]],
         along: Callable[[Linearised, np.ndarray], np.ndarray],
         multiplier: float | None,
+        refined: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
     ):
-        self._matrices, self._along, self.multiplier = matrices, along, multiplier
+        self._matrices, self._along, self.multiplier, self._refined = matrices, along, multiplier, refined
         self.own = 0 if multiplier is not None else 1
         self.order = 1 + self.own
 
@@ -187,14 +198,22 @@ class SingularCondition:
         left = dgetrs(factor, pivots, wanted, trans=1)[0][:size]
         values, first = right[size:, 0], right[:size, 0]
         m = len(shifted)
-        parts = [self._along(at, first[k * m : (k + 1) * m] * scale[:m]) for k in range(d)]
-        slopes = np.vstack(parts)
+        slopes = np.vstack([self._along(at, part * scale[:m]) for part in first.reshape(d, m)])
         gradient = -left.T @ slopes
         if self.own:
             turned = np.concatenate([np.zeros(m), 2.0 * (shifted @ first[m:])])
             gradient = np.column_stack([gradient, -left.T @ turned])
         renewed = np.concatenate([_orthonormal(left).T.ravel(), _orthonormal(right[:size]).T.ravel()])
         return Held(values, gradient, renewed, Null(at.y, right[:size], left, shifted, slopes))
+
+    def finished(self, held: Held, scale: np.ndarray) -> Held:
+        """See `Condition`."""
+        if self._refined is None:
+            return held
+        null: Null = held.extra
+        m = len(null.shifted)
+        slopes = [self._refined(null.y, part * scale[:m]) for part in null.right[:, 0].reshape(self.order, m)]
+        return held._replace(extra=null._replace(along=np.vstack(slopes)))
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
@@ -340,6 +359,7 @@ class Curve:
         worst = self.surface.worst(at)
         if not math.isfinite(worst):  # the last update left what the surface can have
             return None
+        held = self.condition.finished(held, scale)
         return Corrected(new, at, held, turned / size, scale, turn, contraction, iteration, worst)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

@@ -214,7 +214,7 @@ class Breaking:
         if symmetry != BOTH:
             return found
         none = np.zeros((self.plane.size, self.plane.size))
-        return SingularCondition(lambda at: (self.matrix(at, symmetry), none), found.slopes, 1.0)
+        return SingularCondition(lambda at: (self.matrix(at, symmetry), none), lambda at, direction: found.slopes(at.y, direction), 1.0)
 
     def matrix(self, at: Linearised, symmetry: Symmetry) -> np.ndarray:
         """The matrix, (u, u)."""

@@ -69,19 +69,31 @@ class RowsCondition(SingularCondition):
 
     def __init__(self, plane: ParameterPlane, rows: MatrixRows, multiplier: float | None):
         self.plane, self.rows = plane, rows
-        super().__init__(self._parts, self.slopes, multiplier)
+        compiled = plane.problem.curvature.is_compiled
+        super().__init__(self._parts, self._quick_slopes, multiplier, None if compiled else self.slopes)
 
     def _parts(self, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
         rows = self.rows
         other = None if rows.other is None else rows.other.jacobian(at.y)
         return rows.matrix(at.extra, other) - rows.shifted, rows.shifted
 
-    def slopes(self, at: Linearised, direction: np.ndarray) -> np.ndarray:
+    def slopes(self, y: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """The derivatives of the matrix times a direction, (u, u)."""
-        rows, second = self.rows, second_along(self.plane.problem, at.y, direction)
+        return self._slopes(*(None if problem is None else second_along(problem, y, direction) for problem in self._problems))
+
+    def _quick_slopes(self, at: Linearised, direction: np.ndarray) -> np.ndarray:
+        quick = (None if problem is None else problem.curvature.slopes_along(at.y, direction) for problem in self._problems)
+        return self._slopes(*quick)
+
+    @property
+    def _problems(self) -> tuple[ForcedProblem, ForcedProblem | None]:
+        return self.plane.problem, self.rows.other
+
+    def _slopes(self, second: np.ndarray | None, other: np.ndarray | None) -> np.ndarray:
+        assert second is not None
         own = np.zeros((self.plane.size, self.plane.size))
         own[:-2], own[-1] = second[:-1], second[-1]
-        return rows.slopes(own, None if rows.other is None else second_along(rows.other, at.y, direction))
+        return self.rows.slopes(own, other)
 
 
 def forced_condition(plane: ParameterPlane, code: str) -> RowsCondition:

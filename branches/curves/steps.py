@@ -38,17 +38,17 @@ _KINDS = {"speed": SPEED, "flight": DURATION}
 
 
 def curve_of(plane: ParameterPlane, condition: Condition, monitor: Monitor, grazing: Grazing | None = None) -> Curve:
-    """A curve of orbits; its steps are compiled where the derivatives of its equations are exact, and its condition is a compiled one."""
+    """A curve of orbits; its steps are compiled where its flights are linear and its condition is a compiled one."""
     if grazing is None:
         known = isinstance(condition, RowsCondition)
     else:
         known = grazing.kind in _KINDS and grazing.flight <= plane.problem.inner
-    compiled = known and plane.problem.curvature.is_exact
+    compiled = known and plane.problem.curvature.is_compiled
     return CompiledCurve(plane, condition, monitor, grazing) if compiled else Curve(plane, condition, monitor)
 
 
 class CompiledCurve(Curve):
-    """A curve of orbits with exact derivatives: of SN, PD, SB, NS, or of grazings. Its points are those of `Curve`.
+    """A curve of orbits with linear flights: of SN, PD, SB, NS, or of grazings. Its points are those of `Curve`.
 
     Parameters
     ----------

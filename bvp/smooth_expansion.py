@@ -1,0 +1,217 @@
+"""Flights with smooth forces in infinitesimals (`bvp.nilpotent`), and the energy of these forces.
+
+The coefficients u[S] of a motion in infinitesimals obey one larger system of the same kind: linear forces mix those with S inside each
+other, and a force f(w) of an input w = w[0] + e_1 w[1] + ... has the coefficients
+
+    f[S] = sum over the partitions of S into sets B_1, ..., B_k of f^(k)(w[0]) w[B_1] ... w[B_k]
+
+In the time tau = t'/t of the flight, u'' = t^2 M^-1 (g - K u - D' f) - t M^-1 C u', its end is at tau = 1, and t is a number in
+infinitesimals. A load is the motion of an oscillator beside it. So the Taylor steps of one flight (`bvp.kernels.taylor`) give the exact
+derivatives along any directions.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import product as every
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bvp.jet_programs import jet_program, plain_powers
+from bvp.kernels.expressions import Program, run
+from bvp.kernels.taylor import SmoothFlight, fly_smooth, make_smooth_flight
+from bvp.nilpotent import composed, constant, inverse, partitions, parts, product
+from bvp.programs import derivative, derivatives_of, evaluate_program, program_of, scratch_size
+
+if TYPE_CHECKING:
+    from bvp.forced import ForcedProblem
+    from bvp.smooth_forces import SmoothForces
+
+__all__ = ["SmoothExpansion", "Terms"]
+
+STEPS = 512
+"""Most Taylor steps of a flight."""
+
+
+class Terms:
+    """What moves a flight, in infinitesimals: inverse (2^d, n, n) of the mass, damping and stiffness (2^d, n, n), loads (2^d, n, H), cosines
+    and sines, of the harmonics with the rates (2^d, H), 0 for a constant load."""
+
+    def __init__(
+        self, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, cosine: np.ndarray, sine: np.ndarray, rates: np.ndarray
+    ):
+        self.inverse, self.damping, self.stiffness = inverse(mass), damping, stiffness
+        self.cosine, self.sine, self.rates = cosine, sine, rates
+
+
+class SmoothExpansion:
+    """The smooth forces of a problem, of formulas, for d directions."""
+
+    def __init__(self, problem: ForcedProblem, order: int):
+        forces, self.parameters = problem.parametric.smooth_forces(problem.values, problem.released)
+        assert forces is not None
+        self.forces: SmoothForces = forces
+        self.order, self.count = order, 1 << order
+        self.n = problem.degrees_of_freedom
+        self._known: dict[bytes, np.ndarray] = {}
+
+    # -- flights --------------------------------------------------------------------------------------------------------------
+
+    def flight(self, start: np.ndarray, phases: np.ndarray, time: np.ndarray, parameters: np.ndarray, terms: Terms) -> np.ndarray:
+        """The state at the end of a flight, (2^d, 2 n). start (2^d, 2 n); phases (2^d, H): those of the harmonics there; time (2^d,);
+        parameters (2^d, m): the released ones. NaN where the flight cannot be computed."""
+        key = b"".join(array.tobytes() for array in (start, phases, time, parameters))
+        if key not in self._known:
+            if len(self._known) > _KEPT:
+                self._known.clear()
+            self._known[key] = self._flown(start, phases, time, parameters, terms)
+        return self._known[key]
+
+    def _flown(self, start: np.ndarray, phases: np.ndarray, time: np.ndarray, parameters: np.ndarray, terms: Terms) -> np.ndarray:
+        n, count = self.n, self.count
+        flight, numbers = self._flight(terms.rates.shape[1])
+        size = n + terms.rates.shape[1]
+        by_place, by_speed = np.zeros((count, size, size)), np.zeros((count, size, size))
+        square = product(time, time)
+        late = inverse(time[:, None, None])[:, 0, 0]
+        by_place[:, :n, :n] = -_times(square, product(terms.inverse, terms.stiffness, np.matmul))
+        by_speed[:, :n, :n] = -_times(time, product(terms.inverse, terms.damping, np.matmul))
+        by_place[:, :n, n:] = _times(square, product(terms.inverse, terms.cosine, np.matmul))
+        begin, speed = np.zeros((count, size)), np.zeros((count, size))
+        begin[:, :n], speed[:, :n] = start[:, :n], _times(time, start[:, n:])
+        for h in range(size - n):
+            rate = terms.rates[:, h]
+            begin[:, n + h] = constant(1.0, count)
+            if rate[0] == 0.0:
+                continue
+            # The oscillator is cos a, with the derivative -r t sin a by tau.
+            turn = product(rate, time)
+            by_place[:, n + h, n + h] = -product(turn, turn)
+            wave = _times(inverse(rate[:, None, None])[:, 0, 0], product(terms.inverse, terms.sine[:, :, h : h + 1], np.matmul))
+            by_speed[:, :n, n + h] = -_times(time, wave)[:, :, 0]
+            begin[:, n + h] = _wave(np.cos, phases[:, h])
+            speed[:, n + h] = -product(turn, _wave(np.sin, phases[:, h]))
+        push = -_times(square, terms.inverse @ self.forces.directions.T)
+        whole = count * size
+        flight.matrix[:whole, whole:] = np.eye(whole)
+        flight.matrix[whole:, :whole], flight.matrix[whole:, whole:] = _nested(by_place), _nested(by_speed)
+        of_force = np.zeros((count, size, push.shape[2]))
+        of_force[:, :n] = push
+        flight.push[:] = _nested(of_force)
+        inputs = len(self.forces.symbols)
+        rows = np.zeros((2, count, inputs, size))
+        rows[0, 0, :, :n] = self.forces.inputs[:, :n]
+        rows[1, :, :, :n] = late[:, None, None] * self.forces.inputs[:, n:]
+        flight.rows[:] = np.hstack([_nested(part) for part in rows])
+        flight.program.numbers[:] = evaluate_program(numbers, parameters.ravel().tolist())
+        flight.paths.steps[:] = 0
+        state = np.concatenate([begin.ravel(), speed.ravel()])
+        if not (np.isfinite(state).all() and fly_smooth(flight, 0, state, 1.0, False)):
+            return np.full((count, 2 * n), np.nan)
+        places, speeds = flight.paths.ends[0].reshape(2, count, size)[:, :, :n]
+        return np.concatenate([places, _times(late, speeds)], axis=1)
+
+    def _flight(self, harmonics: int) -> tuple[SmoothFlight, Program]:
+        """The larger system, without its numbers."""
+        if self._made is None or self._made[0] != harmonics:
+            program, numbers = self._program
+            whole = self.count * (self.n + harmonics)
+            inputs, forces = self.count * len(self.forces.symbols), self.count * len(self.forces.forces)
+            flight: SmoothFlight = make_smooth_flight(
+                np.zeros((2 * whole, 2 * whole)), np.zeros((inputs, 2 * whole)), np.zeros((whole, forces)), program, program_of([], []), 1,
+                steps=STEPS,
+            )  # fmt: skip
+            self._made = harmonics, flight, numbers
+        return self._made[1], self._made[2]
+
+    _made: tuple[int, SmoothFlight, Program] | None = None
+
+    @cached_property
+    def _program(self) -> tuple[Any, Program]:
+        """The forces in infinitesimals, of the inputs and the parameters in infinitesimals."""
+        import sympy
+
+        forces, count = self.forces, self.count
+        variables = [*forces.symbols, *self.parameters]
+        moved = [[sympy.Symbol(f"_{k}_{part}", real=True) for k in range(len(variables))] for part in range(count)]
+        at = dict(zip(variables, moved[0], strict=True))
+        found = []
+        for whole in range(count):
+            for force in forces.forces:
+                total = sympy.Integer(0)
+                for blocks in partitions(whole):
+                    for chosen in every(range(len(variables)), repeat=len(blocks)):
+                        term = force
+                        for k in chosen:
+                            term = derivative(term, variables[k])
+                        factors = [moved[block][k] for block, k in zip(blocks, chosen, strict=True)]
+                        total += sympy.Mul(term.xreplace(at), *factors)
+                found.append(total)
+        inputs = len(forces.symbols)
+        names = [symbol for part in moved for symbol in part[inputs:]]
+        return jet_program(
+            found, [symbol for part in moved for symbol in part[:inputs]], names, [1.0 for _ in names], changes=False
+        )
+
+    # -- energy ---------------------------------------------------------------------------------------------------------------
+
+    def energy(self, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """The energy of the forces at displacements, (2^d,)."""
+        return self._composed(self._energy_program(False), 1, place, parameters)[:, 0]
+
+    def energy_gradient(self, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        """Its derivative by the displacements, (2^d, n)."""
+        slopes = self._composed(self._energy_program(True), len(self.forces.symbols), place, parameters)
+        found: np.ndarray = slopes @ self.forces.inputs[:, : self.n]
+        return found
+
+    def _composed(self, program: Program, outputs: int, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
+        at = np.concatenate([place @ self.forces.inputs[:, : self.n].T, parameters], axis=1)
+        values, variables = at[0].real.copy(), at.shape[1]
+        out = np.zeros(len(program.outputs))
+        run(program, values, np.zeros(scratch_size(program, variables)), out)
+        tables, start = [], 0
+        for k in range(self.order + 1):
+            stop = start + outputs * variables**k
+            tables.append(out[start:stop].reshape((outputs, *(variables,) * k)))
+            start = stop
+        return composed(tables, at)
+
+    def _energy_program(self, slopes: bool) -> Program:
+        if slopes not in self._energies:
+            variables = [*self.forces.symbols, *self.parameters]
+            wanted = [derivative(self.forces.potential, symbol) for symbol in self.forces.symbols] if slopes else [self.forces.potential]
+            found = derivatives_of(wanted, variables, self.order)
+            self._energies[slopes] = program_of([plain_powers(one) for one in found], variables)
+        return self._energies[slopes]
+
+    @cached_property
+    def _energies(self) -> dict[bool, Program]:
+        return {}
+
+
+_KEPT = 64
+"""Flights that are kept: those of the nodes along whose unknowns nothing changes."""
+
+
+def _times(number: np.ndarray, arrays: np.ndarray) -> np.ndarray:
+    """A number times an array, (2^d, ...)."""
+    return product(number.reshape((len(number),) + (1,) * (arrays.ndim - 1)), arrays)
+
+
+def _wave(function: Any, phase: np.ndarray) -> np.ndarray:
+    """cos or sin of a phase, (2^d,)."""
+    shift = {np.cos: 0.5 * np.pi, np.sin: 0.0}[function]
+    derivatives = [np.array(np.sin(phase[0] + shift + 0.5 * np.pi * k)).reshape((1,) * (k + 1)) for k in range(len(phase).bit_length())]
+    return composed(derivatives, phase[:, None])[:, 0]
+
+
+def _nested(matrices: np.ndarray) -> np.ndarray:
+    """The matrix that multiplies the coefficients of a vector by a matrix (2^d, a, b) in infinitesimals, (2^d a, 2^d b)."""
+    count, rows, columns = matrices.shape
+    found = np.zeros((count, rows, count, columns))
+    for whole in range(count):
+        for part in parts(whole):
+            found[whole, :, part] = matrices[whole ^ part]
+    return found.reshape(count * rows, count * columns)
