@@ -202,10 +202,10 @@ def curves_table(quick: bool) -> Table:
         (
             "Least of some repeats. Us a point: single steps, with all test functions. Of the family: the same of the family on which the",
             "curve is started; in blocks: its compiled steps. Of a run: with events and record. For 500 points: a run of them, with steps",
-            "as short as it needs. Error of the oscillator: the distance from the closed form. Of the absorber: the distance of the critical",
-            "multiplier, by flights and saltation matrices, from its value, or the speed of the impact that grazes. The families of the",
-            "reference system are those over the mass ratio at one energy. Its error is the relative difference of the energy from the",
-            "closed form.",
+            "as short as it needs. Error of the oscillator: the distance from the closed form. Of the absorber: the distance of the",
+            "critical multiplier, by flights and saltation matrices, from its value, or the speed of the impact that grazes. The families",
+            "of the reference system are those over the mass ratio at one energy. Its error is the relative difference of the energy from",
+            "the closed form.",
         ),
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Cycle", "EndsError", "contact_of", "cycle_of", "deflated_motions", "end_maps", "free_motions", "free_translation", "held_motions",
-    "impacts_of_period", "parse_end",
+    "parse_end",
 ]  # fmt: skip
 
 KINDS = {"origin": ORIGIN, "rest": REST, "stop": STOP, "periodic": PERIODIC}
@@ -228,7 +228,7 @@ class Cycle:
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends."""
     y = np.array(y, float)
-    found, lead = impacts_of_period(problem.segment, y, problem.end_states(y), problem.contacts, problem.system.modes.contact_opposite)
+    found, lead = _impacts_of_period(problem.segment, y, problem.end_states(y), problem.contacts, problem.system.modes.contact_opposite)
     if not len(found.row):
         start = problem.start(y)[None]
         period = 4.0 / problem.quarters * float(np.sum(problem.flight_times(y)))
@@ -236,7 +236,7 @@ def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     return Cycle(problem.system, found.before, found.after, found.duration, found.row, lead)
 
 
-def impacts_of_period(
+def _impacts_of_period(
     segment: Segment, y: np.ndarray, ends: np.ndarray, contacts: np.ndarray, opposite: np.ndarray
 ) -> tuple[ImpactList, float]:
     """The impacts of the full period, with their contacts as rows, and the time from the start to the first one.

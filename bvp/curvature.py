@@ -44,8 +44,7 @@ def second_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.nda
 
     Notes
     -----
-    Exact to rounding. Where chatter is summed, and with forces that are Python functions, it is from differences of the Jacobian
-    (`differences_along`).
+    Exact to rounding, or from differences of the Jacobian (`differences_along`): see `Curvature.is_exact`.
     """
     return problem.curvature.second_along(y, a)
 
@@ -56,7 +55,16 @@ def third(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray, c
 
 
 class Curvature:
-    """The derivatives of one problem."""
+    """The derivatives of one problem.
+
+    Attributes
+    ----------
+    is_exact : bool
+        Whether they are exact. Else they come from differences: where chatter is summed, with forces that are Python functions, and from
+        the first orbit on that crosses a force without such derivatives, as that of |w|^2.5 by its exponent at w = 0.
+    is_compiled : bool
+        Whether second derivatives come from a kernel: without smooth forces.
+    """
 
     def __init__(self, problem: ForcedProblem):
         self.problem = problem
@@ -85,7 +93,10 @@ class Curvature:
     def _columns_along(self, y: np.ndarray, a: np.ndarray) -> np.ndarray:
         """F''(y)[a, .], column by column. Nodes carry the parameters of the first one."""
         found = np.column_stack([expanded(self.problem, y, (a, column))[-1] for column in np.eye(len(y))])
-        return found if np.isfinite(found).all() else differences_along(self.problem, y, a)
+        if np.isfinite(found).all():
+            return found
+        self.is_exact = False
+        return differences_along(self.problem, y, a)
 
     def third(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
         """See the function of this name."""
@@ -98,7 +109,10 @@ class Curvature:
                 one, other = ([*(a, b, c)[:k], part, *(a, b, c)[k + 1 :]] for part in (direction.real, direction.imag))
                 return self.third(y, *one) + 1j * self.third(y, *other)
         found = expanded(self.problem, y, (a, b, c))[-1]
-        return found if np.isfinite(found).all() else third_differences(self.problem, y, a, b, c)
+        if np.isfinite(found).all():
+            return found
+        self.is_exact = False
+        return third_differences(self.problem, y, a, b, c)
 
     def smooth_expansion(self, order: int) -> SmoothExpansion:
         """The smooth forces for so many directions."""

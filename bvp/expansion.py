@@ -180,10 +180,12 @@ class _Expansion:
         n, harmonics, loads, entries = self.n, self.segment.flight.loads.harmonics, self.loads(i), self.entries(i)
         cosine, sine = np.zeros((2, self.count, n, len(harmonics)), dtype=self.y.dtype)
         first = self.constants
-        cosine[:, :, :first], cosine[:, :, first:], sine[:, :, first:] = loads[:, :, :first], loads[:, :, first::2], loads[:, :, first + 1 :: 2]
+        cosine[:, :, :first], cosine[:, :, first:] = loads[:, :, :first], loads[:, :, first::2]
+        sine[:, :, first:] = loads[:, :, first + 1 :: 2]
         rates = entries[:, self.segment.released.frequency, None] * harmonics
         phases = self.node(i)[:, 2 * n, None] * (2.0 * math.pi * self.segment.flight.loads.load_periods * harmonics)
-        terms = Terms(*self.matrices(i), cosine, sine, rates)
+        mass, damping, stiffness = self.matrices(i)
+        terms = Terms(inverse(mass), damping, stiffness, cosine, sine, rates)
         return smooth.flight(self.node(i)[:, : 2 * n], phases, self.time(i), self.released(i), terms)
 
     def released(self, i: int) -> np.ndarray:
@@ -286,9 +288,9 @@ class _Expansion:
     def energy(self) -> np.ndarray:
         """The energy of the start, (2^d,)."""
         n, (mass, _, stiffness), x = self.n, self.matrices(0), self.node(0)
-        parts = [(stiffness, x[:, :n]), (mass, x[:, n : 2 * n])]
-        total: np.ndarray = 0.5 * sum(product(part, product(matrix, part, np.matmul), np.dot) for matrix, part in parts)
-        return total if self.smooth is None else total + self.smooth.energy(x[:, :n], self.released(0))
+        u, v = x[:, :n], x[:, n : 2 * n]
+        total: np.ndarray = 0.5 * (product(u, product(stiffness, u, np.matmul), np.dot) + product(v, product(mass, v, np.matmul), np.dot))
+        return total if self.smooth is None else total + self.smooth.energy(u, self.released(0))
 
     def kept(self, found: np.ndarray) -> None:
         """The equations of the user."""

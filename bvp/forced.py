@@ -371,8 +371,8 @@ class ForcedProblem:
         return out[:size].copy(), float(out[size])
 
     def flown(self, node: np.ndarray, time: float, flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The node at a time of a flight (N,), its derivatives by the first one (N, N) and its rate (N,), at the parameters that the kernels
-        have evaluated last."""
+        """The node at a time of a flight (N,), its derivatives by the first one (N, N) and its rate (N,), at the parameters that the
+        kernels have evaluated last."""
         out, jacobian, rate = np.empty(self.size), np.empty((self.size, self.size)), np.empty(self.size)
         fly_loaded(self._table.flight_in(flight), np.array(node), float(time), out, jacobian, rate)
         return out, jacobian, rate

@@ -174,9 +174,9 @@ class ReleasedProblem(ForcedProblem):
         modes, structure, n = self.modes, self.structure, self.degrees_of_freedom
         stops = np.array([stop.gap for stop in self.system.stops], float).reshape(-1, n)
         contact_stop, opposite = (np.array(part, dtype=np.int64) for part in (modes.contact_stop, modes.contact_opposite))
-        period = make_free_period(
-            stops, np.array(self.contacts, dtype=np.int64), contact_stop, opposite, self.segment.flight.free, structure.segment
-        )
+        assert isinstance(self.segment.flight, LoadedFlight)
+        contacts, flight = np.array(self.contacts, dtype=np.int64), self.segment.flight.free
+        period = make_free_period(stops, contacts, contact_stop, opposite, flight, structure.segment)
         data = system_data(period.flight, period.rows, period.weights[:n], np.zeros((0, n)))
         return period._replace(weights=data.work.weights), data
 

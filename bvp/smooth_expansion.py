@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import product as every
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,15 +34,15 @@ STEPS = 512
 """Most Taylor steps of a flight."""
 
 
-class Terms:
-    """What moves a flight, in infinitesimals: inverse (2^d, n, n) of the mass, damping and stiffness (2^d, n, n), loads (2^d, n, H), cosines
-    and sines, of the harmonics with the rates (2^d, H), 0 for a constant load."""
+class Terms(NamedTuple):
+    """What moves a flight, in infinitesimals, with H harmonics of loads."""
 
-    def __init__(
-        self, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, cosine: np.ndarray, sine: np.ndarray, rates: np.ndarray
-    ):
-        self.inverse, self.damping, self.stiffness = inverse(mass), damping, stiffness
-        self.cosine, self.sine, self.rates = cosine, sine, rates
+    inverse: np.ndarray  # (2^d, n, n) of the mass
+    damping: np.ndarray  # (2^d, n, n)
+    stiffness: np.ndarray  # (2^d, n, n)
+    cosine: np.ndarray  # (2^d, n, H) amplitudes of the loads
+    sine: np.ndarray  # (2^d, n, H)
+    rates: np.ndarray  # (2^d, H) angular frequencies; 0: a constant load
 
 
 class SmoothExpansion:
@@ -150,9 +150,7 @@ class SmoothExpansion:
                 found.append(total)
         inputs = len(forces.symbols)
         names = [symbol for part in moved for symbol in part[inputs:]]
-        return jet_program(
-            found, [symbol for part in moved for symbol in part[:inputs]], names, [1.0 for _ in names], changes=False
-        )
+        return jet_program(found, [symbol for part in moved for symbol in part[:inputs]], names, [1.0 for _ in names], changes=False)
 
     # -- energy ---------------------------------------------------------------------------------------------------------------
 

@@ -64,10 +64,10 @@ class CompiledCurve(Curve):
         super().__init__(plane, condition, monitor)
         self.plane, self.order = plane, 1 + condition.own
         self._kind, self._flight = (SINGULAR, 0) if grazing is None else (_KINDS[grazing.kind], grazing.flight)
-        known = isinstance(condition, RowsCondition)
-        self._rows = condition.rows if known else whole_rows(plane, np.zeros((plane.size, plane.size)))
-        multiplier = condition.multiplier if known else None
-        self._multiplier = math.nan if multiplier is None else multiplier
+        self._rows, self._multiplier = whole_rows(plane, np.zeros((plane.size, plane.size))), math.nan
+        if isinstance(condition, RowsCondition):
+            self._rows = condition.rows
+            self._multiplier = math.nan if condition.multiplier is None else condition.multiplier
 
     @cached_property
     def _data(self) -> CurveData:
@@ -90,10 +90,9 @@ class CompiledCurve(Curve):
         m, s = u + d - 1, d * u
         return CurveArrays(
             np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(5), np.zeros(u - 1), np.zeros((u, u)), np.zeros(d), np.zeros((d, m)),
-            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros(2 * d * s), np.zeros((s, u)), np.zeros((u, u)), np.zeros((2, u, u)), np.zeros((s + d, s + d)),
-            np.zeros((m, m)),
-            np.zeros(s + d, dtype=np.int64), np.zeros(m), np.zeros(m), np.zeros(self.plane.problem.size), np.zeros(u),
-            np.zeros(u), np.zeros(u),
+            np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros(2 * d * s), np.zeros((s, u)), np.zeros((u, u)), np.zeros((2, u, u)),
+            np.zeros((s + d, s + d)), np.zeros((m, m)), np.zeros(s + d, dtype=np.int64), np.zeros(m), np.zeros(m),
+            np.zeros(self.plane.problem.size), np.zeros(u), np.zeros(u), np.zeros(u),
         )  # fmt: skip
 
     def corrected(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Corrected | None:

@@ -230,8 +230,7 @@ class CriticalEquations:
         self.matrix = matrix * self.level[:, None]
         left, values, right = np.linalg.svd(self.matrix)
         self.is_singular = bool(values[-1] < _SINGULAR * values[-2])
-        condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
-        self.rounding = EPSILON * condition if problem.curvature.is_exact else _DIFFERENCES
+        self.condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
         self.left, self.right = left[:, -1], right[-1]
         self.v = self.scale * self.right / self._length(self.scale * self.right)
 
@@ -242,6 +241,11 @@ class CriticalEquations:
         state = system.modes.from_state @ v[: 2 * n]
         time, change = float(np.sum(self.problem.flight_times(self.y))), float(np.sum(self.problem.flight_times(v)))
         return math.sqrt(float(state @ state) / twice + (change / time) ** 2)
+
+    @property
+    def rounding(self) -> float:
+        """The relative error of the derivatives that were computed."""
+        return EPSILON * self.condition if self.problem.curvature.is_exact else _DIFFERENCES
 
     @cached_property
     def bend(self) -> np.ndarray:
@@ -285,7 +289,8 @@ class CriticalEquations:
 
     def slope(self, way: np.ndarray) -> tuple[float, float]:
         """W F''[V, .] along a direction in which the orbits keep their symmetry, and its error."""
-        return float(self.left @ self.bend @ way), self.rounding * float(np.abs(self.left) @ np.abs(self.bend) @ np.abs(way))
+        left, bend = self.left, self.bend
+        return float(left @ bend @ way), self.rounding * float(np.abs(left) @ np.abs(bend) @ np.abs(way))
 
 
 def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:

@@ -194,6 +194,4 @@ def changed(problem: ReleasedProblem, y: np.ndarray, way: np.ndarray) -> Segment
     for i in range(len(times)):
         loaded_rate(problem._table.flight_in(i), factor.before[i], rate)
         before[i] += times[i] * rate
-    return Segment(
-        problem.ends, tuple(problem.sequence), nodes[:, : 2 * n], before[:, : 2 * n], times.copy(), nodes[0, 2 * n + 1 :]
-    )
+    return Segment(problem.ends, tuple(problem.sequence), nodes[:, : 2 * n], before[:, : 2 * n], times.copy(), nodes[0, 2 * n + 1 :])

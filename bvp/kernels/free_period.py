@@ -36,7 +36,8 @@ def make_free_period(stops, contact, stop, opposite, flight, segment):
     """The arrays. flight: of the modes, with blocks of its own for each. segment: of the problem of the system."""
     n, count = stops.shape[1], len(contact) - 1
     contacts, most = len(stop), 4 * count
-    rows = ContactRows(*np.zeros((3, contacts, 2 * n)), np.full(contacts, 2.0))
+    gap, rate, push = np.zeros((3, contacts, 2 * n))
+    rows = ContactRows(gap, rate, push, np.full(contacts, 2.0))
     own = flight._replace(pairs=flight.pairs[:n].copy(), mean=flight.mean[:n].copy(), delta=flight.delta[:n].copy())
     begun = segment._replace(start_map=np.eye(2 * n), start_offset=np.zeros(2 * n), gap=np.zeros((count + 1, 2 * n)))
     impacts = ImpactList(np.empty((most, 2 * n)), np.empty((most, 2 * n)), np.empty(most), np.empty(most, dtype=np.int64))

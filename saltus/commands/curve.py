@@ -274,8 +274,9 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
     except ValueError as error:
         known_names = (parametric or ParametricSystem.of(branch.system)).names
         names = [*known_names, *RESERVED]
-        near = next((nearest(name, names) or "" for name in arguments.parameters if name not in names), "")
-        raise BadInput(f"--in {','.join(arguments.parameters)}: {one_line(error)}{near}") from error
+        unknown = next((name for name in arguments.parameters if name not in names), None)
+        hint = "" if unknown is None else nearest(unknown, names) or ("" if parametric else "; with --scene also those of the scene")
+        raise BadInput(f"--in {','.join(arguments.parameters)}: {one_line(error)}{hint}") from error
 
 
 def _of_response(

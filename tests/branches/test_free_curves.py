@@ -379,9 +379,7 @@ def test_derivatives_of_a_critical_matrix(ends, symmetry):
     assert found == pytest.approx(wanted, abs=2e-7 * np.max(np.abs(wanted)))
 
 
-@pytest.mark.parametrize(
-    ("label", "code"), [("S11O00-", "SN"), ("S13O00+", "SB"), ("S31O11-", "PD"), ("S11O00-", "GR"), ("U21-", "GR")]
-)
+@pytest.mark.parametrize(("label", "code"), [("S11O00-", "SN"), ("S13O00+", "SB"), ("S31O11-", "PD"), ("S11O00-", "GR"), ("U21-", "GR")])
 def test_compiled_steps(branches, label, code):
     """Oracle: the general corrector, with the same condition."""
     plane, curve, y = start(branches[label], code, ("energy", "mu"), (FREE, (0.02, 1.0)))

@@ -15,8 +15,11 @@ from hypothesis import strategies as st
 from bvp.curvature import differences_along, second_along, third, third_differences
 from bvp.expansion import expanded
 from bvp.forced import ForcedProblem
+from bvp.forcing import Harmonic
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
+from bvp.springs import Spring
+from bvp.system import ImpactSystem, Stop
 
 KINDS = ("period", "half", "sticking", "free", "origin stop", "rest origin", "stop rest", "closed")
 
@@ -313,19 +316,18 @@ def require_derivatives_are_those_of_a_residual_in_many_digits(kind):
             assert found == pytest.approx(twin, abs=1e-12 * np.abs(twin).max())
 
 
-def test_smooth_forces_are_differentiated_by_differences():
-    """Oracle: the exact derivatives of the linear system, from which a weak spring of third order differs by rounding."""
-    system = {"mass": [["m"]], "damping": [["c"]], "stiffness": [["k"]], "stops": [{"c": [1.0], "upper": 0.3, "restitution": "r"}]}
-    load = [{"load": [1.0], "amplitude": "m*c", "harmonic": 1}]
-    parameters = {"m": 1.2, "c": 0.3, "k": 1.7, "r": 0.6, "w": 1.1}
-    spring = {"springs": [{"c": [1.0], "stiffness": 1e-16, "power": 3}]}
+def test_forces_of_python_functions_are_differentiated_by_differences():
+    """Oracle: the exact derivatives of the linear system, from which a weak spring differs by rounding."""
+    stop = Stop((1.0,), upper=0.3, restitution=0.6)
+    spring = Spring((1.0,), force=lambda w: 1e-16 * (np.sinh(w) - w))
+    load = [Harmonic(1.1, [1.0])]
     linear, smooth = (
-        ForcedProblem(ParametricSystem.from_description({"parameters": parameters, "system": one, "forces": load}), ("+",), ("c",))
-        for one in (system, system | spring)
+        ForcedProblem(ParametricSystem.of(ImpactSystem([[1.2]], [[0.3]], [[1.7]], [stop], springs=springs), load), ("+",), ("w",))
+        for springs in ((), (spring,))
     )
     assert smooth.is_smooth and not smooth.curvature.is_exact and linear.curvature.is_exact
     rng = np.random.default_rng(3)
-    y = linear.pack([[0.3, -0.7]], [0.2], [0.3], [3.1])
+    y = linear.pack([[0.3, -0.7]], [0.2], [1.1], [3.1])
     a, b, c = rng.normal(size=(3, linear.unknowns))
     along, cubic = second_along(linear, y, a), third(linear, y, a, b, c)
     assert second_along(smooth, y, a) == pytest.approx(along, abs=1e-9 * np.abs(along).max())

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from scipy.io import loadmat
 from tests.branches.curve_oracles import ImpactOscillator, ReferenceBackbone
 from tests.saltus.running import refused, run
 
+ROOT = Path(__file__).parents[2]
 RANGE = ("--range", "0.7:1.4,0.02:3")
 
 
@@ -113,6 +116,20 @@ def test_what_is_refused(files, folder, capsys, words, message):
 def test_another_scene_than_that_of_the_file_is_refused(files, folder, capsys, start, words):
     given = ("--in", "w,A", *RANGE, *words)
     refused(run(capsys, "curve", start.format(**files), *given), "another system than the scene", "expected its scene, or none")
+
+
+def test_folds_of_a_steep_spring(folder, capsys):
+    """The parameters of springs are those of a scene. Oracle: the cusp of docs/limit.md."""
+    assert run(capsys, "continue", "S11-", "--scene", "smooth_wall", "--n", "15", "--energy", "0.05:0.1", "--json", "s.json")[0] == 0
+    words = ("curve", "s.json:SN1", "--in", "energy,n", "--range", "0.01:1,14:15.5")
+    refused(run(capsys, *words), "unknown parameter n; expected one of energy, quarter_period; with --scene also those of the scene")
+    refused(run(capsys, *words, "--scene", "smooth_wall"), "s.json has another system than the scene smooth_wall")
+    code, out, err = run(capsys, *words, "--scene", "smooth_wall", "--n", "15")
+    assert code == 0, err
+    cusp = next(line for line in out.splitlines() if line.startswith("CP1")).split()
+    page = (ROOT / "docs" / "limit.md").read_text(encoding="utf-8")
+    wanted = re.search(r"appear together, at n = ([\d.]+) and h = ([\d.]+)", page)
+    assert [float(cell) for cell in cusp[1:3]] == pytest.approx([float(wanted[2].rstrip(".")), float(wanted[1])], rel=1e-10)
 
 
 def test_what_does_not_fit_a_point_of_a_curve_says_what_is_expected(files, folder, capsys):
