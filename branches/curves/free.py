@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from branches.curves.kernels import CONSTANT, OTHER, OWN
-from branches.curves.pencils import MatrixRows, RowsCondition, whole_rows
+from branches.curves.pencils import NONE_FREED, MatrixRows, RowsCondition, whole_rows
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.closures import parse_end
 from bvp.curvature import second_along
@@ -206,59 +206,22 @@ class Breaking:
         turned = Turned(problem)
         self._rows = {symmetry: _breaking_rows(turned, symmetry) for symmetry in SYMMETRIES}
         self._turned = turned
-        self._at: tuple[Linearised | None, np.ndarray, np.ndarray] = None, np.zeros(0), np.zeros(0)
+        self._at: tuple[Linearised | None, np.ndarray] = None, np.zeros(0)
 
     def condition(self, symmetry: Symmetry) -> SingularCondition:
         """The condition that the matrix is singular."""
-        found = RowsCondition(self.plane, self._rows[symmetry][0], 1.0)
-        if symmetry != BOTH:
-            return found
-        none = np.zeros((self.plane.size, self.plane.size))
-        return SingularCondition(lambda at: (self.matrix(at, symmetry), none), lambda at, direction: found.slopes(at.y, direction), 1.0)
+        return RowsCondition(self.plane, self._rows[symmetry], 1.0)
 
     def matrix(self, at: Linearised, symmetry: Symmetry) -> np.ndarray:
         """The matrix, (u, u)."""
         if self._at[0] is not at:
-            self._at = at, self._turned.jacobian(at.y), self._turned._factor.before[-1].copy()
-        _, of_turned, last = self._at
-        found = self._rows[symmetry][0].matrix(at.extra, of_turned)
-        if symmetry == BOTH:
-            self._leave_energy_free(found, at.y, last)
-        return found
-
-    def _leave_energy_free(self, found: np.ndarray, y: np.ndarray, last: np.ndarray) -> None:
-        """The unknown s of the first node, which nothing else needs, changes the energy at an end.
-
-        This column and the row of a shift of states are multiplied by numbers that vanish where the matrix is singular, so that their
-        derivatives do not matter."""
-        problem, n = self.problem, self.problem.degrees_of_freedom
-        first, column = problem.inner * (problem.size + 1), 2 * n
-        states = y[: 2 * n], last[: 2 * n]
-        rows = self._rows[BOTH][1]
-        kinds = problem.kinds
-        if kinds[0] == kinds[1] == STOP:
-            segment, k = problem.segment, problem.inner
-            for end, sign in ((0, 1.0), (1, -1.0)):
-                found[rows[end] + n - 1, column] = sign * float(segment.gap[k + 1 - end, :n] @ states[end][n:])
-            return
-        end = 1 if kinds[1] != STOP else 0
-        known = _kept_part(kinds[end], n)
-        found[rows[end] : rows[end] + n, column] = states[end][known]
-        if STOP not in kinds and problem.inner == 0:
-            shift = first + 2 * n + 1
-            found[shift] = 0.0
-            turned = slice(n, 2 * n) if kinds[0] == REST else slice(0, n)
-            found[shift, turned] = problem.system.mass @ states[0][_kept_part(kinds[0], n)]
+            self._at = at, self._turned.jacobian(at.y)
+        return self._rows[symmetry].matrix(self.problem, at, self._at[1])
 
 
-def _kept_part(kind: int, n: int) -> slice:
-    """What of a state is not zero at an end: the velocities at an origin, the displacements at rest."""
-    return slice(n, 2 * n) if kind == ORIGIN else slice(0, n)
-
-
-def _breaking_rows(turned: Turned, symmetry: Symmetry) -> tuple[MatrixRows, tuple[int, int]]:
+def _breaking_rows(turned: Turned, symmetry: Symmetry) -> MatrixRows:
     """The rows of the flights, of the end conditions, of times, of the clock, and of the parameters: those of the problem of the family, of
-    the one with turned ends, or constant. And where the rows of each end begin."""
+    the one with turned ends, or constant."""
     n, width, size, k = turned.degrees_of_freedom, turned.size, turned.unknowns, turned.inner
     first = k * (width + 1)
     source, row, ends = [OWN] * first, list(range(first)), []
@@ -287,8 +250,27 @@ def _breaking_rows(turned: Turned, symmetry: Symmetry) -> tuple[MatrixRows, tupl
         constant(times[0] if not moved[0] else times[-1])  # excludes a shift
     for j in range(len(turned.released)):
         constant(2 * n + 1 + j)
-    rows = MatrixRows(np.array([source, row]).T.copy(), constants, np.zeros((size, size)), turned)
-    return rows, (ends[0], ends[1])
+    freed = _freed_places(turned, ends) if symmetry == BOTH else NONE_FREED
+    return MatrixRows(np.array([source, row]).T.copy(), constants, np.zeros((size, size)), turned, freed)
+
+
+def _freed_places(problem: ReleasedProblem, ends: Sequence[int]) -> np.ndarray:
+    """Where the unknown s of the first node, which nothing else needs, changes the energy at an end, and which row excludes a shift of
+    states: see `branches.curves.kernels.free_energy`. ends: where the rows of each end begin.
+
+    This column and this row are multiplied by numbers that vanish where the matrix is singular, so that their derivatives do not matter."""
+    n, kinds, found = problem.degrees_of_freedom, problem.kinds, NONE_FREED.copy()
+    # Velocities are not zero at an origin, nor displacements at rest.
+    kept = [n if kind == ORIGIN else 0 for kind in kinds]
+    if kinds[0] == kinds[1] == STOP:
+        found[:2, 0] = [row + n - 1 for row in ends]
+        return found
+    end = 1 if kinds[1] != STOP else 0
+    found[end] = ends[end], kept[end]
+    if STOP not in kinds and problem.inner == 0:
+        found[2] = problem.inner * (problem.size + 1) + 2 * n + 1, kept[0]
+        found[3] = n - kept[0], problem.parametric.layout.mass.start
+    return found
 
 
 def smallest_singular(condition: SingularCondition, at: Linearised, scale: np.ndarray) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from bvp.kernels.step import Landing, Request
 
 __all__ = [
     "CONSTANT", "CONTRACTION", "CONVERGED", "DURATION", "ITERATIONS", "OTHER", "OWN", "RESIDUAL", "SINGULAR", "SPEED", "TURN",
-    "CurveArrays", "CurveData", "take_curve_step",
+    "CurveArrays", "CurveData", "free_energy", "take_curve_step",
 ]  # fmt: skip
 
 SINGULAR, SPEED, DURATION = range(3)
@@ -54,6 +54,7 @@ class CurveData(NamedTuple):
     other_bending: Bending
     source: np.ndarray  # (u, 2) int64 where each row of the matrix is from: OWN, OTHER or CONSTANT, and which row there
     constant: np.ndarray  # (u, u)
+    freed: np.ndarray  # (4, 2) int64: see `free_energy`
     landing: Landing  # scratch of the step
     metric: np.ndarray  # (4, N) scratch of the step
     zero: np.ndarray  # (2 u,)
@@ -161,6 +162,31 @@ def _fix(curve, arrays):
         call_at(curve.step, (curve.other, curve.other_factor, orbit, curve.zero, request, curve.metric, curve.landing))
         _spread(curve.other_factor, curve.segment.gap.shape[1] + 1, other[: orbit.shape[0] - 1])
     _choose(curve, arrays.rows, other, 1.0, arrays.fixed)
+    free_energy(curve.freed, curve.segment, orbit, curve.other_factor.before, arrays.fixed)
+
+
+@kernel
+def free_energy(freed, segment, orbit, before, matrix):
+    """Write into a matrix (u, u) what changes the energy of a perturbation that is antisymmetric about both ends, and what excludes a shift
+    in time. before (k + 1, N): the states after the flights.
+
+    freed (4, 2): of each end its first row and the part of the state that is not zero there, or the row of a stop and -1; the row of the
+    shift and that part of the start; the part that is zero there, and where the mass begins among the entries. -1: there is none."""
+    n, k = segment.flight.enter.shape[0] // 2, before.shape[0] - 1
+    for end in range(2):
+        state = orbit if end == 0 else before[k]
+        row, part = freed[end, 0], freed[end, 1]
+        if row >= 0 and part >= 0:
+            for r in range(n):
+                matrix[row + r, 2 * n] = state[part + r]
+        elif row >= 0:  # a stop
+            matrix[row, 2 * n] = (1.0 if end == 0 else -1.0) * inner(segment.gap[k + 1 - end, :n], state[n : 2 * n])
+    row, part, turned = freed[2, 0], freed[2, 1], freed[3, 0]
+    if row >= 0:
+        set_1(matrix[row], 0.0)
+        for r in range(n):
+            at = freed[3, 1] + r * n
+            matrix[row, turned + r] = inner(segment.released.entries[at : at + n], orbit[part : part + n])
 
 
 @inlined

@@ -15,16 +15,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.curves.kernels import OTHER, OWN
+from branches.curves.kernels import OTHER, OWN, free_energy
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.curvature import second_along
 from bvp.forced import ForcedProblem
 from continuation.curves import Linearised, SingularCondition
 
-__all__ = ["MULTIPLIERS", "MatrixRows", "RowsCondition", "forced_condition", "whole_rows"]
+__all__ = ["MULTIPLIERS", "NONE_FREED", "MatrixRows", "RowsCondition", "forced_condition", "whole_rows"]
 
 MULTIPLIERS = {"SN": 1.0, "PD": -1.0, "SB": -1.0, "NS": None}
 """lambda of each kind of bifurcation; None: a pair on the unit circle."""
+
+
+NONE_FREED = np.full((4, 2), -1)
+"""Of a matrix in which the energy is not freed."""
 
 
 class MatrixRows(NamedTuple):
@@ -34,16 +38,21 @@ class MatrixRows(NamedTuple):
     constant : (u, u) the constant rows, else zeros
     shifted : (u, u) the closing block
     other : the problem with the other conditions, linearised at the same unknowns; None: there is none
+    freed : (4, 2) int64: see `branches.curves.kernels.free_energy`
     """
 
     source: np.ndarray
     constant: np.ndarray
     shifted: np.ndarray
     other: ForcedProblem | None = None
+    freed: np.ndarray = NONE_FREED
 
-    def matrix(self, own: np.ndarray, other: np.ndarray | None) -> np.ndarray:
-        """The matrix with lambda = 1, from the derivatives of the equations and of the two parameters (u, u), and the other ones."""
-        return self._filled(self.constant.copy(), own, other)
+    def matrix(self, problem: ForcedProblem, at: Linearised, other: np.ndarray | None) -> np.ndarray:
+        """The matrix with lambda = 1, from the derivatives of the equations and of the two parameters, and the other ones."""
+        found = self._filled(self.constant.copy(), at.extra, other)
+        if self.other is not None:
+            free_energy(self.freed, problem.segment, at.y, self.other._factor.before, found)
+        return found
 
     def slopes(self, own: np.ndarray, other: np.ndarray | None) -> np.ndarray:
         """The derivatives of the matrix times a vector, from those of its parts."""
@@ -75,7 +84,7 @@ class RowsCondition(SingularCondition):
     def _parts(self, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
         rows = self.rows
         other = None if rows.other is None else rows.other.jacobian(at.y)
-        return rows.matrix(at.extra, other) - rows.shifted, rows.shifted
+        return rows.matrix(self.plane.problem, at, other) - rows.shifted, rows.shifted
 
     def slopes(self, y: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """The derivatives of the matrix times a direction, (u, u)."""

@@ -80,8 +80,8 @@ class CompiledCurve(Curve):
         bend = curvature.second_along.entry(bending, landing.y, landing.y, np.zeros((u - 1, u))).address
         return CurveData(
             step, bend, problem.segment, problem._factor, bending, other.segment, other._factor, other.curvature.bending,
-            rows.source, rows.constant, landing, metric, zero, self._kind, rows.shifted, self._multiplier, self._flight, plane.place,
-            LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
+            rows.source, rows.constant, rows.freed, landing, metric, zero, self._kind, rows.shifted, self._multiplier, self._flight,
+            plane.place, LEAST, curves.SETTLED, curves.ROUNDING, curves.ITERATIONS,
         )  # fmt: skip
 
     @cached_property

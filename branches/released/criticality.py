@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
 from branches.events import FREE_NORMAL_FORMS
 from branches.orbit import Orbit
@@ -37,6 +38,9 @@ __all__ = ["CriticalEquations", "critical_nu", "free_criticality", "free_critica
 
 _SINGULAR = 1e-5
 """A matrix is singular at a located event where its smallest singular value is below this part of the next one."""
+
+_ITERATIONS = 3
+"""Of the null vectors: an error is multiplied by the square of `_SINGULAR` by each."""
 
 _SYMMETRIC = 1e-5
 """Largest part of a term that a symmetry excludes."""
@@ -228,10 +232,16 @@ class CriticalEquations:
         lengths = np.linalg.norm(matrix, axis=1)
         self.level = 1.0 / np.where(lengths > 0.0, lengths, 1.0)
         self.matrix = matrix * self.level[:, None]
-        left, values, right = np.linalg.svd(self.matrix)
-        self.is_singular = bool(values[-1] < _SINGULAR * values[-2])
-        self.condition = float(values[0] / values[-2]) if values[-2] > 0.0 else math.inf
-        self.left, self.right = left[:, -1], right[-1]
+        self.left, self.right, least = _null_vectors(self.matrix)
+        size = len(self.matrix)
+        bordered = np.zeros((size + 1, size + 1))
+        bordered[:size, :size], bordered[:size, size], bordered[size, :size] = self.matrix, self.left, self.right
+        self._factor, self._pivots, _ = dgetrf(bordered)
+        norm = float(np.abs(bordered).sum(axis=0).max())
+        condition = float(dgecon(self._factor, norm)[0])
+        # Without the null vectors the matrix is as regular as the bordered one.
+        self.is_singular = bool(least < _SINGULAR * condition * norm)
+        self.condition = 1.0 / condition if condition > 0.0 else math.inf
         self.v = self.scale * self.right / self._length(self.scale * self.right)
 
     def _length(self, v: np.ndarray) -> float:
@@ -259,10 +269,7 @@ class CriticalEquations:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """The solution without part along the null vector, up to the part of the right side that has none."""
-        size = len(right)
-        bordered = np.zeros((size + 1, size + 1))
-        bordered[:size, :size], bordered[:size, size], bordered[size, :size] = self.matrix, self.left, self.right
-        found: np.ndarray = np.linalg.solve(bordered, np.append(right, 0.0))[:size]
+        found: np.ndarray = dgetrs(self._factor, self._pivots, np.append(right, 0.0))[0][:-1]
         return self.scale * found
 
     def fold(self) -> Reduced:
@@ -291,6 +298,24 @@ class CriticalEquations:
         """W F''[V, .] along a direction in which the orbits keep their symmetry, and its error."""
         left, bend = self.left, self.bend
         return float(left @ bend @ way), self.rounding * float(np.abs(left) @ np.abs(bend) @ np.abs(way))
+
+
+def _null_vectors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The singular vectors of the smallest singular value of a matrix that is nearly singular, left and right, and this value: by inverse
+    iteration, which takes a tenth of the time of all singular values."""
+    factor, pivots, _ = dgetrf(matrix)
+    smallest = EPSILON * float(np.abs(factor).max())
+    diagonal = np.einsum("ii->i", factor)
+    diagonal[np.abs(diagonal) < smallest] = smallest
+    left = np.cos(np.arange(1.0, len(matrix) + 1.0))
+    right, size = left, 1.0
+    for _ in range(_ITERATIONS):
+        right = dgetrs(factor, pivots, left)[0]
+        right = right / math.sqrt(float(right @ right))
+        left = dgetrs(factor, pivots, right, trans=1)[0]
+        size = math.sqrt(float(left @ left))
+        left = left / size
+    return left, right, 1.0 / size
 
 
 def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:
