@@ -77,6 +77,11 @@ EXAMPLES: dict[str, list[str]] = {
         "continue --scene ueda_oscillator --set B=0.5 --set w=0.4 --from rest --in w --range 0.25:0.45 --json a.json",
         "curve a.json:SN1 --in w,B --range 0.2:0.5,0.4:0.6 --points 10",
     ],
+    "smooth free curve": [
+        "continue S11- --scene smooth_wall --n 15 --energy 0.06:0.11 --json a.json",
+        "curve a.json:SN1 --scene smooth_wall --n 15 --in energy,n --range 0.05:0.08,14.7:15.3 --points 10",
+        "curve a.json:PD1 --scene smooth_wall --n 15 --in energy,n --range 0.08:0.12,14.7:15.3 --points 10",
+    ],
     "smooth": [
         "continue S11- --scene cubic_nes --energy 1e-2:0.1 --points 20",
         "continue --scene beam_on_cubic_spring --from mode:2 --points 8",
