@@ -90,6 +90,7 @@ class BifurcationMonitor:
 
     def __init__(self, plane: ParameterPlane, code: str, window: Window):
         self.plane, self.code, self.window = plane, code, window
+        self._no_step = np.zeros(2 * plane.size), np.zeros(plane.problem.size)  # an orbit is seen as it stands
         self._forms = NormalForms(plane.problem)
         # Of a free period one multiplier is 1 for all orbits.
         self._trivial = () if plane.problem.has_clock else (1.0,)
@@ -109,7 +110,7 @@ class BifurcationMonitor:
         result = np.full(len(RESULT), math.nan)
         ends = problem._factor.before.copy()
         problem._observe(at.y, ends, result)
-        solution = Solution(at.y, np.concatenate([tangent[: at.y.size], np.zeros(at.y.size)]), self.plane.position(at.y), ends, result)
+        solution = Solution(at.y, *self._no_step, ends, result)
         multipliers = problem.multipliers(at.y, evaluated=True)
         guards = [solution["clearance"], solution["speed"], solution["flight"]]
         cosine = float(own[0]) if len(own) else math.nan

@@ -69,6 +69,12 @@ class ParameterPlane:
         """The two parameters at y, from the residual of all equations of the problem (u - 1,)."""
         return np.array([y[self.place], residual[-1] + self._kept_value])
 
+    def parameters_at(self, y: np.ndarray) -> np.ndarray:
+        """The two parameters at the unknowns y."""
+        first, released = 2 * self.problem.degrees_of_freedom + 1, self.problem.released
+        places = [first + released.index(name) for name in self.names if name in released]
+        return y[places] if len(places) == 2 else self.linearised(y).parameters
+
     def worst(self, at: Linearised) -> float:
         """See `continuation.curves.Surface`."""
         return float(np.abs(at.residual / self.problem.scales(at.y, evaluated=True)[: len(at.residual)]).max())

@@ -223,7 +223,7 @@ def _require_both(curve: Curve, first: Step, start: CurveStart) -> None:
     """Refuse a parameter on which the event does not depend: the other one is constant along the curve."""
     u, plane = start.plane.size, start.plane
     beside = [step for step in (curve.step(first.y, first.tangent, ds) for ds in _PROBES) if step.converged]
-    values = np.array([plane.linearised(step.y[:u]).parameters for step in (first, *beside)])
+    values = np.array([plane.parameters_at(step.y[:u]) for step in (first, *beside)])
     sizes = np.maximum(np.abs(values).max(axis=0), 1e-300)
     for k, name in enumerate(plane.names):
         if len(beside) == len(_PROBES) and np.ptp(values[:, k]) <= _CONSTANT * sizes[k]:
@@ -266,7 +266,7 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
             )
         )  # fmt: skip
     ended = [_ended(plane, *one) for one in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True)]
-    parameters = np.array([plane.linearised(y[: plane.size]).parameters for y in unknowns])
+    parameters = np.array([plane.parameters_at(y[: plane.size]) for y in unknowns])
     return BifurcationCurve(
         plane=plane, code=start.code, grazing=start.grazing, unknowns=unknowns,
         tangents=np.array([step.tangent[:m] for step in steps]), parameters=parameters,
@@ -280,7 +280,7 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
 
 def _ended(plane: ParameterPlane, end: End, point: Point, sign: int) -> Ended:
     """Why a curve ends at a point, in the terms of the user. sign: 1 at the last point, -1 at the first."""
-    values = plane.linearised(point.step.y[: plane.size]).parameters
+    values = plane.parameters_at(point.step.y[: plane.size])
     place = " and ".join(f"{name} = {value:.12g}" for name, value in zip(plane.names, values, strict=True))
     if end.reason is EndReason.EVENT and point.event is not None:
         return Ended(end.reason.name, f"{point.event.code} at {place}: {point.event.details.get('note')}")

@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
             with interrupt.released(), ProgressBar(arguments.points) as bar:
 
                 def found(event: Event) -> None:
-                    values = start.plane.linearised(event.point.y[: start.plane.size]).parameters
+                    values = start.plane.parameters_at(event.point.y[: start.plane.size])
                     shown = "  ".join(f"{values[start.plane.names.index(name)]:.12g}" for name in shown_names)
                     bar.line(f"  {event.code:<6} {shown}  {event.details.get('note') or ''}".rstrip(), files.words)
 
@@ -219,7 +219,7 @@ def _window(arguments: argparse.Namespace, given: _Given) -> Window:
         raise BadInput(f"--range has {len(arguments.range)} range{'s' * (len(arguments.range) != 1)}; expected two, LO:HI,LO:HI")
     names = (arguments.parameters or start.plane.names)[:2]
     ranges = dict(zip(names, arguments.range, strict=True))
-    values = start.plane.linearised(start.y[: start.plane.size]).parameters.tolist()
+    values = start.plane.parameters_at(start.y[: start.plane.size]).tolist()
     for name, value in zip(start.plane.names, values, strict=True):
         low, high = ranges[name]
         if not low <= value <= high:

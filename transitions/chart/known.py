@@ -52,7 +52,7 @@ def orbit_numbers(plane: ParameterPlane, y: np.ndarray) -> np.ndarray:
     """Numbers of an orbit on a curve that no image changes: both parameters, the period of the loads, sums over the phases of the impacts,
     the root mean square of their speeds, and the cosine of the angle of a pair."""
     u = plane.size
-    parameters = plane.linearised(y[:u]).parameters
+    parameters = plane.parameters_at(y[:u])
     found = invariants(plane.problem, y[:u])[1:]
     found[0] /= plane.problem.load_periods
     return np.concatenate([parameters, found, y[u:]])
