@@ -188,7 +188,7 @@ def _doubling(plane: ParameterPlane) -> RowsCondition:
     fixed_rows = np.vstack([_parameter_rows(problem), np.eye(1, size, size - 1)])
     rows.source[size - len(fixed_rows) :, 0] = CONSTANT
     rows.constant[size - len(fixed_rows) :] = fixed_rows
-    return RowsCondition(plane, rows, -1.0)
+    return RowsCondition(plane, rows, -1.0, refined=False)
 
 
 class Breaking:
@@ -210,7 +210,7 @@ class Breaking:
 
     def condition(self, symmetry: Symmetry) -> SingularCondition:
         """The condition that the matrix is singular."""
-        return RowsCondition(self.plane, self._rows[symmetry], 1.0)
+        return RowsCondition(self.plane, self._rows[symmetry], 1.0, refined=False)
 
     def matrix(self, at: Linearised, symmetry: Symmetry) -> np.ndarray:
         """The matrix, (u, u)."""

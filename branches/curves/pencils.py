@@ -74,12 +74,13 @@ def whole_rows(plane: ParameterPlane, shifted: np.ndarray) -> MatrixRows:
 
 
 class RowsCondition(SingularCondition):
-    """A matrix of such rows that is singular at a multiplier (None: at a pair)."""
+    """A matrix of such rows that is singular at a multiplier (None: at a pair). refined: whether test functions take its derivatives, which
+    are exact then."""
 
-    def __init__(self, plane: ParameterPlane, rows: MatrixRows, multiplier: float | None):
+    def __init__(self, plane: ParameterPlane, rows: MatrixRows, multiplier: float | None, refined: bool = True):
         self.plane, self.rows = plane, rows
-        compiled = plane.problem.curvature.is_compiled
-        super().__init__(self._parts, self._quick_slopes, multiplier, None if compiled else self.slopes)
+        exact = not refined or plane.problem.curvature.is_compiled
+        super().__init__(self._parts, self._quick_slopes, multiplier, None if exact else self.slopes)
 
     def _parts(self, at: Linearised) -> tuple[np.ndarray, np.ndarray]:
         rows = self.rows

@@ -155,11 +155,22 @@ class Search:
 
     def families(self, found: list[Found]) -> list[tuple[Found, Branch]]:
         """One orbit of each family, and the family traced."""
+        wide = min(self.range[0], self.limits.energy[0]), max(self.range[1], self.limits.energy[1])
+        if self.system.smooth_forces is not None and self.range != wide:
+            # With steep springs it takes minutes to follow a family to high energies.
+            followed = self.followed.copy()
+            out = self._families(found, self.range, followed)
+            if len(out) == 1:
+                self.followed.update(followed)
+                return out
         # A range of energies can cut one family into several pieces.
-        low, high = min(self.range[0], self.limits.energy[0]), max(self.range[1], self.limits.energy[1])
+        return self._families(found, wide, self.followed)
+
+    def _families(self, found: list[Found], energy: tuple[float, float], followed: Followed) -> list[tuple[Found, Branch]]:
+        """The same, followed in a range of energies."""
         out: dict[Branch, Found] = {}
         for orbit in found:
-            branch = followed_through(self.followed, orbit, (low, high))
+            branch = followed_through(followed, orbit, energy)
             if self.name.family is not None and self.name.family not in branch.full_family.ids:
                 self.others[branch.id] = branch
             else:
