@@ -123,6 +123,15 @@ class SmoothForces:
         with np.errstate(invalid="ignore", over="ignore"):
             return self._energy(*np.moveaxis(u @ rows.T, -1, 0)) + np.zeros(u.shape[:-1])
 
+    def energy_slopes(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The first and second derivatives of the potential at displacements (n,): (n,) and (n, n). Of formulas."""
+        rows = self.inputs[:, : len(u)]
+        at = rows @ u
+        first, second = self._energy_derivatives
+        slopes = np.array([float(function(*at)) for function in first])
+        bends = np.array([[float(function(*at)) for function in line] for line in second])
+        return slopes @ rows, rows.T @ bends @ rows
+
     def acting(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The forces (..., n) on the coordinates at displacements and velocities (..., n), on the left-hand side."""
         found: np.ndarray = self.values(u, v) @ self.directions
@@ -142,6 +151,14 @@ class SmoothForces:
     @cached_property
     def _energy(self) -> Callable[..., Any]:
         return _function(self.symbols, self._potential)
+
+    @cached_property
+    def _energy_derivatives(self) -> tuple[list[Callable[..., Any]], list[list[Callable[..., Any]]]]:
+        from bvp.programs import derivative
+
+        first = [derivative(self._potential, symbol) for symbol in self.symbols]
+        second = [[_function(self.symbols, derivative(slope, symbol)) for symbol in self.symbols] for slope in first]
+        return [_function(self.symbols, slope) for slope in first], second
 
     @cached_property
     def _functions(self) -> list[Callable[..., Any]]:

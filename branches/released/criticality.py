@@ -327,14 +327,17 @@ def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:
 
 
 def _energy_slopes(problem: ReleasedProblem, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first and second derivatives of H at a state, (2 n,) and (2 n, 2 n); of smooth forces from differences."""
+    """The first and second derivatives of H at a state, (2 n,) and (2 n, 2 n); with forces that are Python functions from differences."""
     system, n = problem.system, problem.degrees_of_freedom
     second = np.zeros((2 * n, 2 * n))
     second[:n, :n], second[n:, n:] = system.stiffness, system.mass
     first = second @ state
     smooth = system.smooth_forces
     if smooth is not None:
-        slopes, bends = _differences(lambda u: float(smooth.energy(u)), state[:n])
+        if smooth.is_called:
+            slopes, bends = _differences(lambda u: float(smooth.energy(u)), state[:n])
+        else:
+            slopes, bends = smooth.energy_slopes(state[:n])
         first[:n] += slopes
         second[:n, :n] += bends
     return first, second
