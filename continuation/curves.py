@@ -355,11 +355,11 @@ class Curve:
         turn = float(direction @ way) / size
         if not math.isfinite(turn):
             return None
+        held = self.condition.finished(held, scale)
         at = self.surface.linearised(new[:u])
         worst = self.surface.worst(at)
         if not math.isfinite(worst):  # the last update left what the surface can have
             return None
-        held = self.condition.finished(held, scale)
         return Corrected(new, at, held, turned / size, scale, turn, contraction, iteration, worst)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:

@@ -13,7 +13,7 @@ from branches.admissible import GRAZING, describe_grazing
 from branches.curves.free import Symmetry
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.free_points import Critical, FreePoint, event_of, half_multiplier, observed_free
-from branches.curves.monitor import NAMES, Window, window_tests, window_values
+from branches.curves.monitor import NAMES, Window, fold_coefficient, window_tests, window_values
 from branches.curves.plane import ParameterPlane
 from branches.presentation import symmetries
 from bvp.closures import cycle_of
@@ -72,16 +72,15 @@ class FreeMonitor:
         problem, null = self.problem, held.extra
         solution = observed_free(problem, at.y, problem._factor.before.copy())
         guards = [solution["clearance"], solution["speed"], solution["flight"]]
+        sizes = self.plane.scales(at.y, evaluated=True)
         critical = self._critical.values(at, scale)
         found = []
         if self._form is None:
-            m, size = len(null.shifted), float(np.linalg.norm(null.right[:, 0]))
-            right, left = null.right[:, 0] / size, null.left[:, 0] / float(np.linalg.norm(null.left[:, 0]))
-            coefficient = float(left[:m] @ (null.along @ (right[:m] * scale[:m]))) / size
+            coefficient = fold_coefficient(null, scale, sizes)
             found += [coefficient, *critical]
-            form: Callable[[], float] = partial(float, coefficient)
+            form: Callable[[], float] = partial(abs, coefficient)
         else:
-            reduced, way = self._form.reduced(at, held, tangent, scale)
+            reduced, way = self._form.reduced(at, held, tangent, sizes)
             # It has poles where the orbits with more symmetry have a fold, whose matrix is the first one.
             known = abs(critical[0]) > _ROUNDING
             found += [*critical, *((reduced * critical[0]).tolist() if known else [math.nan] * len(reduced))]

@@ -77,6 +77,15 @@ def window_values(plane: ParameterPlane, parameters: np.ndarray, window: Window)
     return found
 
 
+def fold_coefficient(null: Null, scale: np.ndarray, sizes: np.ndarray) -> float:
+    """W F''[V, V] of a fold, where W has length 1, and V in units of the orbit's sizes (u,). Its sign is that of W, which is kept along the
+    curve. scale: sizes of the unknowns in which V is given."""
+    m, left = len(null.shifted), null.left[:, 0]
+    v = null.right[:m, 0] * scale[:m]
+    part = v / sizes[:m]
+    return float(left[:m] @ (null.along @ v)) / (math.sqrt(float(left @ left)) * float(part @ part))
+
+
 class BifurcationMonitor:
     """The test functions of a curve of SN, PD, SB or NS of forced orbits.
 
@@ -126,16 +135,17 @@ class BifurcationMonitor:
             found = [regular, cosine - 1.0, cosine + 1.0, cosine + 0.5, cosine, *others]
         else:
             right, left = null.right[:, 0], null.left[:, 0]
-            size, product = math.sqrt(right @ right), math.sqrt((left @ left) * (right @ right))
-            double = float(left @ (null.shifted @ right)) / product
+            double = float(left @ (null.shifted @ right)) / math.sqrt((left @ left) * (right @ right))
             others = _rest_tests(_without(multipliers, (*self._trivial, 1.0 if self.code == "SN" else -1.0)))
             found = [double, others[1 if self.code == "SN" else 0], others[2]]
             if self.code == "SN":
-                coefficient = float(left @ (null.along @ (right * scale))) / (product * size)
+                bend = fold_coefficient(null, scale, self.plane.scales(at.y, evaluated=True))
+                found.insert(0, bend)
+                coefficient = abs(bend)
             else:
                 coefficient = self._coefficient(at, null, scale, -1.0)
-            # It has poles where another multiplier is 1, and where two are critical.
-            found.insert(0, coefficient if self.code == "SN" else coefficient * _bounded(others[0]) * double)
+                # It has poles where another multiplier is 1, and where two are critical.
+                found.insert(0, coefficient * _bounded(others[0]) * double)
         if self._goes_back:
             times = problem.flight_times(at.y)
             found.append(float(times[0] - times[len(times) // 2]))

@@ -92,10 +92,11 @@ class ParameterPlane:
         np.fill_diagonal(found, 1.0 / np.where(units > 0.0, units, y[: len(units)]))
         return found
 
-    def scales(self, y: np.ndarray) -> np.ndarray:
-        """See `continuation.curves.Surface`. All impacts of an orbit can be at the origin, at rest to rounding."""
+    def scales(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
+        """See `continuation.curves.Surface`. All impacts of an orbit can be at the origin, at rest to rounding. evaluated: y is the orbit
+        that was evaluated last."""
         problem = self.problem
-        found, width = problem.scales(y), problem.size + 1
+        found, width = problem.scales(y, evaluated=evaluated), problem.size + 1
         states = found[: (problem.inner + 1) * width].reshape(-1, width)[:, : 2 * problem.degrees_of_freedom]
         np.maximum(states, LEAST * self._units[: states.shape[1]], out=states)
         found[found == 0.0] = 1.0

@@ -241,12 +241,14 @@ def _why_no_start(curve: Curve, start: CurveStart) -> str:
     """Why no point of the curve was found at its start."""
     u = start.plane.size
     scale = start.plane.scales(start.y[:u])
-    at = start.plane.linearised(start.y[:u])
-    first = curve.condition.first(at, start.y[u:], scale)
-    held = curve.condition.held(at, start.y[u:], first, scale)
-    matrix = np.vstack([at.jacobian, held.gradient[:, :u]]) * scale
-    singular = np.linalg.svd(matrix, compute_uv=False)
     names = " and ".join(start.plane.names)
+    try:
+        at = start.plane.linearised(start.y[:u])
+        first = curve.condition.first(at, start.y[u:], scale)
+        held = curve.condition.held(at, start.y[u:], first, scale)
+        singular = np.linalg.svd(np.vstack([at.jacobian, held.gradient[:, :u]]) * scale, compute_uv=False)
+    except np.linalg.LinAlgError:
+        return f"no curve {start.code} in {names} starts there: derivatives of the forces are no numbers, as those of |w|^p can be at w = 0"
     if singular[-1] < 1e-10 * singular[0]:
         return f"the {start.code} there does not depend on {names} alone: its equations are singular; expected other parameters"
     return f"no point of a curve {start.code} in {names} was found there: Newton's corrections do not settle"
@@ -265,16 +267,17 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
                 (float(event.bracket[0]), float(event.bracket[1])), event.residual, event.details.get("stop"), event.details.get("note"),
             )
         )  # fmt: skip
+    multipliers = np.array([step.extra.multipliers for step in steps])
+    coefficient = np.array([step.extra.coefficient for step in steps])
+    coefficient[np.isnan(multipliers).any(axis=1)] = math.nan  # an impact grazes
     ended = [_ended(plane, *one) for one in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True)]
     parameters = np.array([plane.parameters_at(y[: plane.size]) for y in unknowns])
     return BifurcationCurve(
         plane=plane, code=start.code, grazing=start.grazing, unknowns=unknowns,
         tangents=np.array([step.tangent[:m] for step in steps]), parameters=parameters,
         arclength=run.points.arclengths(), residual=np.array([step.residual for step in steps]),
-        multipliers=np.array([step.extra.multipliers for step in steps]),
-        coefficient=np.array([step.extra.coefficient for step in steps]),
-        events=tuple(events), ended=(ended[0], ended[1]), start=run.start, closed=run.closed, window=window, origin=start.origin,
-        free=start.free,
+        multipliers=multipliers, coefficient=coefficient, events=tuple(events), ended=(ended[0], ended[1]), start=run.start,
+        closed=run.closed, window=window, origin=start.origin, free=start.free,
     )  # fmt: skip
 
 
