@@ -43,7 +43,10 @@ def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str)
         Where the null space has one dimension; `what` names the bifurcation.
     """
     scale = problem.scales(y)
-    _, singular, rows = np.linalg.svd(problem.jacobian(y) * scale)
+    matrix = problem.jacobian(y) * scale
+    if not np.isfinite(matrix).all():
+        raise RuntimeError(f"{what}: a flight of the wider problem cannot be computed, or its derivatives")
+    _, singular, rows = np.linalg.svd(matrix)
     if singular[-1] > _GAP * singular[0]:
         raise RuntimeError(
             f"{what} is no bifurcation of the wider problem: its smallest singular value is {singular[-1] / singular[0]:.1e}"

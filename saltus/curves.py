@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import re
 from collections.abc import Sequence
@@ -80,8 +81,15 @@ def report_lines(curve: BifurcationCurve, width: int | None, number: int | None 
         rows.append((event.id, f"{a:.14g}", f"{b:.14g}", event.status, event.note or ""))
     if rows:
         lines += table_lines(("event", first, second, "status", "remark"), rows, width=width, columns="lrrlt")
+    missed = _CHANGES.get(curve.code)
+    if missed is not None and all(map(math.isnan, curve.coefficient.tolist())):
+        lines.append(f"note   the coefficient of the normal form is not known along the curve: a point {missed} on it is not found")
     lines += dict.fromkeys(f"end    {end.text}" for end in curve.ended)
     return lines
+
+
+_CHANGES = {"SB": "DP", "PD": "GPD", "NS": "GH"}
+"""Where the criticality changes."""
 
 
 def show(arguments: argparse.Namespace) -> int:

@@ -264,7 +264,9 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
         scene = options.scene_of(arguments)
         parametric = scene.parametric or ParametricSystem.of(scene.system)
         if scene.system.describe() != branch.system.describe():
-            raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}; expected its scene, or none")
+            name = arguments.scene or "lee2009"
+            ways = "its scene with its values (--set NAME=VALUE), or none"
+            raise BadInput(f"{source} has another system than the scene {name}; expected {ways}")
     try:
         problem, y = released_of(branch.orbit(found.point), arguments.parameters, parametric)
         origin = f"{found.id} of {os.path.basename(source)}"

@@ -49,6 +49,15 @@ def test_folds_of_a_steep_spring(folds):
     assert sorted(ends) == pytest.approx(sorted(wanted), rel=1e-11)
 
 
+def test_coefficients_of_the_folds(folds):
+    """They vanish at the cusp, and change little from point to point, also at the start of the curve."""
+    (cusp,) = [event for event in folds.events if event.type == "CP"]
+    assert folds.coefficient[cusp.point] == pytest.approx(0.0, abs=1e-9)
+    assert np.all(np.delete(folds.coefficient, cusp.point) > 0.0)
+    for part in (folds.coefficient[: cusp.point - 2], folds.coefficient[cusp.point + 3 :]):
+        assert np.all(np.abs(np.diff(np.log(part))) < 0.7)
+
+
 def test_cusp_of_the_folds(folds):
     """Oracle: the first and second derivatives of the energy by the quarter period, from differences of order 8 along the family, vanish.
     Their rounding is 1e-10 of the third derivative."""

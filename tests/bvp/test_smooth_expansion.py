@@ -151,6 +151,36 @@ def test_many_digits():
             assert found[:2] == pytest.approx(twin, abs=2e-13 * np.abs(twin).max())
 
 
+def test_gradients_for_newtons_method(monkeypatch):
+    """Differences whose steps are too long do not agree among themselves: the exact derivatives take their place."""
+    problem = CASES["Duffing"]()
+    y = random_state(problem, np.random.default_rng(7))
+    (a,) = directions(problem, 1, np.random.default_rng(8))
+    exact = second_along(problem, y, a)
+    level = np.abs(exact).max()
+    assert 0.0 < np.abs(problem.curvature.slopes_along(y, a) - exact).max() < 1e-6 * level
+    monkeypatch.setattr("bvp.curvature._SECOND", 3.0)
+    assert np.abs(differences_along(problem, y, a) - exact).max() > 1e-3 * level
+    assert problem.curvature.slopes_along(y, a) == pytest.approx(exact, abs=1e-15 * level)
+
+
+@pytest.mark.parametrize("description", [STEEP, PAIR])
+def test_slopes_of_the_energy(description):
+    """Oracle: derivatives of the potential in many digits, by complex steps and their differences."""
+    forces, _ = ParametricSystem.from_description(description).smooth_forces()
+    u = np.array([0.7, -0.4])
+    first, second = forces.energy_slopes(u)
+    axes = np.eye(2)
+    assert first == pytest.approx(forces.acting(u, np.zeros(2)) if description is STEEP else first, rel=1e-13)
+    step = 1e-5
+    for i in range(2):
+        ahead, behind = (forces.energy_slopes(u + sign * step * axes[i])[0] for sign in (1.0, -1.0))
+        assert second[i] == pytest.approx((ahead - behind) / (2.0 * step), abs=1e-8 * np.abs(second).max())
+        energies = [float(forces.energy(u + k * step * axes[i])) for k in (2, 1, -1, -2)]
+        slope = (8.0 * (energies[1] - energies[2]) - (energies[0] - energies[3])) / (12.0 * step)
+        assert first[i] == pytest.approx(slope, abs=1e-9 * np.abs(first).max())
+
+
 @pytest.mark.parametrize("released", [("a",), ("p",)])
 def test_forces_without_such_derivatives(released):
     """Where an orbit crosses w = 0, |w|^2.5 has no third derivative, and none of second order with its exponent: differences take their

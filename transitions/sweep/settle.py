@@ -286,7 +286,10 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         states = np.concatenate([start[None], orbit.states[:-1]])[: max(p, 1)]
     multipliers = np.zeros(0, dtype=complex)
     if kind is SettledKind.PERIODIC:
-        values = np.linalg.eigvals(motion.monodromy(p)).astype(complex)
+        monodromy = motion.monodromy(p)
+        if not np.isfinite(monodromy).all():
+            raise RuntimeError("the derivatives of the settled motion are no numbers: a force has none, as |w|^p can at w = 0")
+        values = np.linalg.eigvals(monodromy).astype(complex)
         multipliers = values[np.lexsort((np.angle(values), -np.abs(values)))]
         growth, error = largest_exponent(multipliers, float(p)), 0.0
     kept = motion.named(int(np.bitwise_and.reduce(orbit.kept))) if len(orbit.kept) else ()
