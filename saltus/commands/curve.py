@@ -18,6 +18,8 @@ from saltus.response_starts import file_and_event, require_same_scene
 from saltus.terminal import ProgressBar, terminal_width
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from branches.catalogue.rows import SceneRecord
     from branches.curves.record import BifurcationCurve
     from branches.curves.starting import CurveStart
@@ -89,6 +91,8 @@ def run(arguments: argparse.Namespace) -> int:
             raise BadInput(f"{arguments.start}: {one_line(error)}") from error
     shown_names = (arguments.parameters or start.plane.names)[:2]
     files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(shown_names)}"])
+    if begun is not None:
+        files.report(_moved(start, begun[1].y))
     if known is not None and not any(can_go_on(known, last, window) for last in (False, True)):
         files.report(["note   the curve ends at events, or where the range ends; nothing is left to follow"])
     curve: BifurcationCurve | None = None
@@ -129,6 +133,21 @@ def run(arguments: argparse.Namespace) -> int:
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
+
+
+def _moved(start: CurveStart, y: np.ndarray) -> list[str]:
+    """That the first point of a curve, with unknowns y, is not the event, if an equation to keep does not hold there."""
+    size = start.plane.size
+    known, found = start.plane.values(start.y[:size]), start.plane.values(y[:size])
+    apart = [name for name, value in known.items() if abs(found[name] - value) > _MOVED * abs(value)]
+    if not apart or not start.plane.problem.keep[1:]:
+        return []
+    text = ", ".join(f"{name} = {found[name]:.8g} where the event has {known[name]:.8g}" for name in apart)
+    return [f"note   an equation to keep does not hold at the event: the curve starts at {text}"]
+
+
+_MOVED = 1e-6
+"""Relative change of a parameter between an event and the start of its curve, above which it is said."""
 
 
 def _save(

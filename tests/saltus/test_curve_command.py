@@ -3,12 +3,14 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from saltus.curves import read, report_lines
 from tests.branches.curve_oracles import ImpactOscillator, ReferenceBackbone
 from tests.saltus.running import refused, run
 
@@ -130,6 +132,23 @@ def test_folds_of_a_steep_spring(folder, capsys):
     page = (ROOT / "docs" / "limit.md").read_text(encoding="utf-8")
     wanted = re.search(r"appear together, at n = ([\d.]+) and h = ([\d.]+)", page)
     assert [float(cell) for cell in cusp[1:3]] == pytest.approx([float(wanted[2].rstrip(".")), float(wanted[1])], rel=1e-10)
+
+
+def test_an_equation_that_does_not_hold_at_the_event_is_said(files, folder, capsys):
+    words = ("curve", f"{files['family']}:SN1", "--in", "mu,sigma", "--range", "0.09:0.11,0.05:0.2", "--points", "5")
+    code, out, _ = run(capsys, *words, "--keep", "energy=0.07")
+    assert code == 0 and "note   an equation to keep does not hold at the event: the curve starts at mu = " in out
+    assert "energy = 0.07 where the event has 0.06911645" in out
+    code, out, _ = run(capsys, *words, "--keep", "energy=0.0691164499683")
+    assert code == 0 and "note" not in out
+
+
+def test_a_coefficient_that_is_not_known_is_said(files):
+    (fold,) = read(str(files["fold"]))
+    unknown = replace(fold, coefficient=np.full(len(fold), np.nan))
+    assert not any(line.startswith("note") for line in report_lines(unknown, None))  # the coefficient of a fold decides nothing
+    notes = [line for line in report_lines(replace(unknown, code="PD"), None) if line.startswith("note")]
+    assert notes == ["note   the coefficient of the normal form is not known along the curve: a point GPD on it is not found"]
 
 
 def test_what_does_not_fit_a_point_of_a_curve_says_what_is_expected(files, folder, capsys):
