@@ -11,6 +11,7 @@ Forces that have no such series, as a Python function computes them, have steps 
 The steps of a flight are kept: they are its path, which searches for extrema and zeros evaluate.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -311,7 +312,10 @@ def _defect(flight, at, h, least, state, change, slope):
         for r in range(size):
             slope[r] = slope[r] * h + k * states[k, r]
     for r in range(n, size):
-        slope[r] = abs(slope[r] - change[r])
+        rounding = 0.0
+        for c in range(size):
+            rounding += abs(flight.matrix[r, c] * state[c])
+        slope[r] = abs(slope[r] - change[r]) - ROUNDING * rounding
     for d in range(slopes.shape[0]):
         rounding = 0.0
         for r in range(size):
@@ -368,6 +372,24 @@ def _step_length(states, columns, with_columns, left):
     return length, reached
 
 
+@kernel
+def _natural_acceleration(matrix, z, t):
+    """The acceleration that linear springs give a motion with the speeds of a state: at an origin there is none yet."""
+    n = matrix.shape[0] // 2
+    stiffest = 0.0
+    for r in range(n):
+        for c in range(n):
+            stiffest = max(stiffest, abs(matrix[n + r, c]))
+    while_it_grows = min(t, 1.0 / math.sqrt(stiffest)) if stiffest > 0.0 else 0.0
+    largest = 0.0
+    for r in range(n):
+        total = 0.0
+        for c in range(n):
+            total += abs(matrix[n + r, c] * z[n + c])
+        largest = max(largest, total * while_it_grows)
+    return largest
+
+
 @shared("boolean")
 def fly_smooth(flight, slot, z, t, with_columns):
     """Compute a flight of time t from a node z, and keep it in a slot of the paths. Returns whether it could be computed.
@@ -391,7 +413,7 @@ def fly_smooth(flight, slot, z, t, with_columns):
     at = 0.0
     count = 0
     direction = 1.0 if t >= 0.0 else -1.0
-    largest = 0.0
+    largest = _natural_acceleration(flight.matrix, z, abs(t))
     weight = 1.0
     for r in range(n):
         for f in range(flight.push.shape[1]):
