@@ -19,10 +19,10 @@ from bvp.kernels.curvature import second_along as fill_second
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.state_derivatives import third_of_states as fill_third
 from bvp.programs import scratch_size
-from bvp.smooth_expansion import SmoothExpansion
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
+    from bvp.smooth_expansion import SmoothExpansion
 
 __all__ = ["Curvature", "second_along", "third"]
 
@@ -123,6 +123,8 @@ class Curvature:
 
     def smooth_expansion(self, order: int) -> SmoothExpansion:
         """The smooth forces for so many directions."""
+        from bvp.smooth_expansion import SmoothExpansion
+
         if order not in self._smooth:
             self._smooth[order] = SmoothExpansion(self.problem, order)
         return self._smooth[order]

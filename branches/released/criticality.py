@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
 from branches.events import FREE_NORMAL_FORMS
 from branches.orbit import Orbit
@@ -236,12 +235,11 @@ class CriticalEquations:
         size = len(self.matrix)
         bordered = np.zeros((size + 1, size + 1))
         bordered[:size, :size], bordered[:size, size], bordered[size, :size] = self.matrix, self.left, self.right
-        self._factor, self._pivots, _ = dgetrf(bordered)
-        norm = float(np.abs(bordered).sum(axis=0).max())
-        condition = float(dgecon(self._factor, norm)[0])
+        self._inverse = np.linalg.inv(bordered)
         # Without the null vectors the matrix is as regular as the bordered one.
-        self.is_singular = bool(least < _SINGULAR * condition * norm)
-        self.condition = 1.0 / condition if condition > 0.0 else math.inf
+        norm, of_inverse = (float(np.linalg.norm(part, 1)) for part in (bordered, self._inverse))
+        self.is_singular = least < _SINGULAR / of_inverse
+        self.condition = norm * of_inverse
         self.v = self.scale * self.right / self._length(self.scale * self.right)
 
     def _length(self, v: np.ndarray) -> float:
@@ -269,7 +267,7 @@ class CriticalEquations:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """The solution without part along the null vector, up to the part of the right side that has none."""
-        found: np.ndarray = dgetrs(self._factor, self._pivots, np.append(right, 0.0))[0][:-1]
+        found: np.ndarray = self._inverse[:-1, :-1] @ right
         return self.scale * found
 
     def fold(self) -> Reduced:
@@ -302,20 +300,19 @@ class CriticalEquations:
 
 def _null_vectors(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The singular vectors of the smallest singular value of a matrix that is nearly singular, left and right, and this value: by inverse
-    iteration, which takes a tenth of the time of all singular values."""
-    factor, pivots, _ = dgetrf(matrix)
-    smallest = EPSILON * float(np.abs(factor).max())
-    diagonal = np.einsum("ii->i", factor)
-    diagonal[np.abs(diagonal) < smallest] = smallest
-    left = np.cos(np.arange(1.0, len(matrix) + 1.0))
-    right, size = left, 1.0
+    iteration, which takes a tenth of the time of all singular values. The inverse is hardly more than the product of these vectors."""
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:  # a pivot is zero
+        vectors, values, rows = np.linalg.svd(matrix)
+        return vectors[:, -1], rows[-1], float(values[-1])
+    left, size = np.cos(np.arange(1.0, len(matrix) + 1.0)), 1.0
     for _ in range(_ITERATIONS):
-        right = dgetrs(factor, pivots, left)[0]
-        right = right / math.sqrt(float(right @ right))
-        left = dgetrs(factor, pivots, right, trans=1)[0]
+        right = inverse @ left
+        left = inverse.T @ (right / math.sqrt(float(right @ right)))
         size = math.sqrt(float(left @ left))
         left = left / size
-    return left, right, 1.0 / size
+    return left, right / math.sqrt(float(right @ right)), 1.0 / size
 
 
 def _energy(problem: ReleasedProblem, state: np.ndarray) -> float:

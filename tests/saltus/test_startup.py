@@ -111,9 +111,13 @@ def test_commands_ask_for_the_kernels_that_they_use(monkeypatch, catalogue, tmp_
     assert seen == asked.split(", ")
 
 
-def test_a_warm_start_imports_no_compiler():
-    """Oracle: the modules of a process that follows a family, whose kernels are on disk."""
+@pytest.mark.parametrize("words", ["S13O00+ --points 20", "S11- --energy 0.06:0.1"])
+def test_a_warm_start_imports_what_it_needs(words):
+    """No compiler, and nothing that takes as long as the family; also with normal forms. Oracle: the modules of a process whose kernels are
+    on disk."""
     compiling.prepare("continue")
-    script = "import sys; from saltus.__main__ import main; main(['continue', 'S13O00+', '--points', '20']); print('numba' in sys.modules)"
+    heavy = ("numba", "scipy", "sympy", "matplotlib", "networkx")
+    follow = f"from saltus.__main__ import main; main({['continue', *words.split()]})"
+    script = f"import sys; {follow}; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "False"
+    assert done.stdout.splitlines()[-1] == "[]"
