@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.checks import finite_numbers
-from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, Segment, unfold_impacts
+from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP, ImpactList, unfold_impacts
 from bvp.smooth_flights import sample_path
 from bvp.texts import shown
 
@@ -227,26 +227,17 @@ class Cycle:
 
 def cycle_of(problem: MultipointProblem, y: np.ndarray) -> Cycle:
     """The full period of the solution y of a multipoint problem, unfolded by the reversals of its ends."""
-    y = np.array(y, float)
-    found, lead = _impacts_of_period(problem.segment, y, problem.end_states(y), problem.contacts, problem.system.modes.contact_opposite)
-    if not len(found.row):
+    y, segment, contacts = np.array(y, float), problem.segment, problem.contacts
+    most, size = 4 * (len(contacts) - 1), problem.size
+    found = ImpactList(np.empty((most, size)), np.empty((most, size)), np.empty(most), np.empty(most, dtype=np.int64))
+    count, lead = unfold_impacts(segment, y, problem.end_states(y), found, np.empty((2, size)))
+    if not count:
         start = problem.start(y)[None]
         period = 4.0 / problem.quarters * float(np.sum(problem.flight_times(y)))
         return Cycle(problem.system, start, start, np.array([period]), np.array([-1]), 0.0)
-    return Cycle(problem.system, found.before, found.after, found.duration, found.row, lead)
-
-
-def _impacts_of_period(
-    segment: Segment, y: np.ndarray, ends: np.ndarray, contacts: np.ndarray, opposite: np.ndarray
-) -> tuple[ImpactList, float]:
-    """The impacts of the full period, with their contacts as rows, and the time from the start to the first one.
-
-    ends (k + 1, N): states after the flights. contacts (k + 2,): of the nodes. opposite (m,): contact on the other side of each stop."""
-    most, size = 4 * (len(contacts) - 1), ends.shape[1]
-    found = ImpactList(np.empty((most, size)), np.empty((most, size)), np.empty(most), np.empty(most, dtype=np.int64))
-    count, lead = unfold_impacts(segment, y, ends, found, np.empty((2, size)))
     before, after, duration, row = (array[:count].copy() for array in found)
     contact = contacts[row]
+    # An image of an impact can be on the other side of the stop.
     mirrored = segment.bound[row] * np.einsum("ij,ij->i", segment.gap[row], before) < 0.0
-    contact[mirrored] = opposite[contact[mirrored]]
-    return ImpactList(before, after, duration, contact), float(lead)
+    contact[mirrored] = problem.system.modes.contact_opposite[contact[mirrored]]
+    return Cycle(problem.system, before, after, duration, contact, float(lead))

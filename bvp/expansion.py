@@ -20,10 +20,10 @@ import numpy as np
 
 from bvp.kernels.multipoint import PERIODIC, STOP, UNFOLDED
 from bvp.nilpotent import composed, constant, exponential, inverse, product
-from bvp.smooth_expansion import SmoothExpansion, Terms
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
+    from bvp.smooth_expansion import SmoothExpansion
 
 __all__ = ["expanded"]
 
@@ -153,6 +153,16 @@ class _Expansion:
                 found.append(np.cos(rate * s[0].real + shift + 0.5 * math.pi * degrees) * rate**degrees * moved)
         return np.stack(found, axis=1) if found else np.zeros((self.count, 0))
 
+    def turning(self, i: int) -> np.ndarray:
+        """The matrix of their rates, (2^d, q, q)."""
+        harmonics, frequency = self.segment.flight.loads.harmonics[self.constants :], self.entries(i)[:, self.segment.released.frequency]
+        size = self.constants + 2 * len(harmonics)
+        found = np.zeros((self.count, size, size), dtype=self.y.dtype)
+        for h, k in enumerate(harmonics):
+            at = self.constants + 2 * h
+            found[:, at, at + 1], found[:, at + 1, at] = -k * frequency, k * frequency
+        return found
+
     # -- flights and impacts --------------------------------------------------------------------------------------------------
 
     def flight(self, i: int) -> np.ndarray:
@@ -165,10 +175,7 @@ class _Expansion:
         rates[:, :n, n : 2 * n] = motion.project
         rates[:, n : 2 * n, : 2 * n] = -product(motion.inverse, motion.state, np.matmul)
         rates[:, n : 2 * n, 2 * n :] = product(motion.inverse, loads, np.matmul)
-        frequency = self.entries(i)[:, self.segment.released.frequency]
-        for h, k in enumerate(self.segment.flight.loads.harmonics[self.constants :]):
-            at = 2 * n + self.constants + 2 * h
-            rates[:, at, at + 1], rates[:, at + 1, at] = -k * frequency, k * frequency
+        rates[:, 2 * n :, 2 * n :] = self.turning(i)
         start = self.node(i)[:, : 2 * n].copy()
         start[:, n:] = product(motion.project, start[:, n:], np.matmul)
         whole = np.concatenate([start, self.phases(i)], axis=1)
@@ -177,16 +184,11 @@ class _Expansion:
 
     def smooth_flight(self, i: int, smooth: SmoothExpansion) -> np.ndarray:
         """The same with smooth forces."""
-        n, harmonics, loads, entries = self.n, self.segment.flight.loads.harmonics, self.loads(i), self.entries(i)
-        cosine, sine = np.zeros((2, self.count, n, len(harmonics)), dtype=self.y.dtype)
-        first = self.constants
-        cosine[:, :, :first], cosine[:, :, first:] = loads[:, :, :first], loads[:, :, first::2]
-        sine[:, :, first:] = loads[:, :, first + 1 :: 2]
-        rates = entries[:, self.segment.released.frequency, None] * harmonics
-        phases = self.node(i)[:, 2 * n, None] * (2.0 * math.pi * self.segment.flight.loads.load_periods * harmonics)
+        from bvp.smooth_expansion import Terms
+
         mass, damping, stiffness = self.matrices(i)
-        terms = Terms(inverse(mass), damping, stiffness, cosine, sine, rates)
-        return smooth.flight(self.node(i)[:, : 2 * n], phases, self.time(i), self.released(i), terms)
+        terms = Terms(inverse(mass), damping, stiffness, self.loads(i), self.turning(i))
+        return smooth.flight(self.node(i)[:, : 2 * self.n], self.phases(i), self.time(i), self.released(i), terms)
 
     def released(self, i: int) -> np.ndarray:
         """The released parameters of node i, (2^d, m)."""

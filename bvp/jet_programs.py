@@ -201,28 +201,29 @@ def _powers() -> tuple[Any, Any, Any, Any]:
             base, exponent = _arguments(self)
             return exponent * SignedPower(base, exponent - 1) if argindex == 1 else EvenLogarithm(base, exponent, 1)
 
-    class SignedLogarithm(sympy.Function):
+    class Logarithm(sympy.Function):
+        """A power times (log |w|)^k. plain: the power; other: the class of its derivative by w."""
+
+        plain: Any
+        other: Any
+
         @classmethod
         def eval(cls, base: Any, exponent: Any, power: Any) -> Any:
-            return SignedPower(base, exponent) if power == 0 else None
+            return cls.plain(base, exponent) if power == 0 else None
 
         def fdiff(self, argindex: int = 1) -> Any:
             base, exponent, power = _arguments(self)
             if argindex == 2:
-                return SignedLogarithm(base, exponent, power + 1)
-            return exponent * EvenLogarithm(base, exponent - 1, power) + power * EvenLogarithm(base, exponent - 1, power - 1)
+                return type(self)(base, exponent, power + 1)
+            return exponent * self.other(base, exponent - 1, power) + power * self.other(base, exponent - 1, power - 1)
 
-    class EvenLogarithm(sympy.Function):
-        @classmethod
-        def eval(cls, base: Any, exponent: Any, power: Any) -> Any:
-            return EvenPower(base, exponent) if power == 0 else None
+    class SignedLogarithm(Logarithm):
+        plain = SignedPower
 
-        def fdiff(self, argindex: int = 1) -> Any:
-            base, exponent, power = _arguments(self)
-            if argindex == 2:
-                return EvenLogarithm(base, exponent, power + 1)
-            return exponent * SignedLogarithm(base, exponent - 1, power) + power * SignedLogarithm(base, exponent - 1, power - 1)
+    class EvenLogarithm(Logarithm):
+        plain = EvenPower
 
+    SignedLogarithm.other, EvenLogarithm.other = EvenLogarithm, SignedLogarithm
     return SignedPower, EvenPower, SignedLogarithm, EvenLogarithm
 
 

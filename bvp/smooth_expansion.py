@@ -6,7 +6,7 @@ other, and a force f(w) of an input w = w[0] + e_1 w[1] + ... has the coefficien
     f[S] = sum over the partitions of S into sets B_1, ..., B_k of f^(k)(w[0]) w[B_1] ... w[B_k]
 
 In the time tau = t'/t of the flight, u'' = t^2 M^-1 (g - K u - D' f) - t M^-1 C u', its end is at tau = 1, and t is a number in
-infinitesimals. A load is the motion of an oscillator beside it. So the Taylor steps of one flight (`bvp.kernels.taylor`) give the exact
+infinitesimals. The states of the loads are oscillators beside it. So the Taylor steps of one flight (`bvp.kernels.taylor`) give the exact
 derivatives along any directions.
 """
 
@@ -21,8 +21,9 @@ import numpy as np
 from bvp.jet_programs import jet_program, plain_powers
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.taylor import SmoothFlight, fly_smooth, make_smooth_flight
-from bvp.nilpotent import composed, constant, inverse, partitions, parts, product
+from bvp.nilpotent import composed, inverse, partitions, parts, product
 from bvp.programs import derivative, derivatives_of, evaluate_program, program_of, scratch_size
+from bvp.released_forces import SINGLE
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
@@ -30,19 +31,15 @@ if TYPE_CHECKING:
 
 __all__ = ["SmoothExpansion", "Terms"]
 
-STEPS = 512
-"""Most Taylor steps of a flight."""
-
 
 class Terms(NamedTuple):
-    """What moves a flight, in infinitesimals, with H harmonics of loads."""
+    """What moves a flight, in infinitesimals, with q states of the loads."""
 
     inverse: np.ndarray  # (2^d, n, n) of the mass
     damping: np.ndarray  # (2^d, n, n)
     stiffness: np.ndarray  # (2^d, n, n)
-    cosine: np.ndarray  # (2^d, n, H) amplitudes of the loads
-    sine: np.ndarray  # (2^d, n, H)
-    rates: np.ndarray  # (2^d, H) angular frequencies; 0: a constant load
+    loads: np.ndarray  # (2^d, n, q) amplitudes
+    turning: np.ndarray  # (2^d, q, q) rates of the states of the loads
 
 
 class SmoothExpansion:
@@ -59,7 +56,7 @@ class SmoothExpansion:
     # -- flights --------------------------------------------------------------------------------------------------------------
 
     def flight(self, start: np.ndarray, phases: np.ndarray, time: np.ndarray, parameters: np.ndarray, terms: Terms) -> np.ndarray:
-        """The state at the end of a flight, (2^d, 2 n). start (2^d, 2 n); phases (2^d, H): those of the harmonics there; time (2^d,);
+        """The state at the end of a flight, (2^d, 2 n). start (2^d, 2 n); phases (2^d, q): the states of the loads there; time (2^d,);
         parameters (2^d, m): the released ones. NaN where the flight cannot be computed."""
         key = b"".join(array.tobytes() for array in (start, phases, time, parameters))
         if key not in self._known:
@@ -69,29 +66,16 @@ class SmoothExpansion:
         return self._known[key]
 
     def _flown(self, start: np.ndarray, phases: np.ndarray, time: np.ndarray, parameters: np.ndarray, terms: Terms) -> np.ndarray:
-        n, count = self.n, self.count
-        flight, numbers = self._flight(terms.rates.shape[1])
-        size = n + terms.rates.shape[1]
+        n, count, size = self.n, self.count, self.n + phases.shape[1]
+        flight, numbers = self._flight(size)
+        square, late, turn = product(time, time), inverse(time[:, None, None])[:, 0, 0], _times(time, terms.turning)
         by_place, by_speed = np.zeros((count, size, size)), np.zeros((count, size, size))
-        square = product(time, time)
-        late = inverse(time[:, None, None])[:, 0, 0]
         by_place[:, :n, :n] = -_times(square, product(terms.inverse, terms.stiffness, np.matmul))
+        by_place[:, :n, n:] = _times(square, product(terms.inverse, terms.loads, np.matmul))
+        by_place[:, n:, n:] = product(turn, turn, np.matmul)
         by_speed[:, :n, :n] = -_times(time, product(terms.inverse, terms.damping, np.matmul))
-        by_place[:, :n, n:] = _times(square, product(terms.inverse, terms.cosine, np.matmul))
-        begin, speed = np.zeros((count, size)), np.zeros((count, size))
-        begin[:, :n], speed[:, :n] = start[:, :n], _times(time, start[:, n:])
-        for h in range(size - n):
-            rate = terms.rates[:, h]
-            begin[:, n + h] = constant(1.0, count)
-            if rate[0] == 0.0:
-                continue
-            # The oscillator is cos a, with the derivative -r t sin a by tau.
-            turn = product(rate, time)
-            by_place[:, n + h, n + h] = -product(turn, turn)
-            wave = _times(inverse(rate[:, None, None])[:, 0, 0], product(terms.inverse, terms.sine[:, :, h : h + 1], np.matmul))
-            by_speed[:, :n, n + h] = -_times(time, wave)[:, :, 0]
-            begin[:, n + h] = _wave(np.cos, phases[:, h])
-            speed[:, n + h] = -product(turn, _wave(np.sin, phases[:, h]))
+        begin = np.concatenate([start[:, :n], phases], axis=1)
+        speed = np.concatenate([_times(time, start[:, n:]), product(turn, phases, np.matmul)], axis=1)
         push = -_times(square, terms.inverse @ self.forces.directions.T)
         whole = count * size
         flight.matrix[:whole, whole:] = np.eye(whole)
@@ -112,17 +96,16 @@ class SmoothExpansion:
         places, speeds = flight.paths.ends[0].reshape(2, count, size)[:, :, :n]
         return np.concatenate([places, _times(late, speeds)], axis=1)
 
-    def _flight(self, harmonics: int) -> tuple[SmoothFlight, Program]:
-        """The larger system, without its numbers."""
-        if self._made is None or self._made[0] != harmonics:
+    def _flight(self, size: int) -> tuple[SmoothFlight, Program]:
+        """The larger system with so many coordinates, without its numbers."""
+        if self._made is None or self._made[0] != size:
             program, numbers = self._program
-            whole = self.count * (self.n + harmonics)
-            inputs, forces = self.count * len(self.forces.symbols), self.count * len(self.forces.forces)
+            whole, inputs, forces = (self.count * part for part in (size, len(self.forces.symbols), len(self.forces.forces)))
             flight: SmoothFlight = make_smooth_flight(
                 np.zeros((2 * whole, 2 * whole)), np.zeros((inputs, 2 * whole)), np.zeros((whole, forces)), program, program_of([], []), 1,
-                steps=STEPS,
+                steps=SINGLE,
             )  # fmt: skip
-            self._made = harmonics, flight, numbers
+            self._made = size, flight, numbers
         return self._made[1], self._made[2]
 
     _made: tuple[int, SmoothFlight, Program] | None = None
@@ -196,13 +179,6 @@ _KEPT = 64
 def _times(number: np.ndarray, arrays: np.ndarray) -> np.ndarray:
     """A number times an array, (2^d, ...)."""
     return product(number.reshape((len(number),) + (1,) * (arrays.ndim - 1)), arrays)
-
-
-def _wave(function: Any, phase: np.ndarray) -> np.ndarray:
-    """cos or sin of a phase, (2^d,)."""
-    shift = {np.cos: 0.5 * np.pi, np.sin: 0.0}[function]
-    derivatives = [np.array(np.sin(phase[0] + shift + 0.5 * np.pi * k)).reshape((1,) * (k + 1)) for k in range(len(phase).bit_length())]
-    return composed(derivatives, phase[:, None])[:, 0]
 
 
 def _nested(matrices: np.ndarray) -> np.ndarray:

@@ -137,10 +137,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _moved(start: CurveStart, y: np.ndarray) -> list[str]:
     """That the first point of a curve, with unknowns y, is not the event, if an equation to keep does not hold there."""
+    if not start.plane.problem.keep[1:]:
+        return []
     size = start.plane.size
     known, found = start.plane.values(start.y[:size]), start.plane.values(y[:size])
-    apart = [name for name, value in known.items() if abs(found[name] - value) > _MOVED * abs(value)]
-    if not apart or not start.plane.problem.keep[1:]:
+    apart = [name for name, value in known.items() if abs(found[name] - value) > _MOVED * (abs(value) or 1.0)]
+    if not apart:
         return []
     text = ", ".join(f"{name} = {found[name]:.8g} where the event has {known[name]:.8g}" for name in apart)
     return [f"note   an equation to keep does not hold at the event: the curve starts at {text}"]

@@ -300,20 +300,26 @@ def require_derivatives_are_those_of_a_residual_in_many_digits(kind):
     problem, y = problem_of(1 if kind == "free" else 2, kind, 1, ["b", "c"], rng)
     a, b, c = rng.normal(size=(3, problem.unknowns))
     exact = {2: problem.second_derivative(y, a, b), 3: third(problem, y, a, b, c)}
+    twins = many_digit_derivatives(lambda place: many_digit_residual(problem, place), y, (a, b, c))
+    assert twins[0] == pytest.approx(problem.residual(y), abs=1e-12)
+    for order, found in exact.items():
+        assert found == pytest.approx(twins[order], abs=1e-12 * np.abs(twins[order]).max())
+
+
+def many_digit_derivatives(residual, y, directions):
+    """A residual in mpmath (a matrix of one column) and its derivatives along no direction, the first, the first two, and so on."""
+    step, found = mp.mpf(10) ** -15, []
     with mp.workdps(70):
-        step = mp.mpf(10) ** -15
-
-        def moved(signs):
-            place = [mp.mpf(float(v)) for v in y]
-            for sign, direction in zip(signs, (a, b, c), strict=False):
-                place = [v + sign * step * mp.mpf(float(d)) for v, d in zip(place, direction, strict=True)]
-            return many_digit_residual(problem, place)
-
-        assert np.array(moved(()).T.tolist()[0], dtype=float) == pytest.approx(problem.residual(y), abs=1e-12)
-        for order, found in exact.items():
-            total = sum((mp.mpf(int(np.prod(signs))) * moved(signs) for signs in product((1, -1), repeat=order)), mp.zeros(len(y) - 1, 1))
-            twin = np.array((total / (2 * step) ** order).T.tolist()[0], dtype=float)
-            assert found == pytest.approx(twin, abs=1e-12 * np.abs(twin).max())
+        for order in range(len(directions) + 1):
+            total = None
+            for signs in product((1, -1), repeat=order):
+                place = [mp.mpf(float(v)) for v in y]
+                for sign, direction in zip(signs, directions, strict=False):
+                    place = [v + sign * step * mp.mpf(float(d)) for v, d in zip(place, direction, strict=True)]
+                value = residual(place) * int(np.prod(signs))
+                total = value if total is None else total + value
+            found.append(np.array((total / (2 * step) ** order).T.tolist()[0], dtype=float))
+    return found
 
 
 def test_forces_of_python_functions_are_differentiated_by_differences():
