@@ -11,6 +11,7 @@ The matrices of free orbits have rows of other conditions at their ends, too: se
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -89,21 +90,15 @@ class RowsCondition(SingularCondition):
 
     def slopes(self, y: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """The derivatives of the matrix times a direction, (u, u)."""
-        return self._slopes(*(None if problem is None else second_along(problem, y, direction) for problem in self._problems))
+        return self._from_parts(lambda problem: second_along(problem, y, direction))
 
     def _quick_slopes(self, at: Linearised, direction: np.ndarray) -> np.ndarray:
-        quick = (None if problem is None else problem.curvature.slopes_along(at.y, direction) for problem in self._problems)
-        return self._slopes(*quick)
+        return self._from_parts(lambda problem: problem.curvature.slopes_along(at.y, direction))
 
-    @property
-    def _problems(self) -> tuple[ForcedProblem, ForcedProblem | None]:
-        return self.plane.problem, self.rows.other
-
-    def _slopes(self, second: np.ndarray | None, other: np.ndarray | None) -> np.ndarray:
-        assert second is not None
-        own = np.zeros((self.plane.size, self.plane.size))
+    def _from_parts(self, along: Callable[[ForcedProblem], np.ndarray]) -> np.ndarray:
+        own, second, other = np.zeros((self.plane.size, self.plane.size)), along(self.plane.problem), self.rows.other
         own[:-2], own[-1] = second[:-1], second[-1]
-        return self.rows.slopes(own, other)
+        return self.rows.slopes(own, None if other is None else along(other))
 
 
 def forced_condition(plane: ParameterPlane, code: str) -> RowsCondition:
