@@ -94,7 +94,7 @@ kernel: Any = partial(Kernel, _nrt=False)
 Views of its arguments are not reference-counted, since the caller holds the arrays. Counting costs more than short sums."""
 
 short_loops: Any = partial(kernel, short_loops=True)
-"""A kernel of short loops. LLVM vectorises the straight code between them: a loop of four would take longer in vectors."""
+"""A kernel whose loops have few turns, of a number that is known (`sized`). LLVM unrolls them, and vectorises the straight code."""
 
 inlined: Any = partial(Kernel, forceinline=True, _nrt=False)
 """A kernel whose machine code becomes part of each caller.
@@ -103,13 +103,13 @@ The compiler then uses facts that the caller knows, such as a `sized` length. No
 than a short flight. Use it for a kernel with one caller, and for a few lines inside a loop."""
 
 
-def shared(result: Any, *, allocates: bool = False) -> Any:
+def shared(result: Any, *, allocates: bool = False, short_loops: bool = False) -> Any:
     """Compile a large function that several kernels call: it is machine code of its own, and they call it there.
 
     Without this, each of them contains its code. `result` says what it returns: "none", "integer", "float", "boolean", or a tuple of these.
     Its callers are then compiled without it. A call costs a few nanoseconds. It writes to no array that its callers have for reading.
-    allocates: it makes arrays."""
-    return partial(Kernel, result=result, _nrt=allocates)
+    allocates: it makes arrays. short_loops: as for such kernels."""
+    return partial(Kernel, result=result, short_loops=short_loops, _nrt=allocates)
 
 
 allocating: Any = partial(Kernel, _nrt=True)

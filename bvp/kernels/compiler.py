@@ -38,9 +38,6 @@ from bvp.kernels.stored import processor, require_imported, symbol
 
 nb: Any = numba
 
-LEVEL = 2
-"""Of optimisation. The third level takes a fifth longer, and its code is no faster."""
-
 if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
     raise ValueError("NUMBA_DISABLE_JIT is set, and saltus computes with compiled code alone; expected it unset, or 0")
 
@@ -79,8 +76,7 @@ class _Library(AOTCodeLibrary):
         # functions all become one takes several times as long to optimise.
         _set_linkage(self._final_module.functions, "linkonce_odr", self.exported)
         _set_linkage(self._final_module.global_variables, "internal")
-        passes, builder = self._codegen._module_pass_manager(opt=LEVEL, loop_vectorize=not self.short_loops, slp_vectorize=self.short_loops)
-        passes.run(self._final_module, builder)
+        self._optimize()
         _set_linkage(self._final_module.functions, "internal", self.exported)
         self._final_module.verify()
         declared = [function.name for function in self._final_module.functions if function.is_declaration]
@@ -88,6 +84,15 @@ class _Library(AOTCodeLibrary):
         for name in declared:
             if name.startswith(("numba_", "NRT_")):
                 raise NotImplementedError(f"a kernel calls {name}, which only numba has; expected arithmetic alone")
+
+    def _optimize(self) -> None:
+        """Loops whose length is not known are neither unrolled nor vectorised, which takes a quarter longer. Sums of a few products are
+        faster without it."""
+        tuning = llvm.create_pipeline_tuning_options(2 if self.short_loops else 1)
+        tuning.loop_vectorization = False
+        tuning.loop_unrolling = tuning.slp_vectorization = self.short_loops
+        builder = llvm.create_pass_builder(self._codegen._tm, tuning)
+        builder.getModulePassManager().run(self._final_module, builder)
 
 
 def _order(library: Any) -> list[str]:

@@ -15,7 +15,7 @@ class Declared:
     result : str, tuple or None
         What it returns, as `bvp.kernels.stored.types_of` writes types, or "none"; None where only the compiler knows.
     short_loops : bool
-        Whether LLVM vectorises straight code in place of loops.
+        Whether LLVM unrolls loops, and vectorises straight code.
     options : dict
         How numba compiles it.
     """
