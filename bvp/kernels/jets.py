@@ -54,36 +54,54 @@ class JetProgram(NamedTuple):
 
 
 @inlined
-def _product(a, b, k, first):
-    """Sum of a[j] b[k - j] for j = first .. k. Two sums that do not wait for each other."""
+def _known(a, b, k):
+    """Sum of a[j] b[k - j] for j = 1 .. k - 1: what is known before the coefficients of order k. The processor computes sums at the same
+    time if none waits for these or for another sum."""
     even = 0.0
     odd = 0.0
-    j = first
-    while j < k:
+    j = 1
+    while j < k - 1:
         even += a[j] * b[k - j]
         odd += a[j + 1] * b[k - j - 1]
         j += 2
-    if j == k:
-        even += a[k] * b[0]
+    if j == k - 1:
+        even += a[j] * b[1]
     return even + odd
+
+
+@inlined
+def _known_square(a, k):
+    """The same for b = a."""
+    even = 0.0
+    odd = 0.0
+    half = (k + 1) // 2
+    j = 1
+    while j < half - 1:
+        even += a[j] * a[k - j]
+        odd += a[j + 1] * a[k - j - 1]
+        j += 2
+    if j == half - 1:
+        even += a[j] * a[k - j]
+    total = 2.0 * (even + odd)
+    return total + a[half] * a[half] if k % 2 == 0 else total
 
 
 @inlined
 def _weighted(a, b, k):
     """Sum of j a[j] b[k - j] for j = 1 .. k."""
     total = 0.0
-    for j in range(1, k + 1):
+    for j in range(1, k):
         total += j * a[j] * b[k - j]
-    return total
+    return total + k * a[k] * b[0]
 
 
 @inlined
 def _power(a, c, k, s):
     """The coefficient of order k of c = a^s, from a c' = s a' c."""
     total = 0.0
-    for j in range(1, k + 1):
+    for j in range(1, k):
         total += (s * j - (k - j)) * a[j] * c[k - j]
-    return total / (k * a[0])
+    return (total + s * k * a[k] * c[0]) / (k * a[0])
 
 
 @inlined
@@ -101,17 +119,13 @@ def extend_jets(program, jets, k, least):
         elif operation == SUBTRACT:
             c[k] = a[k] - jets[code[i, 3], k]
         elif operation == MULTIPLY:
-            c[k] = _product(a, jets[code[i, 3]], k, int64(0))
+            b = jets[code[i, 3]]
+            c[k] = _known(a, b, k) + (a[0] * b[k] + a[k] * b[0]) if k > 0 else a[0] * b[0]
         elif operation == SQUARE:
-            half = (k + 1) // 2
-            total = 0.0
-            for j in range(half):
-                total += a[j] * a[k - j]
-            total *= 2.0
-            c[k] = total if k % 2 == 1 else total + a[half] * a[half]
+            c[k] = _known_square(a, k) + 2.0 * a[0] * a[k] if k > 0 else a[0] * a[0]
         elif operation == DIVIDE:
             b = jets[code[i, 3]]
-            c[k] = (a[k] - (_product(b, c, k, int64(1)) if k > 0 else 0.0)) / b[0]
+            c[k] = (a[k] - _known(b, c, k) - b[k] * c[0]) / b[0] if k > 0 else a[0] / b[0]
         elif operation == SCALE:
             c[k] = numbers[code[i, 3]] * a[k]
         elif operation == SHIFT:

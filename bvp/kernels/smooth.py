@@ -27,7 +27,16 @@ from bvp.kernels.flights import (
     velocity_unit,
 )
 from bvp.kernels.sources import ORDER
-from bvp.kernels.taylor import SmoothFlight, evaluate_energy, find_path, horner, largest_change, smooth_rate, step_at
+from bvp.kernels.taylor import (
+    SmoothFlight,
+    evaluate_energy,
+    find_path,
+    horner,
+    largest_change,
+    smooth_rate,
+    state_with_acceleration,
+    step_at,
+)
 
 
 @flight_end.of(SmoothFlight)
@@ -240,12 +249,7 @@ def smooth_bounds(track, t):
 def _across(row, t, of_distance, state, change):
     """Of the speed, v . a and the part of v across a; or of the distance from the origin, u . v and the part of u across v; n = 2, at the
     time t in a step with the coefficients `row`."""
-    horner(row, t, state)
-    for r in range(2, 4):
-        change[r] = ORDER * row[ORDER, r]
-    for k in range(ORDER - 1, 0, -1):
-        for r in range(2, 4):
-            change[r] = change[r] * t + k * row[k, r]
+    state_with_acceleration(row, t, state, change)
     x, y = state[2], state[3]
     a, b = change[2], change[3]
     if of_distance:

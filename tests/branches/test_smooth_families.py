@@ -24,7 +24,7 @@ from bvp.springs import Spring
 from bvp.system import ImpactSystem
 from saltus.scene import load_scene
 
-STEPS = 7
+STEPS = 6
 """Taylor steps that the flights of S11- take between its two folds, and a little above."""
 
 
