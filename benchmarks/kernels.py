@@ -67,6 +67,11 @@ EXAMPLES: dict[str, list[str]] = {
         "curve c.json:2.NS1 --in w,F --range 0.5:1.5,0.2:0.4 --points 20",
         "curve c.json:GR1 --in w,F --range 0.5:1.5,0.2:0.4 --points 20",
     ],
+    "sticking curve": [
+        "continue --scene impact_oscillator --set r=0 --set s=-.5 --set w=.5 --from simulate --start -.6,0 --in s --range -.6:.5 "
+        "--json a.json",
+        "curve a.json:GR1 --in s,w --range -1:1,.3:.7 --points 10",
+    ],
     "free curve": [
         "continue S11- --energy 0.05:0.2 --json a.json",
         "curve a.json:SN1 --in energy,mu --range 0.01:1,0.09:0.11 --points 20",

@@ -23,6 +23,10 @@ STEP_LIMIT = 100000
 """Steps after which a search gives up and says so; a flight of a thousand periods takes some ten thousand."""
 
 
+ROUNDING = 4e-16
+"""Of a functional, as a part of its bound: two units."""
+
+
 class Observed(NamedTuple):
     """Functionals that are observed along each flight. S stops, N entries a state."""
 
@@ -165,7 +169,9 @@ def next_sign_change(track, floor, inside, first, last, sign, before, f_before, 
         least = first if here == 0.0 else last if here >= track.duration else inside
         found = abs(f) > least and (sign == 0 or (f > 0.0) != (sign > 0))
         curvature, jerk, until = bounds_at(track, here)
-        step = max(min(safe_step(f, slope, bend, curvature, jerk), until - here), floor)
+        # Beside a tangency, f changes by its rounding alone in this time.
+        unseen = math.sqrt(ROUNDING * track.level / curvature) if curvature > 0.0 else 0.0
+        step = max(min(max(safe_step(f, slope, bend, curvature, jerk), unseen), until - here), floor)
         t = math.inf if here >= track.duration else min(track.duration, here + step)
     return found, before, f_before, here, f, t, steps
 

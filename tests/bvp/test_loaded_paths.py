@@ -10,6 +10,7 @@ import bvp.kernels.multipoint as entry
 from bvp.forced import ForcedProblem
 from bvp.kernels.loaded_paths import forced_observe
 from bvp.parameters import ParametricSystem
+from saltus.scene import load_scene
 
 STOPS = [
     {"c": [1.0, 0.0], "upper": 0.5, "restitution": 0.8},
@@ -137,3 +138,12 @@ def test_long_flights_of_strongly_damped_modes_are_exact(kind, w):
     for node, state, duration in zip(problem.nodes(y), states, problem.flight_times(y), strict=True):
         expected = (scipy.linalg.expm(matrix * duration) @ state)[:4]
         assert problem.fly(node, duration)[0] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("duration", [5e-9, 2.6e-8])
+def test_a_flight_that_hardly_leaves_its_stop(duration):
+    """Oracle: closed form. The ball leaves its table where the acceleration of the table is that of gravity, and largest. The gap and three
+    derivatives are zero there, and the velocity, t^3/6, is far below its rounding."""
+    problem = ForcedProblem(load_scene("bouncing_ball", e=0.0, Gamma=1.0).parametric, ["-="], ["Gamma"])
+    held, free = [0.0, 0.0, 0.25, 1.0, 2.0 * np.pi], [0.0, 0.0, 1.25, 1.0, duration]
+    assert abs(observed(problem, np.array(held + free))) < 1e-15
