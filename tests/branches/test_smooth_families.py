@@ -24,7 +24,7 @@ from bvp.springs import Spring
 from bvp.system import ImpactSystem
 from saltus.scene import load_scene
 
-STEPS = 6
+STEPS = 9
 """Taylor steps that the flights of S11- take between its two folds, and a little above."""
 
 
@@ -125,7 +125,7 @@ def test_each_linear_mode_begins_a_family(mode):
 def test_a_family_that_leaves_what_can_be_flown_is_followed_once(monkeypatch):
     """Oracle: the lower one of the two folds identifies the family, as with flights of any length. No other way leads beyond the limit of
     a flight, and the reason is named."""
-    branch = trace_named("S11-", sink(3, 0.05, 0.0), bounds={"energy": (1.5e-3, 2e-3), "quarter_period": 4.0})
+    branch = trace_named("S11-", sink(5, 0.1, 0.02), bounds={"energy": (1.5e-3, 2e-3), "quarter_period": 4.0})
     expected = branch.full_family.marks
     runs, follow = [], full_family.follow_both_ways
 
@@ -139,7 +139,7 @@ def test_a_family_that_leaves_what_can_be_flown_is_followed_once(monkeypatch):
     assert found.ids == branch.full_family.ids and abs(found.marks[0].h / expected[0].h - 1.0) < 1e-12
     (run,) = runs
     assert sum(f"it takes more than {STEPS} Taylor steps" in end.text for end in run.ends) == 1
-    assert found.h.max() < 0.0052
+    assert found.h.max() < 0.04
 
 
 @pytest.mark.parametrize(("scene", "mode", "low", "h"), [("duffing_pair", "mode:1", 0.1, 100.0), ("smooth_wall", "mode:2", 0.001, 1.0)])
