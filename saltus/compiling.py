@@ -78,15 +78,20 @@ def _key(call: list[Any]) -> str:
 
 
 def prepare_with(module: str, name: str, types: Any) -> None:
-    """Compile a kernel with all others of a group of commands: the group that lacks least. In a worker process nothing is done."""
+    """Compile a kernel with all others of a group of commands: the group that lacks least. One that is on no list is only announced. In a
+    worker process nothing is done."""
     from bvp.kernels.stored import types_from
 
     listed = _listed()
     places = [k for k, call in enumerate(listed["kernels"]) if call[1:3] == [module, name] and types_from(call[3]) == types]
     groups = [group for group, members in listed["commands"].items() if set(places) & set(members)]
     tried = any(_key(listed["kernels"][k]) in _tried for k in places)
-    if groups and not tried and multiprocessing.parent_process() is None:
+    if tried or multiprocessing.parent_process() is not None:
+        return
+    if groups:
         prepare(min(groups, key=lambda group: sum(call[0] for call in missing(group))))
+    else:  # it is compiled alone, in this process
+        announce([[max((call[0] for call in listed["kernels"] if call[1:3] == [module, name]), default=_UNLISTED), module, name, types]])
 
 
 def announce(calls: list[list[Any]]) -> None:
@@ -99,6 +104,9 @@ def announce(calls: list[list[Any]]) -> None:
 
 _MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(1 << 29), "MALLOC_MMAP_THRESHOLD_": str(1 << 29), "MALLOC_TOP_PAD_": str(1 << 26)}
 """Lets a process that compiles keep its memory. To give it back to the system and ask for it again takes a tenth of the time (glibc)."""
+
+_UNLISTED = 2.0
+"""Seconds that most kernels take which are on no list."""
 
 _START = 3.0
 """Seconds that a process takes until it can compile."""

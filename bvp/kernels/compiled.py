@@ -94,7 +94,7 @@ kernel: Any = partial(Kernel, _nrt=False)
 Views of its arguments are not reference-counted, since the caller holds the arrays. Counting costs more than short sums."""
 
 short_loops: Any = partial(kernel, short_loops=True)
-"""A kernel whose loops have few turns, of a number that is known (`sized`). LLVM unrolls them, and vectorises the straight code."""
+"""A kernel whose loops are short, and most of a known length (`sized`). LLVM unrolls them, and vectorises the straight code."""
 
 inlined: Any = partial(Kernel, forceinline=True, _nrt=False)
 """A kernel whose machine code becomes part of each caller.

@@ -3,6 +3,7 @@
 With |f''| <= W over the flight, f keeps its sign over the step (|f'| + sqrt(f'^2 + 2 W |f|))/W away from zero (with f' counted
 against it where it points to zero), and f is monotone over |f'|/W. With |f'''| <= V, f' keeps its sign, and f is monotone, over the
 step of the same form for f' and f''. Steps take the longest of these, so each holds at most one zero, and that one changes the sign.
+A step in which f changes by its rounding alone is not divided: what is smaller cannot be seen.
 
 Where no mode damps or grows, f(t) is a sum over the modes of alpha C(t) + beta S(t): its parts (alpha, beta) are found once a flight, and
 give f, f' and f'' from one sine and cosine of each mode.
@@ -21,7 +22,6 @@ from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact
 
 STEP_LIMIT = 100000
 """Steps after which a search gives up and says so; a flight of a thousand periods takes some ten thousand."""
-
 
 ROUNDING = 4e-16
 """Of a functional, as a part of its bound: two units."""
@@ -169,9 +169,11 @@ def next_sign_change(track, floor, inside, first, last, sign, before, f_before, 
         least = first if here == 0.0 else last if here >= track.duration else inside
         found = abs(f) > least and (sign == 0 or (f > 0.0) != (sign > 0))
         curvature, jerk, until = bounds_at(track, here)
-        # Beside a tangency, f changes by its rounding alone in this time.
-        unseen = math.sqrt(ROUNDING * track.level / curvature) if curvature > 0.0 else 0.0
-        step = max(min(max(safe_step(f, slope, bend, curvature, jerk), unseen), until - here), floor)
+        step = safe_step(f, slope, bend, curvature, jerk)
+        if step * step * curvature < ROUNDING * track.level:
+            # Beside a tangency: f and its changes in this time are rounding.
+            step = math.sqrt(ROUNDING * track.level / curvature)
+        step = max(min(step, until - here), floor)
         t = math.inf if here >= track.duration else min(track.duration, here + step)
     return found, before, f_before, here, f, t, steps
 

@@ -54,36 +54,19 @@ class JetProgram(NamedTuple):
 
 
 @inlined
-def _known(a, b, k):
-    """Sum of a[j] b[k - j] for j = 1 .. k - 1: what is known before the coefficients of order k. The processor computes sums at the same
-    time if none waits for these or for another sum."""
+def _product(a, b, k, last):
+    """Sum of a[j] b[k - j] for j = 1 .. last. Without the coefficients of order k, and as two sums, it waits for nothing: the processor
+    computes it beside others."""
     even = 0.0
     odd = 0.0
     j = 1
-    while j < k - 1:
+    while j < last:
         even += a[j] * b[k - j]
         odd += a[j + 1] * b[k - j - 1]
         j += 2
-    if j == k - 1:
-        even += a[j] * b[1]
+    if j == last:
+        even += a[j] * b[k - j]
     return even + odd
-
-
-@inlined
-def _known_square(a, k):
-    """The same for b = a."""
-    even = 0.0
-    odd = 0.0
-    half = (k + 1) // 2
-    j = 1
-    while j < half - 1:
-        even += a[j] * a[k - j]
-        odd += a[j + 1] * a[k - j - 1]
-        j += 2
-    if j == half - 1:
-        even += a[j] * a[k - j]
-    total = 2.0 * (even + odd)
-    return total + a[half] * a[half] if k % 2 == 0 else total
 
 
 @inlined
@@ -120,12 +103,16 @@ def extend_jets(program, jets, k, least):
             c[k] = a[k] - jets[code[i, 3], k]
         elif operation == MULTIPLY:
             b = jets[code[i, 3]]
-            c[k] = _known(a, b, k) + (a[0] * b[k] + a[k] * b[0]) if k > 0 else a[0] * b[0]
+            c[k] = _product(a, b, k, k - 1) + (a[0] * b[k] + a[k] * b[0]) if k > 0 else a[0] * b[0]
         elif operation == SQUARE:
-            c[k] = _known_square(a, k) + 2.0 * a[0] * a[k] if k > 0 else a[0] * a[0]
+            half = (k - 1) // 2
+            total = 2.0 * _product(a, a, k, half)
+            if k % 2 == 0:
+                total += a[k // 2] * a[k // 2]
+            c[k] = total + 2.0 * a[0] * a[k] if k > 0 else total
         elif operation == DIVIDE:
             b = jets[code[i, 3]]
-            c[k] = (a[k] - _known(b, c, k) - b[k] * c[0]) / b[0] if k > 0 else a[0] / b[0]
+            c[k] = (a[k] - _product(b, c, k, k - 1) - b[k] * c[0]) / b[0] if k > 0 else a[0] / b[0]
         elif operation == SCALE:
             c[k] = numbers[code[i, 3]] * a[k]
         elif operation == SHIFT:

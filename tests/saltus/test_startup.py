@@ -82,6 +82,19 @@ def test_a_kernel_for_other_arguments_brings_its_own_group(empty, monkeypatch):
     assert asked == [empty["kernels"][:1], empty["kernels"][1:]]
 
 
+@pytest.mark.parametrize(("name", "seconds"), [("free_step", 4), ("two_free_steps", 5)])
+def test_a_kernel_on_no_list_is_announced(empty, monkeypatch, capsys, name, seconds):
+    """Oracle: the time of the listed kernel of this name, or 2 s, and that of a start by hand. In a worker process nothing is said."""
+    from bvp.kernels.stored import types_from
+
+    call = "bvp.kernels.flight", name, types_from(["", "float64 1 C", "float", "float"])
+    compiling.prepare_with(*call)
+    assert capsys.readouterr().err == f"saltus: compiling 1 kernel, at the first run only: about {seconds} s\n"
+    monkeypatch.setattr(compiling.multiprocessing, "parent_process", lambda: object())
+    compiling.prepare_with(*call)
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize(
     ("words", "asked"),
     [
