@@ -41,25 +41,24 @@ def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Bran
         elif event.type in FREE_NORMAL_FORMS and event.coefficient is None:
             new.append(k)
         events.append(event)
-    problem = branch.problem
-    few = len(new) * (problem.inner + 1) * problem.half**3 <= _FEW
     for k in new:
-        orbit, event = branch.orbit(events[k].point), events[k]
-        try:
-            with interpreted(few):
-                events[k] = normal_form_at(orbit, event)
-        except NotInterpretedError:
-            events[k] = normal_form_at(orbit, event)
+        events[k] = normal_form_at(branch.orbit(events[k].point), events[k], len(new))
     found = replace(branch, events=tuple(events))
     found.__dict__.update({name: value for name, value in branch.__dict__.items() if name in ("id", "full_family", "wider")})
     return found
 
 
-def normal_form_at(orbit: Orbit, event: BranchEvent) -> BranchEvent:
-    """An event with the coefficient of its normal form, where it has one. orbit: the one at the event."""
+def normal_form_at(orbit: Orbit, event: BranchEvent, count: int = 1) -> BranchEvent:
+    """An event with the coefficient of its normal form, where it has one. orbit: the one at the event. count: how many events of the
+    family are known to need one."""
     if event.type not in FREE_NORMAL_FORMS:
         return event
     from branches.released.criticality import free_criticality
 
-    found = free_criticality(orbit, event.type)
+    problem = orbit.problem
+    try:
+        with interpreted(count * (problem.inner + 1) * problem.half**3 <= _FEW):
+            found = free_criticality(orbit, event.type)
+    except NotInterpretedError:
+        found = free_criticality(orbit, event.type)
     return event if found is None else event._replace(coefficient=found.coefficient, criticality=found.kind)

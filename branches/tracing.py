@@ -362,7 +362,7 @@ class _Collector:
         name = f"{event.code}{self.types[event.code]}"
         found = record_of_event(event, name, 0, number, orbit.columns, 0, backward=self.sign < 0)
         if self.forms is not None and found.type in FREE_NORMAL_FORMS:
-            found = normal_form_at(orbit, found)
+            found = normal_form_at(orbit, found, len(self.forms) + 1)
             self.forms.append(found)
         self.on_event(found)
 

@@ -9,12 +9,14 @@ import mpmath as mp
 import pytest
 
 import saltus
+from branches import normal_forms
 from branches.curves.free_start import released_of
 from branches.forced.tracing import follow_response
 from branches.linear_modes import families_at, linear_modes
 from branches.reading import branch_of_record, read_branch
 from branches.released.criticality import free_criticality, free_criticality_of
 from branches.switching import emanating_families, switch
+from bvp.kernels.hook import interpreted
 from bvp.stability import stability
 from tests.branches.curve_oracles import DIGITS, ReferenceBackbone, exact
 from tests.branches.traced import traced
@@ -216,6 +218,23 @@ def test_events_of_a_branch_have_their_normal_form(tmp_path):
     assert not any(event.normal_form for event in branch_of_record(record).events)
     stepped = saltus.trace("S31O11+", energy=(0.1, 10.0), normal_forms=True, points=2000)
     assert [event.criticality for event in stepped.events if event.type in ("PD", "SB")] == ["subcritical", "supercritical"]
+
+
+@pytest.mark.parametrize("options", [{}, {"points": 80}])
+def test_few_normal_forms_are_computed_without_compiling(options, monkeypatch):
+    """Oracle: by hand. With a limit of points, events are reported while the family is followed."""
+    asked, events = [], []
+
+    def recorded(wanted):
+        asked.append(wanted)
+        return interpreted(False)
+
+    monkeypatch.setattr(normal_forms, "interpreted", recorded)
+    saltus.trace("S13O00+", energy=(0.14, 1.0), normal_forms=True, on_event=events.append, **options)
+    assert [event.criticality for event in events if event.type == "SB"] == ["subcritical"] and asked == [True]
+    monkeypatch.setattr(normal_forms, "_FEW", 0)
+    saltus.trace("S13O00+", energy=(0.14, 1.0), normal_forms=True, on_event=events.append, **options)
+    assert asked == [True, False]
 
 
 def test_family_in_a_parameter_reports_its_normal_forms():
