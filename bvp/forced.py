@@ -34,6 +34,7 @@ from bvp.multipliers import sort_multipliers
 from bvp.multipoint import NotConverged, Solution, dense_jacobian
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
+from bvp.smooth_flights import why_not_flown
 from bvp.stroboscopic import OrbitMultipliers
 from bvp.system import ImpactSystem
 
@@ -232,10 +233,13 @@ class ForcedProblem:
         return self._why_no_flight(y) if found is None and self.is_smooth else found
 
     def _why_no_flight(self, y: np.ndarray) -> str | None:
-        """Which flight of y with smooth forces cannot be computed."""
+        """Where and why a flight of y with smooth forces cannot be computed."""
         self._evaluated(y)
         failed = np.flatnonzero(~np.isfinite(self._factor.before).all(axis=1))
-        return f"flight {failed[0] + 1} needs too many steps, or its forces are not finite" if len(failed) else None
+        if not len(failed):
+            return None
+        i = int(failed[0])
+        return f"flight {i + 1} of an orbit: {why_not_flown(self.segment.flight, np.append(self.nodes(y)[i], self.flight_times(y)[i]))}"
 
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         """The contact at each node after the first one, then that at the first; -1: none."""

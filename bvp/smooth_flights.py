@@ -46,12 +46,15 @@ def flight_of(system: ImpactSystem) -> Flight | SmoothFlight:
     return system.modes.flight if system.smooth_forces is None else smooth_flight(system, 2)
 
 
-def why_not_flown(flight: Any) -> str:
-    """Where and why the flight that was computed last has no end; empty where it has one. flight: of any kind, under loads too."""
+def why_not_flown(flight: Any, begin: np.ndarray | None = None) -> str:
+    """Where and why the flight that was computed last has no end; empty where it has one. flight: of any kind, under loads too. begin
+    (W + 1,): the node and the duration of another one that was computed."""
     flight = getattr(flight, "taylor", flight)
     if not isinstance(flight, SmoothFlight):
         return ""
     paths, slot = flight.paths, int(flight.paths.latest[0])
+    if begin is not None:
+        slot = int(np.all(paths.begins == begin, axis=1).argmax())
     steps, count = paths.steps[slot].tolist()
     if steps >= 0:
         return ""
