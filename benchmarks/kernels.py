@@ -91,6 +91,7 @@ EXAMPLES: dict[str, list[str]] = {
         "continue S11- --scene cubic_nes --energy 1e-2:0.1 --points 20",
         "continue --scene beam_on_cubic_spring --from mode:2 --points 8",
     ],
+    "smooth parameter": ["continue S13+@h=5 --scene smooth_wall --in 1/n --range 0:0.12"],
     "smooth discover": [
         "discover --scene cubic_nes --energy 1 --max-quarter-period 3 --max-starts 64",
         "discover --scene cubic_and_stops --energy 2 --max-quarter-period 2 --max-impacts 4 --max-starts 64",

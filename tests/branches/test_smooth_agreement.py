@@ -36,23 +36,24 @@ def family(scene: str, mode: str, low: float, high: float, **values: float) -> B
 
 
 FAMILIES = [
-    ("cubic_nes", {}, "mode:2", (1e-3, 2.0), (0.002, 0.1, 1.5)),
-    ("smooth_wall", {"n": 3}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
-    ("smooth_wall", {"n": 10}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
-    ("smooth_wall", {"n": 20}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
-    ("smooth_wall", {"n": 100}, "mode:1", (0.02, 4.0), (0.05, 1.0, 3.9)),
-    ("duffing_pair", {}, "mode:1", (1e-3, 20.0), (0.01, 1.0, 19.0)),
-    ("duffing_pair", {}, "mode:2", (1e-3, 20.0), (0.01, 1.0, 19.0)),
+    ("cubic_nes", {}, "mode:2", (1e-3, 2.0), (0.002, 0.02, 0.1, 0.5, 1.5)),
+    ("smooth_wall", {"n": 3}, "mode:1", (0.02, 4.0), (0.05, 0.2, 1.0, 2.0, 3.9)),
+    ("smooth_wall", {"n": 10}, "mode:1", (0.02, 4.0), (0.05, 0.2, 1.0, 2.0, 3.9)),
+    ("smooth_wall", {"n": 20}, "mode:1", (0.02, 4.0), (0.05, 0.2, 1.0, 2.0, 3.9)),
+    ("smooth_wall", {"n": 100}, "mode:1", (0.02, 4.0), (0.05, 0.2, 1.0, 2.0, 3.9)),
+    ("smooth_wall", {"n": 3}, "mode:2", (0.02, 4.0), (0.05, 0.2, 1.0, 2.0, 3.9)),
+    ("duffing_pair", {}, "mode:1", (1e-3, 20.0), (0.01, 0.1, 1.0, 5.0, 19.0)),
+    ("duffing_pair", {}, "mode:2", (1e-3, 20.0), (0.01, 0.1, 1.0, 5.0, 19.0)),
 ]
 
 
-@pytest.mark.parametrize(("scene", "values", "mode", "energy", "energies"), [FAMILIES[0], *FAMILIES[5:]])
-def test_a_second_integrator_agrees_at_three_energies(scene, values, mode, energy, energies):
-    """Oracle: see `require_a_second_integrator_agrees_at_three_energies`."""
-    require_a_second_integrator_agrees_at_three_energies(scene, values, mode, energy, energies)
+@pytest.mark.parametrize(("scene", "values", "mode", "energy", "energies"), [FAMILIES[0], *FAMILIES[-2:]])
+def test_a_second_integrator_agrees(scene, values, mode, energy, energies):
+    """Oracle: see `require_a_second_integrator_agrees`."""
+    require_a_second_integrator_agrees(scene, values, mode, energy, energies[::2])
 
 
-def require_a_second_integrator_agrees_at_three_energies(scene, values, mode, energy, energies):
+def require_a_second_integrator_agrees(scene, values, mode, energy, energies):
     """Oracle: DOP853 at 1e-13, whose orbit Newton's method solves. The quarter period has its error, times a condition of at most 30; the
     trace of the period's derivative, which grows by up to some hundred at n = 100, has five digits less."""
     branch = family(scene, mode, *energy, **values)
@@ -139,11 +140,13 @@ def test_harmonic_balance_agrees_between_stops_that_are_not_reached():
     _agrees(orbit, 24)
 
 
-def test_walls_of_power_one_give_the_linear_modes():
+@pytest.mark.parametrize("out_of_phase", [False, True])
+def test_walls_of_power_one_give_the_linear_modes(out_of_phase):
     """Oracle: the roots of det(K - w^2 M) in closed form, where the spring of the walls adds 1 to sigma; the real power flies as any."""
     mu, sigma = 0.1, 1.1
     middle, product = 0.5 * (sigma / mu + 1.0 + sigma), sigma / mu
-    square = product / (middle + math.sqrt(middle**2 - product))
+    square = middle + math.sqrt(middle**2 - product)
+    square = square if out_of_phase else product / square
     parametric = load_scene("smooth_wall").parametric
     problem = ReleasedProblem(parametric, ("origin", "rest"), (), ["n"], ["energy = 0.5"], values={"n": 0.0})
     shape = np.array([sigma / (sigma - mu * square), 1.0])
@@ -151,7 +154,7 @@ def test_walls_of_power_one_give_the_linear_modes():
     quarter = 0.5 * math.pi / math.sqrt(square)
     y = problem.solve(problem.pack([[0.0, 0.0, *velocities]], [0.0], [0.0], [1.01 * quarter])).y
     assert abs(float(np.sum(problem.flight_times(y))) / quarter - 1.0) < 1e-14
-    assert np.abs(problem.nodes(y)[0, 2:4] - velocities).max() < 1e-14
+    assert np.abs(problem.nodes(y)[0, 2:4] - velocities).max() < 1e-14 * np.abs(velocities).max()
 
 
 @pytest.mark.parametrize(("n", "folds"), [(10, ()), (13, ()), (14, ()), (15, (0.064581662405999, 0.064652545529434))])

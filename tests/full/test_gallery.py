@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from saltus.commands.gallery import load_gallery
 from tests.saltus.running import run
 from tests.saltus.test_gallery import PAPER
 
 
-def test_all_figures_of_the_paper_are_made(capsys, tmp_path):
-    """Oracle: the paper's list of figures; each has a picture, data and a caption."""
-    code, out, err = run(capsys, "gallery", "paper", "--out", tmp_path)
-    figures = load_gallery("paper")["figures"]
+@pytest.mark.parametrize("gallery", ["paper", "limit"])
+def test_all_figures_are_made(capsys, tmp_path, gallery):
+    """Oracle: the list of figures; each has a picture, data and a caption."""
+    code, out, err = run(capsys, "gallery", gallery, "--out", tmp_path)
+    figures = load_gallery(gallery)["figures"]
     assert code == 0 and not err and [line.split()[0] for line in out.splitlines()] == [*figures, "wrote"]
     page = (tmp_path / "captions.md").read_text(encoding="utf-8")
     for name, figure in figures.items():

@@ -150,6 +150,7 @@ def test_a_flight_is_that_of_another_integrator(tmp_path, name, time):
 
 
 MASS, STIFFNESS = np.array([[1.0, 0.1], [0.1, 0.5]]), np.array([[2.0, -1.0], [-1.0, 1.0]])
+DAMPING = np.array([[0.2, -0.1], [-0.1, 0.3]])
 FILES = """
 [system]
 mass = "MASS"
@@ -162,22 +163,27 @@ upper = 1.0
 
 def write_matrices(folder):
     """The matrices in three formats, dense and sparse."""
-    np.savez(folder / "both.npz", M=MASS, K=STIFFNESS)
-    io.savemat(folder / "both.mat", {"mass": MASS, "stiffness": sparse.csc_matrix(STIFFNESS)})
+    np.savez(folder / "both.npz", M=MASS, K=STIFFNESS, C=DAMPING)
+    io.savemat(folder / "both.mat", {"mass": MASS, "stiffness": sparse.csc_matrix(STIFFNESS), "damping": DAMPING})
     io.mmwrite(folder / "mass.mtx", MASS, precision=17)
     io.mmwrite(folder / "stiffness.mtx", sparse.coo_matrix(STIFFNESS), precision=17)
+    io.mmwrite(folder / "damping.mtx", DAMPING, precision=17)
     np.savez(folder / "other.npz", A=MASS)
     np.savez(folder / "list.npz", M=MASS[0], K=STIFFNESS)
     (folder / "text.npz").write_text("no archive")
     (folder / "text.mtx").write_text("no matrix")
 
 
-@pytest.mark.parametrize(("mass", "stiffness"), [("both.npz", "both.mat"), ("both.mat", "both.npz"), ("mass.mtx", "stiffness.mtx")])
-def test_matrices_from_files(tmp_path, mass, stiffness):
+@pytest.mark.parametrize(
+    ("mass", "stiffness", "damping"),
+    [("both.npz", "both.mat", "both.npz"), ("both.mat", "both.npz", "both.mat"), ("mass.mtx", "stiffness.mtx", "damping.mtx")],
+)
+def test_matrices_from_files(tmp_path, mass, stiffness, damping):
     """Oracle: the matrices that were written; names are relative to the scene."""
     write_matrices(tmp_path)
-    system = scene_of(tmp_path, FILES.replace("MASS", mass).replace("STIFFNESS", stiffness)).system
-    assert np.array_equal(system.mass, MASS) and np.array_equal(system.stiffness, STIFFNESS)
+    text = FILES.replace('"MASS"', f'"{mass}"\ndamping = "{damping}"').replace("STIFFNESS", stiffness)
+    system = scene_of(tmp_path, text).system
+    assert np.array_equal(system.mass, MASS) and np.array_equal(system.stiffness, STIFFNESS) and np.array_equal(system.damping, DAMPING)
 
 
 @pytest.mark.parametrize(
@@ -201,7 +207,7 @@ def test_a_file_without_a_matrix_is_refused(tmp_path, mass, words):
 WRONG = [
     ("power = 3", "power = 0.5", "the power of the spring on x is from 1 to 10000; received 0.5"),
     ("potential = 'w**4'", "potential = 'abs(w)**3'", "not smooth, in abs(..); expected smooth functions: a contact is a table [[stops]]"),
-    ("potential = 'w**4'", "potential = 'w**4 + sign(w)'", "is not smooth, in sign(..)"),
+    ("potential = 'w**4'", "potential = 'w**4 + sign(w)'", "in sign(..); expected smooth functions: a contact is a table [[stops]]"),
     ("potential = 'w**4'", "potential = 'x**4 + z'", "has the symbol x, which is neither w nor a parameter"),
     ("potential = 'w**4'", "potential = 'k4*w**4'", "the spring on y has the symbol k4, which is neither w nor a parameter; nearest: "),
     ('on = "x"', 'on = "z"', "a spring acts on 'z', which is no coordinate; nearest: "),

@@ -35,3 +35,22 @@ def test_a_family_is_followed_to_its_impacts(capsys, folder):
     # The file shows the same again.
     code, again, _ = run(capsys, "show", "a.json")
     assert code == 0 and out[out.index("branch 1") : out.index("wrote")] == again
+
+
+@pytest.mark.parametrize(
+    ("words", "energy"),
+    [
+        ("S11- --scene cubic_nes --energy 1e-5:30 --plot a.png", (1e-5, 30.0)),
+        ("S13+ --scene smooth_wall --n 10 --energy 0.02:60 --plot a.png", (0.02, 60.0)),
+    ],
+)
+def test_families_are_followed_over_many_energies(capsys, folder, words, energy):
+    """Oracle: the energies asked for, and the energy of each point from its start velocities: the springs are at rest there."""
+    code, _, err = run(capsys, "continue", *words.split(), "--json", "a.json")
+    points = read_json("a.json")["points"]
+    assert code == 0 and not err and (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert (min(point["h"] for point in points), max(point["h"] for point in points)) == pytest.approx(energy, rel=1e-9)
+    ratio = 0.05 if "cubic" in words else 0.1
+    for point in points:
+        u, v = point["velocities"]
+        assert abs((ratio * u * u + v * v) / (2.0 * point["h"]) - 1.0) < 1e-12
