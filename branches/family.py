@@ -165,7 +165,7 @@ class Family(SolvedFamily):
         """See `continuation.Problem`. One compiled call takes the step and computes the test functions."""
         problem, unknowns = self.problem, self.problem.unknowns
         point = TestedPoint(
-            np.empty(unknowns), np.empty(2 * unknowns), np.empty(problem.coordinates), np.empty((problem.inner + 1, problem.size)),
+            np.empty(unknowns), np.empty(problem.tangent_size), np.empty(problem.coordinates), np.empty((problem.inner + 1, problem.size)),
             np.empty(len(RESULT_INDEX)), np.empty(self._computed),
         )  # fmt: skip
         at, along = np.array(y, dtype=float), np.array(tangent, dtype=float)

@@ -324,7 +324,7 @@ class Block(NamedTuple):
     """What is found of each step; row after row, the last one for a step that is tried and not plain. u unknowns, k inner impacts."""
 
     y: np.ndarray  # (steps + 1, u)
-    tangent: np.ndarray  # (steps + 1, 2 u)
+    tangent: np.ndarray  # (steps + 1, 2 u), or 3 u with smooth forces
     position: np.ndarray  # (steps + 1, N + 2)
     ends: np.ndarray  # (steps + 1, k + 1, N)
     result: np.ndarray  # (steps + 1, len(RESULT))
@@ -347,7 +347,7 @@ class TestedPoint(NamedTuple):
     """Where a step leads: a row of a `Block`."""
 
     y: np.ndarray  # (u,)
-    tangent: np.ndarray  # (2 u,)
+    tangent: np.ndarray  # (2 u,), or 3 u with smooth forces
     position: np.ndarray  # (N + 2,)
     ends: np.ndarray  # (k + 1, N)
     result: np.ndarray  # (len(RESULT),)
@@ -358,7 +358,7 @@ class Beginning(NamedTuple):
     """The orbit that a block of steps begins at, and the steps that led there."""
 
     y: np.ndarray  # (u,)
-    tangent: np.ndarray  # (2 u,)
+    tangent: np.ndarray  # (2 u,), or 3 u with smooth forces
     position: np.ndarray  # (N + 2,)
     tests: np.ndarray  # values of the test functions there,
     older: np.ndarray  # one step before,

@@ -91,7 +91,7 @@ class SolvedFamily:
         return self._step(self.problem.step(y, np.zeros(2 * self.problem.unknowns), 0.0))
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
-        """See `continuation.Problem`; the tangent carries its curvature behind it, (2 u,)."""
+        """See `continuation.Problem`; the tangent carries higher derivatives behind it (`bvp.multipoint.Solution`)."""
         return self._step(self.problem.step(y, tangent, ds))
 
     def step_near(self, y: np.ndarray, tangent: np.ndarray, ds: float, guess: np.ndarray) -> Step:
@@ -157,7 +157,7 @@ class SolvedFamily:
         places, unknowns = problem.coordinates, problem.unknowns
         block = Block(
             np.empty((rows, unknowns)),
-            np.empty((rows, 2 * unknowns)),
+            np.empty((rows, problem.tangent_size)),
             np.empty((rows, places)),
             np.empty((rows, problem.inner + 1, problem.size)),
             np.empty((rows, len(RESULT_INDEX))),

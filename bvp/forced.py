@@ -181,6 +181,7 @@ class ForcedProblem:
         self._modes_at: tuple[float, ...] = ()
         self._factor = make_factor(self.segment)
         self._zero = np.zeros(2 * self.unknowns)
+        self.tangent_size = (3 if self.is_smooth else 2) * self.unknowns
         self._nothing = np.zeros(1)
 
     ends: tuple[str, str] | None = None
@@ -463,7 +464,7 @@ class ForcedProblem:
     # -- solution and step ----------------------------------------------------------------------------------------------------
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12) -> Solution | None:
-        """Step by ds along the family from y with its tangent (2 u,) (tangent, then curvature); None where Newton fails.
+        """Step by ds along the family from y with its tangent (see `Solution`; the end may be missing); None where Newton fails.
 
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes)."""
         return self._take(y, tangent, Request(ds, math.nan, maximum))
@@ -504,7 +505,7 @@ class ForcedProblem:
 
     def _stepped(self, y: np.ndarray, tangent: np.ndarray, request: Request) -> tuple[Landing, np.ndarray]:
         """What the kernel of steps leaves for a request, and the position of the new point."""
-        landing = Landing(np.empty(self.unknowns), np.empty(2 * self.unknowns), np.full(len(RESULT), np.nan))
+        landing = Landing(np.empty(self.unknowns), np.empty(self.tangent_size), np.full(len(RESULT), np.nan))
         metric = np.empty((4, self.size))
         forced_step(self.segment, self._factor, np.array(y, float), np.array(tangent, float), request, metric, landing)
         return landing, metric[0]

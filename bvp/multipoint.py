@@ -71,8 +71,9 @@ class Solution:
     ----------
     y : (u,) float
         Unknowns of the multipoint problem.
-    tangent : (2 u,) float
-        Unit tangent of the family in the metric, then its change with arclength (0 where not known).
+    tangent : (2 u,) or (3 u,) float
+        Unit tangent of the family in the metric, then its change with arclength (0 where not known); with smooth forces the third
+        derivative too.
     position : (N + 2,) float
         (start state / sqrt(2 h), log h, log alpha): the coordinates in which arclength is measured.
     ends : (k + 1, N) float
@@ -184,6 +185,7 @@ class MultipointProblem:
         self._work = np.zeros((2 * size + 8, max(size, self.unknowns)))
         self._period = make_period(4 * (self.inner + 1), self.is_smooth)
         self._zero = np.zeros(2 * self.unknowns)
+        self.tangent_size = (3 if self.is_smooth else 2) * self.unknowns
         self._packed = self.segment if self.is_smooth else pack(self.segment)
         self.coordinates = size + 2
         self.observed = observed_of(system)
@@ -408,14 +410,14 @@ class MultipointProblem:
         return bool(result[0] == 1.0), float(result[RESULT_INDEX["residual"]])
 
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float, *, maximum: int = 12, full: bool = True) -> Solution | None:
-        """Step by ds along the family from y with its tangent (2 u,) (tangent, then curvature); None where Newton fails.
+        """Step by ds along the family from y with its tangent (see `Solution`; the end may be missing); None where Newton fails.
 
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes).
         `full` adds multipliers, admissibility and half-waves.
         """
         unknowns = self.unknowns
         out = np.empty(unknowns)
-        out_tangent = np.empty(2 * unknowns)
+        out_tangent = np.empty(self.tangent_size)
         result = _NOTHING.copy()
         metric = np.empty((4, self.size + 2))
         packed, factor = self._packed, self._factor

@@ -49,7 +49,8 @@ def opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarra
     letter = problem.modes.contact_letters[contact]
     tangent = solution.tangent.copy()
     if tangent[: problem.unknowns] @ inwards > 0.0:
-        tangent[: problem.unknowns] *= -1.0
+        for odd in (tangent[: problem.unknowns], tangent[2 * problem.unknowns :]):
+            odd *= -1.0
     at_begin = float(solution["clearance_time"]) == 0.0 and problem.events[flight].contact == contact
     for length in _STEPS:
         beyond = problem.step(solution.y, tangent, length)
@@ -111,7 +112,6 @@ def _first(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Step | Non
     step = family.begin(y)
     if not step.converged or not all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
         return None
-    along, curvature = np.split(step.tangent, 2)
-    grows = problem.flight_times(along)[flight] > 0.0
-    turned = step if grows else family.step(step.y, np.concatenate([-along, curvature]), 0.0)
+    grows = problem.flight_times(step.tangent[: problem.unknowns])[flight] > 0.0
+    turned = step if grows else family.step(step.y, -step.tangent, 0.0)
     return turned if turned.converged else None

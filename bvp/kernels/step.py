@@ -14,7 +14,7 @@ from bvp.kernels.compiled import chosen, inlined, kernel, short_loops, sized
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import inner, row_dot, set_1
-from bvp.kernels.flights import energy_slope, path_state, rate, slope_times, twice_energy
+from bvp.kernels.flights import comes_with_map, energy_slope, path_state, rate, slope_times, twice_energy
 from bvp.kernels.multipoint import (
     ORIGIN,
     PERIODIC,
@@ -29,6 +29,12 @@ from bvp.kernels.multipoint import (
     unpack,
 )
 from bvp.kernels.newton import conditioning, correct
+
+_LONG_ENOUGH = 1e-4
+"""Length of a step whose third derivative has digits: its rounding eps/length^3, over a step of the longest length 0.025, is 1e-9."""
+
+_SHIFT = 0.1
+"""Part of a step by which a prediction may be longer than its projection on the tangent."""
 
 
 @inlined
@@ -73,13 +79,13 @@ class Landing(NamedTuple):
     """The output of a step."""
 
     y: np.ndarray  # (u,)
-    tangent: np.ndarray  # (2 u,) tangent, then curvature
+    tangent: np.ndarray  # (2 u,) tangent, then curvature; (3 u,) with the third derivative behind them
     result: np.ndarray  # (len(RESULT),)
 
 
 @inlined
 def take_step(segment, factor, y, tangent, request, metric, landing):
-    """Take a step from y along its `tangent` (2 u,): tangent and curvature.
+    """Take a step from y along its `tangent`: tangent, curvature, and the third derivative where there is one (see `Landing`).
 
     metric (4, N + 2): scratch, whose first row receives the position of the new point. The entries of the landing's result up to
     `branching` are filled."""
@@ -91,7 +97,7 @@ def take_step(segment, factor, y, tangent, request, metric, landing):
     row = factor.work[5, :unknowns]
     residual = factor.work[6, : unknowns - 1]
     along = tangent[:unknowns]
-    curvature = tangent[unknowns:]
+    curvature = tangent[unknowns : 2 * unknowns]
     if target != target:
         set_1(row, 0.0)
     set_1(old.direction, 0.0)
@@ -108,6 +114,8 @@ def take_step(segment, factor, y, tangent, request, metric, landing):
         target = ds
         for j in range(unknowns):
             target += row[j] * y[j]
+        if comes_with_map(segment.flight) and tangent.shape[0] > 2 * unknowns:
+            _predict_cubic(y, tangent, ds, row, out)
     good, iterations, contraction, worst, sign, smallest = correct(segment, out, row, target, factor, residual, most, 2e-15)
     result[entry.CONVERGED] = 1.0 if good else 0.0
     result[entry.ITERATIONS] = iterations
@@ -119,6 +127,48 @@ def take_step(segment, factor, y, tangent, request, metric, landing):
     tangent_at(segment, out, factor, sign, smallest, old.direction, new, out_tangent[:unknowns], result)
     for j in range(unknowns):
         out_tangent[unknowns + j] = (out_tangent[j] - along[j]) / ds if ds != 0.0 else 0.0
+    if comes_with_map(segment.flight) and out_tangent.shape[0] > 2 * unknowns:
+        _derivatives_of_cubic(y, along, out, ds, old.position, new.position, result[entry.TURN], out_tangent)
+
+
+@inlined
+def _predict_cubic(y, tangent, ds, row, out):
+    """out = y + s t + s^2/2 y'' + s^3/6 y''' at the s at which it is on the plane row . (out - y) = ds."""
+    unknowns = y.shape[0]
+    first = 0.0
+    second = 0.0
+    third = 0.0
+    for j in range(unknowns):
+        first += row[j] * tangent[j]
+        second += 0.5 * row[j] * tangent[unknowns + j]
+        third += row[j] * tangent[2 * unknowns + j] / 6.0
+    s = ds
+    for _ in range(3):
+        s -= (s * (first + s * (second + s * third)) - ds) / (first + s * (2.0 * second + 3.0 * s * third))
+    if abs(s - ds) < _SHIFT * abs(ds):
+        for j in range(unknowns):
+            out[j] = y[j] + s * (tangent[j] + s * (0.5 * tangent[unknowns + j] + s * tangent[2 * unknowns + j] / 6.0))
+
+
+@inlined
+def _derivatives_of_cubic(y, along, out, ds, position, new_position, turn, tangent):
+    """Second and third derivative at the end of a step, behind the `tangent` there: of the cubic with the values and tangents at both
+    ends of the step, over the arclength between them. After a short step rounding decides the third: it is zero."""
+    unknowns = y.shape[0]
+    if abs(ds) < _LONG_ENOUGH:
+        set_1(tangent[2 * unknowns :], 0.0)
+        return
+    chord = 0.0
+    for r in range(position.shape[0]):
+        chord += (new_position[r] - position[r]) ** 2
+    half = 0.5 * (1.0 - turn)  # sin(theta/2)^2
+    length = math.copysign(math.sqrt(chord) * (1.0 + half * (1.0 / 6.0 + 0.075 * half)), ds)  # chord (theta/2)/sin(theta/2)
+    for j in range(unknowns):
+        mean = (out[j] - y[j]) / length
+        late = (tangent[j] - mean) / length
+        third = (late - (mean - along[j]) / length) / length
+        tangent[unknowns + j] = 2.0 * (late + length * third)
+        tangent[2 * unknowns + j] = 6.0 * third
 
 
 @kernel

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 from branches import full_family
+from branches.family import Family
 from branches.naming.at_modes import orbit_at_mode
 from branches.naming.families import trace_named
 from branches.naming.matching import NameNotFound
@@ -54,6 +55,28 @@ def test_the_duffing_oscillator_agrees_with_elliptic_functions(cubic):
     exact = ellipk(cubic * square / (2.0 * frequency**2)) / frequency
     assert np.abs(alpha / exact - 1.0).max() < 1e-14
     assert branch.points["residual"].max() < 1e-14
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_steps_begin_at_a_prediction_of_fourth_order(way):
+    """Oracle: the next orbit of the family. The distance of the predicted curve from it is 16 times as small for half the step."""
+    orbit = orbit_at_mode("mode:1", sink(7, 0.1, 0.1), (0.5, 1.0))
+    family = Family(orbit.problem)
+    first = family.begin(orbit.solution.y)
+
+    def distance(ds: float) -> float:
+        step = first
+        for _ in range(3):
+            before, step = step, family.step(step.y, step.tangent, way * ds)
+        first_order, second, third = np.split(before.tangent, 3)
+
+        def apart(s: float) -> np.ndarray:
+            return before.y + s * (first_order + s / 2.0 * (second + s / 3.0 * third)) - step.y
+
+        s = brentq(lambda s: apart(s)[0], 0.5 * way * ds, 2.0 * way * ds, xtol=1e-15)
+        return float(np.abs(apart(s)).max())
+
+    assert 12.0 < distance(0.08) / distance(0.04) < 20.0
 
 
 def test_the_folds_of_the_cubic_sink_are_where_the_energy_turns():
