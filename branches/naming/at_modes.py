@@ -222,8 +222,8 @@ def _mode(number: int, system: ImpactSystem) -> LinearMode:
         reason = f"mode {number} is a rigid-body mode, which does not come to rest"
     else:
         reason = f"mode {number} moves no gap, so it never reaches a stop"
-    listed = ", ".join(f"mode:{mode.index + 1}" for mode in modes)
-    raise NameNotFound(f"mode:{number}: {reason}; expected {f'one of {listed}' if modes else 'a system with a mode that reaches a stop'}")
+    listed = ("one of " if len(modes) > 1 else "") + ", ".join(f"mode:{mode.index + 1}" for mode in modes)
+    raise NameNotFound(f"mode:{number}: {reason}; expected {listed or 'a system with a mode that reaches a stop'}")
 
 
 def _id_of(item: Neighbour) -> str:

@@ -194,7 +194,7 @@ CASES = [
     ("continue S13+ --from mode:1", ["received S13+ and --from mode:1"]),
     ("continue --from mode:3", ["the system has 2 modes", "expected one of mode:1, mode:2"]),
     ("continue --from mode:0", ["'mode:0' is no linear mode", "expected mode:1"]),
-    ("continue --from mode:1 --sigma 0", ["mode 1 is a rigid-body mode, which does not come to rest", "expected one of mode:2"]),
+    ("continue --from mode:1 --sigma 0", ["mode 1 is a rigid-body mode, which does not come to rest", "expected mode:2"]),
     ("continue --from mode:1,covr=2", ["unexpected 'covr=2'", "mode:K,cover=N"]),
     ("continue --from mode:1,cover=12", ["cover = 12: expected an integer, 1 to 11"]),
     ("continue --from mode:1,origin-origin:+-", ["no family origin-origin:+- begins at mode:1", "mode:1,cover=1,origin-stop+:"]),
