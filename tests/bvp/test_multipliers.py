@@ -11,9 +11,9 @@ import pytest
 from scipy.optimize import brentq
 
 from benchmarks import backbone
-from benchmarks.saltation import monodromy, saltation_matrix, saltation_multipliers
+from benchmarks.saltation import monodromy, reduced_monodromy, saltation_matrix, saltation_multipliers
 from bvp.closures import Cycle, cycle_of
-from bvp.kernels.monodromy import GRADE
+from bvp.kernels.monodromy import FORMED_LIMIT, GRADE
 from bvp.multipliers import floquet_multipliers, nearest_grazing, saddle_point_multipliers, sort_multipliers
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.flow_twin import Twin
@@ -294,6 +294,54 @@ def test_the_formed_product_agrees_where_it_is_used():
             assert np.max(np.abs(found.values - other.values)) < limit
             assert np.max(np.abs(floquet_multipliers(cut(cycle, 5)).values - found.values)) < limit
     assert kinds == {False, True}
+
+
+def of_norm(squares, gap, norm, power):
+    """The backbone orbit near the grazing of the mode with frequency 1 whose map has that norm: (cycle, exact multipliers, norm found).
+    The norm grows like the inverse of the distance from the grazing, to a power."""
+    n = len(squares)
+    system = ImpactSystem(np.eye(n), np.zeros((n, n)), np.diag(squares), (Stop(gap, -1.0, 1.0),))
+
+    def at(apart):
+        alpha = 0.5 * math.pi - apart
+        problem, y = backbone_segment(system, alpha)
+        cycle = cycle_of(problem, problem.solve(y, quarter_period=alpha).y)
+        return cycle, alpha, float(np.linalg.norm(reduced_monodromy(cycle)))
+
+    first = 1e-4
+    cycle, alpha, found = at(first * (at(first)[2] / norm) ** (1.0 / power))
+    return cycle, Closed(system, alpha).multipliers(), found
+
+
+@pytest.mark.rounding
+@pytest.mark.parametrize("norm", [0.99 * FORMED_LIMIT, 1.01 * FORMED_LIMIT])
+@pytest.mark.parametrize("squares, gap", [([1.0, 4.0], (0.3, 1.0)), ([1.0, 4.0], (1.0, 0.5)), ([1.0, 4.0, 2.0], (0.3, 1.0, 0.0))])
+def test_both_sides_of_the_norm_at_which_the_product_is_left(squares, gap, norm):
+    """Oracle: the closed form in 50 digits. Frequencies 1 and 2: next to the grazing the map is as large as the inverse v of the impact
+    speed, but its multipliers stay below 4. It is u g'/v and a rest, where g . u is of the size of v. Rounding of u and g changes the
+    multipliers by eps |M|, once for each coordinate at each impact."""
+    cycle, exact, size = of_norm(squares, gap, norm, 1)
+    assert abs(size / norm - 1.0) < 5e-3 and np.max(np.abs(exact)) < 4.0 and separation(exact) > 0.1
+    found = floquet_multipliers(cycle)
+    assert found.reliable and (found.sweeps == 0) is (norm < FORMED_LIMIT)
+    for values in (found.values, saddle_point_multipliers(cycle).values):
+        assert nearest(values, exact) < 2 * len(squares) * len(cycle.contact) * EPS * size
+
+
+@pytest.mark.rounding
+@pytest.mark.parametrize("norm", [0.99 * FORMED_LIMIT, 1.01 * FORMED_LIMIT])
+@pytest.mark.parametrize("squares, gap", [([1.0, 2.0], (1.0, 0.5)), ([1.0, 2.0, 3.0], (1.0, 0.5, 0.3))])
+def test_small_multipliers_beside_large_ones_are_not_from_the_product(squares, gap, norm):
+    """Oracle: the closed form in 50 digits, with a pair of the size of |M| = 1e7 and its inverse. Each is right relative to itself, to the
+    rounding of the state over the speeds at the impact, which are small. The formed product has lost the small one."""
+    cycle, exact, size = of_norm(squares, gap, norm, 2)
+    assert abs(size / norm - 1.0) < 5e-3 and abs(exact[0]) > 0.5 * size
+    found = floquet_multipliers(cycle)
+    assert found.reliable and found.sweeps > 0
+    place, speed = np.split(cycle.before[0], 2)
+    limit = 2 * len(squares) * len(cycle.contact) * EPS * np.linalg.norm(place) / np.linalg.norm(speed)
+    assert max(np.min(np.abs(found.values / value - 1.0)) for value in exact) < limit < 1e-9
+    assert np.min(np.abs(saltation_multipliers(cycle) / exact[-1] - 1.0)) > 10.0 * limit
 
 
 def test_grazing_is_said_and_gives_no_numbers():
