@@ -1,7 +1,7 @@
 """Families of more than two degrees of freedom: their test functions, and the events that these mark.
 
 Oracles: determinants and eigenvalues of the half map by mpmath; the functions for two degrees of freedom; the closed form of one impact a
-half period in 50 digits; multipliers from the saddle-point matrix on both sides of an event.
+half period in 50 digits; multipliers from the saddle-point matrix on both sides of an event; multipliers of a period on a fine grid.
 """
 
 import cmath
@@ -17,7 +17,7 @@ from branches.family import RESONANCES, SETTINGS, Family, multiplication
 from branches.kernels import COMMON
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
-from bvp.multipliers import saddle_point_multipliers
+from bvp.multipliers import floquet_multipliers, pairs_of, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.stability import half_map_of, stability
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
@@ -198,3 +198,73 @@ def require_no_resonance_is_lost(name):
                 near = (events > grid[k]) & (events < grid[k + 1])
                 assert any(branch.events[i].p_q == [p, q] for i in np.flatnonzero(near)), (p, q, grid[k])
     assert sum(event.type == "RT" for event in branch.events) >= 8
+
+
+FINER = 20
+"""Intervals of the fine grid in each step of a run."""
+
+
+def traces_between(branch, k):
+    """The traces lambda + 1/lambda of all pairs at orbits between the points k and k + 1, both included.
+
+    The steps start at a point that is no event: at a branch point the tangent can be that of the other family."""
+    first, last = (k + 1, k) if k in {event.point for event in branch.events} else (k, k + 1)
+    begin, end = branch.orbit(first).solution, branch.orbit(last).solution
+    length = branch.points["arclength"][k + 1] - branch.points["arclength"][k]
+    length = math.copysign(length, (end.y - begin.y) @ begin.tangent[: len(begin.y)])
+    between = [branch.problem.step(begin.y, begin.tangent, length * j / FINER) for j in range(1, FINER)]
+    found = []
+    for solution in (begin, *between, end):
+        values = floquet_multipliers(cycle_of(branch.problem, solution.y)).values
+        found.append(np.array([a + 1.0 / a for a, _ in pairs_of(values)]))
+    return found if first == k else found[::-1]
+
+
+def resonances_on(traces, p, q):
+    """How often a pair passes the p:q resonance."""
+    signs = np.array([np.sign(np.prod(trace - multiplication(p, q)).real) for trace in traces])
+    return int(np.sum(signs[1:] != signs[:-1]))
+
+
+def collisions_on(traces):
+    """How often two pairs meet on the unit circle and leave it, or come back: two traces become complex, or real."""
+    met = 0
+    off = [trace[np.abs(trace.imag) > 1e-7 * (1.0 + np.abs(trace.real))] for trace in traces]
+    for one, other in zip(off[:-1], off[1:], strict=True):
+        if len(one) != len(other):
+            more = max(one, other, key=len)
+            met += abs(more[np.argmin(np.abs(more.imag))].real) < 2.0
+    return met
+
+
+def require_no_collision_is_missed(problem, y, energy):
+    """Oracle: the multipliers of all pairs from the map over a period, on a grid that is twenty times finer than the steps of the run.
+
+    The points of a run next to its resonances and collisions are compared as one step. Steps that end at a grazing are left out: no
+    multiplier is bounded there. Returns how many resonances and collisions there are."""
+    branch = follow_family(problem, y, energy=energy, settings=replace(SETTINGS, maximum_points=400))
+    marked = [event for event in branch.events if event.type in ("RT", "NS")]
+    at = {event.point for event in marked}
+    kept = [k for k in range(len(branch)) if k not in at]
+    grazing = {event.point for event in branch.events if event.type == "GR"}
+    resonances = collisions = 0
+    for first, last in zip(kept[:-1], kept[1:], strict=True):
+        if grazing & {first, last}:
+            continue
+        steps = [traces_between(branch, k) for k in range(first, last)]
+        # Without the events themselves: there rounding decides the sign.
+        traces = [steps[0][0], *(trace for step in steps for trace in step[1:-1]), steps[-1][-1]]
+        here = [event for event in marked if first < event.point < last]
+        found = [sum(event.p_q == [p, q] for event in here) for p, q in RESONANCES], sum(event.type == "NS" for event in here)
+        expected = [resonances_on(traces, p, q) for p, q in RESONANCES], collisions_on(traces)
+        assert found == expected, (problem.ends, problem.sequence, first)
+        resonances += sum(found[0])
+        collisions += found[1]
+    return resonances, collisions
+
+
+@pytest.mark.parametrize("index", [11, 20])
+def test_no_collision_is_missed(index):
+    """Oracle: see `require_no_collision_is_missed`. Four masses and five, with both kinds."""
+    orbit = chains()[index]
+    assert min(require_no_collision_is_missed(orbit.problem, orbit.solution.y, (0.1 * orbit.energy, 10.0 * orbit.energy))) > 0

@@ -6,7 +6,13 @@ import pytest
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import saddle_point_multipliers
-from tests.branches.test_general_families import SYSTEMS, require_a_resonance_has_its_multiplier, require_no_resonance_is_lost
+from tests.branches.test_general_families import (
+    SYSTEMS,
+    closed,
+    require_a_resonance_has_its_multiplier,
+    require_no_collision_is_missed,
+    require_no_resonance_is_lost,
+)
 from tests.bvp.orbits import chains
 
 
@@ -39,3 +45,13 @@ def test_a_krein_collision_leaves_the_unit_circle():
             assert sorted(complex_pairs)[1] - sorted(complex_pairs)[0] == 2, (event.h, complex_pairs)
             collisions += 1
     assert collisions >= 3
+
+
+def test_no_collision_is_missed():
+    """Oracle: see `require_no_collision_is_missed`. Chains of three to six masses, and periodic closures of two of them."""
+    orbits = [orbit for orbit in chains() if orbit.problem.pairs > 1]
+    cases = [(orbit.problem, orbit.solution.y, 10.0, orbit.energy) for orbit in orbits]
+    cases += [(*closed(orbit), 5.0, orbit.energy) for orbit in orbits[:2]]
+    found = [require_no_collision_is_missed(problem, y, (energy / range_, energy * range_)) for problem, y, range_, energy in cases]
+    resonances, collisions = np.sum(found, axis=0)
+    assert len(cases) == 30 and resonances > 600 and collisions >= 7
