@@ -4,7 +4,9 @@ import json
 import multiprocessing
 import re
 
+import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import saltus
 from benchmarks.backbone import Backbone
@@ -78,7 +80,6 @@ def test_bounds_in_which_nothing_lies(tmp_path, bounds, expected):
     if "4 " in bounds:
         alpha = float(out.rpartition("energy is ")[2].partition(" ")[0])
         assert "(S11O00-, h = 4)" in out and abs(Backbone().energy(alpha) / 4.0 - 1.0) < 1e-4
-
 
 
 def test_an_interrupted_build_says_that_what_was_finished_is_kept(tmp_path, monkeypatch):
@@ -186,7 +187,7 @@ def require_what_is_beside_changes_no_family(tmp_path, oscillators, more):
 
 def test_what_cannot_be_built_of_linear_modes(tmp_path):
     """Oracle: one line with what was received and expected; the energies at which the modes touch their stop, (w d / b)^2 / 2."""
-    scene = beside(tmp_path, "named", (0.15,), "[names]\n\"S13+\" = {}")
+    scene = beside(tmp_path, "named", (0.15,), '[names]\n"S13+" = {}')
     code, out, err = reported(f"build --scene {scene} --catalogue {tmp_path}/a.sqlite")
     assert code == 2 and not out and err.count("\n") == 1 and "the scene names S13+" in err and "expected no [names]" in err
     still = tmp_path / "still.toml"
@@ -211,3 +212,71 @@ def test_a_family_of_a_mode_that_grazes_outside_the_energies_is_built(tmp_path):
     branch = json.loads(reported("continue --scene three_mass_chain --from mode:1 --json -")[1])
     (family,) = [family for family in families if family["id"] == branch["branch"]["id"]]
     assert family["h"] == [pytest.approx(0.2), pytest.approx(0.3)]
+
+
+TWO_STOPS = """title = "a chain of three masses between a stop at its end and one at its start"
+source = "a test"
+[system]
+mass = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+stiffness = [[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]
+[[stops]]
+c = [0.0, 0.0, 1.0]
+upper = 1.0
+[[stops]]
+c = [1.0, 0.0, 0.0]
+lower = -0.6
+[bounds]
+energy = [0.05, 0.4]
+quarter_period = 4.0
+impacts = 2
+"""
+
+
+def flown_round(orbit):
+    """The largest error of an orbit that starts in the middle of its longest flight: gaps at its impacts, its return after the period, and
+    how far any stop is passed between. By the exponential of the matrix of M u'' + K u = 0, and v <- v - 2 (c . v)/(c . M^-1 c) M^-1 c."""
+    system, n, period = orbit.system, orbit.system.degrees_of_freedom, orbit.period
+    inverse = np.linalg.inv(system.mass)
+    field = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ system.stiffness, np.zeros((n, n))]])
+    walls = {"a+": (np.array([0.0, 0.0, 1.0]), 1.0), "b-": (np.array([-1.0, 0.0, 0.0]), 0.6)}
+    times = np.array([impact.time for impact in orbit.impacts])
+    flights = np.diff(np.append(times, times[0] + period))
+    longest = int(np.argmax(flights))
+    begun = times[longest] + 0.5 * flights[longest]
+    start = state = np.concatenate([part[0] for part in orbit.sample(np.array([begun]))])
+    errors, now = [], 0.0
+    for impact in sorted(orbit.impacts, key=lambda impact: (impact.time - begun) % period):
+        time = (impact.time - begun) % period
+        pieces = expm(field * (time - now) / 50)
+        for _ in range(50):
+            state = pieces @ state
+            errors += [row @ state[:n] - bound for row, bound in walls.values()]
+        row, bound = walls[impact.stop]
+        errors.append(abs(row @ state[:n] - bound))
+        push = inverse @ row
+        state = np.concatenate([state[:n], state[n:] - 2.0 * (row @ state[n:]) / (row @ push) * push])
+        now = time
+    state = expm(field * (period - now)) @ state
+    return max(*errors, *np.abs(state - start))
+
+
+def test_families_that_hit_two_stops(tmp_path):
+    """Oracle: matrix exponentials and the law of restitution, for orbits of each family that hits both stops, to 1e-10; `saltus check`.
+    A rounding error grows by the multipliers: orbits with a multiplier above 1e4 are left out."""
+    scene, place = tmp_path / "two.toml", tmp_path / "two.sqlite"
+    scene.write_text(TWO_STOPS)
+    code, _, err = reported(f"build --scene {scene} --workers 1 --catalogue {place}")
+    assert (code, err) == (0, "")
+    assert reported(f"check --scene {scene} --catalogue {place}")[0] == 0
+    both, closed = 0, 0
+    with saltus.Catalogue(place) as catalogue:
+        for row in catalogue.families():
+            branch = catalogue.branch(row.id)
+            letters = [{impact.stop for impact in branch.orbit(k).impacts} for k in range(0, len(branch), 5)]
+            both += {"a+", "b-"} in letters
+            for k, hit in zip(range(0, len(branch), 5), letters, strict=True):
+                values = branch.orbit(k).multipliers
+                if hit == {"a+", "b-"} and np.all(np.isfinite(values)) and np.max(np.abs(values)) < 1e4:
+                    assert flown_round(branch.orbit(k)) < 1e-10, (row.id, k)
+                    closed += 1
+    assert both >= 5 and closed > 3 * both
