@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import importlib.metadata
 import itertools
 import math
 import os
@@ -58,6 +59,34 @@ def test_the_compiler_is_hashed(monkeypatch, name):
     read = Path.read_bytes
     monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"#" if path.name == name else read(path))
     assert stored._digest("bvp.kernels.flight", "") != before
+
+
+def _other_version(name):
+    """The versions of packages, with another one of a package."""
+    return lambda package: "0.0.1" if package == name else importlib.metadata.version(package)
+
+
+OTHERS = {
+    "numba": (stored, "version", _other_version("numba")),
+    "llvmlite": (stored, "version", _other_version("llvmlite")),
+    "Python": (sys, "version", sys.version.replace("3.", "4.", 1)),
+    "processor": (stored.llvm, "get_host_cpu_name", lambda: "another"),
+    "features": (stored.llvm, "get_host_cpu_features", lambda: stored.llvm.FeatureMap(fma=False)),
+    "nothing": (stored, "version", importlib.metadata.version),
+}
+
+
+@pytest.mark.parametrize("what", OTHERS)
+def test_what_the_machine_code_depends_on_gives_another_folder(monkeypatch, tmp_path, what):
+    """Oracle: the parts of the key, one changed at a time; nothing else does."""
+    for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(stored, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(stored, "processor", stored.processor.__wrapped__)
+    before = stored.folder_of.__wrapped__("bvp.kernels.flight")
+    monkeypatch.setattr(*OTHERS[what])
+    after = stored.folder_of.__wrapped__("bvp.kernels.flight")
+    assert (after == before) is (what == "nothing") and after.parent == tmp_path
 
 
 def test_kernels_of_one_name_in_two_files_have_different_code():
