@@ -246,6 +246,50 @@ def test_a_shared_kernel_can_be_far_from_its_callers(kept_shared, tmp_path):
         pytest.skip("this system has room near the first object all the same")
 
 
+TRAPPED = """
+import ctypes, os, sys
+import numpy as np
+from llvmlite import binding as llvm
+from bvp.kernels import compiled, stored
+from bvp.kernels.flight import flow_state
+from bvp.system import vibro_impact_nes
+from saltus.__main__ import main
+from tests.bvp.test_modes import exceptional_point
+
+trap = ctypes.CFUNCTYPE(None)(lambda: os._exit(77))
+real, trapped = stored.entry_of, []
+
+def entry_of(code, name):
+    if not name.startswith(("block_matrix-", "block_state-")):
+        return real(code, name)
+    trapped.append(name)
+    address = ctypes.cast(trap, ctypes.c_void_p).value
+    llvm.add_symbol("at." + name, address)
+    return stored.Entry(None, address)
+
+stored.entry_of = compiled.entry_of = entry_of
+
+def flown(system):
+    z = np.ones(4)
+    flow_state(system.modes.flight, z, 1.0, np.empty(4))
+
+flown(vibro_impact_nes())
+code = main(["continue", "S13O00+", "--energy", "0.5:0.7", "--json", os.devnull])
+print(code, sorted({name.partition("-")[0] for name in trapped}), flush=True)
+flown(exceptional_point() if len(sys.argv) > 1 else vibro_impact_nes())
+"""
+
+
+def test_two_undamped_modes_need_no_exponential_of_a_larger_block():
+    """Oracle: another function in place of those that call `flow_block`, which ends the process: a run without damping goes on, and
+    a flight at the point where two pairs of damped modes become one does not."""
+    for arguments, code in (((), 0), (("damped",), 77)):
+        command = [sys.executable, "-c", TRAPPED, *arguments]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stderr
+        assert done.stdout.splitlines()[-1] == "0 ['block_matrix', 'block_state']"
+
+
 @pytest.mark.skipif(os.name != "posix", reason="owners of folders are those of POSIX")
 def test_a_folder_of_another_user_is_not_read(monkeypatch, tmp_path):
     """Oracle: the owner that the system gives."""
