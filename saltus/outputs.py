@@ -12,7 +12,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,15 +61,23 @@ class GuardedStream:
         Whether the command goes on where printing fails: it has files to write.
     failure : str or None
         Why text could not be printed.
+    escapes : bool
+        Whether control characters are escaped.
     """
 
     stream: Any
     outlasts: bool = False
     failure: str | None = None
+    escapes: bool = True
     _gone: bool = False
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
+
+    @property
+    def for_drawing(self) -> GuardedStream:
+        """The same stream with control characters as they are: those of a progress bar."""
+        return replace(self, escapes=False)
 
     def write(self, text: str) -> int:
         """Print and flush. Raise `BrokenPipeError` or `WriteFailure` where that fails and the command has no files to write.
@@ -81,7 +89,7 @@ class GuardedStream:
         """
         if self._gone:
             return len(text)
-        plain = "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text)
+        plain = "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text) if self.escapes else text
         try:
             self.stream.write(plain)
             self.stream.flush()

@@ -272,7 +272,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
             from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
             columns = BarColumn(), TextColumn(f"{{task.completed}} {self._things}"), TextColumn("{task.description}"), TimeElapsedColumn()
-            console = Console(stderr=True)
+            console = Console(file=getattr(sys.stderr, "for_drawing", sys.stderr))
             self._bar = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
             self._bar.add_task("", total=self._total)
             self._bar.start()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -134,3 +135,69 @@ def test_a_warm_start_imports_what_it_needs(words):
     script = f"import sys; {follow}; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+SHOWN = """
+import sys
+from saltus import compiling, terminal
+from saltus.__main__ import main
+
+worker = '''
+import json, os, sys, time
+from bvp.kernels.stored import files, symbol, types_from
+for line in sys.stdin:
+    while not os.path.exists("go"):
+        time.sleep(0.01)
+    module, name, types = json.loads(line)
+    file = files(module, symbol(module, name, types_from(types)))[-1]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(b"machine code")
+    print(0.1, flush=True)
+'''
+compiling._listed = lambda: LISTED
+compiling._COMMAND = [sys.executable, "-c", worker]
+compiling.workers_for = lambda calls: 1
+terminal.PATIENCE, terminal.PAUSE = 0.0, 0.05
+sys.exit(main(["compile"]))
+"""
+
+
+def read_until(stream, text):
+    """What arrives until a text does, or until the end where it is None."""
+    received = b""
+    while text is None or text not in received:
+        try:
+            more = os.read(stream, 4096)
+        except OSError:  # the end of a pseudo-terminal, on Linux
+            more = b""
+        if not more:
+            assert text is None, received
+            break
+        received += more
+    return received.decode()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are those of POSIX")
+@pytest.mark.parametrize("on_terminal", [True, False])
+def test_what_a_first_run_shows(empty, tmp_path, on_terminal):
+    """Oracle: the announcement is read before any kernel is compiled: these wait for a file. Then a bar counts in a terminal, by control
+    characters that move the cursor; elsewhere lines do, without them."""
+    place = {name: os.environ[name] for name in ("NUMBA_CACHE_DIR", "PATH") if name in os.environ}
+    environment = {**place, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path), "TERM": "xterm", "COLUMNS": "100"}
+    reading, writing = os.openpty() if on_terminal else os.pipe()
+    script = SHOWN.replace("LISTED", repr(empty))
+    with subprocess.Popen(
+        [sys.executable, "-c", script], cwd=tmp_path, stdout=subprocess.PIPE, stderr=writing, env=environment, text=True
+    ) as process:
+        os.close(writing)
+        said = read_until(reading, b"\n")
+        assert said.startswith("saltus: compiling 2 kernels, at the first run only: about 4 s")
+        if not on_terminal:
+            said += read_until(reading, b"still at work after 0 min\n")
+        (tmp_path / "go").touch()
+        said += read_until(reading, None)
+        out = process.communicate()[0]
+    os.close(reading)
+    assert process.returncode == 0 and out.startswith("compiled 2 of 2 kernels") and "all kernels are compiled" in out
+    assert ("\x1b[2K" in said and " 2 kernels" in said.partition("\n")[2]) is on_terminal
+    assert "\\x1b" not in said
