@@ -47,6 +47,7 @@ AFTER = 64.0
 """Length of the first step behind a branch point that no step led past, in shortest steps."""
 
 _LEVEL = 1e-8  # a smaller |slope| at the start is no direction
+_BESIDE = 0.1  # least distance, as a part of a step, of places whose test functions give a bend
 _PARALLEL = 0.999  # cosine between the tangents at one point of one curve, at least
 
 _CAUSES = {
@@ -346,8 +347,27 @@ def follow_in_blocks(
             return
         if goal.direction is None:
             goal = Goal(first, np.asarray(new.position) - np.asarray(first.position))
-        recent = Recent(new, tests, recent.tests, recent.older, length, recent.length)
+        recent = _remembered(recent, Recent(new, tests, recent.tests, recent.older, length, recent.length), places)
         ds = next_step(ds, new.turn, new.contraction, control)
+
+
+def _remembered(before: Recent, after: Recent, places: list[tuple[float, Step, FoundEvent | None]]) -> Recent:
+    """The end of a step as it is remembered: with the last places inside the step, where it has events, instead of the points before it.
+
+    Test functions can bend much inside a step. Over the next one their bend is then taken from beside it. Places that are close to each
+    other are passed over: their second differences are rounding."""
+    inside = [(arclength_between(before.step.position, step), list(map(float, step.tests))) for _, step, _ in places]
+    known = [(-before.length, before.older), (0.0, before.tests), *inside]
+    kept, end = list[tuple[float, Any]](), after.length
+    for s, tests in reversed(known):
+        is_defined = s <= 0.0 or all(a == a or b != b for a, b in zip(tests, after.tests, strict=True))
+        if len(kept) < 2 and is_defined and end - s >= _BESIDE * after.length:
+            kept.append((s, tests))
+            end = s
+    if len(kept) < 2:
+        return after
+    (s, older), (first, oldest) = kept
+    return after._replace(older=older, oldest=oldest, length=after.length - s, length_before=s - first)
 
 
 def landing(problem: Problem, settings: Settings, goal: Goal, before: Point, after: Step, ds: float) -> tuple[float, Step] | None:

@@ -101,7 +101,7 @@ class Step(NamedTuple):
 
 
 class Recent(NamedTuple):
-    """A point of a run with what step control remembers: the points one step and two steps before it.
+    """A point of a run with what step control remembers: two places before it. These are points, or events inside a step.
 
     Attributes
     ----------
@@ -109,9 +109,9 @@ class Recent(NamedTuple):
     tests : list of float
         Values of the test functions at it,
     older, oldest : list of float
-        and at the two points before; nan where there are none.
+        and at the two places before; nan where there are none.
     length, length_before : float
-        Arclengths of the last step and of the one before.
+        Arclengths from the last place and from the one before to the next.
     """
 
     step: Step
