@@ -77,16 +77,17 @@ def blocks_of(system: Matrices, squares: np.ndarray, shapes: np.ndarray) -> Bloc
         damping = shapes.T @ system.damping @ shapes
         # Repeat: a rotated shape can touch a damper that it did not touch before: a free translation must not seem to be damped.
         damping = np.where(np.abs(damping) <= _noise(system, squares, shapes), 0.0, damping)
-    two = np.eye(2)
-    to_state, from_state = np.kron(two, shapes), np.kron(two, shapes.T @ system.mass)
-    if np.array_equal(damping, np.diag(np.diag(damping))):
-        matrix = np.zeros((2 * n, 2 * n))
-        matrix[:n, n:] = np.eye(n)
-        matrix[n:, :n] = -np.diag(squares)
-        matrix[n:, n:] = -np.diag(np.diag(damping))
-        pairs = np.column_stack([np.arange(n), np.arange(n, 2 * n)])
-        half = 0.5 * np.diag(damping)
+    to_state, from_state = (np.zeros((2 * n, 2 * n)) for _ in range(2))
+    to_state[:n, :n] = to_state[n:, n:] = shapes
+    from_state[:n, :n] = from_state[n:, n:] = shapes.T @ system.mass
+    own = damping.diagonal()
+    if np.count_nonzero(damping) == np.count_nonzero(own):
+        matrix, half = np.eye(2 * n, k=n), 0.5 * own
+        pairs = np.arange(2 * n).reshape(2, n).T.copy()
+        q, p = pairs.T
+        matrix[p, q], matrix[p, p] = -squares, -own
         return Blocks("uncoupled", shapes, pairs, -half, half * half - squares, matrix, to_state, from_state)
+    two = np.eye(2)
     pieces: list[np.ndarray] = []
     columns: list[np.ndarray] = []
     rows: list[np.ndarray] = []
@@ -316,9 +317,9 @@ def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     RuntimeError
         After `SWEEPS` sweeps without convergence.
     """
-    a = np.array(matrix, dtype=float)
-    n = a.shape[0]
-    vectors = np.eye(n)
+    n = len(matrix)
+    rows = np.hstack([matrix, np.eye(n)])
+    a, vectors = rows[:, :n], rows[:, n:].T
     tiny = np.finfo(float).tiny
     for _ in range(SWEEPS):
         quiet = True
@@ -334,14 +335,13 @@ def jacobi(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                 cosine = 1.0 / np.hypot(1.0, tangent)
                 sine = tangent * cosine
                 low, high = a[i, i] - tangent * coupling, a[j, j] + tangent * coupling
-                for rows in (a, vectors.T):
-                    first, second = rows[i].copy(), rows[j].copy()
-                    rows[i] = cosine * first - sine * second
-                    rows[j] = sine * first + cosine * second
+                first, second = rows[i].copy(), rows[j].copy()
+                rows[i] = cosine * first - sine * second
+                rows[j] = sine * first + cosine * second
                 a[:, i], a[:, j] = a[i], a[j]
                 a[i, i], a[j, j], a[i, j], a[j, i] = low, high, 0.0, 0.0
         if quiet:
-            return np.diag(a).copy(), vectors
+            return a.diagonal().copy(), vectors.copy()
     raise RuntimeError(f"Jacobi's method did not diagonalise a matrix of size {n} in {SWEEPS} sweeps")
 
 
@@ -358,5 +358,5 @@ def exact_product(*factors: np.ndarray) -> np.ndarray:
     product, sizes = factors[0], np.abs(factors[0])
     for factor in factors[1:]:
         product, sizes = product @ factor, sizes @ np.abs(factor)
-    terms = sum(factor.shape[0] for factor in factors[1:])
+    terms = sum(factor.shape[-2:][0] for factor in factors[1:])
     return np.where(np.abs(product) <= 8.0 * terms * EPSILON * sizes, 0.0, product)

@@ -202,17 +202,17 @@ def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = 
         raise InvalidSystem(f"{name} is a square matrix; received shape {matrix.shape}")
     if size is not None and matrix.shape[0] != size:
         raise InvalidSystem(f"{name} is {size} by {size} like mass; received {matrix.shape[0]} by {matrix.shape[1]}")
-    if not np.all(np.isfinite(matrix)):
+    sizes = np.abs(matrix)
+    if not sizes.max() < np.inf:
         i, j = np.argwhere(~np.isfinite(matrix))[0]
         raise InvalidSystem(f"{name} holds finite numbers; entry ({i + 1}, {j + 1}) is {matrix[i, j]}")
-    sizes = np.abs(matrix[matrix != 0.0])
-    ordinary = sizes.size == 0 or (sizes.min() >= SMALLEST and sizes.max() <= LARGEST)
+    ordinary = ((SMALLEST <= sizes) & (sizes <= LARGEST) | (sizes == 0.0)).all()
     for i, j in () if ordinary else np.argwhere(matrix):
         checked_number(float(matrix[i, j]), f"entry ({i + 1}, {j + 1}) of {name}", SMALLEST if name == "mass" and i == j else 0.0)
     if not symmetric:
         return matrix
     defect = np.abs(matrix - matrix.T)
-    if np.any(defect > 8.0 * EPSILON * np.maximum(np.abs(matrix), np.abs(matrix.T))):
+    if defect.any() and np.any(defect > 8.0 * EPSILON * np.maximum(sizes, sizes.T)):
         i, j = np.unravel_index(int(np.argmax(defect)), defect.shape)
         raise InvalidSystem(
             f"{name} must be symmetric; entry ({i + 1}, {j + 1}) is {matrix[i, j]:g} and ({j + 1}, {i + 1}) is {matrix[j, i]:g}"

@@ -6,6 +6,7 @@ Modes that damping couples are block-diagonalised together (`bvp.blocks`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -72,40 +73,45 @@ def system_modes(system: Any) -> Modes:
     RuntimeError
         Where an eigenvalue iteration does not converge.
     """
+    return _modes_of(system.mass.tobytes(), system.damping.tobytes(), system.stiffness.tobytes(), system.stops)
+
+
+@lru_cache(KNOWN)
+def _modes_of(mass: bytes, damping: bytes, stiffness: bytes, every_stop: Sequence[Any]) -> Modes:
+    """The modes of three matrices (n, n) and of stops."""
     from bvp.kernels.flight import Contacts, Flight
 
+    n = math.isqrt(len(mass) // 8)
+    system = Matrices(*(np.frombuffer(entries).reshape(n, n) for entries in (mass, damping, stiffness)))
     squares, shapes = undamped_modes(system.mass, system.stiffness)
     blocks = blocks_of(system, squares, shapes)
-    n = len(squares)
-    position, velocity = blocks.to_state[:n], blocks.to_state[n:]
-    contacts: list[tuple[Any, ...]] = []
-    for k, stop in enumerate(system.stops):
+    rows = np.zeros((4, len(every_stop), 2 * n))
+    for k, stop in enumerate(every_stop):
         row = np.array(stop.gap)
         participation = exact_product(row, blocks.shapes)
         impulse = blocks.shapes @ participation / (participation @ participation)
-        letter = stop.name if len(system.stops) > 1 else ""
-        gap, rate = exact_product(row, position), exact_product(row, velocity)
-        acceleration, push = rate @ blocks.matrix, balanced(blocks.from_state[:, n:] @ impulse, rate)
-        for side, sign, bound in ((-1.0, "-", stop.lower), (1.0, "+", stop.upper)):
-            if np.isfinite(bound):
-                contacts.append((gap, rate, acceleration, side, bound, push, stop.restitution, k, letter + sign))
-    # Without stops: the same arrays, of no contacts.
-    rows, numbers = np.zeros((0, 2 * n)), np.zeros(0)
-    none: tuple[Any, ...] = (rows, rows, rows, numbers, numbers, rows, numbers, (), ())
-    *arrays, stops, letters = zip(*contacts, strict=True) if contacts else none
+        gap, rate = exact_product(row, blocks.to_state.reshape(2, n, 2 * n))
+        rows[0, k], rows[1, k], rows[2, k] = gap, rate, rate @ blocks.matrix
+        rows[3, k] = balanced(blocks.from_state[:, n:] @ impulse, rate)
+    sides = [(k, stop, side) for k, stop in enumerate(every_stop) for side in (-1.0, 1.0)]
+    contacts = [(k, side, bound, stop) for k, stop, side in sides if math.isfinite(bound := stop.lower if side < 0.0 else stop.upper)]
+    stops = [k for k, *_ in contacts]
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
+    contact_stop = np.array(stops, dtype=np.int64)
+    side, bound, restitution = np.array([(side, bound, stop.restitution) for _, side, bound, stop in contacts]).reshape(-1, 3).T.copy() + 0
     # Contiguous copies without negative zeros.
-    own = {name: np.array(values, order="C") + 0 for name, values in vars(blocks).items() if name != "layout"}
+    gap, rate, acceleration, push = np.take(rows, contact_stop, axis=1) + 0
+    own = {name: np.ascontiguousarray(values) + 0 for name, values in vars(blocks).items() if name != "layout"}
     return Modes(
         **own,
         layout=blocks.layout,
         frequencies=np.sqrt(np.where(squares < 0.0, np.nan, squares)),
         squares=squares,
         flight=Flight(own["pairs"], own["mean"], own["delta"], own["matrix"]),
-        contacts=Contacts(*(np.array(values, dtype=float, order="C") + 0 for values in arrays)),
-        contact_stop=np.array(stops, dtype=np.int64),
+        contacts=Contacts(gap, rate, acceleration, side, bound, push, restitution),
+        contact_stop=contact_stop,
         contact_opposite=np.array(opposite, dtype=np.int64),
-        contact_letters=letters,
+        contact_letters=tuple((stop.name if len(every_stop) > 1 else "") + ("-" if side < 0.0 else "+") for _, side, _, stop in contacts),
     )
 
 
@@ -154,14 +160,29 @@ def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     >>> abs(off[1]) < abs(off[0])
     True
     """
-    push = push.copy()
-    off = sum((Fraction(float(a)) * Fraction(float(b)) for a, b in zip(push, rate, strict=True)), Fraction(-1))
-    steps = [Fraction(float(np.spacing(a))) * Fraction(float(b)) for a, b in zip(push, rate, strict=True)]
-    for i in sorted(range(len(steps)), key=lambda i: -abs(steps[i])):
-        moved = max(-2, min(2, round(-off / steps[i]))) if push[i] and steps[i] else 0
+    count, push = len(push), push.copy()
+    numbers, unit = _over_power_of_two([*push.tolist(), *np.spacing(push).tolist()])
+    along, part = _over_power_of_two(rate.tolist())
+    off = sum(a * b for a, b in zip(numbers, along, strict=False)) - unit * part
+    steps = [a * b for a, b in zip(numbers[count:], along, strict=True)]
+    for i in sorted(range(count), key=lambda i: -abs(steps[i])):
+        moved = max(-2, min(2, round(Fraction(-off, steps[i])))) if push[i] and steps[i] else 0
         push[i] += moved * np.spacing(push[i])
         off += moved * steps[i]
     return push
+
+
+def _over_power_of_two(values: Sequence[float]) -> tuple[list[int], int]:
+    """Numbers as exact integers over one power of two, and this power.
+
+    Examples
+    --------
+    >>> _over_power_of_two([0.5, 3.0, -0.125])
+    ([4, 24, -1], 8)
+    """
+    ratios = [value.as_integer_ratio() for value in values]
+    power = max((below for _, below in ratios), default=1)
+    return [above * (power // below) for above, below in ratios], power
 
 
 def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -187,43 +208,44 @@ def undamped_modes(mass: np.ndarray, stiffness: np.ndarray) -> tuple[np.ndarray,
 @lru_cache(KNOWN)
 def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The modes of two matrices (n, n)."""
-    mass, stiffness = (np.frombuffer(entries).reshape(n, n) for entries in (mass_entries, stiffness_entries))
-    scale = 1.0 / np.sqrt(np.diag(mass))
+    forms = np.frombuffer(mass_entries + stiffness_entries).reshape(2, n, n)
+    (mass, stiffness), sizes = forms, np.abs(forms)
+    root, one = np.sqrt(mass.diagonal()), np.eye(n)
+    scale = 1.0 / root
     lower = np.linalg.cholesky(scale[:, None] * mass * scale)
     half = np.linalg.solve(lower, scale[:, None] * stiffness * scale)
     reduced = np.linalg.solve(lower, half.T)
     shapes = scale[:, None] * np.linalg.solve(lower.T, jacobi(0.5 * (reduced + reduced.T))[1])
     for _ in range(2):
-        gram = shapes.T @ mass @ shapes
-        defect = np.eye(n) - gram
-        energy = shapes.T @ stiffness @ shapes
-        squares = np.diag(energy) / np.diag(gram)
+        gram, energy = shapes.T @ forms @ shapes
+        defect = one - gram
+        squares = energy.diagonal() / gram.diagonal()
         coupling = energy + squares * defect
-        size = np.abs(shapes)
-        noise = size.T @ np.abs(stiffness) @ size + np.abs(squares) * (size.T @ np.abs(mass) @ size)
+        size, strength = np.abs(shapes), np.abs(coupling)
+        of_mass, of_stiffness = size.T @ sizes @ size
+        noise = of_stiffness + np.abs(squares) * of_mass
         gap = squares[None, :] - squares[:, None]
-        real = (np.abs(coupling) > 4.0 * n * EPSILON * noise) & (np.abs(coupling) < 1e-3 * np.abs(gap))
+        real = (strength > 4.0 * n * EPSILON * noise) & (strength < 1e-3 * np.abs(gap))
         # Where a coupling is rounding noise, only orthogonality is restored.
         correction = np.where(real, coupling / np.where(real, gap, 1.0), 0.5 * defect)
         shapes = shapes + shapes @ correction
     norms = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
     shapes = shapes / np.sqrt(norms)
     squares = np.einsum("ik,ij,jk->k", shapes, stiffness, shapes)
-    rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), np.abs(stiffness), np.abs(shapes))
+    rounding = 4.0 * n * EPSILON * np.einsum("ik,ij,jk->k", np.abs(shapes), sizes[1], np.abs(shapes))
     squares[np.abs(squares) <= np.maximum(rounding, _SUBNORMAL)] = 0.0
     # In a free translation (square 0), an entry at rounding level in kinetic energy and in displacement is set to 0. A translation can
     # cover any distance, so rounding would move bodies that do not take part in it.
-    size = np.abs(shapes)
-    weight = size * np.sqrt(np.diag(mass))[:, None]
-    leak = (weight <= 8.0 * n * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
-    shapes = np.where((squares == 0.0) & leak, 0.0, shapes)
-    order = np.argsort(squares, kind="stable")
+    if not squares.all():
+        size = np.abs(shapes)
+        weight = size * root[:, None]
+        leak = (weight <= 8.0 * n * EPSILON * weight.max(axis=0)) & (size <= np.sqrt(EPSILON) * size.max(axis=0))
+        shapes = np.where((squares == 0.0) & leak, 0.0, shapes)
+    order = squares.argsort(kind="stable")
     squares, shapes = squares[order], shapes[:, order]
-    weight = np.abs(shapes) * np.sqrt(np.diag(mass))[:, None]
-    for k in range(n):
-        leading = int(np.argmax(weight[:, k] >= (1.0 - 1e-6) * weight[:, k].max()))
-        if shapes[leading, k] < 0.0:
-            shapes[:, k] = -shapes[:, k]
+    weight = np.abs(shapes) * root[:, None]
+    leading = (weight >= (1.0 - 1e-6) * weight.max(axis=0)).argmax(axis=0)
+    shapes[:, shapes[leading, range(n)] < 0.0] *= -1.0
     return squares, shapes
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -132,9 +132,8 @@ class MultipointProblem:
     """
 
     def __init__(self, system: ImpactSystem, ends: tuple[str, str], sequence: Sequence[str], pieces: int = 1):
-        reason = system.why_not_conservative()
-        if reason is not None:
-            raise EndsError(f"families of periodic orbits need a conservative system: {reason}")
+        if not system.is_conservative:
+            raise EndsError(f"families of periodic orbits need a conservative system: {system.why_not_conservative()}")
         self.system = system
         self.ends = (str(ends[0]), str(ends[1]))
         self.sequence = tuple(sequence)
@@ -190,9 +189,11 @@ class MultipointProblem:
         self.coordinates = size + 2
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
-        self.held, self.free = held_motions(system), deflated_motions(system)
-        self.drifts = free_translation(system) is not None
-        self.pairs = len(self.held) - 1
+
+    held = cached_property(lambda self: held_motions(self.system))
+    free = cached_property(lambda self: deflated_motions(self.system))
+    pairs = cached_property(lambda self: len(self.held) - 1)
+    drifts = cached_property(lambda self: free_translation(self.system) is not None)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The arrays that it works with follow from these, and are most of its size.
