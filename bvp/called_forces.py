@@ -266,7 +266,7 @@ def called_program(
     """
     slopes = [(f, i, derivative(force, w)) for f, force in enumerate(forces) for i, w in enumerate(inputs) if force.has(w)]
     changes = [(f, j, derivative(force, p)) for f, force in enumerate(forces) for j, p in enumerate(parameters) if force.has(p)]
-    known, size = [*inputs, *parameters], len(inputs)
+    known, size = (*inputs, *parameters), len(inputs)
     results = [compiled(known, each) for each in (*forces, *(s[2] for s in slopes), *(c[2] for c in changes))]
     energies = [] if potential is None else [potential, *(derivative(potential, symbol) for symbol in known)]
     stored = [compiled(known, each) for each in (energies if parameters else energies[:1])]

@@ -40,6 +40,7 @@ from bvp.system import ImpactSystem
 
 if TYPE_CHECKING:
     from bvp.curvature import Curvature
+    from bvp.smooth_forces import SmoothForces
 
 __all__ = ["ForcedProblem"]
 
@@ -144,7 +145,8 @@ class ForcedProblem:
         if self.is_smooth:
             from bvp.released_forces import released_forces
 
-            forces = released_forces(parametric, self.values, self.released)
+            self.smooth_forces = parametric.smooth_forces(self.values, self.released)
+            forces = released_forces(self.smooth_forces)
         self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2, forces)
         self._renew = _CALLBACK(self._renewed) if varies or self._leaves_unseen else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
@@ -189,6 +191,9 @@ class ForcedProblem:
 
     conserved: tuple[str, ...] = ()
     """What the user's equations can name besides parameters."""
+
+    smooth_forces: SmoothForces | None = None
+    """The smooth forces, in which the released parameters are symbols."""
 
     def _require_determined(self) -> None:
         """Refuse a system whose orbits are not isolated at given parameters, and a half period where there is none."""

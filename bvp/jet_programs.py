@@ -102,10 +102,13 @@ def jet_program(
     return program, numbers
 
 
-def plain_jet_program(forces: tuple[Any, ...], inputs: tuple[Any, ...]) -> JetProgram:
-    """The program of forces in which no parameter is released.
+def plain_jet_program(
+    forces: tuple[Any, ...], inputs: tuple[Any, ...], parameters: tuple[Any, ...] = (), values: tuple[float, ...] = ()
+) -> JetProgram:
+    """The program of forces at values of their parameters, without derivatives by these.
 
-    Forces that differ in the exponents of `signed_power` and `even_power` only have one program with other numbers, which is made once.
+    Forces that differ in the exponents of `signed_power` and `even_power`, or in the values, have one program with other numbers, which is
+    made once.
 
     Examples
     --------
@@ -115,12 +118,19 @@ def plain_jet_program(forces: tuple[Any, ...], inputs: tuple[Any, ...]) -> JetPr
     >>> first.code is second.code, first.numbers.tolist(), second.numbers.tolist()
     (True, [1.5, 2.5], [3.25, 4.25])
     """
+    named, exponents = _with_named_exponents(forces)
+    program, numbers = _made_once(named, inputs, (*_exponents(len(exponents)), *parameters))
+    return program._replace(numbers=evaluate_program(numbers, [*exponents, *values]))
+
+
+@lru_cache(maxsize=64)
+def _with_named_exponents(forces: tuple[Any, ...]) -> tuple[tuple[Any, ...], list[float]]:
+    """Forces with symbols for the numbers in the exponents of `signed_power` and `even_power`, and these numbers."""
     powers = {power for force in forces for power in force.atoms(*_powers()[:2]) if power.args[1].is_number}
     values = sorted({power.args[1] for power in powers}, key=float)
     symbols = dict(zip(values, _exponents(len(values)), strict=True))
     named = {power: power.func(power.args[0], symbols[power.args[1]]) for power in powers}
-    program, numbers = _made_once(tuple(force.xreplace(named) for force in forces), inputs, tuple(symbols.values()))
-    return program._replace(numbers=evaluate_program(numbers, [float(value) for value in values]))
+    return tuple(force.xreplace(named) for force in forces), [float(value) for value in values]
 
 
 @cache
@@ -132,8 +142,8 @@ def _exponents(count: int) -> tuple[Any, ...]:
 
 
 @lru_cache(maxsize=64)
-def _made_once(forces: tuple[Any, ...], inputs: tuple[Any, ...], exponents: tuple[Any, ...]) -> tuple[JetProgram, Program]:
-    return jet_program(forces, inputs, exponents, [2.5] * len(exponents), changes=False)
+def _made_once(forces: tuple[Any, ...], inputs: tuple[Any, ...], symbols: tuple[Any, ...]) -> tuple[JetProgram, Program]:
+    return jet_program(forces, inputs, symbols, [2.5] * len(symbols), changes=False)
 
 
 def signed_power(base: Any, exponent: Any) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -249,30 +249,30 @@ class ParametricSystem:
             found[name] = float(value)
         return found
 
-    def system(self, values: Mapping[str, float] | None = None) -> ImpactSystem:
-        """The system at values of the parameters.
+    def system(self, values: Mapping[str, float] | None = None, known_forces: SmoothForces | None = None) -> ImpactSystem:
+        """The system at values of the parameters. known_forces: its smooth forces at these values, which are not made again.
 
         Raises
         ------
         InvalidSystem
             For values that are outside their domain: the message names them.
         """
-        return self._defaults[0] if not values else self._made(values)[0]
+        return self._defaults[0] if not values else self._made(values, known_forces)[0]
 
     def forces(self, values: Mapping[str, float] | None = None) -> tuple[Force, ...]:
         """The loads at values of the parameters; errors as for `system`."""
         return self._defaults[1] if not values else self._made(values)[1]
 
-    def smooth_forces(
-        self, values: Mapping[str, float] | None = None, released: Sequence[str] = ()
-    ) -> tuple[SmoothForces | None, list[Any]]:
-        """The forces of springs and dampers that are not linear, in which released parameters are symbols, and these symbols."""
+    def smooth_forces(self, values: Mapping[str, float] | None = None, released: Sequence[str] = ()) -> SmoothForces:
+        """The forces of springs and dampers that are not linear, in which released parameters are symbols."""
         from bvp.description import elements_from
         from bvp.smooth_forces import smooth_forces
 
         description, symbols = self.description_in(released, values)
-        coordinates = self.system().coordinates
-        return smooth_forces(**elements_from(description, coordinates), coordinates=coordinates), symbols
+        coordinates, at = self.system().coordinates, self.at(values)
+        found = smooth_forces(**elements_from(description, coordinates), coordinates=coordinates)
+        assert found is not None
+        return replace(found, parameters=tuple(symbols), numbers=tuple(at[name] for name in released))
 
     def description_in(self, released: Sequence[str], values: Mapping[str, float] | None = None) -> tuple[dict[str, Any], list[Any]]:
         """The description of the system at values of the parameters, in which released ones are symbols; and these symbols."""
@@ -298,7 +298,7 @@ class ParametricSystem:
         ValueError
             If the loads have no common period, or an entry is not finite.
         """
-        entries = np.array([math.nan if index in self._variable else float(entry) for index, entry in enumerate(self._entries[1])])
+        entries = self._fixed.copy()
         released = self.program(())
         entries[released.rows] = self._run(released, values)
         return entries
@@ -458,16 +458,26 @@ class ParametricSystem:
     def _defaults(self) -> tuple[ImpactSystem, tuple[Force, ...]]:
         return self._made({})
 
-    def _made(self, values: Mapping[str, float]) -> tuple[ImpactSystem, tuple[Force, ...]]:
+    def _made(self, values: Mapping[str, float], known_forces: SmoothForces | None = None) -> tuple[ImpactSystem, tuple[Force, ...]]:
         """The system and the loads."""
         at = self.at(values)
         try:
             read = self._numbers(at).__getitem__
-            system = ImpactSystem.from_description(mapped(self._system, read))
+            content = mapped(self._system, read)
+            if known_forces is not None:
+                content |= self._apart(content, at)
+            system = ImpactSystem.from_description(content, known_forces)
             return system, tuple(force_from(mapped(force, read), system) for force in self._forces)
         except ValueError as error:
             given = values or at if self.description.get("parameters") else {}
             raise InvalidSystem(f"{error}{at_values(given)}") from None
+
+    def _apart(self, content: Mapping[str, Any], at: Mapping[str, float]) -> dict[str, Any]:
+        """The matrices at values of the parameters, with the linear parts of springs and dampers; these without them."""
+        entries, layout = self.entries(at), self.layout
+        found = {key: entries[getattr(layout, key)].reshape(len(content["mass"]), -1) for key in ("mass", "damping", "stiffness")}
+        elements = {key: [{**element, "nonlinear_only": True} for element in content.get(key, ())] for key in ("springs", "dampers")}
+        return found | elements
 
     @cached_property
     def _entries(self) -> tuple[EntryLayout, list[Any]]:
@@ -488,6 +498,11 @@ class ParametricSystem:
     def _variable(self) -> dict[int, Any]:
         """The entries that depend on parameters, by their index."""
         return {k: entry for k, entry in enumerate(self._entries[1]) if getattr(entry, "free_symbols", None)}
+
+    @cached_property
+    def _fixed(self) -> np.ndarray:
+        """The entries that are numbers; NaN for others."""
+        return np.array([math.nan if index in self._variable else float(entry) for index, entry in enumerate(self._entries[1])])
 
     @cached_property
     def _programs(self) -> dict[tuple[tuple[str, ...], int], Released]:

@@ -14,7 +14,7 @@ from bvp.expressions import FUNCTIONS, ExpressionError, not_too_deep
 from bvp.kernels import expressions as kernels
 from bvp.kernels.expressions import Program
 
-__all__ = ["derivative", "derivatives_of", "evaluate_program", "program_of", "scratch_size"]
+__all__ = ["derivative", "derivatives_of", "evaluate_program", "program_of", "scratch_size", "with_numbers"]
 
 
 @cache
@@ -108,6 +108,19 @@ def program_of(expressions: Sequence[Any], symbols: Sequence[Any]) -> Program:
             writer.registers[symbol] = writer.register(expression)
         outputs = [writer.register(expression) for expression in reduced]
     return writer.program(outputs)
+
+
+def with_numbers(program: Program, numbers: Sequence[float]) -> Program:
+    """The program of the first parameters of another one, where the last ones are numbers.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> a, b = sympy.symbols("a b")
+    >>> evaluate_program(with_numbers(program_of([a + 2 * b], [a, b]), [3.0]), [1.0])
+    array([7.])
+    """
+    return program._replace(constants=np.concatenate([np.array(numbers, dtype=float), program.constants]))
 
 
 def scratch_size(program: Program, parameters: int) -> int:

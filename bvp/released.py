@@ -214,7 +214,10 @@ class ReleasedProblem(ForcedProblem):
             low, high = self.parametric.domain(name)
             slack = _SLACK * (abs(self.parametric.values[name]) or 1.0)
             values[name] = low if low - slack < values[name] < low else high if high < values[name] < high + slack else values[name]
-        problem = MultipointProblem(self.parametric.system(values), self.ends, self.sequence)
+        forces = self.smooth_forces
+        if forces is not None:
+            forces = None if forces.is_called else forces.at([values[name] for name in self.released])
+        problem = MultipointProblem(self.parametric.system(values, forces), self.ends, self.sequence)
         states = self.nodes(y)[:, : 2 * self.degrees_of_freedom] @ problem.modes.from_state.T
         return problem, problem.pack(states[0], states[1:], self.flight_times(y))
 

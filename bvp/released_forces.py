@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from bvp.kernels.taylor import STEPS, make_smooth_flight
 from bvp.programs import derivative, program_of, scratch_size
 
 if TYPE_CHECKING:
-    from bvp.parameters import ParametricSystem
+    from bvp.smooth_forces import SmoothForces
 
 __all__ = ["ReleasedForces", "released_forces", "released_flight"]
 
@@ -35,14 +34,12 @@ class ReleasedForces(NamedTuple):
     energy: Program  # the potential, its derivatives by the inputs, then by the parameters; nothing where there is none
 
 
-def released_forces(parametric: ParametricSystem, values: Mapping[str, float], released: Sequence[str]) -> ReleasedForces:
-    """The smooth forces of a system, at values of the parameters of which some are released."""
-    forces, symbols = parametric.smooth_forces(values, released)
+def released_forces(forces: SmoothForces) -> ReleasedForces:
+    """Smooth forces whose parameters are released."""
     from sympy import sympify
 
-    assert forces is not None
-    program, numbers = forces.program_in(symbols, [values[name] for name in released])
-    known = [*forces.symbols, *symbols]
+    program, numbers = forces.released_program()
+    known = [*forces.symbols, *forces.parameters]
     potential: Any = sympify(0 if forces.is_called else forces.potential)  # that of a Python function is in the program of the forces
     energy = [] if forces.potential is None else [potential, *(derivative(potential, symbol) for symbol in known)]
     return ReleasedForces(

@@ -46,9 +46,8 @@ class SmoothExpansion:
     """The smooth forces of a problem, of formulas, for d directions."""
 
     def __init__(self, problem: ForcedProblem, order: int):
-        forces, self.parameters = problem.parametric.smooth_forces(problem.values, problem.released)
-        assert forces is not None
-        self.forces: SmoothForces = forces
+        assert problem.smooth_forces is not None
+        self.forces: SmoothForces = problem.smooth_forces
         self.order, self.count = order, 1 << order
         self.n = problem.degrees_of_freedom
         self._known: dict[bytes, np.ndarray] = {}
@@ -116,7 +115,7 @@ class SmoothExpansion:
         import sympy
 
         forces, count = self.forces, self.count
-        variables = [*forces.symbols, *self.parameters]
+        variables = [*forces.symbols, *forces.parameters]
         moved = [[sympy.Symbol(f"_{k}_{part}", real=True) for k in range(len(variables))] for part in range(count)]
         at = dict(zip(variables, moved[0], strict=True))
         found = []
@@ -161,7 +160,7 @@ class SmoothExpansion:
 
     def _energy_program(self, slopes: bool) -> Program:
         if slopes not in self._energies:
-            variables = [*self.forces.symbols, *self.parameters]
+            variables = [*self.forces.symbols, *self.forces.parameters]
             wanted = [derivative(self.forces.potential, symbol) for symbol in self.forces.symbols] if slopes else [self.forces.potential]
             found = derivatives_of(wanted, variables, self.order)
             self._energies[slopes] = program_of([plain_powers(one) for one in found], variables)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property, lru_cache
@@ -21,7 +22,7 @@ from bvp.expressions import ExpressionError, not_too_deep, parsed
 from bvp.jet_programs import even_power, jet_program, plain_jet_program, plain_powers, signed_power
 from bvp.kernels.expressions import Program
 from bvp.kernels.jets import JetProgram
-from bvp.programs import program_of
+from bvp.programs import program_of, with_numbers
 from bvp.springs import Damper, Element, Spring, is_nonlinear, is_symbolic
 
 __all__ = ["SmoothForces", "linear_part", "smooth_forces", "why_not_smooth"]
@@ -58,6 +59,10 @@ class SmoothForces:
         Which damper each force is of; empty for springs.
     called : tuple of str
         The springs and dampers whose force is a Python function of which no formula is known.
+    parameters : tuple of P sympy symbols
+        Those in the expressions.
+    numbers : tuple of P floats
+        Their values.
     """
 
     symbols: tuple[Any, ...]
@@ -70,6 +75,15 @@ class SmoothForces:
     coordinates: tuple[str, ...]
     dampers: tuple[str, ...]
     called: tuple[str, ...] = ()
+    parameters: tuple[Any, ...] = ()
+    numbers: tuple[float, ...] = ()
+
+    def at(self, numbers: Sequence[float]) -> SmoothForces:
+        """The same at other values of the parameters."""
+        _ = self.why_not_odd  # it is known at all values then
+        found = copy(self)
+        object.__setattr__(found, "numbers", tuple(numbers))
+        return found
 
     @cached_property
     def why_not_odd(self) -> str | None:
@@ -96,21 +110,25 @@ class SmoothForces:
 
     def program(self) -> JetProgram:
         """The program of the forces' jets (`bvp.jet_programs`)."""
-        return self._called_program()[0] if self.is_called else plain_jet_program(self.forces, self.symbols)
+        if self.is_called:
+            return self._called_program()[0]
+        return plain_jet_program(self.forces, self.symbols, self.parameters, self.numbers)
 
-    def program_in(self, parameters: Sequence[Any], values: Sequence[float]) -> tuple[JetProgram, Program]:
-        """The same where parameters are released: sympy symbols in the forces, and their values (`bvp.jet_programs.jet_program`)."""
-        return self._called_program(parameters, values) if self.is_called else jet_program(self.forces, self.symbols, parameters, values)
+    def released_program(self) -> tuple[JetProgram, Program]:
+        """The same with derivatives by the parameters (`bvp.jet_programs.jet_program`)."""
+        return self._called_program() if self.is_called else jet_program(self.forces, self.symbols, self.parameters, self.numbers)
 
     def energy_program(self) -> Program:
         """The program (`bvp.kernels.expressions`) of the potential, of the inputs; zero of forces that are called, whose energy is in the
         program of the forces."""
-        return program_of([0], self.symbols) if self.is_called else _energy_program(self._potential, self.symbols)
+        if self.is_called:
+            return program_of([0], self.symbols)
+        return with_numbers(_energy_program(self._potential, (*self.symbols, *self.parameters)), self.numbers)
 
-    def _called_program(self, parameters: Sequence[Any] = (), values: Sequence[float] = ()) -> tuple[JetProgram, Program]:
+    def _called_program(self) -> tuple[JetProgram, Program]:
         from bvp.called_forces import called_program
 
-        return called_program(self.forces, self.symbols, self.potential, parameters, values, _function)
+        return called_program(self.forces, self.symbols, self.potential, self.parameters, self.numbers, _function)
 
     @cached_property
     def is_called(self) -> bool:
@@ -121,12 +139,12 @@ class SmoothForces:
         """The potential at displacements (..., n), without the linear springs. A ValueError if there is none."""
         rows = self.inputs[:, : u.shape[-1]]
         with np.errstate(invalid="ignore", over="ignore"):
-            return self._energy(*np.moveaxis(u @ rows.T, -1, 0)) + np.zeros(u.shape[:-1])
+            return self._energy(*np.moveaxis(u @ rows.T, -1, 0), *self.numbers) + np.zeros(u.shape[:-1])
 
     def energy_slopes(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The first and second derivatives of the potential at displacements (n,): (n,) and (n, n). Of formulas."""
         rows = self.inputs[:, : len(u)]
-        at = rows @ u
+        at = [*(rows @ u), *self.numbers]
         first, second = self._energy_derivatives
         slopes = np.array([float(function(*at)) for function in first])
         bends = np.array([[float(function(*at)) for function in line] for line in second])
@@ -140,7 +158,7 @@ class SmoothForces:
     def values(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The forces f_j (..., F) at displacements and velocities (..., n)."""
         inputs = np.moveaxis(np.concatenate([u, v], axis=-1) @ self.inputs.T, -1, 0)
-        return np.stack([force(*inputs) + np.zeros(u.shape[:-1]) for force in self._functions], axis=-1)
+        return np.stack([force(*inputs, *self.numbers) + np.zeros(u.shape[:-1]) for force in self._functions], axis=-1)
 
     @property
     def _potential(self) -> Any:
@@ -150,19 +168,20 @@ class SmoothForces:
 
     @cached_property
     def _energy(self) -> Callable[..., Any]:
-        return _function(self.symbols, self._potential)
+        return _function((*self.symbols, *self.parameters), self._potential)
 
     @cached_property
     def _energy_derivatives(self) -> tuple[list[Callable[..., Any]], list[list[Callable[..., Any]]]]:
         from bvp.programs import derivative
 
+        known = (*self.symbols, *self.parameters)
         first = [derivative(self._potential, symbol) for symbol in self.symbols]
-        second = [[_function(self.symbols, derivative(slope, symbol)) for symbol in self.symbols] for slope in first]
-        return [_function(self.symbols, slope) for slope in first], second
+        second = [[_function(known, derivative(slope, symbol)) for symbol in self.symbols] for slope in first]
+        return [_function(known, slope) for slope in first], second
 
     @cached_property
     def _functions(self) -> list[Callable[..., Any]]:
-        return [_function(self.symbols, force) for force in self.forces]
+        return [_function((*self.symbols, *self.parameters), force) for force in self.forces]
 
 
 @lru_cache(maxsize=64)
@@ -530,7 +549,8 @@ def _vanishes(expression: Any) -> bool:
     return True
 
 
-def _function(symbols: Sequence[Any], expression: Any) -> Callable[..., Any]:
+@lru_cache(maxsize=64)
+def _function(symbols: tuple[Any, ...], expression: Any) -> Callable[..., Any]:
     import sympy
 
     # With names of its own, numbered by the process, sympy would sort the terms of a sum differently each time.

@@ -10,7 +10,8 @@ import math
 import string
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -93,6 +94,12 @@ class Stop:
         if not 0.0 <= self.restitution <= 1.0:
             raise InvalidSystem(f"restitution lies in [0, 1]; {label} has {self.restitution:g}")
 
+    def named(self, name: str) -> Stop:
+        """The same with another name, a letter."""
+        found = copy(self)
+        object.__setattr__(found, "name", name)
+        return found
+
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -117,6 +124,8 @@ class ImpactSystem(Matrices):
         The named model that made the system and its parameters, for `describe`.
     springs, dampers : sequence of bvp.springs.Spring, of bvp.springs.Damper
         Their linear parts are added to K and C, and those kept here have it no more (`nonlinear_only`).
+    known_forces : SmoothForces, optional
+        The forces of these springs and dampers, where they are known: they are not made again.
 
     Attributes
     ----------
@@ -150,17 +159,20 @@ class ImpactSystem(Matrices):
     parameters: Mapping[str, float] | None = field(default=None, repr=False)
     springs: tuple[Spring, ...] = ()
     dampers: tuple[Damper, ...] = ()
+    known_forces: InitVar[SmoothForces | None] = None
     degrees_of_freedom: int = field(init=False, repr=False)
     is_conservative: bool = field(init=False, repr=False)
     has_odd_symmetry: bool = field(init=False, repr=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, known_forces: SmoothForces | None) -> None:
+        if known_forces is not None:
+            vars(self)["smooth_forces"] = known_forces
         mass = square(self.mass, "mass")
         n = mass.shape[0]
         damping = square(self.damping, "damping", n, symmetric=False)
         stiffness = square(self.stiffness, "stiffness", n)
-        diagonal = np.diag(mass)
-        if np.any(diagonal <= 0.0):
+        diagonal = mass.diagonal()
+        if diagonal.min() <= 0.0:
             k = int(np.argmin(diagonal))
             raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
         # Scaled to a unit diagonal, so that mass ratios of any size pass.
@@ -183,7 +195,7 @@ class ImpactSystem(Matrices):
         if len(set(taken)) != len(taken):
             raise InvalidSystem(f"stops have different names; received {', '.join(taken)}")
         free = iter([letter for letter in string.ascii_lowercase if letter not in taken])
-        named = tuple(stop if stop.name else replace(stop, name=next(free)) for stop in stops)
+        named = tuple(stop if stop.name else stop.named(next(free)) for stop in stops)
         for stop in named:
             if len(stop.gap) != n:
                 raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
@@ -232,7 +244,8 @@ class ImpactSystem(Matrices):
             if not all(element.nonlinear_only for element in elements):
                 total = getattr(self, name) + linear_part(elements, self.coordinates)
                 object.__setattr__(self, name, read_only(square(total, name, n, symmetric=name == "stiffness")))
-            object.__setattr__(self, key, tuple(replace(element, nonlinear_only=True) for element in elements))
+            kept = tuple(element if element.nonlinear_only else replace(element, nonlinear_only=True) for element in elements)
+            object.__setattr__(self, key, kept)
 
     @cached_property
     def smooth_forces(self) -> SmoothForces | None:
@@ -352,7 +365,7 @@ class ImpactSystem(Matrices):
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> ImpactSystem:
+    def from_description(cls, description: Mapping[str, Any], known_forces: SmoothForces | None = None) -> ImpactSystem:
         """The system that `describe` described.
 
         Parameters
@@ -360,6 +373,8 @@ class ImpactSystem(Matrices):
         description : mapping
             Either `model` and its parameters, or `mass`, `stiffness`, `stops` and optionally `damping` and `coordinates`. With `springs`
             there can be no `stops`.
+        known_forces : SmoothForces, optional
+            As for `ImpactSystem`.
 
         Raises
         ------
@@ -408,6 +423,7 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem(f"{key} is a list of tables; received {shown(entries)}")
             known = names.get("names", ()) or [f"u{k}" for k, _ in enumerate(given["mass"], 1)] if entries else ()
             elements[key] = tuple(element_from(kind, entry, known) for entry in entries)
+        elements["known_forces"] = known_forces
         return cls(given["mass"], damping, given["stiffness"], tuple(stops), names.get("names", ()), **places, **elements)
 
     @classmethod

@@ -159,7 +159,7 @@ def test_gradients_for_newtons_method(monkeypatch):
 @pytest.mark.parametrize("description", [STEEP, PAIR])
 def test_slopes_of_the_energy(description):
     """Oracle: differences of order 4 of the potential, and of its first derivatives."""
-    forces, _ = ParametricSystem.from_description(description).smooth_forces()
+    forces = ParametricSystem.from_description(description).smooth_forces()
     u, step = np.array([0.7, -0.4]), 1e-3
     first, second = forces.energy_slopes(u)
     for i, axis in enumerate(np.eye(2)):

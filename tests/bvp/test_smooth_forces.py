@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -215,8 +216,8 @@ def test_released_parameters_stay_symbols():
     """Oracle: the derivative of k |w|^p sign w by k and p."""
     k, p = sympy.symbols("k p", real=True)
     springs = [Spring(BETWEEN, stiffness=k, power=p), Spring(BETWEEN, potential="c*w**4/4", parameters={"c": 2 * k})]
-    found = smooth_forces(springs, [], NAMES)
-    program, _ = found.program_in([k, p], [2.0, 3.5])
+    found = replace(smooth_forces(springs, [], NAMES), parameters=(k, p), numbers=(2.0, 3.5))
+    program, _ = found.released_program()
     assert program.changes[:, :2].tolist() == [[0, 0], [0, 1]]
     w = found.symbols[0]
     assert sympy.expand(plain_powers(found.forces[0]) - k * sympy.sign(w) * sympy.Abs(w) ** p - 2 * k * w**3) == 0
@@ -305,8 +306,8 @@ def test_springs_with_parameters():
 def test_released_parameters_of_a_description():
     """Oracle: central differences of the forces at values on both sides."""
     parametric = ParametricSystem.from_description(DESCRIPTION)
-    smooth, symbols = parametric.smooth_forces({"n": 1.6}, ["n", "c"])
-    program, _ = smooth.program_in(symbols, [1.6, 0.3])
+    smooth = parametric.smooth_forces({"n": 1.6}, ["n", "c"])
+    program, _ = smooth.released_program()
     jets = np.zeros((program.registers, 1))
     jets[: len(smooth.inputs), 0] = smooth.inputs @ [*U[0], *V[0]]
     extend_jets(program, jets, np.int64(0), 0.0)

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
+from bvp.checks import EPSILON
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
+from saltus.scene import load_scene
 
 OSCILLATOR = ParametricSystem.from_description(
     {
@@ -142,3 +144,31 @@ def test_stops_beside_a_smooth_force():
     problem, y = released(STOPPED, ("origin", "stop+"), (), "mu", "energy = 2", state * (1.0 + 1e-4), [], [time])
     assert np.abs(problem.nodes(y)[0, :4] - state).max() < 1e-11 * np.abs(state).max()
     assert abs(problem.flight_times(y)[0] - time) < 1e-12
+
+
+def with_texts():
+    """Springs given by expressions of coordinates: their linear parts are in the matrices."""
+    given = WALL.describe()
+    spring = {"on": "u2", "potential": "k*w**2/2 + c*w**4"}
+    system = {**given["system"], "springs": [*given["system"]["springs"], spring]}
+    return ParametricSystem.from_description({"parameters": {**given["parameters"], "k": "2*sigma", "c": 0.3}, "system": system})
+
+
+@pytest.mark.parametrize("scene", ["smooth_wall", "cubic_nes", "cubic_and_stops", "duffing_pair", "beam_on_cubic_spring", ""])
+def test_systems_along_a_family_are_those_made_anew(scene):
+    """Oracle: the system of the description at the same values, for every parameter of the shipped scenes, and for springs given by texts.
+    Matrices, modes and descriptions have the same digits. An exponent 2 n + 1 is rounded there only, which moves |w|^p by p log |w|
+    roundings: fewer than 100."""
+    parametric = load_scene(scene).parametric if scene else with_texts()
+    u, v = np.random.default_rng(5).uniform(-1.2, 1.2, (2, 6, parametric.system().degrees_of_freedom))
+    for name, value in parametric.values.items():
+        released = parametric.smooth_forces(None, [name])
+        for other in (0.7 * value, value, 1.9 * value + 0.01):
+            values = {**parametric.values, name: min(other, 1.0) if name == "rho" else other}
+            along, anew = parametric.system(values, released.at([values[name]])), parametric.system(values)
+            assert along.describe() == anew.describe()
+            assert (along.is_conservative, along.has_odd_symmetry) == (anew.is_conservative, anew.has_odd_symmetry)
+            np.testing.assert_equal(vars(along.modes), vars(anew.modes))
+            for computed in (lambda system: system.energy(u, v), lambda system: system.smooth_forces.acting(u, v)):
+                exact = computed(anew)
+                np.testing.assert_allclose(computed(along), exact, rtol=0.0, atol=100 * EPSILON * np.abs(exact).max())
