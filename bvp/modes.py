@@ -166,10 +166,22 @@ def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     off = sum(a * b for a, b in zip(numbers, along, strict=False)) - unit * part
     steps = [a * b for a, b in zip(numbers[count:], along, strict=True)]
     for i in sorted(range(count), key=lambda i: -abs(steps[i])):
-        moved = max(-2, min(2, round(Fraction(-off, steps[i])))) if push[i] and steps[i] else 0
+        moved = max(-2, min(2, _nearest_integer(-off, steps[i]))) if push[i] and steps[i] else 0
         push[i] += moved * np.spacing(push[i])
         off += moved * steps[i]
     return push
+
+
+def _nearest_integer(above: int, below: int) -> int:
+    """The integer nearest to a fraction; of two the even one.
+
+    Examples
+    --------
+    >>> [_nearest_integer(above, below) for above, below in ((7, 2), (5, 2), (-5, 2), (8, -3))]
+    [4, 2, -2, -3]
+    """
+    found, rest = divmod(2 * above + below, 2 * below)
+    return found - (rest == 0 and found % 2)
 
 
 def _over_power_of_two(values: Sequence[float]) -> tuple[list[int], int]:
@@ -227,7 +239,9 @@ def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple
         gap = squares[None, :] - squares[:, None]
         real = (strength > 4.0 * n * EPSILON * noise) & (strength < 1e-3 * np.abs(gap))
         # Where a coupling is rounding noise, only orthogonality is restored.
-        correction = np.where(real, coupling / np.where(real, gap, 1.0), 0.5 * defect)
+        correction = 0.5 * defect
+        if real.any():
+            correction = np.where(real, coupling / np.where(real, gap, 1.0), correction)
         shapes = shapes + shapes @ correction
     norms = np.einsum("ik,ij,jk->k", shapes, mass, shapes)
     shapes = shapes / np.sqrt(norms)

@@ -493,8 +493,10 @@ def observed_of(system: ImpactSystem) -> Observed:
     velocity = np.zeros((0, size))
     if system.absorber is not None and system.primary is not None:
         velocity = modes.to_state[[n + system.absorber, n + system.primary]]
-    rows = [np.vstack([gap, velocity])]
-    for _ in range(3):
-        rows.append(rows[-1] @ modes.matrix)
+    row = np.concatenate([gap, velocity])
+    rows = np.empty((len(row), 4, size))
+    for k in range(4):
+        rows[:, k] = row
+        row = row @ modes.matrix
     bounds = np.array([[getattr(stop, side) for stop in system.stops] for side in ("lower", "upper")], dtype=float)
-    return Observed(np.ascontiguousarray(np.stack(rows, axis=1)), bounds)
+    return Observed(rows, bounds)

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import InitVar, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -177,7 +177,7 @@ class ImpactSystem(Matrices):
             raise InvalidSystem(f"mass must be positive definite; its diagonal entry {k + 1} is {diagonal[k]:g}")
         # Scaled to a unit diagonal, so that mass ratios of any size pass.
         scale = 1.0 / np.sqrt(diagonal)
-        smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0])
+        smallest = float(np.linalg.eigvalsh(scale[:, None] * mass * scale)[0]) if np.count_nonzero(mass) > n else 1.0
         if smallest <= n * 4.0 * EPSILON:
             kind = "indefinite" if smallest < -n * 4.0 * EPSILON else "singular"
             raise InvalidSystem(
@@ -479,12 +479,18 @@ def vibro_impact_nes(mu: float = 0.1, sigma: float = 0.1, lam: float = 0.0, rho:
         mass=np.array(parts["mass"], dtype=float),
         damping=np.array(parts["damping"], dtype=float),
         stiffness=np.array(parts["stiffness"], dtype=float),
-        stops=(Stop(*parts["stops"][0]),),
+        stops=(_nes_stop(rho),),
         absorber=0,
         primary=1,
         model="vibro_impact_nes",
         parameters=values,
     )
+
+
+@lru_cache(maxsize=8)
+def _nes_stop(rho: float) -> Stop:
+    """The cavity. It is checked once along a family."""
+    return Stop(*_nes_parts(0, 0, 0, rho)["stops"][0]).named("a")
 
 
 def _nes_parts(mu: Any, sigma: Any, lam: Any, rho: Any) -> dict[str, Any]:
