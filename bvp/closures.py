@@ -33,26 +33,34 @@ class EndsError(ValueError):
 
 def contact_of(system: ImpactSystem, letter: str) -> int:
     """Index of the contact with a letter; EndsError where the system has none."""
-    letters = system.modes.contact_letters
+    return _contact_among(letter, system.modes.contact_letters)
+
+
+def _contact_among(letter: str, letters: tuple[str, ...]) -> int:
     if letter not in letters:
         raise EndsError(f"there is no contact {shown(letter)}; this system's contacts are {', '.join(letters)}")
     return letters.index(letter)
 
 
-@lru_cache(maxsize=256)
 def parse_end(system: ImpactSystem, end: str) -> tuple[int, int]:
     """Kind and contact (-1: none) of an end "origin", "rest", "periodic" or "stop" with the contact's letter; EndsError if the system has
     none."""
-    match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
-    if match is None or (match[1] == "stop") != (match[2] is not None):
-        letters = system.modes.contact_letters
-        raise EndsError(f"unknown end {shown(end)}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
-    if match[1] == "origin" and not system.has_odd_symmetry:
+    found = _end_among(end, system.modes.contact_letters)
+    if found[0] == ORIGIN and not system.has_odd_symmetry:
         raise EndsError(
             f"an origin end needs odd symmetry (two-sided stops with equal gaps, odd springs); this system has {system.why_not_odd()}; "
             "expected rest or stop ends"
         )
-    return KINDS[match[1]], contact_of(system, match[2]) if match[2] else -1
+    return found
+
+
+@lru_cache(maxsize=256)
+def _end_among(end: str, letters: tuple[str, ...]) -> tuple[int, int]:
+    """The same for a system whose contacts have these letters."""
+    match = re.fullmatch(r"(origin|rest|periodic|stop)([a-z]?[+-])?", end)
+    if match is None or (match[1] == "stop") != (match[2] is not None):
+        raise EndsError(f"unknown end {shown(end)}; expected origin, rest, periodic or one of " + ", ".join("stop" + s for s in letters))
+    return KINDS[match[1]], _contact_among(match[2], letters) if match[2] else -1
 
 
 @lru_cache(maxsize=64)
