@@ -50,6 +50,10 @@ TYPES = ("BP", "SB", "PD", "RT")
 NEAR = 1e-6
 """Relative difference within which an image of a located orbit is that orbit."""
 
+BESIDE = 1e-4
+"""How far from an event the images of a new family's direction are looked at, in units of the orbit's size. At the first orbit of a family
+the square of the distance can already count for more: the period of an orbit with q periods changes with it."""
+
 _MIRRORED = ("start_u", "start_v", "velocities")
 _TURNED = (*_MIRRORED, "flight_times", "impact_speeds", "label")
 """Columns that an image changes."""
@@ -81,21 +85,30 @@ class Image(NamedTuple):
         return self.mirrored is (problem.ends[0] == "origin")
 
 
-def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndarray) -> list[Image]:
+def images_between(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray, known: np.ndarray) -> list[Image]:
     """The symmetries that map an orbit to itself but change a nearby orbit: they map one side of a bifurcation to the other.
 
     Parameters
     ----------
     problem : MultipointProblem
-    middle, side : (u,) float
-        The orbit at the bifurcation and one of a new family, as solutions of the problem.
+    middle : (u,) float
+        The orbit at the bifurcation, as a solution of the problem.
+    direction, known : (u,) float
+        The directions of a new family, which can have a part along the old one, and of the old one.
 
     Returns
     -------
     list of Image
         Those first that give the same orbit started elsewhere, then those that change least.
     """
-    odd = problem.system.has_odd_symmetry
+    odd, scale = problem.system.has_odd_symmetry, problem.scales(middle)
+    side = middle + BESIDE / np.linalg.norm(direction / scale) * direction
+    along = known / scale / np.linalg.norm(known / scale)
+
+    def across(change: np.ndarray) -> float:
+        scaled = change / scale
+        return float(np.max(np.abs(scaled - (scaled @ along) * along)))
+
     cycles = [cycle_of(problem, y) if problem.periodic else None for y in (middle, side)]
     count = min(starts_of(cycle) if cycle else 1 for cycle in cycles)
     every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
@@ -104,10 +117,9 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, side: np.ndar
         presentation = image.of(problem, middle, cycles[0])
         if (presentation.ends, presentation.sequence) != (problem.ends, problem.sequence):
             continue
-        apart = float(np.max(np.abs(side - middle)))
         kept = float(np.max(np.abs(presentation.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
         # A third of a 3-fold cover keeps the middle and changes the side, but takes it to no other one.
-        if kept and float(np.max(np.abs(image.of(problem, side, cycles[1]).unknowns(problem) + side - 2.0 * middle))) < 0.5 * apart:
+        if kept and across(image.of(problem, side, cycles[1]).unknowns(problem) + side - 2.0 * middle) < 0.5 * across(side - middle):
             found.append(image)
     return sorted(found, key=lambda image: not image.is_the_same_orbit(problem))
 
@@ -230,7 +242,8 @@ def emanating_families(branch: Branch, event: BranchEvent) -> list[EmanatingFami
             nudge = 1e-6 * here.tangent[: problem.unknowns]
             ahead, behind = (embed(problem, here.y + sign * nudge, window).unknowns(wide) for sign in (1.0, -1.0))
             y = presentation.unknowns(wide)
-            found = _sides(wide, y, _across(wide, y, ahead - behind, event), at_an_angle=_is_tripling(event))
+            direction = _across(wide, y, ahead - behind, event)
+            found = _sides(wide, y, direction, ahead - behind, at_an_angle=_is_tripling(event))
             if not found:
                 missing = f"{event.id}: no orbit found of a family between the ends {wide.ends[0]}, {wide.ends[1]}"
                 warnings.warn(missing, RuntimeWarning, stacklevel=3)
@@ -263,13 +276,15 @@ def _crossing(problem: MultipointProblem, y: np.ndarray, known: np.ndarray, even
             begin = Family(primitive).begin(orbit)
             if begin.converged:
                 return [EmanatingFamily(*_printed(primitive, orbit, begin), cover=found.cover)]
-    return _sides(problem, y, direction, at_an_angle=True)
+    return _sides(problem, y, direction, known, at_an_angle=True)
 
 
-def _sides(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray, *, at_an_angle: bool) -> list[EmanatingFamily]:
-    """Both sides of a family that leaves an orbit in a direction, as one where they are images of each other."""
+def _sides(
+    problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray, known: np.ndarray, *, at_an_angle: bool
+) -> list[EmanatingFamily]:
+    """Both sides of a family that leaves an orbit of a known one in a direction, as one where they are images of each other."""
     steps = list(first_orbits(Family(problem), middle, direction, at_an_angle=at_an_angle))
-    images = images_between(problem, middle, steps[0].y) if steps else []
+    images = images_between(problem, middle, direction, known) if steps else []
     if images:
         # An orbit started at its other end is the same orbit, so that between two ends what remains is the mirror.
         image = None if images[0].is_the_same_orbit(problem) else images[0] if problem.periodic else Image(True, False)
