@@ -10,13 +10,13 @@ from scipy.integrate import solve_ivp
 
 @dataclass(frozen=True)
 class OneSpring:
-    """M u'' + K u + c k (c . u)^p = 0, p odd."""
+    """M u'' + K u + c k |c . u|^(p - 1) (c . u) = 0. Energy and harmonic balance are for odd p."""
 
     mass: np.ndarray
     stiffness: np.ndarray
     row: np.ndarray
     coefficient: float
-    power: int
+    power: float
 
     @property
     def size(self) -> int:
@@ -35,7 +35,7 @@ class OneSpring:
         def right(_: float, y: np.ndarray) -> np.ndarray:
             u, v = y[:n], y[n : 2 * n]
             w, columns = self.row @ u, y[2 * n :].reshape(2 * n, 2 * n)
-            steep = w ** (self.power - 1)
+            steep = abs(w) ** (self.power - 1)
             bent = linear @ columns[:n] + np.outer(push, self.power * steep * (self.row @ columns[:n]))
             return np.concatenate([v, linear @ u + push * steep * w, columns[n:].ravel(), bent.ravel()])
 
@@ -45,7 +45,8 @@ class OneSpring:
 
     def rate(self, state: np.ndarray) -> np.ndarray:
         u, v = np.split(state, 2)
-        force = self.coefficient * (self.row @ u) ** self.power
+        w = float(self.row @ u)
+        force = self.coefficient * abs(w) ** (self.power - 1) * w
         return np.concatenate([v, -np.linalg.solve(self.mass, self.stiffness @ u + self.row * force)])
 
     def quarter(self, velocities: np.ndarray, time: float, energy: float, rtol: float = 1e-13) -> tuple[np.ndarray, float, np.ndarray]:
