@@ -44,11 +44,12 @@ __all__ = [
     "save_branch",
 ]
 
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add ``--catalogue``, ``--scene``, and the parameters of the model: a catalogue belongs to one system."""
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
     # Responses have loads; of families in the energy they are refused when the catalogue is opened.
-    options.add_scene(parser, ("ground", "forces"), model=False)
+    options.add_scene(parser, ("ground", "forces", "springs"), model=False)
 
 
 def default_path(scene: str | None = None, parameters: dict[str, float] | None = None) -> Path:
@@ -78,7 +79,7 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
     if scene is not None and not scene.loads:
         from bvp.checks import require_system
 
-        require_system(scene.system, conservative="families of periodic orbits")
+        require_system(scene.system, conservative="families of periodic orbits", smooth=True)
     path = arguments.catalogue or default_path(arguments.scene, parameters)
     if arguments.catalogue is None and not path.exists():
         raise BadInput(
@@ -89,7 +90,7 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
         if scene is not None and catalogue.scene.parameters:
             catalogue.require_system(parametric_of(scene).describe())
         elif scene is not None:
-            scene.require_used(f"saltus {arguments.command}")
+            scene.require_used(f"saltus {arguments.command}", ("springs",))
             catalogue.require_system(scene.system.describe())
     except BaseException:
         catalogue.close()

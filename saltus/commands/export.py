@@ -157,9 +157,7 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
             table = points_table(catalogue, _chosen(catalogue, arguments), columns)
     thing = "samples" if getattr(arguments, "samples", None) else arguments.what
     note = counted(len(next(iter(table.values()))), thing[:-1])
-    return files.write(
-        {"json": lambda: table_text(table, "json", thing)}, table=lambda: table, notes=dict.fromkeys(files.places, note)
-    )
+    return files.write({"json": lambda: table_text(table, "json", thing)}, table=lambda: table, notes=dict.fromkeys(files.places, note))
 
 
 def _columns(arguments: argparse.Namespace, known: Sequence[str]) -> tuple[str, ...]:
@@ -270,7 +268,7 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
         help="enlarge a range of energies, and of frequencies; can be repeated",
     )
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N families")
-    options.add_scene(parser)
+    options.add_scene(parser, ("springs",))
 
 
 def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:

@@ -9,16 +9,19 @@ import pytest
 from scipy.io import mmread
 from scipy.linalg import eigh
 
+from saltus.catalogues import default_path
+from saltus.scene import load_scene
+from tests.branches.test_smooth_agreement import second
 from tests.saltus.running import read_json, refused, run
+
+COLUMNS = ("h", "alpha", "frequency", "frequency_index", "half_waves", "stable", "velocities.1", "velocities.2")
 
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_a_family_is_followed_by_its_label_and_from_its_file(capsys, folder):
     """Oracle: the folds as the library finds them from both sides, and a family that is the same from its own file."""
-    code, out, err = run(
-        capsys, "continue", "S11-", "--scene", "cubic_nes", "--energy", "2e-3:0.02", "--json", "a.json", "--plot", "a.png"
-    )
+    code, out, err = run(capsys, "continue", "S11-", "--scene", "cubic_nes", "--energy", "2e-3:0.02", "--json", "a.json", "--plot", "a.png")
     assert code == 0 and not err and "start  S11-" in out
     branch = read_json("a.json")
     folds = [event["h"] for event in branch["events"] if event["type"] == "SN"]
@@ -36,6 +39,60 @@ def test_a_catalogue_keeps_smooth_families(capsys):
     assert code == 0 and "S11- " in out and "S11O00" not in out
     code, out, _ = run(capsys, "check", "--catalogue", "c.sqlite")
     assert code == 0 and "all hold" in out
+
+
+@pytest.fixture
+def kept(capsys, folder, monkeypatch):
+    """The families of both modes of two masses, in the catalogue of the scene and in files."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(folder / "data"))
+    for mode in (1, 2):
+        words = ("--from", f"mode:{mode}", "--scene", "duffing_pair", "--energy", "0.01:100", "--save", "--json", f"{mode}.json")
+        assert run(capsys, "continue", *words)[0] == 0
+
+
+def test_the_catalogue_of_a_smooth_scene_is_that_of_the_scene(capsys, kept):
+    """Oracle: the commands answer alike with the scene's name, below a line with its parameters, and with the catalogue's. Another scene is
+    refused."""
+    path = default_path("duffing_pair")
+    for words in (("list",), ("show", "S11-"), ("tree", "S11-"), ("check",), ("export", "points", "--csv", "-")):
+        code, out, err = run(capsys, *words, "--scene", "duffing_pair")
+        assert (code, out.removeprefix("at       k3 = 0.5\n"), err) == run(capsys, *words, "--catalogue", path) and code == 0
+    refused(run(capsys, "list", "--scene", "cubic_nes", "--catalogue", path), "belongs to another system: there mass[0] is")
+
+
+def test_a_frequency_energy_plot_of_smooth_families(capsys, folder, kept):
+    """Oracles: the energy of each point from its start velocities, as the springs are at rest there; DOP853 for quarter periods and
+    stability; the events of the files; one picture of the catalogue, of the files in its order and of the data."""
+    shown = ("export", "fep", "--plot")
+    for words in (
+        (*shown, "a.svg", "--scene", "duffing_pair", "--csv", "a.csv", "--json", "a.json"),
+        (*shown, "b.svg", "--scene", "duffing_pair", "--branches", "2.json", "1.json"),
+        (*shown, "c.svg", "--data", "a.json"),
+    ):
+        code, out, err = run(capsys, *words)
+        assert code == 0 and not err and f"wrote  {words[3]}" in out
+    pictures = [(folder / f"{name}.svg").read_text() for name in "abc"]
+    assert pictures[0] == pictures[1] == pictures[2]
+    for part in ("stable", "unstable", "events-PD", "events-SB"):
+        assert f'id="frequency-{part}"' in pictures[0]
+    with open("a.csv", encoding="utf-8") as file:
+        next(file)
+        rows = [{"event": row["event"], **{name: float(row[name]) for name in COLUMNS}} for row in csv.DictReader(file)]
+    files = [read_json(f"{mode}.json") for mode in (1, 2)]
+    found = sorted((row["event"], row["h"]) for row in rows if row["event"])
+    assert found == sorted((event["type"], event["h"]) for file in files for event in file["events"] if event["type"] in ("PD", "SB"))
+    for row in rows:
+        assert row["velocities.1"] ** 2 + row["velocities.2"] ** 2 == pytest.approx(2.0 * row["h"], rel=1e-12)
+        assert row["frequency"] * row["alpha"] == pytest.approx(0.5 * math.pi, rel=1e-14)
+        assert row["frequency_index"] == row["half_waves"] * row["frequency"]
+    other = second(load_scene("duffing_pair").system)
+    looked_at = [*rows[20::100], *(row for row in rows if row["h"] > 99.0)]
+    assert {row["stable"] for row in looked_at} == {1.0, 0.0} and len(looked_at) > 5
+    for row in looked_at:
+        velocities, alpha, _ = other.quarter(np.array([row["velocities.1"], row["velocities.2"]]), row["alpha"], row["h"])
+        assert abs(alpha / row["alpha"] - 1.0) < 1e-12
+        _, columns = other.flown(np.append([0.0, 0.0], velocities), 4.0 * alpha)
+        assert (abs(np.trace(columns) - 2.0) < 2.0) == row["stable"]
 
 
 def test_a_family_begins_at_a_mode_of_ten(capsys):
