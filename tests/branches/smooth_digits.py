@@ -246,7 +246,7 @@ def kinds_of(event) -> tuple[str | float, ...]:
 
 
 def energy_of_event(spring: SpringDigits, branch, event) -> tuple[float, float]:
-    """Energy of an event, and how far it is from the event of the program, in distances of the four orbits beside that."""
+    """Energy of an event, and how far it is from the event of the program: of the velocity or the duration that changes most, relative."""
     with mp.workdps(40):
         n, s = spring.n, branch.points["arclength"] - event.arclength
         sides = np.flatnonzero(s < -BESIDE)[::-1], np.flatnonzero(s > BESIDE)
@@ -255,7 +255,8 @@ def energy_of_event(spring: SpringDigits, branch, event) -> tuple[float, float]:
         tangent = ((unknowns[2] - unknowns[0]) * before / after - (unknowns[1] - unknowns[0]) * after / before) / (before - after)
         sizes = np.append(np.full(n, np.abs(unknowns[0][:n]).max()), unknowns[0][n])
         held = int(np.argmax(np.abs(tangent / sizes)))
-        step = tangent * (APART.get(event.type, 1e-9) * sizes[held] / tangent[held])
+        apart = APART.get(event.type, 1e-9)
+        step = tangent * (apart * sizes[held] / tangent[held])
         found = []
         for k in NODES:
             y = fixed(unknowns[0] + k * step)
@@ -271,6 +272,6 @@ def energy_of_event(spring: SpringDigits, branch, event) -> tuple[float, float]:
         for kind in kinds_of(event):
             values = [quarter.value(kind, held) for quarter in found]
             weights = [mp.fprod(b / (b - a) for b in values if b is not a) for a in values]
-            place = mp.fdot(weights, NODES)
-            results.append((float(mp.fdot(weights, [quarter.energy for quarter in found])), float(place)))
+            energies = [quarter.energy for quarter in found]
+            results.append((float(mp.fdot(weights, energies)), float(apart * mp.fdot(weights, NODES))))
         return min(results, key=lambda result: abs(result[1]))

@@ -39,9 +39,10 @@ def require_events(branch, types, each):
     assert {code for code, _ in kinds} == set(types)
     for kind in sorted(kinds):
         for event in [event for event in branch.events if (event.type, event.note) == kind][:each]:
-            h, place = energy_of_event(spring, branch, event)
+            h, away = energy_of_event(spring, branch, event)
             assert abs(h / event.h - 1.0) < 1e-10 + event.bracket[1] - event.bracket[0], (event.id, event.h, h)
-            assert abs(place) < 0.5, (event.id, place)
+            # The cubic through four orbits is a series about the event, with room for less than 1e-3.
+            assert abs(away) < 1e-6, (event.id, away)
 
 
 def not_on_their_way_back(orbit):
@@ -63,7 +64,8 @@ def test_a_family_without_a_reversal_begins_where_its_own_problem_is_regular():
     assert abs(energy_of_event(spring, branch, event)[0] / event.h - 1.0) < 1e-10
     quarter = spring.quarter(fixed(np.append(orbit.velocities, orbit.alpha)))
     flow, jacobian = (np.array(matrix.tolist(), dtype=float) for matrix in (quarter.flow, quarter.jacobian))
-    assert np.abs(flow[:2, :2]).max() < 1e-12 < 1.0 < np.abs(flow[:2, 2:]).max()
+    # The event is located to 1e-10, and b changes with a slope of about 1.
+    assert np.abs(flow[:2, :2]).max() < 1e-9 < 1.0 < np.abs(flow[:2, 2:]).max()
     assert np.linalg.svd(jacobian, compute_uv=False).min() > 0.1
     assert min(abs(quarter.value(kind, 2)) for kind in ("SN", "BP", "start", "far end")) > 1.0
     born = switch(branch, event, points=30)
