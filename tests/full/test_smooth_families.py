@@ -14,7 +14,7 @@ from tests.branches.test_smooth_events import FAMILIES, require_events
 @pytest.mark.parametrize(("scene", "values", "mode", "energy", "types"), FAMILIES)
 def test_events_agree_with_many_digits(scene, values, mode, energy, types):
     """Oracle: see `require_events`."""
-    require_events(family(scene, mode, *energy, **values), types, 1 if scene == "beam_on_cubic_spring" else 3)
+    require_events(family(scene, mode, *energy, **values), types, 1 if scene == "beam_on_cubic_spring" else 2)
 
 
 def test_walls_of_power_201_are_nearly_reached():
