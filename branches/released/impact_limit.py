@@ -18,7 +18,7 @@ from branches.admissible import unphysical
 from branches.orbit import Orbit
 from branches.released.branch import ReleasedBranch
 from bvp.closures import EndsError
-from bvp.kernels.multipoint import PERIODIC, REST, STOP
+from bvp.kernels.multipoint import STOP
 from bvp.kernels.paths import motion_at, turning_times
 from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.parameters import ParametricSystem
@@ -35,7 +35,7 @@ _TURNS = 256
 """Most turning points of a gap in a flight."""
 
 _AT_END = 1e-9
-"""Part of a flight within which a turning point is the end at rest: a gap turns there to rounding."""
+"""Part of a flight within which a turning point is that at its begin or end: at rest a gap turns there to rounding."""
 
 _CERTAIN = 10.0
 """How many times the other forces that of a contact is where the contact is certain."""
@@ -121,16 +121,13 @@ def impact_limit(parametric: ParametricSystem, name: str, orbit: Orbit, values: 
     Raises
     ------
     EndsError
-        If no spring becomes a stop, for periodic ends, and for an orbit without contacts.
+        If no spring becomes a stop, and for an orbit without contacts.
     NotConverged
         If no impacting orbit was found.
     """
     system, springs = stiff_limit(parametric, name, values)
     if system is None:
         raise EndsError(f"no spring becomes a stop at {name} = 0: expected a power that grows without bound there")
-    problem = orbit.problem
-    if PERIODIC in problem.kinds:
-        raise EndsError(f"the limit {name} = 0 is computed for origin, rest and stop ends; received periodic ends")
     contacts = tuple(_contacts(orbit, system, springs))
     if not contacts:
         raise EndsError(f"the orbit at {name} = {values[name]:.6g} has no contact: it is the same at {name} = 0")
@@ -176,18 +173,20 @@ def _contacts(orbit: Orbit, limit: ImpactSystem, springs: Sequence[StiffSpring])
     turns, state, change, work = np.empty(_TURNS), np.empty(2 * n), np.empty(2 * n), np.empty(2 * n)
     for i, (z, duration) in enumerate(zip(starts, times.tolist(), strict=True)):
         z = np.ascontiguousarray(z)
+        # A closed orbit ends where it starts, and a flight where the next one does.
+        edges = [0.0, duration] if i == problem.inner and not problem.periodic else [0.0]
         found: list[tuple[float, Contact]] = []
         for k, (spring, gap) in enumerate(zip(springs, rows, strict=True)):
             derivatives = np.array([gap @ np.linalg.matrix_power(modes.matrix, order) for order in (1, 2, 3)])
             count = turning_times(flight, derivatives, z, duration, turns, work)
             if not 0 <= count <= _TURNS:
                 raise NotConverged(f"the turning points of a spring could not be found in flight {i + 1}")
-            ends = [0.0] if i == 0 and problem.kinds[0] == REST else []
-            ends += [duration] if i == problem.inner and problem.kinds[1] == REST else []
-            inside = [time for time in turns[:count].tolist() if all(abs(time - end) > _AT_END * duration for end in ends)]
-            for time in [*inside, *ends]:
+            near = _AT_END * duration
+            for time in [*(time for time in turns[:count].tolist() if near < time < duration - near), *edges]:
                 motion_at(flight, z, time, state, change)
                 w, bend = float(gap @ state), float(derivatives[0] @ change)
+                if time in edges and abs(float(derivatives[0] @ state)) > near * abs(bend):
+                    continue
                 push, side = spring.force(w) / spring.mass, 1.0 if w > 0.0 else -1.0
                 others = abs(bend + side * push)
                 if push > others:
@@ -215,22 +214,27 @@ def _guess(
         speed = float(modes.contacts.side[of]) * contact.speed / clearance
         return np.concatenate([u + along * (modes.contacts.bound[of] - spring.row @ u), v - along * speed])
 
-    total = float(np.sum(smooth.flight_times(y)))
-    times = np.cumsum(smooth.flight_times(y))[:-1].tolist()
+    *times, total = np.cumsum(smooth.flight_times(y)).tolist()
     nodes = [(node @ old.to_state.T) / clearance for node in smooth.nodes(y)]
-    inner = [(time, known(int(contact)), node) for time, contact, node in zip(times, smooth.contacts, nodes, strict=False)]
+    impacts = [
+        (time, known(int(contact)), node) for time, contact, node in zip(times, smooth.contacts, nodes, strict=False) if contact >= 0
+    ]
     ends = [end if kind != STOP else f"stop{known(int(smooth.contacts[smooth.inner + 1 - k]))}"
             for k, (end, kind) in enumerate(zip(smooth.ends, smooth.kinds, strict=True))]  # fmt: skip
-    start = (smooth.start(y) @ old.to_state.T) / clearance
+    begin, start = 0.0, (smooth.start(y) @ old.to_state.T) / clearance
+    if smooth.periodic and smooth.sequence:
+        impacts.append((begin, known(int(smooth.contacts[smooth.inner])), start))
     for contact in contacts:
-        if contact.time == 0.0:
+        if contact.time == begin and not smooth.periodic:
             ends[0], start = f"stop{contact.letter}", behind(contact)
         elif contact.time == total:
             ends[1] = f"stop{contact.letter}"
         else:
-            inner.append((contact.time, contact.letter, behind(contact)))
-    inner.sort(key=lambda one: one[0])
-    problem = MultipointProblem(system, (ends[0], ends[1]), [name for _, name, _ in inner])
-    flights = np.diff([0.0, *(time for time, _, _ in inner), total])
-    states = np.array([state for _, _, state in inner]).reshape(len(inner), 2 * n) @ modes.from_state.T
+            impacts.append((contact.time, contact.letter, behind(contact)))
+    impacts.sort(key=lambda one: one[0])
+    problem = MultipointProblem(system, (ends[0], ends[1]), [name for _, name, _ in impacts])
+    if smooth.periodic:  # it starts at its first impact
+        (begin, _, start), *impacts = impacts
+    flights = np.diff([begin, *(time for time, _, _ in impacts), begin + total])
+    states = np.array([state for _, _, state in impacts]).reshape(len(impacts), 2 * n) @ modes.from_state.T
     return problem, problem.pack(modes.from_state @ start, states, flights)

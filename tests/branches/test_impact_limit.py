@@ -12,9 +12,11 @@ from scipy.optimize import brentq
 import saltus
 from benchmarks import backbone
 from branches.orbit import Orbit
+from branches.presentation import closed_presentation, starts_of
 from branches.released.impact_limit import NEAREST, ImpactLimit, impact_limit, impact_limits
 from bvp.closures import EndsError
 from bvp.multipoint import MultipointProblem
+from bvp.parameters import ParametricSystem
 from bvp.stiff_springs import effective_clearance
 from transitions.response.tracing import trace_in_parameter
 
@@ -75,6 +77,48 @@ def test_the_limit_is_the_orbit_with_impacts(toward_impacts):
     # h depends on alpha with a large slope there, so the energy is compared.
     assert abs(float(backbone.energy(orbit.system, orbit.alpha)) / 5.0 - 1.0) < 1e-10
     assert abs(limit.smooth.alpha - limit.scaled.alpha) < 1e-6 < abs(limit.smooth.alpha - orbit.alpha)
+
+
+@pytest.mark.parametrize("pieces", [1, 3])
+def test_a_closed_orbit_leads_to_a_closed_orbit_with_impacts(toward_impacts, pieces):
+    """Oracle: the same orbit between an origin and an end at rest. It starts at each of its maxima, of which one is a contact."""
+    (limit,) = impact_limits(toward_impacts)
+    assert isinstance(limit, ImpactLimit)
+    orbit, parametric = limit.smooth, toward_impacts.problem.parametric
+    begun_at_contact = []
+    for first in range(starts_of(orbit.cycle)):
+        image = closed_presentation(orbit.cycle, 1, first)
+        problem = MultipointProblem(orbit.system, image.ends, image.sequence, pieces)
+        closed = Orbit(problem, problem.solve(image.unknowns(problem), energy=orbit.h))
+        found = impact_limit(parametric, "1/n", closed, parametric.at({"1/n": NEAREST}))
+        begun_at_contact.append(found.contacts[0].time == 0.0)
+        assert found.orbit.ends == ("periodic", "periodic") and sorted(found.orbit.sequence) == ["+", "-"]
+        for one, other in ((found.orbit, limit.orbit), (found.scaled, limit.scaled)):
+            assert abs(one.alpha / other.alpha - 1.0) < 1e-12
+        assert np.abs(found.orbit.multipliers - limit.orbit.multipliers).max() < 1e-10
+        assert abs(found.clearance / limit.clearance - 1.0) < 1e-12
+    assert sorted(begun_at_contact) == [False, False, True]
+
+
+@pytest.mark.parametrize("ends", [("stop-", "rest"), ("rest", "stop-"), ("periodic", "periodic")])
+def test_impacts_that_are_there_before_stay(ends):
+    """Oracle: the half period asin(1/A) + asin(d/A) of a linear oscillator of amplitude A between a stop at -d and one at 1, which is the
+    limit of the spring w^(2 n + 1). The two impacts have different speeds, and the stop's distance is not in units of the clearance."""
+    distance, amplitude, n = 0.5, 1.5, 200.0
+    spring, stop = {"on": "u1", "stiffness": 1.0, "power": "2*n + 1"}, {"c": [1.0], "lower": -distance}
+    system = {"mass": [[1.0]], "stiffness": [[1.0]], "springs": [spring], "stops": [stop]}
+    parametric = ParametricSystem.from_description({"parameters": {"n": n}, "system": system}).in_reciprocal("n")
+    problem = MultipointProblem(parametric.system(), ends, ("-",) if ends[0] == "periodic" else ())
+    speed = math.sqrt(amplitude**2 - 1.0)
+    turn, clearance = ((n + 1.0) * speed**2) ** (0.5 / (n + 1.0)), effective_clearance(2.0 * n + 1.0, 1.0, 1.0, speed)
+    half, smooth = (math.asin(bound / amplitude) + math.asin(distance / amplitude) for bound in (1.0, clearance))
+    start = [turn, 0.0] if ends[0] == "rest" else [-distance, math.sqrt(amplitude**2 - distance**2)]
+    guess = problem.pack(problem.modes.from_state @ start, None, [smooth * problem.quarters / 2.0])
+    orbit = Orbit(problem, problem.solve(guess, energy=0.5 * amplitude**2))
+    limit = impact_limit(parametric, "1/n", orbit, parametric.at())
+    assert [contact.letter for contact in limit.contacts] == ["b+"]
+    assert abs(limit.orbit.period / (2.0 * half) - 1.0) < 1e-13
+    assert len(limit.orbit.impacts) == 2 and limit.orbit.ends == tuple(end.replace("rest", "stopb+").replace("p-", "pa-") for end in ends)
 
 
 def test_an_end_without_impacts_is_refused():
