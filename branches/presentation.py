@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from branches.sequences import PERIODIC, Ends, ImpactSequence, canonical_sequence, full_sequence, mirror, segments_per_period
-from branches.smooth_cycles import covers, is_without_impacts, reversal_instants, start_instants, states_at
 from bvp.closures import Cycle, cycle_of
 from bvp.kernels.multipoint import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, Solution
+from bvp.smooth_cycles import covers, is_without_impacts, reversal_instants, start_instants, states_at
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -115,7 +115,7 @@ def presentation_between(cycle: Cycle, first: float, last: float, kinds: tuple[s
 def closed_presentation(cycle: Cycle, cover: int = 1, first: int = 0, *, backwards: bool = False, mirrored: bool = False) -> Presentation:
     """The full period as it closes on itself from one of its impacts: a cover of it, backwards in time, or the mirror image.
 
-    Without impacts it begins at one of the maxima that `branches.smooth_cycles` finds."""
+    Without impacts it begins at one of the maxima that `bvp.smooth_cycles` finds."""
     if is_without_impacts(cycle):
         sign = -1.0 if mirrored else 1.0
         instants = start_instants(cycle, sign)

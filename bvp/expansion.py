@@ -199,7 +199,7 @@ class _Expansion:
     def impact(self, row: int, i: int, x: np.ndarray) -> np.ndarray:
         """The state x after the impact of a row of nodes, at the parameters of node i."""
         contact = self.segment.contact[row]
-        if contact[0] < 0:
+        if contact[0] < 0 or self.problem.contacts[row] < 0:
             return x
         n, gap = self.n, self.segment.gap[row, : self.n]
         motion = self.motion(i, min(row, self.problem.inner))
@@ -264,7 +264,8 @@ class _Expansion:
         if self.segment.contact[last, 0] >= 0:
             found[:, size + 1] = self.gap(last, 0, closing[0] * start[:, : self.n])
         if self.segment.shape[1] == UNFOLDED:
-            found[:, :size] += product(self.y[:, -1:], self.energy_gradient())
+            first = 0 if self.smooth is None else self.n
+            found[:, first:size] += product(self.y[:, -1:], self.energy_gradient()[:, first:])
         self.kept(found[:, size + 2 :])
 
     def ends(self, after: np.ndarray, found: np.ndarray) -> None:
@@ -279,13 +280,10 @@ class _Expansion:
         self.kept(found[:, 2 * n + 1 :])
 
     def energy_gradient(self) -> np.ndarray:
-        """The derivative of the energy by the start, (2^d, 2 n)."""
+        """The derivative of the energy by the start without smooth forces, (2^d, 2 n)."""
         n, (mass, _, stiffness) = self.n, self.matrices(0)
         x = self.node(0)
-        of_place, of_speed = product(stiffness, x[:, :n], np.matmul), product(mass, x[:, n : 2 * n], np.matmul)
-        if self.smooth is not None:
-            of_place = of_place + self.smooth.energy_gradient(x[:, :n], self.released(0))
-        return np.concatenate([of_place, of_speed], axis=1)
+        return np.concatenate([product(stiffness, x[:, :n], np.matmul), product(mass, x[:, n : 2 * n], np.matmul)], axis=1)
 
     def energy(self) -> np.ndarray:
         """The energy of the start, (2^d,)."""

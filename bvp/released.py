@@ -24,6 +24,7 @@ from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
 from bvp.multipliers import SystemData, floquet_multipliers, formed, sort_multipliers, system_data
 from bvp.multipoint import MultipointProblem
 from bvp.parameters import ParametricSystem
+from bvp.smooth_cycles import nearest_maximum, nearest_rise
 from bvp.stability import half_map_multipliers
 
 __all__ = ["ReleasedProblem"]
@@ -61,7 +62,8 @@ class ReleasedProblem(ForcedProblem):
     Notes
     -----
     The unknowns are y = (z_0, t_0, z_1, t_1, ..., z_k, t_k [, xi]) of nodes z = (u, v, 0, parameters), equation (41). A periodic orbit has
-    the unfolding parameter xi, which is zero on every solution.
+    the unfolding parameter xi, which is zero on every solution. Without impacts it starts where the sum of the modal displacements
+    rises through zero, with the modes at `values`: at a maximum all velocities can be zero, and then a kick along them is nothing.
     """
 
     conserved = RESERVED
@@ -82,13 +84,16 @@ class ReleasedProblem(ForcedProblem):
         system = parametric.system(values)
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence)
-        if self.structure.periodic and not sequence:
-            words = "a closed orbit without impacts and without a reversal is followed in the energy only"
-            raise EndsError(f"{words}; expected an orbit with a reversal or with impacts")
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
         super().__init__(parametric, sequence, released, keep=keep, values=values)
         if not self.structure.periodic:
             self.segment.contact[self.inner :, 1] = -1
+        self.starts_rising = self.structure.periodic and not self.sequence
+        if self.starts_rising:
+            # In place of a gap; the place of its bound is that of the base frequency, which is 0.
+            row = self.modes.from_state[: self.degrees_of_freedom, : self.degrees_of_freedom].sum(axis=0)
+            self.segment.gap[self.inner, : len(row)] = row / np.linalg.norm(row)
+            self.segment.contact[self.inner] = self.parametric.layout.frequency.start, -1
 
     def _require_determined(self) -> None:
         parametric, layout, released = self.parametric, self.parametric.layout, self.released
@@ -139,6 +144,11 @@ class ReleasedProblem(ForcedProblem):
         fastest = math.sqrt(float(np.abs(self.modes.squares).max())) or 1.0
         found[:n], found[n : 2 * n] = speeds / fastest, speeds
         return found
+
+    def rise(self, y: np.ndarray) -> float:
+        """The rate of the sum that is zero at the start of a closed orbit without impacts: the orbit starts there while it is above 0."""
+        n = self.degrees_of_freedom
+        return float(self.segment.gap[self.inner, :n] @ self.nodes(y)[0, n : 2 * n])
 
     def known_values(self, y: np.ndarray) -> dict[str, float]:
         """The values of all parameters, the energy and the quarter period at y."""
@@ -196,7 +206,8 @@ class ReleasedProblem(ForcedProblem):
 
     def of_orbit(self, problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
         """The unknowns (u,) of an orbit, a solution y of the problem of the system at these values of the parameters."""
-        states = np.vstack([problem.start(y), problem.impact_states(y)]) @ problem.modes.to_state.T
+        start = nearest_rise(cycle_of(problem, y)) if self.starts_rising else problem.start(y)
+        states = np.vstack([start, problem.impact_states(y)]) @ problem.modes.to_state.T
         parameters = [self.values[name] for name in self.released]
         return self.pack(states, np.zeros(len(states)), parameters, problem.whole_flight_times(y))
 
@@ -219,7 +230,10 @@ class ReleasedProblem(ForcedProblem):
             forces = None if forces.is_called else forces.at([values[name] for name in self.released])
         problem = MultipointProblem(self.parametric.system(values, forces), self.ends, self.sequence)
         states = self.nodes(y)[:, : 2 * self.degrees_of_freedom] @ problem.modes.from_state.T
-        return problem, problem.pack(states[0], states[1:], self.flight_times(y))
+        at = problem.pack(states[0], states[1:], self.flight_times(y))
+        if self.starts_rising:
+            at = problem.pack(nearest_maximum(cycle_of(problem, at)), states[1:], self.flight_times(y))
+        return problem, at
 
     def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
         """Left to the problem of the system there."""

@@ -138,37 +138,21 @@ class SmoothExpansion:
 
     def energy(self, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """The energy of the forces at displacements, (2^d,)."""
-        return self._composed(self._energy_program(False), 1, place, parameters)[:, 0]
-
-    def energy_gradient(self, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
-        """Its derivative by the displacements, (2^d, n)."""
-        slopes = self._composed(self._energy_program(True), len(self.forces.symbols), place, parameters)
-        found: np.ndarray = slopes @ self.forces.inputs[:, : self.n]
-        return found
-
-    def _composed(self, program: Program, outputs: int, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         at = np.concatenate([place @ self.forces.inputs[:, : self.n].T, parameters], axis=1)
-        values, variables = at[0].real.copy(), at.shape[1]
+        program, values, variables = self._energy_program, at[0].real.copy(), at.shape[1]
         out = np.zeros(len(program.outputs))
         run(program, values, np.zeros(scratch_size(program, variables)), out)
         tables, start = [], 0
         for k in range(self.order + 1):
-            stop = start + outputs * variables**k
-            tables.append(out[start:stop].reshape((outputs, *(variables,) * k)))
-            start = stop
-        return composed(tables, at)
-
-    def _energy_program(self, slopes: bool) -> Program:
-        if slopes not in self._energies:
-            variables = [*self.forces.symbols, *self.forces.parameters]
-            wanted = [derivative(self.forces.potential, symbol) for symbol in self.forces.symbols] if slopes else [self.forces.potential]
-            found = derivatives_of(wanted, variables, self.order)
-            self._energies[slopes] = program_of([plain_powers(one) for one in found], variables)
-        return self._energies[slopes]
+            tables.append(out[start : start + variables**k].reshape((1, *(variables,) * k)))
+            start += variables**k
+        return composed(tables, at)[:, 0]
 
     @cached_property
-    def _energies(self) -> dict[bool, Program]:
-        return {}
+    def _energy_program(self) -> Program:
+        variables = [*self.forces.symbols, *self.forces.parameters]
+        found = derivatives_of([self.forces.potential], variables, self.order)
+        return program_of([plain_powers(one) for one in found], variables)
 
 
 _KEPT = 64

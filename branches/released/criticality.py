@@ -214,9 +214,11 @@ def _embedded(parent: _Parent, window: tuple[int, int] | int) -> CriticalEquatio
 
 class CriticalEquations:
     """The equations at an orbit, with the parameter of the family fixed in a last row. Columns are in units of the unknowns, and rows have
-    length 1."""
+    length 1. A ValueError for closed orbits without impacts: lengths at the start of their family are not known."""
 
     def __init__(self, problem: ReleasedProblem, y: np.ndarray):
+        if problem.starts_rising:
+            raise ValueError("closed orbits without impacts start at another instant here than their family in the energy")
         self.problem, self.y = problem, y
         jacobian, scale = problem.jacobian(y), problem.scales(y, evaluated=True)
         self.scale = np.where(scale > 0.0, scale, 1.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from branches.family import Family
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
-from branches.kernels import TANGENT_NOISE, is_orbit, make_pairs_work
+from branches.kernels import CONDITION_NOISE, TANGENT_NOISE, is_orbit, make_pairs_work
 from branches.solved_family import FAILED, SolvedFamily, step_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import ReleasedProblem
@@ -60,9 +60,7 @@ class ReleasedFamily(AlongParameters, Family):
         Values of the parameter that are marked.
     """
 
-    def __init__(
-        self, problem: ReleasedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()
-    ):
+    def __init__(self, problem: ReleasedProblem, interval: tuple[float, float] = (-math.inf, math.inf), values: tuple[float, ...] = ()):
         super().__init__(problem.structure)
         self.problem = problem
         self.values = values
@@ -74,6 +72,9 @@ class ReleasedFamily(AlongParameters, Family):
         name = problem.released[0]
         self._unit = abs(problem.values[name]) or 1.0
         tests[0] = TestFunction("SN", "crossing", False, f"fold in {name}", True)
+        if problem.starts_rising:
+            words = "the sum of the modal displacements no longer passes zero at the start of the orbit"
+            tests[3] = TestFunction("EP", "guard", True, f"{words}; start from another maximum of it")
         tests[5:7] = [TestFunction("EP", "guard", True, end) for end in ends]
         tests[7] = TestFunction("SN", "crossing", False, "fold in the energy, at these parameters")
         self.tests = (*tests, *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values))
@@ -96,9 +97,14 @@ class ReleasedFamily(AlongParameters, Family):
         tests = self._values_at(orbit.problem, orbit, orbit.result.tolist(), work)
         # The slope in the energy, nan where it is rounding, and the determinant have the same orientation, which is as it comes.
         tests[7] = tests[0] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
-        # Along a family of one value of the parameter the slope is rounding.
-        certain = abs(solution["slope"]) * solution["branching"] ** 2 > TANGENT_NOISE * solution["steepness"] * self._unit
+        # Along a family of one value of the parameter the slope is rounding, and near a branch point: see `branches.kernels.common_tests`.
+        slope, unit = abs(solution["slope"]), solution["steepness"] * self._unit
+        certain = (
+            slope * solution["branching"] ** 2 > TANGENT_NOISE * unit and slope * solution["conditioning"] ** 2 > CONDITION_NOISE * unit
+        )
         tests[0], tests[1] = solution["slope"] if certain else math.nan, solution["branching"]
+        if self.problem.starts_rising:
+            tests[3] = self.problem.rise(solution.y)
         tests[5], tests[6] = parameter - low, high - parameter
         return step_of(solution, solution.result.tolist(), [*tests, *(parameter - value for value in self.values)])._replace(extra=orbit)
 

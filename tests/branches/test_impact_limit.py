@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 import saltus
 from benchmarks import backbone
 from branches.orbit import Orbit
-from branches.presentation import closed_presentation, starts_of
+from branches.presentation import closed_presentation, starts_of, symmetries
 from branches.released.impact_limit import NEAREST, ImpactLimit, impact_limit, impact_limits
 from bvp.closures import EndsError
 from bvp.multipoint import MultipointProblem
@@ -30,6 +30,16 @@ def toward_impacts():
     family = saltus.trace("S13+", scene=scene, energy=(1.0, 5.5))
     orbit = min(family.orbits_at(energy=5.0), key=lambda orbit: -orbit.alpha)
     return trace_in_parameter(orbit, "1/n", (NEAREST, 0.1), keep="energy = 5", system=scene.parametric.in_reciprocal("n"))
+
+
+@pytest.fixture(scope="module")
+def closed_toward_impacts(toward_impacts):
+    """The same orbits, closed on themselves."""
+    orbit, parametric = toward_impacts.orbit(len(toward_impacts) - 1), toward_impacts.problem.parametric
+    image = closed_presentation(orbit.cycle)
+    problem = MultipointProblem(orbit.system, image.ends, image.sequence)
+    closed = Orbit(problem, problem.solve(image.unknowns(problem), energy=5.0))
+    return trace_in_parameter(closed, "1/n", (NEAREST, 0.1), keep="energy = 5", system=parametric.replaced({"1/n": 0.1}))
 
 
 def scaled_quarter_period(system, n: float, h: float) -> float:
@@ -50,10 +60,11 @@ def scaled_quarter_period(system, n: float, h: float) -> float:
     return alpha
 
 
-def test_quarter_periods_approach_those_at_the_effective_clearance(toward_impacts):
+@pytest.mark.parametrize("family", ["toward_impacts", "closed_toward_impacts"])
+def test_quarter_periods_approach_those_at_the_effective_clearance(family, request):
     """Oracle: the difference falls by four where n doubles, while the plain one falls by less than two: its order is log n/n."""
     system = saltus.vibro_impact_nes(mu=MU, sigma=0.1)
-    branch = toward_impacts
+    branch = request.getfixturevalue(family)
     plain, scaled = [], []
     for n in (25.0, 50.0, 100.0, 200.0):
         i = int(np.argmin(np.abs(branch.parameter - 1.0 / n)))
@@ -98,6 +109,24 @@ def test_a_closed_orbit_leads_to_a_closed_orbit_with_impacts(toward_impacts, pie
         assert np.abs(found.orbit.multipliers - limit.orbit.multipliers).max() < 1e-10
         assert abs(found.clearance / limit.clearance - 1.0) < 1e-12
     assert sorted(begun_at_contact) == [False, False, True]
+
+
+def test_an_orbit_without_a_reversal_leads_to_one_with_impacts():
+    """Oracle: the event-driven simulation of a period of the orbit with impacts."""
+    parametric = saltus.load_scene("smooth_wall").parametric
+    problem = MultipointProblem(parametric.system(), ("periodic", "periodic"), ())
+    start = problem.modes.from_state @ [1.561709, 1.08097562, -0.28861417, 0.00717081]
+    orbit = Orbit(problem, problem.solve(problem.pack(start, None, [6.7487061046]), energy=0.6))
+    branch = trace_in_parameter(orbit, "1/n", (NEAREST, 0.1), keep="energy = 0.6", system=parametric.in_reciprocal("n"), direction="down")
+    (limit,) = impact_limits(branch)
+    assert isinstance(limit, ImpactLimit) and len(limit.contacts) == 2
+    found = limit.orbit
+    assert not symmetries(found.cycle).reversals and not symmetries(found.cycle).half and abs(found.h - 0.6) < 1e-12
+    (u,), (v,) = found.sample(np.zeros(1))
+    motion = saltus.simulate(found.system, u, v, 1.001 * found.period)
+    times = motion.times[motion.contacts >= 0]
+    level = 1e-13 * np.abs(found.multipliers).max() * found.period
+    assert np.allclose(times, [found.impacts[1].time, found.period], rtol=0.0, atol=100.0 * level)
 
 
 @pytest.mark.parametrize("ends", [("stop-", "rest"), ("rest", "stop-"), ("periodic", "periodic")])

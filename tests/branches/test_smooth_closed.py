@@ -8,17 +8,21 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from branches.forced.record import problem_from, problem_record
+from branches.forced.tracing import follow_response
 from branches.naming.at_modes import orbit_at_mode
 from branches.orbit import Orbit
 from branches.presentation import all_presentations, canonical_orbit, closed_presentation, same_orbit, starts_of, symmetries
 from branches.reading import branch_of_record
 from branches.record import to_record
-from branches.smooth_cycles import start_instants, states_at
+from branches.released.branch import ReleasedBranch
 from branches.switching import switch
 from branches.tracing import follow_family
 from bvp.closures import EndsError, cycle_of
 from bvp.multipoint import MultipointProblem
+from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
+from bvp.smooth_cycles import start_instants, states_at
 from bvp.springs import Spring
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus.scene import load_scene
@@ -146,8 +150,82 @@ def test_linear_systems_still_need_an_impact_to_close():
         MultipointProblem(vibro_impact_nes(), ("periodic", "periodic"), ())
 
 
-def test_a_closed_orbit_is_not_followed_in_a_parameter():
-    """Oracle: contract."""
-    parametric = load_scene("smooth_wall").parametric
-    with pytest.raises(EndsError, match="without impacts and without a reversal is followed in the energy only; expected an orbit with a"):
-        ReleasedProblem(parametric, ("periodic", "periodic"), (), ["n"], ["energy"])
+def closed_in(parametric, orbit, name, interval, keep, **options):
+    """The family of a closed orbit in a parameter."""
+    problem = ReleasedProblem(parametric, orbit.ends, (), [name], [keep], energy=orbit.h)
+    branch = follow_response(problem, problem.of_orbit(orbit.problem, orbit.solution.y), interval, **options)
+    assert isinstance(branch, ReleasedBranch)
+    return branch
+
+
+def mode_to_closed(system):
+    """The family without a reversal of a system near that of `sink`, by switching at its own events."""
+    mode = orbit_at_mode("mode:1", system, (1e-3, 1.0))
+    first = follow_family(mode.problem, mode.solution.y, energy=(1e-3, 0.06))
+    doubled = next(branch for branch in switch(first, "PD1", energy=(1e-2, 1.0), points=40) if branch.ends == ("rest", "rest"))
+    return switch(doubled, "SB1", energy=(1e-2, 0.5), points=80)[0]
+
+
+@pytest.mark.parametrize(("name", "value"), [("n", 3.004), ("mu", 0.0995)])
+def test_a_closed_orbit_is_followed_in_a_parameter(closed, name, value):
+    """Oracle: the family in the energy at another value of the parameter, which is found from the linear mode there. The modes change with
+    mu, and with them the instant at which the orbit starts. A file of the problem."""
+    parametric = load_scene("smooth_wall").parametric.replaced({"n": 3.0})
+    branch = closed["rest", "rest"]
+    orbit = branch.orbit(len(branch) // 4)
+    interval = tuple(sorted((value, parametric.values[name])))
+    found = closed_in(parametric, orbit, name, interval, f"energy = {orbit.h!r}")
+    there = found.orbit(0 if value < parametric.values[name] else len(found) - 1)
+    other = mode_to_closed(parametric.system({name: value})).orbits_at(energy=orbit.h)[0]
+    assert abs(there.alpha / other.alpha - 1.0) < 1e-12
+    assert np.abs(np.sort_complex(there.multipliers) - np.sort_complex(other.multipliers)).max() < 1e-10
+    assert same_orbit((there.problem, there.solution.y), (other.problem, other.solution.y))
+    full = found.problem.multipliers(found.unknowns[0])
+    assert np.abs(full - 1.0).min() < 1e-6 and np.abs(np.prod(full) - 1.0) < 1e-10
+    again = problem_from(parametric, json.loads(json.dumps(problem_record(found.problem))))
+    assert np.abs(again.residual(found.unknowns[-1])).max() < 1e-12
+
+
+def test_a_closed_family_passes_the_orbits_with_a_reversal(closed, doubled, monkeypatch):
+    """Oracle: the event SB of the family of these orbits. Slopes are rounding near it, and few orbits are solved for them."""
+    parametric = load_scene("smooth_wall").parametric.replaced({"n": 3.0})
+    branch = closed["rest", "rest"]
+    orbit = branch.orbit(len(branch) // 4)
+    keep, solved, take = f"energy = {orbit.h!r}", [], ReleasedProblem.step
+    monkeypatch.setattr(ReleasedProblem, "step", lambda *given, **options: solved.append(1) or take(*given, **options))
+    found = closed_in(parametric, orbit, "n", (2.987, 3.002), keep)
+    assert len(solved) < 10 * len(found)
+    assert [event.type for event in found.events] == ["EP", "BP", "EP"]
+    symmetric = min(doubled["origin", "origin"].orbits_at(energy=orbit.h), key=lambda one: abs(one.alpha - orbit.alpha))
+    problem = ReleasedProblem(parametric, symmetric.ends, (), ["n"], [keep], energy=orbit.h)
+    beside = follow_response(problem, problem.of_orbit(symmetric.problem, symmetric.solution.y), (2.98, 3.02))
+    breaking = [event.values["n"] for event in beside.events if event.type == "SB"]
+    assert min(abs(n - found.events[1].values["n"]) for n in breaking) < 1e-8
+
+
+def test_a_closed_orbit_keeps_its_family_in_a_parameter():
+    """Oracle: the same orbits between an origin and an end at rest, over a wide range."""
+    parametric = load_scene("smooth_wall").parametric.replaced({"n": 3.0})
+    mode = orbit_at_mode("mode:1", parametric.system(), (1e-3, 1.0))
+    orbit = follow_family(mode.problem, mode.solution.y, energy=(1e-3, 0.02)).orbit_at(energy=0.015)
+    image = closed_presentation(orbit.cycle)
+    problem = MultipointProblem(orbit.system, image.ends, image.sequence)
+    closed = Orbit(problem, problem.solve(image.unknowns(problem), energy=orbit.h))
+    quarter = closed_in(parametric, orbit, "mu", (0.05, 0.1), "energy = 0.015")
+    whole = closed_in(parametric, closed, "mu", (0.05, 0.1), "energy = 0.015")
+    assert quarter.problem.ends == ("origin", "rest") and whole.problem.starts_rising
+    for one, other in ((quarter.orbit(0), whole.orbit(0)), (quarter.orbit(len(quarter) - 1), whole.orbit(len(whole) - 1))):
+        assert abs(one.alpha / other.alpha - 1.0) < 1e-12
+        assert np.abs(one.multipliers - other.multipliers).max() < 1e-10
+
+
+def test_a_sum_that_never_rises_through_zero_is_refused():
+    """Oracle: the words. Oscillations about u = 1.9, where u (u - 1) (u - 1.9) is zero, too, stay on one side."""
+    spring = {"on": "u1", "potential": "w**4/4 - 2.9*w**3/3"}
+    description = {"parameters": {"k": 1.9}, "system": {"mass": [[1.0]], "stiffness": [["k"]], "springs": [spring]}}
+    parametric = ParametricSystem.from_description(description)
+    problem = MultipointProblem(parametric.system(), ("periodic", "periodic"), ())
+    orbit = problem.solve(problem.pack(problem.modes.from_state @ [2.06, 0.0], None, [4.8]), energy=0.08)
+    released = ReleasedProblem(parametric, problem.ends, (), ["k"], ["energy = 0.08"])
+    with pytest.raises(EndsError, match="from where the sum of its modal displacements rises through zero; it never does"):
+        released.of_orbit(problem, orbit.y)

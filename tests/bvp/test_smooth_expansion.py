@@ -39,8 +39,9 @@ def forced(description, released, sequence=(), **options):
     return ForcedProblem(ParametricSystem.from_description(description), sequence, released, keep=keep, **options)
 
 
-def free(released, ends=("origin", "rest"), keep=("energy = 0.3",)):
-    return ReleasedProblem(ParametricSystem.from_description(STEEP), ends, (), released, keep)
+def free(released, ends=("origin", "rest"), keep=("energy = 0.3",), sequence=()):
+    system = STEEP["system"] | ({"stops": [{"c": [1.0, -1.0], "upper": "1 + m"}]} if sequence else {})
+    return ReleasedProblem(ParametricSystem.from_description(STEEP | {"system": system}), ends, sequence, released, keep)
 
 
 CASES = {
@@ -51,6 +52,8 @@ CASES = {
     "damper, exponent": lambda: forced(PAIR | {"parameters": PAIR["parameters"] | {"b": 4.3}}, ("q", "b"), load_periods=2),
     "stops": lambda: forced(DUFFING | {"system": DUFFING["system"] | BOUNDED}, ("k", "c"), ("+", "-")),
     "free": lambda: free(("n", "m"), keep=("energy = 0.3", "quarter_period*m = n*energy + 1")),
+    "free, closed": lambda: free(("m", "s"), ("periodic", "periodic"), ("energy = 0.3", "quarter_period = s")),
+    "free, closed, an impact": lambda: free(("n", "m"), ("periodic", "periodic"), ("energy = 0.3", "quarter_period = n"), ("+",)),
     "free, other ends": lambda: free(("s",), ("rest", "origin"), ("energy**2 = quarter_period",)),
 }
 

@@ -5,19 +5,28 @@ Such an orbit is solved from a maximum of the sum of its modal displacements. It
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from bvp.closures import Cycle
-from bvp.kernels.paths import turning_times
+from bvp.checks import EPSILON
+from bvp.closures import Cycle, EndsError
+from bvp.kernels.paths import motion_at, turning_times
 from bvp.smooth_flights import flight_of
 
-__all__ = ["covers", "is_without_impacts", "reversal_instants", "start_instants", "states_at"]
+__all__ = ["covers", "is_without_impacts", "nearest_maximum", "nearest_rise", "reversal_instants", "start_instants", "states_at"]
 
 MOST = 4096
 """Most zeros along a piece of an orbit."""
 
 NEAR = 1e-9
 """Part of the period within which two instants are one."""
+
+_ROUNDS = 8
+"""Most corrections of an instant that is known to `NEAR`."""
+
+_BESIDE = 1e-6
+"""Part of the period by which they can move it. The start of an orbit is among the instants even if nothing is zero there."""
 
 
 def is_without_impacts(cycle: Cycle) -> bool:
@@ -62,6 +71,49 @@ def start_instants(cycle: Cycle, sign: float = 1.0) -> np.ndarray:
     middles = states_at(cycle, instants + 0.5 * np.diff(np.append(instants, instants[0] + cycle.period)))[:, :half].sum(axis=1)
     # Between two neighbouring instants the sum only rises, or only falls.
     return instants[(sign * sums[:-1] > sign * middles) & (sign * sums[:-1] > sign * np.roll(middles, 1))]
+
+
+def nearest_maximum(cycle: Cycle) -> np.ndarray:
+    """The state (N,) at the maximum of the sum of the modal displacements that is nearest to the start of an orbit.
+
+    Raises
+    ------
+    EndsError
+        If there is none.
+    """
+    found = _nearest(cycle, 1, start_instants(cycle))
+    if found is None:
+        raise EndsError("the sum of the modal displacements has no maximum, at which a closed orbit without impacts starts")
+    return found
+
+
+def nearest_rise(cycle: Cycle) -> np.ndarray:
+    """The same where that sum rises through zero."""
+    instants = _zeros(cycle, _row(cycle, 0))
+    found = _nearest(cycle, 0, instants[states_at(cycle, instants) @ _row(cycle, 1) > 0.0])
+    if found is None:
+        words = "a closed orbit without impacts is followed in a parameter from where the sum of its modal displacements rises through zero"
+        raise EndsError(f"{words}; it never does")
+    return found
+
+
+def _nearest(cycle: Cycle, part: int, instants: np.ndarray) -> np.ndarray | None:
+    """The state at the zero of a sum, see `_row`, that is nearest to the start, of those near such instants."""
+    flight, begin, row, period = flight_of(cycle.system), np.ascontiguousarray(cycle.after[0]), _row(cycle, part), cycle.period
+    state, change = np.empty_like(begin), np.empty_like(begin)
+    signed = instants - np.where(instants > 0.5 * period, period, 0.0)
+    for begun in sorted(signed.tolist(), key=abs):
+        time = begun
+        for _ in range(_ROUNDS):
+            motion_at(flight, begin, time, state, change)
+            value, rate = float(row @ state), float(row @ change)
+            step = -value / rate if rate != 0.0 else math.inf
+            if not abs(time + step - begun) < _BESIDE * period:
+                break
+            if abs(step) <= 4.0 * EPSILON * period:
+                return state
+            time += step
+    return None
 
 
 def reversal_instants(cycle: Cycle, tolerance: float) -> list[tuple[float, int]]:
