@@ -16,6 +16,7 @@ from branches.presentation import all_presentations, canonical_orbit, closed_pre
 from branches.reading import branch_of_record
 from branches.record import to_record
 from branches.released.branch import ReleasedBranch
+from branches.released.family import ReleasedFamily
 from branches.switching import switch
 from branches.tracing import follow_family
 from bvp.closures import EndsError, cycle_of
@@ -217,6 +218,13 @@ def test_a_closed_orbit_keeps_its_family_in_a_parameter():
     for one, other in ((quarter.orbit(0), whole.orbit(0)), (quarter.orbit(len(quarter) - 1), whole.orbit(len(whole) - 1))):
         assert abs(one.alpha / other.alpha - 1.0) < 1e-12
         assert np.abs(one.multipliers - other.multipliers).max() < 1e-10
+    # The run ends where the sum of the modal displacements at mu = 0.1 no longer rises through zero at the start.
+    family, y = ReleasedFamily(whole.problem), whole.unknowns[0]
+    modal = parametric.system().modes.from_state @ y[:4]
+    assert abs(modal[:2].sum()) < 1e-13 * np.abs(y[:4]).max()
+    assert (family.tests[3].code, family.tests[3].kind, family.tests[3].terminal) == ("EP", "guard", True)
+    assert family.begin(y).tests[3] * modal[2:].sum() > 0.0
+    assert whole.problem.rise(-y) == -whole.problem.rise(y) < 0.0
 
 
 def test_a_sum_that_never_rises_through_zero_is_refused():
