@@ -172,12 +172,11 @@ def test_a_closed_orbit_is_followed_in_a_parameter(closed, name, value):
     """Oracle: the family in the energy at another value of the parameter, which is found from the linear mode there. The modes change with
     mu, and with them the instant at which the orbit starts. A file of the problem."""
     parametric = load_scene("smooth_wall").parametric.replaced({"n": 3.0})
-    branch = closed["rest", "rest"]
-    orbit = branch.orbit(len(branch) // 4)
+    orbit = closed["rest", "rest"].orbits_at(energy=0.0629)[0]
     interval = tuple(sorted((value, parametric.values[name])))
-    found = closed_in(parametric, orbit, name, interval, f"energy = {orbit.h!r}")
-    there = found.orbit(0 if value < parametric.values[name] else len(found) - 1)
-    other = mode_to_closed(parametric.system({name: value})).orbits_at(energy=orbit.h)[0]
+    found = closed_in(parametric, orbit, name, interval, "energy = 0.0629")
+    there = found.orbit(int(np.argmin(np.abs(found.parameter - value))))
+    other = mode_to_closed(parametric.system({name: value})).orbits_at(energy=0.0629)[0]
     assert abs(there.alpha / other.alpha - 1.0) < 1e-12
     assert np.abs(np.sort_complex(there.multipliers) - np.sort_complex(other.multipliers)).max() < 1e-10
     assert same_orbit((there.problem, there.solution.y), (other.problem, other.solution.y))
@@ -190,14 +189,13 @@ def test_a_closed_orbit_is_followed_in_a_parameter(closed, name, value):
 def test_a_closed_family_passes_the_orbits_with_a_reversal(closed, doubled, monkeypatch):
     """Oracle: the event SB of the family of these orbits. Slopes are rounding near it, and few orbits are solved for them."""
     parametric = load_scene("smooth_wall").parametric.replaced({"n": 3.0})
-    branch = closed["rest", "rest"]
-    orbit = branch.orbit(len(branch) // 4)
-    keep, solved, take = f"energy = {orbit.h!r}", [], ReleasedProblem.step
+    orbit = closed["rest", "rest"].orbits_at(energy=0.0629)[0]
+    keep, solved, take = "energy = 0.0629", [], ReleasedProblem.step
     monkeypatch.setattr(ReleasedProblem, "step", lambda *given, **options: solved.append(1) or take(*given, **options))
     found = closed_in(parametric, orbit, "n", (2.987, 3.002), keep)
     assert len(solved) < 10 * len(found)
     assert [event.type for event in found.events] == ["EP", "BP", "EP"]
-    symmetric = min(doubled["origin", "origin"].orbits_at(energy=orbit.h), key=lambda one: abs(one.alpha - orbit.alpha))
+    symmetric = min(doubled["origin", "origin"].orbits_at(energy=0.0629), key=lambda one: abs(one.alpha - orbit.alpha))
     problem = ReleasedProblem(parametric, symmetric.ends, (), ["n"], [keep], energy=orbit.h)
     beside = follow_response(problem, problem.of_orbit(symmetric.problem, symmetric.solution.y), (2.98, 3.02))
     breaking = [event.values["n"] for event in beside.events if event.type == "SB"]
