@@ -244,6 +244,8 @@ class _Expansion:
                 at = row + problem.size
                 if problem.contact_modes.opening(i) is not None:
                     found[:, at] = self.release(i)
+                elif problem.contacts[i] < 0:  # a cut
+                    found[:, at] = self.time(i) - self.time(i + 1)
                 else:
                     found[:, at] = self.gap(i, i + 1, self.node(i + 1)[:, :n])
             elif self.segment.shape[3] != PERIODIC:

@@ -36,7 +36,7 @@ from bvp.smooth_flights import modal_energies, smooth_flight, why_not_flown
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 
-__all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "observed_of"]
+__all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "enough_pieces", "observed_of"]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
@@ -262,10 +262,7 @@ class MultipointProblem:
     def in_enough_pieces(self, y: np.ndarray) -> MultipointProblem:
         """The problem in as many pieces as the flights from y need for perturbations to grow by less than `GROWTH` along each, or
         `MOST_PIECES`."""
-        growth = self.growth(y) if self.is_smooth else 1.0
-        if not GROWTH < growth < math.inf:
-            return self
-        more = min(math.ceil(math.log(growth) / math.log(0.01 * GROWTH)) * self.pieces, MOST_PIECES)
+        more = enough_pieces(self.growth(y), self.pieces) if self.is_smooth else self.pieces
         return MultipointProblem(self.system, self.ends, self.sequence, more) if more > self.pieces else self
 
     def growth(self, y: np.ndarray) -> float:
@@ -468,6 +465,13 @@ class MultipointProblem:
         wanted = (True, full, full and self._two_dof)
         addresses = np.array([self._kernel(k)[1] if wanted[k] else 0 for k in range(3)])
         return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
+
+
+def enough_pieces(growth: float, pieces: int) -> int:
+    """How many pieces flights need, `MOST_PIECES` at most, of which the given ones grow by `growth`."""
+    if not GROWTH < growth < math.inf:
+        return pieces
+    return min(math.ceil(math.log(growth) / math.log(0.01 * GROWTH)) * pieces, MOST_PIECES)
 
 
 def dense_jacobian(factor: Factor, rows: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from bvp.closures import EndsError, cycle_of, parse_end
+from bvp.closures import Cycle, EndsError, cycle_of, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
 from bvp.forced import GRAZING, ForcedProblem
@@ -21,10 +21,11 @@ from bvp.kernels.free_period import GRAZES, FreePeriod, make_free_period, unfold
 from bvp.kernels.loads import LoadedFlight
 from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
+from bvp.kernels.newton import set_scale
 from bvp.multipliers import SystemData, floquet_multipliers, formed, sort_multipliers, system_data
-from bvp.multipoint import MultipointProblem
+from bvp.multipoint import MultipointProblem, enough_pieces
 from bvp.parameters import ParametricSystem
-from bvp.smooth_cycles import nearest_maximum, nearest_rise
+from bvp.smooth_cycles import nearest_maximum, nearest_rise, states_at
 from bvp.stability import half_map_multipliers
 
 __all__ = ["ReleasedProblem"]
@@ -51,6 +52,8 @@ class ReleasedProblem(ForcedProblem):
         Values of the parameters that replace the defaults.
     energy : float
         A typical energy: it is the unit of arclength for states.
+    pieces : int
+        As for `MultipointProblem`.
 
     Raises
     ------
@@ -78,12 +81,14 @@ class ReleasedProblem(ForcedProblem):
         *,
         values: Mapping[str, float] | None = None,
         energy: float = 0.5,
+        pieces: int = 1,
     ):
         self.ends: tuple[str, str] = str(ends[0]), str(ends[1])
         self.energy = energy
         system = parametric.system(values)
         # What the ends need is refused by the problem of the system.
-        self.structure = MultipointProblem(system, self.ends, sequence)
+        self.structure = MultipointProblem(system, self.ends, sequence, pieces)
+        self.pieces = pieces
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
         super().__init__(parametric, sequence, released, keep=keep, values=values)
         if not self.structure.periodic:
@@ -110,6 +115,7 @@ class ReleasedProblem(ForcedProblem):
     def sibling(self, sequence: Sequence[str], **changes: Any) -> ReleasedProblem:
         """The problem with another sequence. changes: arguments of the constructor that differ."""
         own = {"ends": self.ends, "released": self.released, "keep": self.keep, "values": self.values, "energy": self.energy}
+        own["pieces"] = self.pieces
         return ReleasedProblem(self.parametric, sequence=sequence, **{**own, **changes})
 
     def _events(self) -> tuple[ContactEvent, ...]:
@@ -206,10 +212,38 @@ class ReleasedProblem(ForcedProblem):
 
     def of_orbit(self, problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
         """The unknowns (u,) of an orbit, a solution y of the problem of the system at these values of the parameters."""
-        start = nearest_rise(cycle_of(problem, y)) if self.starts_rising else problem.start(y)
-        states = np.vstack([start, problem.impact_states(y)]) @ problem.modes.to_state.T
-        parameters = [self.values[name] for name in self.released]
-        return self.pack(states, np.zeros(len(states)), parameters, problem.whole_flight_times(y))
+        begin = nearest_rise(cycle_of(problem, y)) if self.starts_rising else 0.0
+        return self._unknowns_of(problem, y, begin, [self.values[name] for name in self.released])
+
+    def _unknowns_of(self, problem: MultipointProblem, y: np.ndarray, begin: float, parameters: Sequence[float]) -> np.ndarray:
+        """The unknowns of an orbit of the system at values of the released parameters. begin: where a closed one without impacts starts."""
+        own = MultipointProblem(problem.system, self.ends, self.sequence, self.pieces)
+        if self.starts_rising:
+            cycle = cycle_of(problem, y)
+            states, times = _begun_at(cycle, begin, self.pieces), np.full(self.pieces, cycle.period / self.pieces)
+        else:
+            at = problem.in_pieces_of(own, y)
+            states, times = np.vstack([own.start(at), own.nodes(at)]), own.flight_times(at)
+        return self.pack(states @ own.modes.to_state.T, np.zeros(len(states)), parameters, times)
+
+    def in_pieces(self, pieces: int, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray]:
+        """The problem with another number of pieces, and the unknowns y (u,) there."""
+        if pieces == self.pieces:
+            return self, np.array(y, float)
+        other, (plain, at) = self.sibling(self.sequence, pieces=pieces), self._plain(y)
+        return other, other._unknowns_of(plain, at, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
+
+    def enough_pieces(self, y: np.ndarray) -> int:
+        """See `MultipointProblem.in_enough_pieces`."""
+        return enough_pieces(self.growth(y), self.pieces) if self.is_smooth else self.pieces
+
+    def growth(self, y: np.ndarray) -> float:
+        """See `MultipointProblem.growth`."""
+        self._evaluated(y)
+        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
+        size = 2 * self.degrees_of_freedom
+        sizes = np.repeat([displacement, velocity], self.degrees_of_freedom)
+        return float(np.max(np.abs(self._factor.flights[:, :size, :size]) * sizes / sizes[:, None]))
 
     def orbit_problem(self, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
         """The problem of the system at the parameters of y, with the orbit in its unknowns.
@@ -219,6 +253,15 @@ class ReleasedProblem(ForcedProblem):
         InvalidSystem, EndsError
             For parameters that the system, or an orbit with these ends, cannot have.
         """
+        problem, at = self._plain(y)
+        if self.starts_rising:
+            cycle = cycle_of(problem, at)
+            begun = _begun_at(cycle, nearest_maximum(cycle), self.pieces)
+            at = problem.pack(begun[0], begun[1:], self.flight_times(y))
+        return problem, at
+
+    def _plain(self, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
+        """The same from the start that it has here."""
         values = self.parameters(y)
         for name in self.released:
             # An end is located to rounding.
@@ -228,12 +271,14 @@ class ReleasedProblem(ForcedProblem):
         forces = self.smooth_forces
         if forces is not None:
             forces = None if forces.is_called else forces.at([values[name] for name in self.released])
-        problem = MultipointProblem(self.parametric.system(values, forces), self.ends, self.sequence)
+        problem = MultipointProblem(self.parametric.system(values, forces), self.ends, self.sequence, self.pieces)
         states = self.nodes(y)[:, : 2 * self.degrees_of_freedom] @ problem.modes.from_state.T
-        at = problem.pack(states[0], states[1:], self.flight_times(y))
-        if self.starts_rising:
-            at = problem.pack(nearest_maximum(cycle_of(problem, at)), states[1:], self.flight_times(y))
-        return problem, at
+        return problem, problem.pack(states[0], states[1:], self.flight_times(y))
 
     def _observe(self, y: np.ndarray, ends: np.ndarray, result: np.ndarray) -> None:
         """Left to the problem of the system there."""
+
+
+def _begun_at(cycle: Cycle, time: float, pieces: int) -> np.ndarray:
+    """The states (k, N) of a closed orbit at an instant, and at the cuts that follow."""
+    return states_at(cycle, (time + cycle.period * np.arange(pieces) / pieces) % cycle.period)

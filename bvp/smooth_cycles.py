@@ -73,8 +73,8 @@ def start_instants(cycle: Cycle, sign: float = 1.0) -> np.ndarray:
     return instants[(sign * sums[:-1] > sign * middles) & (sign * sums[:-1] > sign * np.roll(middles, 1))]
 
 
-def nearest_maximum(cycle: Cycle) -> np.ndarray:
-    """The state (N,) at the maximum of the sum of the modal displacements that is nearest to the start of an orbit.
+def nearest_maximum(cycle: Cycle) -> float:
+    """The instant of the maximum of the sum of the modal displacements that is nearest to the start of an orbit.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def nearest_maximum(cycle: Cycle) -> np.ndarray:
     return found
 
 
-def nearest_rise(cycle: Cycle) -> np.ndarray:
+def nearest_rise(cycle: Cycle) -> float:
     """The same where that sum rises through zero."""
     instants = _zeros(cycle, _row(cycle, 0))
     found = _nearest(cycle, 0, instants[states_at(cycle, instants) @ _row(cycle, 1) > 0.0])
@@ -97,21 +97,22 @@ def nearest_rise(cycle: Cycle) -> np.ndarray:
     return found
 
 
-def _nearest(cycle: Cycle, part: int, instants: np.ndarray) -> np.ndarray | None:
-    """The state at the zero of a sum, see `_row`, that is nearest to the start, of those near such instants."""
-    flight, begin, row, period = flight_of(cycle.system), np.ascontiguousarray(cycle.after[0]), _row(cycle, part), cycle.period
-    state, change = np.empty_like(begin), np.empty_like(begin)
-    signed = instants - np.where(instants > 0.5 * period, period, 0.0)
-    for begun in sorted(signed.tolist(), key=abs):
+def _nearest(cycle: Cycle, part: int, instants: np.ndarray) -> float | None:
+    """The zero of a sum, see `_row`, that is nearest to the start, of those near such instants."""
+    flight, row, period = flight_of(cycle.system), _row(cycle, part), cycle.period
+    state, change = np.empty_like(row), np.empty_like(row)
+    for begun in sorted(instants.tolist(), key=lambda time: min(time, period - time)):
+        i = int(np.searchsorted(cycle.times, begun, side="right")) - 1
+        begin, first = np.ascontiguousarray(cycle.after[i]), float(cycle.times[i])
         time = begun
         for _ in range(_ROUNDS):
-            motion_at(flight, begin, time, state, change)
+            motion_at(flight, begin, time - first, state, change)
             value, rate = float(row @ state), float(row @ change)
             step = -value / rate if rate != 0.0 else math.inf
             if not abs(time + step - begun) < _BESIDE * period:
                 break
             if abs(step) <= 4.0 * EPSILON * period:
-                return state
+                return time
             time += step
     return None
 

@@ -108,6 +108,7 @@ def free_event(
     `free_curve_start`."""
     if code not in FREE_CURVES:
         raise ValueError(f"an event of type {code} has no curve of free orbits; expected one of {', '.join(FREE_CURVES)}")
+    problem, y = problem.in_pieces(1, y)
     if code == "SN":
         plane, start = plane_of(problem, y, names, keep)
         return plane, "SN", FreeKind(FOLD, False, _is_in_energy(plane, start)), start

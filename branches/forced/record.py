@@ -25,6 +25,7 @@ _AGREEMENT = 1e-8
 
 PROBLEM = {
     "ends?": ["a string", 2],
+    "pieces?": "an integer",
     "solved": ["a string"],
     "load_periods": "an integer",
     "half": "a boolean",
@@ -54,7 +55,9 @@ Item = TypeVar("Item")
 
 def problem_record(problem: ForcedProblem) -> dict[str, Any]:
     """A problem without its system, as plain data."""
-    free = {"ends": list(problem.ends), "energy": problem.energy} if isinstance(problem, ReleasedProblem) else {}
+    free: dict[str, Any] = {}
+    if isinstance(problem, ReleasedProblem):
+        free = {"ends": list(problem.ends), "energy": problem.energy, **({"pieces": problem.pieces} if problem.pieces > 1 else {})}
     return free | {
         "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
         "released": list(problem.released), "keep": list(problem.keep),
@@ -65,7 +68,7 @@ def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> Forc
     """The inverse of `problem_record`."""
     if "ends" in given:
         ends = given["ends"][0], given["ends"][1]
-        own = {name: given[name] for name in ("values", "energy")}
+        own = {name: given[name] for name in ("values", "energy", "pieces") if name in given}
         return ReleasedProblem(parametric, ends, given["solved"], given["released"], given["keep"], **own)
     options = {name: given[name] for name in ("load_periods", "half", "values", "keep")}
     return ForcedProblem(parametric, given["solved"], given["released"], **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_m
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch, branch_in_parameter
 from branches.released.criticality import free_criticality_of
-from branches.tracing import event_along
+from branches.tracing import GROWTH_EVERY, event_along
 from bvp.contact_sequence import joined_sequence
 from bvp.criticality import NORMAL_FORMS, Criticality, criticality
 from bvp.forced import ForcedProblem
@@ -95,35 +95,74 @@ def follow_response(
     KeyboardInterrupt
         With the branch up to there as its attribute `branch`, if it has a point.
     """
-    place = 2 * problem.degrees_of_freedom + 1
-    family = parameter_family(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
-    if isinstance(start, Step):  # it has the test functions of another family
-        begin = family.step(start.y, start.tangent, 0.0)
-    else:
-        begin = family.begin(problem.solve(np.asarray(start, dtype=float)).y)
-    beyond = unphysical(*family.orbit_of(begin.extra)) if begin.converged else None
-    if beyond is not None:
-        raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
     settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
-    count = 0
 
-    def counted(found: Any) -> None:
-        nonlocal count
-        count += len(found)
-        assert on_point is not None
-        on_point(count)
+    def follow(problem: ForcedProblem, start: np.ndarray | Step, known: tuple[int, int]) -> tuple[Run, tuple[int, int]]:
+        """A run, and the points and events that were reported; `known` were reported before."""
+        place = 2 * problem.degrees_of_freedom + 1
+        family = parameter_family(problem, interval, values, float((start.y if isinstance(start, Step) else np.asarray(start))[place]))
+        if isinstance(start, Step):  # it has the test functions of another family
+            begin = family.step(start.y, start.tangent, 0.0)
+        else:
+            begin = family.begin(problem.solve(np.asarray(start, dtype=float)).y)
+        beyond = unphysical(*family.orbit_of(begin.extra)) if begin.converged else None
+        if beyond is not None:
+            raise ValueError(f"the start solves the equations but is no orbit: {beyond}; expected motion between the stops")
+        counts = [0, 0]
 
-    try:
-        run = follow_both_ways(
-            family, begin, settings, both=direction == "both", direction=_SIGNS[direction], stop_when=unbounded(problem),
-            stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
-            on_points=None if on_point is None else counted, on_event=on_event,
-        )  # fmt: skip
-    except (KeyboardInterrupt, RuntimeError) as error:
-        raise with_computed(error, lambda run: _branch_of(problem, run, interval, origin)) from None
+        def counted(found: Any) -> None:
+            counts[0] += len(found)
+            if on_point is not None and counts[0] > known[0]:
+                on_point(counts[0])
+
+        def event_counted(event: Event) -> None:
+            counts[1] += 1
+            if on_event is not None and counts[1] > known[1]:
+                on_event(event)
+
+        try:
+            run = follow_both_ways(
+                family, begin, settings, both=direction == "both", direction=_SIGNS[direction], stop_when=unbounded(problem),
+                stop_at=frozenset() if stop_at is None else frozenset({stop_at}),
+                on_points=None if on_point is None else counted, on_event=None if on_event is None else event_counted,
+            )  # fmt: skip
+        except (KeyboardInterrupt, RuntimeError) as error:
+            raise with_computed(error, lambda run: _branch_of(problem, run, interval, origin)) from None
+        return run, (max(known[0], counts[0]), max(known[1], counts[1]))
+
+    known = (0, 0)
+    finer = _in_enough_pieces(problem, [start.y if isinstance(start, Step) else np.asarray(start, dtype=float)])
+    while True:
+        if finer is not problem:
+            problem, start = finer, _start_in(problem, finer, start)
+        run, known = follow(problem, start, known)
+        finer = _in_enough_pieces(problem, [run.points[i].step.y for i in (*range(0, len(run.points), GROWTH_EVERY), -1) if run.points])
+        if finer is problem:
+            break
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     return _branch_of(problem, run, interval, origin)
+
+
+def _in_enough_pieces(problem: ForcedProblem, unknowns: Sequence[np.ndarray]) -> ForcedProblem:
+    """The problem in as many pieces as some orbits need: see `branches.tracing.follow_family`."""
+    if not isinstance(problem, ReleasedProblem) or not problem.is_smooth:
+        return problem
+    pieces = max((problem.enough_pieces(y) for y in unknowns), default=problem.pieces)
+    return problem.sibling(problem.sequence, pieces=pieces) if pieces > problem.pieces else problem
+
+
+def _start_in(problem: ForcedProblem, other: ForcedProblem, start: np.ndarray | Step) -> np.ndarray | Step:
+    """The start of a run in another number of pieces."""
+    assert isinstance(problem, ReleasedProblem) and isinstance(other, ReleasedProblem)
+    if not isinstance(start, Step):
+        return problem.in_pieces(other.pieces, np.asarray(start, dtype=float))[1]
+    family = parameter_family(other)
+    step = family.begin(problem.in_pieces(other.pieces, start.y)[1])
+    scale, size = problem.scales(start.y)[: problem.size], problem.size
+    scale = np.where(scale > 0.0, scale, 1.0)
+    ahead = (step.tangent[:size] / scale) @ (start.tangent[:size] / scale) if step.converged else 1.0
+    return family.step(step.y, -step.tangent, 0.0) if ahead < 0.0 else step
 
 
 def go_on(
@@ -159,9 +198,24 @@ def go_on(
         except KeyboardInterrupt as error:
             computed: ForcedBranch | None = getattr(error, "branch", None)
             raise error if computed is None else with_branch(error, joined(branch, computed, last)) from None
-        branch = joined(branch, further, last)
+        branch = joined(_in_pieces_of(branch, further), further, last)
         moved.append(last)
     return branch, [len(branch) - 1 if last else 0 for last in moved]
+
+
+def _in_pieces_of(branch: ForcedBranch, other: ForcedBranch) -> ForcedBranch:
+    """A branch in the pieces of another one, which has more."""
+    problem, finer = branch.problem, other.problem
+    if not isinstance(problem, ReleasedProblem) or not isinstance(finer, ReleasedProblem) or finer.pieces == problem.pieces:
+        return branch
+    found = []
+    for y, tangent in zip(branch.unknowns, branch.tangents, strict=True):
+        begun = finer.step(problem.in_pieces(finer.pieces, y)[1], np.zeros(2 * finer.unknowns), 0.0)
+        assert begun is not None
+        ahead = begun.tangent[: problem.size] @ tangent[: problem.size] >= 0.0
+        found.append((begun.y, begun.tangent[: finer.unknowns] * (1.0 if ahead else -1.0)))
+    unknowns, tangents = (np.array(part) for part in zip(*found, strict=True))
+    return replace(branch, problem=finer, unknowns=unknowns, tangents=tangents)
 
 
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:

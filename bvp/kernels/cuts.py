@@ -6,7 +6,9 @@ states at the cuts between them are unknowns.
 
 from bvp.kernels.compiled import chosen, inlined
 from bvp.kernels.flight import Flight
+from bvp.kernels.loads import LoadedFlight
 from bvp.kernels.smooth import SmoothFlight
+from bvp.kernels.smooth_loads import SmoothLoadedFlight
 
 
 @chosen
@@ -15,6 +17,7 @@ def is_cut(flight, side, i):
 
 
 @is_cut.of(Flight)
+@is_cut.of(LoadedFlight)
 @inlined
 def is_never_cut(flight, side, i):
     """See `is_cut`: linear flights are exact."""
@@ -22,6 +25,7 @@ def is_never_cut(flight, side, i):
 
 
 @is_cut.of(SmoothFlight)
+@is_cut.of(SmoothLoadedFlight)
 @inlined
 def is_smooth_cut(flight, side, i):
     """See `is_cut`."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import call_at, inlined, kernel
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.flights import velocity_unit
@@ -152,6 +153,8 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
             for r in range(width):
                 residual[row + r] -= y[at + r]
             residual[row + width], _ = contact_gap(segment.sticking, segment, i, y[at : at + width])
+            if is_cut(segment.flight, segment.side, i):
+                residual[row + width] = y[at - 1] - y[at + width]  # equation (45)
         elif segment.shape[3] != PERIODIC:
             copy_1(residual[row : row + width], z[:width])
             ends_residuals(segment, y, z[:width], residual[row:])
@@ -212,6 +215,9 @@ def fill_loaded(segment, y, factor):
             _, gradient = contact_gap(segment.sticking, segment, i, y[after : after + width])
             for c in range(width):
                 column[after - base + c] = gradient[c] * scale[after + c]
+            if is_cut(segment.flight, segment.side, i):
+                column[at - base + width] = scale[at + width]
+                column[after - base + width] = -scale[after + width]
         elif segment.shape[3] != PERIODIC:
             fill_ends(segment, y, landing, along, closing, scale)
             fill_kept(segment, y, closing, scale)
@@ -310,6 +316,8 @@ def scaled_loaded_residual(segment, residual, before, displacement, velocity, lo
             for c in range(n):
                 total += abs(segment.end_map[r, c])
             value /= displacement if total > 0.0 else unit
+        elif r == width and row < closing and is_cut(segment.flight, segment.side, row // (width + 1)):
+            value = 0.0  # each update fulfils equation (45), which is linear
         elif r < n or r == width:
             value /= displacement
         elif r < 2 * n:

@@ -39,9 +39,9 @@ def forced(description, released, sequence=(), **options):
     return ForcedProblem(ParametricSystem.from_description(description), sequence, released, keep=keep, **options)
 
 
-def free(released, ends=("origin", "rest"), keep=("energy = 0.3",), sequence=()):
+def free(released, ends=("origin", "rest"), keep=("energy = 0.3",), sequence=(), pieces=1):
     system = STEEP["system"] | ({"stops": [{"c": [1.0, -1.0], "upper": "1 + m"}]} if sequence else {})
-    return ReleasedProblem(ParametricSystem.from_description(STEEP | {"system": system}), ends, sequence, released, keep)
+    return ReleasedProblem(ParametricSystem.from_description(STEEP | {"system": system}), ends, sequence, released, keep, pieces=pieces)
 
 
 CASES = {
@@ -54,6 +54,9 @@ CASES = {
     "free": lambda: free(("n", "m"), keep=("energy = 0.3", "quarter_period*m = n*energy + 1")),
     "free, closed": lambda: free(("m", "s"), ("periodic", "periodic"), ("energy = 0.3", "quarter_period = s")),
     "free, closed, an impact": lambda: free(("n", "m"), ("periodic", "periodic"), ("energy = 0.3", "quarter_period = n"), ("+",)),
+    "free, pieces": lambda: free(("n",), pieces=3),
+    "free, closed, pieces": lambda: free(("m",), ("periodic", "periodic"), pieces=2),
+    "free, closed, an impact, pieces": lambda: free(("s",), ("periodic", "periodic"), ("quarter_period = s",), ("+", "+"), pieces=2),
     "free, other ends": lambda: free(("s",), ("rest", "origin"), ("energy**2 = quarter_period",)),
 }
 

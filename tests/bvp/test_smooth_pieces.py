@@ -11,13 +11,18 @@ from mpmath import mp, mpf
 from scipy.special import ellipk
 
 from branches.branch import Branch
+from branches.forced.record import problem_from, problem_record
+from branches.forced.tracing import follow_response, go_on
 from branches.naming.at_modes import orbit_at_mode
 from branches.orbit import Orbit
 from branches.presentation import closed_presentation, presentation_of
 from branches.reading import branch_of_record
 from branches.record import to_record
+from branches.released.branch import ReleasedBranch
 from branches.tracing import follow_family
-from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.multipoint import GROWTH, MultipointProblem, NotConverged
+from bvp.parameters import ParametricSystem
+from bvp.released import ReleasedProblem
 from bvp.springs import Spring
 from bvp.system import ImpactSystem, Stop
 
@@ -29,6 +34,13 @@ def saddle(rate: float) -> ImpactSystem:
     """x'' + x + c (x - y)^3 = 0, y'' - rate^2 y + c (y - x)^3 = 0: a family of unstable oscillations about a saddle of the potential."""
     spring = Spring((1.0, -1.0), stiffness=COUPLING, power=3.0)
     return ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, -rate * rate]), (), springs=(spring,))
+
+
+def in_parameters() -> ParametricSystem:
+    """The same system, with its rate and its coupling as parameters."""
+    spring = {"between": ["u1", "u2"], "stiffness": "c", "power": 3}
+    system = {"mass": [[1.0, 0.0], [0.0, 1.0]], "stiffness": [[1.0, 0.0], [0.0, "-r**2"]], "springs": [spring]}
+    return ParametricSystem.from_description({"parameters": {"r": 4.0, "c": COUPLING}, "system": system})
 
 
 def advanced(columns, rate: float, time, steps: int):
@@ -139,6 +151,56 @@ def test_a_family_that_grows_unstable_is_followed_again_in_pieces():
     assert seen == sorted(set(seen)) and seen[-1] == len(branch)
     assert sorted(event.id for event in events) == sorted(event.id for event in branch.events)
     assert read_branch_of(branch).orbit(0).residual < 1e-14
+
+
+def in_rate(orbit: Orbit, rate: float, interval: tuple[float, float], **options) -> ReleasedBranch:
+    """The family of an orbit at the energy 1 in the rate."""
+    problem = ReleasedProblem(in_parameters(), orbit.ends, (), ["r"], ["energy = 1"], values={"r": rate}, energy=1.0)
+    branch = follow_response(problem, problem.of_orbit(orbit.problem, orbit.solution.y), interval, **options)
+    assert isinstance(branch, ReleasedBranch)
+    return branch
+
+
+def test_a_family_in_a_parameter_is_followed_again_in_pieces():
+    """Oracle: the orbit at the last rate in fifty digits; points and events are reported once; the problem of a file keeps the pieces."""
+    seen, events = [], []
+    branch = in_rate(quarter(4.0, 1.0), 4.0, (4.0, 8.0), on_point=seen.append, on_event=events.append)
+    assert branch.problem.pieces > 1 and max(map(branch.problem.growth, branch.unknowns)) < GROWTH
+    assert seen == sorted(set(seen)) and seen[-1] == len(branch) and [event.code for event in events] == ["EP", "EP"]
+    last = branch.orbit(len(branch) - 1)
+    with mp.workdps(DIGITS):
+        time, multiplier = exact(8.0, 1.0, last)
+        assert abs(last.alpha / time - 1) < 1e-14 and abs(last.multipliers[0] / multiplier - 1) < 1e-11
+    assert branch.residual.max() < 1e-14
+    again = problem_from(in_parameters(), json.loads(json.dumps(problem_record(branch.problem))))
+    assert np.array_equal(again.residual(branch.unknowns[-1]), branch.problem.residual(branch.unknowns[-1]))
+
+
+def test_a_branch_in_a_parameter_goes_on_in_more_pieces():
+    """Oracle: the family that was followed at once; all points solve the equations of the problem in more pieces."""
+    orbit = quarter(4.0, 1.0)
+    first, whole = in_rate(orbit, 4.0, (4.0, 4.5)), in_rate(orbit, 4.0, (4.0, 8.0))
+    branch, ends = go_on(first, (4.0, 8.0))
+    assert first.problem.pieces == 1 < branch.problem.pieces and ends == [len(branch) - 1]
+    assert max(np.abs(branch.problem.residual(y)).max() for y in branch.unknowns) < 1e-13
+    assert np.all(np.diff(branch.parameter) > 0.0) and np.all(np.diff(branch.arclength) > 0.0)
+    assert branch.orbit(len(branch) - 1).alpha == pytest.approx(whole.orbit(len(whole) - 1).alpha, rel=1e-13)
+    slopes = branch.tangents[:, 2 * branch.problem.degrees_of_freedom + 1]
+    assert np.all(slopes > 0.0)
+
+
+def test_closed_orbits_are_followed_in_a_parameter_in_pieces():
+    """Oracle: the same orbits between an origin and an end at rest. Over the period perturbations grow by 1e9, and more with the rate."""
+    orbit = quarter(4.0, 1.0)
+    alone = closed_problem(orbit, 1)
+    problem = alone[0].in_enough_pieces(alone[1])
+    closed = Orbit(problem, problem.solve(alone[0].in_pieces_of(problem, alone[1]), energy=1.0))
+    one, other = (in_rate(given, 4.0, (4.0, 4.5)) for given in (orbit, closed))
+    assert isinstance(other.problem, ReleasedProblem) and other.problem.pieces > 4 and other.residual.max() < 1e-13
+    for i in (0, -1):
+        ends = [branch.orbit(i % len(branch)) for branch in (one, other)]
+        assert ends[0].alpha == pytest.approx(ends[1].alpha, rel=1e-13)
+        assert ends[0].multipliers[0] == pytest.approx(ends[1].multipliers[0], rel=1e-10)
 
 
 @pytest.mark.parametrize("pieces", [2, 5])
