@@ -11,7 +11,7 @@ from bvp.kernels.compiled import inlined, kernel
 
 _EPSILON = 2.220446049250313e-16
 
-_STEPS = 60
+_STEPS = 300
 """Most steps of the QR iteration for one eigenvalue, which takes two or three."""
 
 _BALANCED = 0.95
