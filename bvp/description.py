@@ -52,7 +52,9 @@ def own_parameters(system: dict[str, Any], forces: list[dict[str, Any]], table: 
             continue
         for element in system[key]:
             require_keys(kind, element)
-        named = dict(system.get("coordinates", {})).get("names") or [f"u{k}" for k, _ in enumerate(system.get("mass", ()), 1)]
+        known = system.get("coordinates", {})
+        names = known.get("names") if isinstance(known, Mapping) else known
+        named = names or [f"u{k}" for k, _ in enumerate(system.get("mass", ()), 1)]
         system[key] = _with_text_parameters(system[key], [*table], named)
     if system.get("model") in MODELS:
         defaults = MODELS[system["model"]].make().parameters or {}

@@ -96,6 +96,18 @@ def test_the_system_is_the_one_made_directly():
     assert ParametricSystem.from_description(parametric.describe()).system({"m": 3}).mass[0, 0] == 3.0
 
 
+def test_coordinates_are_a_list_of_names_too():
+    """Oracle: the same system whose names are in a table."""
+    spring = {"on": "sink", "stiffness": 1.0, "power": "2*n + 1"}
+    system = {key: value for key, value in DESCRIPTION["system"].items() if key != "coordinates"} | {"springs": [spring]}
+    table = DESCRIPTION["parameters"] | {"n": 1.0}
+    first, second = (
+        ParametricSystem.from_description(DESCRIPTION | {"parameters": table, "system": {**system, "coordinates": names}})
+        for names in (["sink", "oscillator"], {"names": ["sink", "oscillator"]})
+    )
+    assert first.system().describe() == second.system().describe()
+
+
 def test_a_program_has_the_entries_that_depend_on_the_released_parameters():
     """Oracle: the formulas: F moves the loads of both harmonics; w0 moves the stiffness alone, by 2 m w0."""
     parametric = ParametricSystem.from_description(DESCRIPTION)
