@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from pathlib import Path
 
@@ -61,3 +62,18 @@ def test_the_table_has_a_row_for_each_figure(monkeypatch, capsys):
     out = capsys.readouterr().out
     rows = {line.strip().split("  ")[0]: line.split()[-3:] for line in out.splitlines() if line.lstrip().startswith(("a run", "point 3"))}
     assert rows == {"a run": ["6", "2", "3"], "point 3": ["4", "1", "4"]}
+
+
+def test_a_row_that_fails_does_not_cost_the_others(monkeypatch, capsys):
+    """Oracle: the rows by hand, and the last line of the process that failed."""
+
+    def fails(side, cache):
+        raise subprocess.CalledProcessError(1, ["saltus"], stderr="first\nno room on the disk\n")
+
+    monkeypatch.setattr(before_now, "_made", lambda name, commit, place: before_now.Side(name, place, place))
+    rows = {"a run": ("s", lambda side, cache: 6.0), "a build": ("s", fails), "other": ("s", lambda side, cache: 1.0)}
+    monkeypatch.setattr(before_now, "ROWS", rows)
+    assert main(["before-now", "--only", "a "]) == 0
+    out = capsys.readouterr().out
+    assert "a run" in out and "other" not in out and "point" not in out
+    assert "Not measured: a build. A process ended with code 1 and said: no room on the disk" in " ".join(out.split())
