@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, jacobi
-from bvp.checks import EPSILON
+from bvp.checks import EPSILON, read_only
 
 if TYPE_CHECKING:
     from bvp.kernels.flight import Contacts, Flight
@@ -105,7 +105,7 @@ def _modes_of(mass: bytes, damping: bytes, stiffness: bytes, every_stop: Sequenc
     return Modes(
         **own,
         layout=blocks.layout,
-        frequencies=np.sqrt(np.where(squares < 0.0, np.nan, squares)),
+        frequencies=read_only(np.sqrt(np.where(squares < 0.0, np.nan, squares))),  # equal systems share them
         squares=squares,
         flight=Flight(own["pairs"], own["mean"], own["delta"], own["matrix"]),
         contacts=Contacts(gap, rate, acceleration, side, bound, push, restitution),

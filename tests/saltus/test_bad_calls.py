@@ -314,7 +314,7 @@ def test_what_objects_hand_out_cannot_be_changed(branch, tmp_path):
     arrays |= {"full_family.h": branch.full_family.h, "full_family.alpha": branch.full_family.alpha}
     motion = saltus.simulate(system(lam=0.01, rho=0.7), [0.0, 0.0], [0.0, 1.0], 20.0)
     arrays |= {f"motion.{name}": values for name, values in vars(motion).items() if isinstance(values, np.ndarray)}
-    arrays |= {"motion.after": motion.after, "motion.peaks": motion.peaks}
+    arrays |= {"motion.after": motion.after, "motion.peaks": motion.peaks, "frequencies": system().modes.frequencies}
     with saltus.Catalogue(tmp_path / "a.sqlite", "a", scene=saltus.load_scene()) as catalogue:
         arrays |= {f"catalogue.{name}": values for name, values in catalogue.points(catalogue.add(branch)).items()}
     for name, values in arrays.items():
