@@ -117,6 +117,7 @@ class Side:
     def call(self, words: Sequence[str | Path], cache: Path, python: Path | None = None) -> str:
         """Run an interpreter, by default its own, in its folder. Returns the standard output."""
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "OPENBLAS_NUM_THREADS": "1"}
+        environment.pop("PYTHONPATH", None)  # a checkout there would stand before what is installed
         done = subprocess.run([python or self.python, *words], cwd=self.folder, env=environment, check=True, capture_output=True, text=True)
         return done.stdout
 
