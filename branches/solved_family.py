@@ -16,7 +16,7 @@ from continuation.control import Control
 from continuation.problem import Advance, Goal, Recent, Step, TestFunction
 from continuation.switching import refine_branch_point
 
-__all__ = ["AdvancedSteps", "FAILED", "MOST_ITERATIONS", "SINGULAR", "SolvedFamily", "step_of"]
+__all__ = ["AdvancedSteps", "FAILED", "MOST_ITERATIONS", "SINGULAR", "SolvedFamily", "begun_along", "step_of"]
 
 _BRANCHING = 1
 MOST_ITERATIONS = 12
@@ -187,3 +187,20 @@ class SolvedFamily:
         if self._computed > len(self.tests):
             taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
+
+
+def begun_along(family: SolvedFamily, y: np.ndarray, tangent: np.ndarray, scale: np.ndarray) -> Step:
+    """The orbit at y, with its tangent turned like another one of the same family in other unknowns, of which the first m are the same.
+
+    Parameters
+    ----------
+    family : SolvedFamily
+    y : (u,) float
+    tangent : (m + ..,) float
+        The other tangent.
+    scale : (m,) float
+        Sizes of the unknowns that are the same.
+    """
+    step, size = family.begin(y), len(scale)
+    ahead = (step.tangent[:size] / scale) @ (tangent[:size] / scale) if step.converged else 1.0
+    return family.step(step.y, -step.tangent, 0.0) if ahead < 0.0 else step

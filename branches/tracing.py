@@ -19,6 +19,7 @@ from branches.full_family import solutions_of
 from branches.interrupted import with_branch, with_computed
 from branches.normal_forms import normal_form_at, with_normal_forms
 from branches.orbit import Orbit, orbit_columns
+from branches.solved_family import begun_along
 from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
@@ -200,11 +201,8 @@ def _start_in(problem: MultipointProblem, other: MultipointProblem, start: np.nd
     """The start of a run in another number of pieces."""
     if not isinstance(start, Step):
         return problem.in_pieces_of(other, start)
-    family = Family(other)
-    step = family.begin(problem.in_pieces_of(other, start.y))
     scale = problem.scales(start.y)[: problem.parameters + 1]
-    ahead = (step.tangent[: scale.size] / scale) @ (start.tangent[: scale.size] / scale) if step.converged else 1.0
-    return family.step(step.y, -step.tangent, 0.0) if ahead < 0.0 else step
+    return begun_along(Family(other), problem.in_pieces_of(other, start.y), start.tangent, scale)
 
 
 def report(

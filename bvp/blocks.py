@@ -358,5 +358,5 @@ def exact_product(*factors: np.ndarray) -> np.ndarray:
     product, sizes = factors[0], np.abs(factors[0])
     for factor in factors[1:]:
         product, sizes = product @ factor, sizes @ np.abs(factor)
-    terms = sum(factor.shape[-2:][0] for factor in factors[1:])
+    terms = sum(factor.shape[-2:][0] for factor in factors[1:])  # of a vector, a matrix, or each matrix of a stack
     return np.where(np.abs(product) <= 8.0 * terms * EPSILON * sizes, 0.0, product)

@@ -93,8 +93,8 @@ def _modes_of(mass: bytes, damping: bytes, stiffness: bytes, every_stop: Sequenc
         gap, rate = exact_product(row, blocks.to_state.reshape(2, n, 2 * n))
         rows[0, k], rows[1, k], rows[2, k] = gap, rate, rate @ blocks.matrix
         rows[3, k] = balanced(blocks.from_state[:, n:] @ impulse, rate)
-    sides = [(k, stop, side) for k, stop in enumerate(every_stop) for side in (-1.0, 1.0)]
-    contacts = [(k, side, bound, stop) for k, stop, side in sides if math.isfinite(bound := stop.lower if side < 0.0 else stop.upper)]
+    sides = [(k, *of, stop) for k, stop in enumerate(every_stop) for of in ((-1.0, stop.lower), (1.0, stop.upper))]
+    contacts = [contact for contact in sides if math.isfinite(contact[2])]
     stops = [k for k, *_ in contacts]
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
     contact_stop = np.array(stops, dtype=np.int64)
@@ -163,7 +163,7 @@ def balanced(push: np.ndarray, rate: np.ndarray) -> np.ndarray:
     count, push = len(push), push.copy()
     numbers, unit = _over_power_of_two([*push.tolist(), *np.spacing(push).tolist()])
     along, part = _over_power_of_two(rate.tolist())
-    off = sum(a * b for a, b in zip(numbers, along, strict=False)) - unit * part
+    off = sum(a * b for a, b in zip(numbers[:count], along, strict=True)) - unit * part
     steps = [a * b for a, b in zip(numbers[count:], along, strict=True)]
     for i in sorted(range(count), key=lambda i: -abs(steps[i])):
         moved = max(-2, min(2, _nearest_integer(-off, steps[i]))) if push[i] and steps[i] else 0

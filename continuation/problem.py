@@ -111,7 +111,7 @@ class Recent(NamedTuple):
     older, oldest : list of float
         and at the two places before; nan where there are none.
     length, length_before : float
-        Arclengths from the last place and from the one before to the next.
+        Arclength from the nearer place to the point, and from the farther place to the nearer one.
     """
 
     step: Step

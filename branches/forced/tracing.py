@@ -23,6 +23,7 @@ from branches.forced.switching import GrazingNeighbour, beside_grazing, beside_m
 from branches.interrupted import with_branch, with_computed
 from branches.released.branch import ReleasedBranch, branch_in_parameter
 from branches.released.criticality import free_criticality_of
+from branches.solved_family import begun_along
 from branches.tracing import GROWTH_EVERY, event_along
 from bvp.contact_sequence import joined_sequence
 from bvp.criticality import NORMAL_FORMS, Criticality, criticality
@@ -157,12 +158,13 @@ def _start_in(problem: ForcedProblem, other: ForcedProblem, start: np.ndarray | 
     assert isinstance(problem, ReleasedProblem) and isinstance(other, ReleasedProblem)
     if not isinstance(start, Step):
         return problem.in_pieces(other.pieces, np.asarray(start, dtype=float))[1]
-    family = parameter_family(other)
-    step = family.begin(problem.in_pieces(other.pieces, start.y)[1])
-    scale, size = problem.scales(start.y)[: problem.size], problem.size
-    scale = np.where(scale > 0.0, scale, 1.0)
-    ahead = (step.tangent[:size] / scale) @ (start.tangent[:size] / scale) if step.converged else 1.0
-    return family.step(step.y, -step.tangent, 0.0) if ahead < 0.0 else step
+    return _begun_in(problem, other, start.y, start.tangent)
+
+
+def _begun_in(problem: ReleasedProblem, other: ReleasedProblem, y: np.ndarray, tangent: np.ndarray) -> Step:
+    """An orbit in another number of pieces, with its tangent (at least (u,)) turned like the one given."""
+    scale = problem.scales(y)[: problem.size]
+    return begun_along(parameter_family(other), problem.in_pieces(other.pieces, y)[1], tangent, np.where(scale > 0.0, scale, 1.0))
 
 
 def go_on(
@@ -209,11 +211,11 @@ def _in_pieces_of(branch: ForcedBranch, other: ForcedBranch) -> ForcedBranch:
     if not isinstance(problem, ReleasedProblem) or not isinstance(finer, ReleasedProblem) or finer.pieces == problem.pieces:
         return branch
     found = []
-    for y, tangent in zip(branch.unknowns, branch.tangents, strict=True):
-        begun = finer.step(problem.in_pieces(finer.pieces, y)[1], np.zeros(2 * finer.unknowns), 0.0)
-        assert begun is not None
-        ahead = begun.tangent[: problem.size] @ tangent[: problem.size] >= 0.0
-        found.append((begun.y, begun.tangent[: finer.unknowns] * (1.0 if ahead else -1.0)))
+    for k, (y, tangent) in enumerate(zip(branch.unknowns, branch.tangents, strict=True)):
+        begun = _begun_in(problem, finer, y, tangent)
+        if not begun.converged:
+            raise RuntimeError(f"point {k} of the branch could not be solved in {finer.pieces} pieces, as the orbits beyond its end are")
+        found.append((begun.y, begun.tangent[: finer.unknowns]))
     unknowns, tangents = (np.array(part) for part in zip(*found, strict=True))
     return replace(branch, problem=finer, unknowns=unknowns, tangents=tangents)
 

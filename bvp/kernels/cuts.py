@@ -12,21 +12,27 @@ from bvp.kernels.smooth_loads import SmoothLoadedFlight
 
 
 @chosen
-def is_cut(flight, side, i):
-    """Whether node i is a cut, where no side of a stop is hit."""
+def is_smooth(flight):
+    """Whether a flight has smooth forces: it is a series in time, which takes longer and has an error."""
 
 
-@is_cut.of(Flight)
-@is_cut.of(LoadedFlight)
+@is_smooth.of(Flight)
+@is_smooth.of(LoadedFlight)
 @inlined
-def is_never_cut(flight, side, i):
-    """See `is_cut`: linear flights are exact."""
+def is_exact(flight):
+    """See `is_smooth`: linear flights are exact."""
     return False
 
 
-@is_cut.of(SmoothFlight)
-@is_cut.of(SmoothLoadedFlight)
+@is_smooth.of(SmoothFlight)
+@is_smooth.of(SmoothLoadedFlight)
 @inlined
-def is_smooth_cut(flight, side, i):
-    """See `is_cut`."""
-    return side[i] == 0.0
+def is_series(flight):
+    """See `is_smooth`."""
+    return True
+
+
+@inlined
+def is_cut(flight, side, i):
+    """Whether node i is a cut, where no side of a stop is hit."""
+    return is_smooth(flight) and side[i] == 0.0

@@ -11,10 +11,10 @@ from numpy import int64
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel, short_loops, sized
-from bvp.kernels.cuts import is_cut
+from bvp.kernels.cuts import is_cut, is_smooth
 from bvp.kernels.extrema import Observed, clearance, sign_changes
 from bvp.kernels.flight import inner, row_dot, set_1
-from bvp.kernels.flights import comes_with_map, energy_slope, path_state, rate, slope_times, twice_energy
+from bvp.kernels.flights import energy_slope, path_state, rate, slope_times, twice_energy
 from bvp.kernels.multipoint import (
     ORIGIN,
     PERIODIC,
@@ -114,7 +114,7 @@ def take_step(segment, factor, y, tangent, request, metric, landing):
         target = ds
         for j in range(unknowns):
             target += row[j] * y[j]
-        if comes_with_map(segment.flight) and tangent.shape[0] > 2 * unknowns:
+        if is_smooth(segment.flight) and tangent.shape[0] > 2 * unknowns:
             _predict_cubic(y, tangent, ds, row, out)
     good, iterations, contraction, worst, sign, smallest = correct(segment, out, row, target, factor, residual, most, 2e-15)
     result[entry.CONVERGED] = 1.0 if good else 0.0
@@ -127,7 +127,7 @@ def take_step(segment, factor, y, tangent, request, metric, landing):
     tangent_at(segment, out, factor, sign, smallest, old.direction, new, out_tangent[:unknowns], result)
     for j in range(unknowns):
         out_tangent[unknowns + j] = (out_tangent[j] - along[j]) / ds if ds != 0.0 else 0.0
-    if comes_with_map(segment.flight) and out_tangent.shape[0] > 2 * unknowns:
+    if is_smooth(segment.flight) and out_tangent.shape[0] > 2 * unknowns:
         _derivatives_of_cubic(y, along, out, ds, old.position, new.position, result[entry.TURN], out_tangent)
 
 

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from benchmarks import before_now
 from benchmarks.__main__ import main
 from bvp.kernels.stored import cache_root
@@ -77,3 +79,16 @@ def test_a_row_that_fails_does_not_cost_the_others(monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "a run" in out and "other" not in out and "point" not in out
     assert "Not measured: a build. A process ended with code 1 and said: no room on the disk" in " ".join(out.split())
+
+
+def test_a_build_that_could_not_follow_a_family_is_measured(monkeypatch, tmp_path):
+    """Oracle: processes that end with the codes 0, 1 and 2. Only the row of the build takes a 1."""
+    side = before_now.Side("now", tmp_path, Path(sys.executable))
+    for code in (0, 1, 2):
+        monkeypatch.setattr(before_now, "_BUILD", ("-c", f"raise SystemExit({code})"))
+        for allowed, measured in ((code < 2, before_now._build), (code == 0, lambda side, cache: side.processor(before_now._BUILD, cache))):
+            if allowed:
+                assert measured(side, tmp_path) >= 0.0
+            else:
+                with pytest.raises(subprocess.CalledProcessError):
+                    measured(side, tmp_path)
