@@ -25,7 +25,8 @@ from saltus.options import whole_above_zero
 __all__ = ["BEFORE", "ROWS", "Side", "add_arguments", "run"]
 
 BEFORE = "0e10fe2"
-"""The commit that is compared, by default: the last one that loaded the compiler at every start."""
+"""The commit that is compared, by default: the last one before families of any number of degrees of freedom had compiled
+steps. It also loaded the compiler at every start."""
 
 _ROOT = Path(__file__).resolve().parents[1]
 
