@@ -80,9 +80,9 @@ straight = next(method for method in EXACT if method.name == OWN_SHORT).prepare(
 found[OUT_OF_PHASE.title] = min(straight.measured().seconds for _ in range(3))
 if auto.missing() is None:
     with auto.Auto() as program:
-        # With one interval, some versions of AUTO abort.
+        # With one interval, some versions of AUTO abort. Its points take so little that processor time needs many of them.
         orbit, settings = (OUT_OF_PHASE.problem, OUT_OF_PHASE.unknowns()), AutoSettings(intervals=2, step=SHORT_STEP)
-        time = program.time_a_point(*orbit, settings, short=auto.SHORT, long=auto.LONG)
+        time = program.time_a_point(*orbit, settings, short=auto.SHORT, long=12 * auto.LONG)
     found[OUT_OF_PHASE.title + ", AUTO-07p"] = time.processor
 print(json.dumps(found))
 """

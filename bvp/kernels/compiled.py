@@ -25,8 +25,8 @@ class Kernel(Declared):
         What is loaded, by the types of the arguments.
     """
 
-    def __init__(self, function: Callable[..., Any], result: Any = None, short_loops: bool = False, **options: Any):
-        super().__init__(function, result, short_loops, **options)
+    def __init__(self, function: Callable[..., Any], result: Any = None, loops: str = "", **options: Any):
+        super().__init__(function, result, loops, **options)
         self.entries: dict[Any, Entry] = {}
 
     def __call__(self, *arguments: Any) -> Any:
@@ -93,8 +93,11 @@ kernel: Any = partial(Kernel, _nrt=False)
 
 Views of its arguments are not reference-counted, since the caller holds the arrays. Counting costs more than short sums."""
 
-short_loops: Any = partial(kernel, short_loops=True)
+short_loops: Any = partial(kernel, loops="short")
 """A kernel whose loops are short, and most of a known length (`sized`). LLVM unrolls them, and vectorises the straight code."""
+
+long_loops: Any = partial(kernel, loops="long")
+"""A kernel whose loops run along rows and do the same to each entry. LLVM vectorises them. Sums keep their order, so no number changes."""
 
 inlined: Any = partial(Kernel, forceinline=True, _nrt=False)
 """A kernel whose machine code becomes part of each caller.
@@ -103,13 +106,13 @@ The compiler then uses facts that the caller knows, such as a `sized` length. No
 than a short flight. Use it for a kernel with one caller, and for a few lines inside a loop."""
 
 
-def shared(result: Any, *, allocates: bool = False, short_loops: bool = False) -> Any:
+def shared(result: Any, *, allocates: bool = False, loops: str = "") -> Any:
     """Compile a large function that several kernels call: it is machine code of its own, and they call it there.
 
     Without this, each of them contains its code. `result` says what it returns: "none", "integer", "float", "boolean", or a tuple of these.
     Its callers are then compiled without it. A call costs a few nanoseconds. It writes to no array that its callers have for reading.
-    allocates: it makes arrays. short_loops: as for such kernels."""
-    return partial(Kernel, result=result, short_loops=short_loops, _nrt=allocates)
+    allocates: it makes arrays. loops: "short" or "long", as for such kernels."""
+    return partial(Kernel, result=result, loops=loops, _nrt=allocates)
 
 
 allocating: Any = partial(Kernel, _nrt=True)

@@ -47,7 +47,7 @@ class _Library(AOTCodeLibrary):
     then optimised; the others are left as they are."""
 
     exported: tuple[str, ...] = ()
-    short_loops = False
+    loops = ""
     callees: Sequence[Any] = ()
 
     def add_ir_module(self, ir_module):
@@ -88,9 +88,10 @@ class _Library(AOTCodeLibrary):
     def _optimize(self) -> None:
         """Loops are unrolled where most have a known length. Elsewhere, and at higher levels, a kernel takes a quarter longer to compile,
         and is no faster."""
-        tuning = llvm.create_pipeline_tuning_options(2 if self.short_loops else 1)
-        tuning.loop_vectorization = False
-        tuning.loop_unrolling = tuning.slp_vectorization = self.short_loops
+        short = self.loops == "short"
+        tuning = llvm.create_pipeline_tuning_options(2 if short else 1)
+        tuning.loop_vectorization = self.loops == "long"
+        tuning.loop_unrolling = tuning.slp_vectorization = short
         builder = llvm.create_pass_builder(self._codegen._tm, tuning)
         builder.getModulePassManager().run(self._final_module, builder)
 
@@ -310,7 +311,7 @@ def machine_code(kernel: Declared, types: Any, name: str) -> tuple[bytes, list[A
             library = context.codegen().create_library(name)
             module = context.create_module(name)
             library.exported = add_entry_points(context, module, result.fndesc, name)
-            library.short_loops = kernel.short_loops
+            library.loops = kernel.loops
             library.add_ir_module(module)
             library.add_llvm_module(llvm.parse_assembly(MEMORY))
             library.add_linking_library(intermediate_code(result))

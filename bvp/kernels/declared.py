@@ -14,17 +14,17 @@ class Declared:
         What it computes, in Python.
     result : str, tuple or None
         What it returns, as `bvp.kernels.stored.types_of` writes types, or "none"; None where only the compiler knows.
-    short_loops : bool
-        Whether LLVM unrolls loops, and vectorises straight code.
+    loops : str
+        What LLVM does with loops: "short" are unrolled, and straight code is vectorised; "long" are vectorised; nothing otherwise.
     options : dict
         How numba compiles it.
     """
 
-    def __init__(self, function: Callable[..., Any], result: Any = None, short_loops: bool = False, **options: Any):
+    def __init__(self, function: Callable[..., Any], result: Any = None, loops: str = "", **options: Any):
         update_wrapper(cast(Any, self), function)
         self.function = function
         self.result = result
-        self.short_loops = short_loops
+        self.loops = loops
         self.options = options
 
 

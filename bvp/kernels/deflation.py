@@ -11,7 +11,7 @@ Subspace iteration: Golub and Van Loan, Matrix Computations, 4th ed. 2013, 7.3. 
 
 import math
 
-from bvp.kernels.compiled import inlined, kernel, square
+from bvp.kernels.compiled import inlined, long_loops, square
 from bvp.kernels.dense import eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.monodromy import GRADE, linearised_impact, order_multipliers, sort_by_modulus, trivial_rows
@@ -258,7 +258,7 @@ def _complete(frame, count, scratch, factor):
     complement(scratch, count, frame[count:], factor)
 
 
-@kernel
+@long_loops
 def _settle(linearised, contacts, contact, back, count_and_columns, ratio, work, sweeps, values):
     """Rounds until the first `count` rows of the frame span what the cycle carries along, with their multipliers in `values` (2, m).
     ratio: of the largest other modulus to the least of theirs. columns: that the last round carries. Returns how many rounds; 0 if they do
@@ -367,7 +367,7 @@ def _invert(values, count, out):
             out[1, j] = -y / total
 
 
-@kernel
+@long_loops
 def deflated_multipliers(flight, contacts, orbit, linearised, work, spectrum, sweeps, matrix):
     """Multipliers of an orbit of a conservative system, after `bvp.kernels.monodromy.formed_multipliers` with the same arguments, into
     spectrum.values.

@@ -178,7 +178,7 @@ def next_sign_change(track, floor, inside, first, last, sign, before, f_before, 
     return found, before, f_before, here, f, t, steps
 
 
-@kernel
+@inlined
 def refine(track, low, f_low, high, f_high, tolerance):
     """The zero of f between low and high, where it changes sign once."""
     root = low + f_low / (f_low - f_high) * (high - low)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import chosen, inlined, kernel
+from bvp.kernels.compiled import chosen, inlined, kernel, long_loops
 from bvp.kernels.dense import eigenvalues
 from bvp.kernels.flight import Flight, block_matrix, copy_1, flow_pair, inner, set_1, set_2
 from bvp.kernels.flights import energy_slope, flight_map, rate, slope_times, squared_speed
@@ -354,7 +354,7 @@ def order_multipliers(values, sums, paired):
     return _pairing(values, sums) if paired else 0.0
 
 
-@kernel
+@long_loops
 def formed_multipliers(flight, contacts, orbit, conservative, scaled, work, linearised, spectrum):
     """Multipliers of a closed orbit from its monodromy M, into `spectrum`.
 

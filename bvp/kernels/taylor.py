@@ -260,7 +260,7 @@ def _advance_columns(sources, columns, h, out):
             columns[0, r, c] = out[r, c]
 
 
-@shared("none", short_loops=True)
+@shared("none", loops="short")
 def expand_columns(flight, at):
     """The Taylor coefficients of the columns about columns[0]; those of the state are known."""
     source_terms(flight.sources, flight, at)
@@ -271,7 +271,7 @@ def expand_columns(flight, at):
         _expand_columns(flight, flight.columns, flight.inputs, flight.sums)
 
 
-@shared("none", short_loops=True)
+@shared("none", loops="short")
 def advance_columns(sources, columns, h, out):
     """See `_advance_columns`."""
     if out.shape[1] == 4:
