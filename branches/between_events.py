@@ -22,6 +22,7 @@ import numpy as np
 
 from branches.events import DigitWork
 from branches.family import RESONANCES, multiplication
+from branches.orbit import FAR as FAR_OUT
 from bvp.multipoint import NotConverged
 from bvp.stability import roundings
 
@@ -30,7 +31,10 @@ if TYPE_CHECKING:
     from branches.events import BranchEvent
     from bvp.multipoint import MultipointProblem
 
-__all__ = ["Barrier", "Missed", "decide_between", "missed_events", "stability_events"]
+__all__ = ["Barrier", "Missed", "decide_between", "missed_events", "stability_events", "stable_at_event"]
+
+UNDECIDED_AT = ("SN", "BP", "SB", "PD")
+"""Events at which a multiplier is at its bound. Only the location error would decide stability there, so it is not given."""
 
 SPACING = 4
 """At most so many neighbouring points are decided by those around them: on a longer run of undecided points rounding can hide an event."""
@@ -48,6 +52,14 @@ class Barrier(NamedTuple):
     type: str
     point: int
     bracket: tuple[float, float]
+
+
+def stable_at_event(code: str, columns: Mapping[str, np.ndarray], index: int) -> int:
+    """Whether the orbit at an event, a row of the columns of a branch, is stable (1), unstable (0), or undecided (-1): with another
+    multiplier far from the unit circle it is unstable."""
+    known = int(columns["stable"][index])
+    far = known == 0 and abs(columns["multipliers"][index, 0]) > FAR_OUT if columns["multipliers"].shape[1] else False
+    return -1 if code in UNDECIDED_AT and not far else known
 
 
 def stability_events(problem: MultipointProblem) -> tuple[str, ...]:

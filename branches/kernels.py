@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bvp.kernels import multipoint as entry
-from bvp.kernels.compiled import call_at, chosen, inlined, kernel, short_loops
+from bvp.kernels.compiled import call_at, chosen, inlined, kernel, short_loops, square
 from bvp.kernels.cuts import is_cut
 from bvp.kernels.dense import determinant, eigenvalues, is_regular
 from bvp.kernels.flight import copy_1, set_1
@@ -31,6 +31,7 @@ from bvp.kernels.monodromy import (
 )  # fmt: skip
 from bvp.kernels.multipoint import ImpactList, PackedSegment, Segment, unfold_impacts, unpack
 from bvp.kernels.pencil import ContactRows
+from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.stability import HalfMap, half_map, make_half_map, make_impacts
 from bvp.kernels.step import Landing, Request
 from continuation.control import ACCEPTED, NEAR_GOAL, arclength_of, distance, height, may_hide, next_step, refusal, watch
@@ -149,12 +150,12 @@ def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
 @kernel
 def _certain_determinant(matrix, noise, inverse):
     """Determinant of a square matrix, which is overwritten; nan where its smallest singular value is not above the noise."""
-    square = 0.0
+    total = 0.0
     for r in range(matrix.shape[0]):
         for c in range(matrix.shape[0]):
-            square += matrix[r, c] * matrix[r, c]
+            total += matrix[r, c] * matrix[r, c]
     value = determinant(matrix)
-    return value if is_regular(matrix, value, square, noise, inverse) else math.nan
+    return value if is_regular(matrix, value, total, noise, inverse) else math.nan
 
 
 @inlined
@@ -169,12 +170,47 @@ def _block(phi, row, column, out):
     return largest
 
 
+@kernel
+def _shifted_determinant(work, unit, shift, product_noise, noise):
+    """Determinant of 4 b'c + shift; nan where it is not certain.
+
+    Where rounding of the formed product b'c can be seen, it is 4^m times that of [[shift/4, -b'/unit], [unit c, 1]], in which b and c are
+    not multiplied. product_noise, noise: those of the entries of both."""
+    m = work.product.shape[0]
+    out = square(work.block, m)
+    for r in range(m):
+        for c in range(m):
+            out[r, c] = 4.0 * work.product[r, c] + (shift if r == c else 0.0)
+    value = _certain_determinant(out, product_noise, square(work.inverse, m))
+    if value == value:
+        return value
+    out = square(work.block, 2 * m)
+    for r in range(m):
+        for c in range(m):
+            out[r, c] = 0.25 * shift if r == c else 0.0
+            out[r, m + c] = -work.phi[c, m + r] / unit
+            out[m + r, c] = work.phi[m + r, c] * unit
+            out[m + r, m + c] = 1.0 if r == c else 0.0
+    return 4.0**m * _certain_determinant(out, noise, square(work.inverse, 2 * m))
+
+
 @inlined
-def _shift(product, shift, out):
-    """out = 4 product + shift."""
-    for r in range(out.shape[0]):
-        for c in range(out.shape[0]):
-            out[r, c] = 4.0 * product[r, c] + (shift if r == c else 0.0)
+def _find_eigenvalues(work, product_noise, noise):
+    """The eigenvalues of b'c into work.values: of the formed product, or where its rounding can be seen of its two factors. Returns whether
+    they are found."""
+    m = work.product.shape[0]
+    if product_noise < _RESOLVED:
+        out = square(work.block, m)
+        for r in range(m):
+            copy_1(work.product[r], out[r])
+        return eigenvalues(out, work.values[0], work.values[1])
+    if not 4.0 * noise < _RESOLVED:
+        return False
+    for r in range(m):
+        for c in range(m):
+            work.factors[0, r, c] = work.phi[m + r, c]
+            work.factors[1, r, c] = work.phi[c, m + r]
+    return product_eigenvalues(work.factors, work.forward, work.corner, work.product, work.values) > 0
 
 
 @inlined
@@ -239,8 +275,8 @@ def general_tests(packed, y, ends, pairs_work, result, targets, out):
     pivot = abs(result[entry.BRANCHING])
     noise = NOISE + PIVOT_NOISE / pivot if pivot > 0.0 else math.inf
     speeds = result[entry.SPEEDS]
-    block = work.block
-    inverse = work.inverse
+    block = square(work.block, m)
+    inverse = square(work.inverse, m)
     _block(phi, 0, 0, block)
     after[1] = speeds * _certain_determinant(block, noise * largest, inverse)
     _block(phi, 1, 1, block)
@@ -254,19 +290,17 @@ def general_tests(packed, y, ends, pairs_work, result, targets, out):
             factor = phi[i, m + r]
             for c in range(m):
                 work.product[r, c] += factor * phi[m + i, c]
-    # that of the entries of 4 b'c
-    noise *= 4.0 * m * size_b * size_c
+    # The noise of the entries of 4 b'c, and that of b and c in a unit in which both are of one size.
+    product_noise = noise * 4.0 * m * size_b * size_c
+    noise *= math.sqrt(size_b * size_c)
+    unit = math.sqrt(size_b / size_c) if size_b > 0.0 and size_c > 0.0 else 1.0
     at = 3
     if quarters == 1:
-        _shift(work.product, 2.0, block)
-        after[3] = speeds * speeds * _certain_determinant(block, noise, inverse)
+        after[3] = speeds * speeds * _shifted_determinant(work, unit, 2.0, product_noise, noise)
         at = 4
     for i in range(targets.shape[0]):
-        _shift(work.product, 2.0 - targets[i], block)
-        after[at + 1 + i] = speeds * speeds * _certain_determinant(block, noise, inverse)
-    for r in range(m):
-        copy_1(work.product[r], block[r])
-    if noise < _RESOLVED and eigenvalues(block, work.values[0], work.values[1]):
+        after[at + 1 + i] = speeds * speeds * _shifted_determinant(work, unit, 2.0 - targets[i], product_noise, noise)
+    if _find_eigenvalues(work, product_noise, noise):
         after[at] = _discriminant(work.values[0], work.values[1])
 
 

@@ -32,7 +32,7 @@ AGREED = 1e-6
 """How well the traces of the half map and of the saddle-point matrix agree, relative, where both are to be trusted."""
 
 FAR = 4.0
-"""|tau| beyond which an orbit is unstable if two methods agree. Beside a grazing the rounding of the largest entry of the half map can
+"""|tau|, or the modulus of a multiplier, beyond which an orbit is unstable if two methods agree. Beside a grazing the rounding of the largest entry of the half map can
 cover the smaller ones, so the entries alone do not decide."""
 
 
@@ -329,5 +329,7 @@ def _general_stability(problem: MultipointProblem, rows: Solution, grazing: np.n
         for name, value in zip(("multipliers", "trivial", "pairing", "reliable"), found, strict=True):
             columns[name][i] = value
         stable = stability(problem, solution).stable
+        if stable is None and columns["reliable"][i] and np.max(np.abs(columns["multipliers"][i]), initial=0.0) > FAR:
+            stable = False
         columns["stable"][i] = -1 if stable is None else int(stable)
     return columns

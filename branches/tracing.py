@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from branches.admissible import unphysical
-from branches.between_events import Barrier, decide_between
+from branches.between_events import Barrier, decide_between, stable_at_event
 from branches.branch import Branch
 from branches.events import FREE_NORMAL_FORMS, BranchEvent, Ended, event_ids
 from branches.family import SETTINGS, Family
@@ -36,9 +36,6 @@ EVENT_TYPES = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "EP")
 
 HIGHEST = 1e12
 """Highest energy of a family if no range is given. Above it, rounding of the impact speeds hides the elastic forces."""
-
-UNDECIDED_AT = ("SN", "BP", "SB", "PD")
-"""Events at which a multiplier is at its bound. Only the location error would decide stability there, so it is not given."""
 
 GROWTH_EVERY = 16
 """Points of a smooth family from one to the next of which the growth of perturbations is looked at."""
@@ -396,7 +393,7 @@ def record_of_event(
     """An event as a record. Its orbit is at `index` of the columns; `backward`: it was found against the arclength of the branch."""
     details = event.details
     label, _, note = event_along(event, backward)
-    stable = -1 if event.code in UNDECIDED_AT else int(columns["stable"][index])
+    stable = stable_at_event(event.code, columns, index)
     largest = float(np.max(np.abs(columns["multipliers"][index]), initial=0.0)) or 1.0  # without nontrivial ones, the trivial ones
     return BranchEvent(
         name,
@@ -429,8 +426,7 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     # At an event a velocity can be zero to rounding, so its counts are those of the branch just before it.
     labels = columns["label"].astype(object)
     for event, against in zip(run.events, backward, strict=True):
-        if event.code in UNDECIDED_AT:
-            columns["stable"][event.index] = -1
+        columns["stable"][event.index] = stable_at_event(event.code, columns, event.index)
         labels[event.index], half_waves, _ = event_along(event, against)
         columns["half_waves"][event.index] = max(1, half_waves)
     columns["label"] = labels.astype(str)

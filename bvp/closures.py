@@ -99,8 +99,8 @@ _NONE = 1e-9
 
 
 @lru_cache(maxsize=64)
-def free_motions(system: ImpactSystem) -> np.ndarray:
-    """Orthonormal rows (f, n) in modal displacements: the motions that no spring and no stop resists.
+def free_motions(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.ndarray:
+    """Orthonormal rows (f, n) in modal displacements: the motions that no spring resists, and none of the stops `hit`, by default all.
 
     Shared by all who ask, and not to be written to.
     """
@@ -111,10 +111,10 @@ def free_motions(system: ImpactSystem) -> np.ndarray:
         return np.zeros((0, n))
     rigid = modes.shapes[:, index]
     size = np.linalg.norm(rigid, axis=0)
-    resisting = [np.asarray(stop.gap) for stop in system.stops]
+    resisting = [np.asarray(stop.gap) for k, stop in enumerate(system.stops) if hit is None or k in hit]
     if system.smooth_forces is not None:
         resisting += [row for row in system.smooth_forces.inputs[:, :n] if np.any(row)]
-    rows = np.array([row / np.linalg.norm(row) for row in resisting])
+    rows = np.array([row / np.linalg.norm(row) for row in resisting]).reshape(-1, n)
     _, singular, directions = np.linalg.svd(rows @ (rigid / size))
     felt = int(np.sum(singular > _NONE))
     free = np.zeros((index.size - felt, n))
@@ -122,14 +122,14 @@ def free_motions(system: ImpactSystem) -> np.ndarray:
     return free
 
 
-def deflated_motions(system: ImpactSystem) -> np.ndarray:
+def deflated_motions(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.ndarray:
     """Those of `free_motions` whose pair of multipliers 1 is left out: none for two degrees of freedom, which have no other pair."""
-    free = free_motions(system)
+    free = free_motions(system, hit)
     return free if free.shape[1] > 2 else free[:0]
 
 
 @lru_cache(maxsize=64)
-def held_motions(system: ImpactSystem) -> np.ndarray:
+def held_motions(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.ndarray:
     """Orthonormal rows (n - f, n) in modal displacements: those perpendicular to `deflated_motions`.
 
     Examples
@@ -140,15 +140,16 @@ def held_motions(system: ImpactSystem) -> np.ndarray:
     array([[1., 0.],
            [0., 1.]])
     """
-    free = deflated_motions(system)
+    free = deflated_motions(system, hit)
     unit = np.eye(free.shape[1])
     mixed = np.flatnonzero(np.any(free != 0.0, axis=0))
     others = np.linalg.qr(free[:, mixed].T, mode="complete")[0][:, len(free) :]
     return np.ascontiguousarray(np.vstack([others.T @ unit[mixed], np.delete(unit, mixed, axis=0)]))
 
 
-def free_translation(system: ImpactSystem) -> np.ndarray | None:
-    """A direction (n,) of displacement that no spring and no stop resists, its largest entry 1; None where there is none.
+def free_translation(system: ImpactSystem, hit: frozenset[int] | None = None) -> np.ndarray | None:
+    """A direction (n,) of displacement that no spring resists, and none of the stops `hit`, by default all, its largest entry 1; None where
+    there is none.
 
     Examples
     --------
@@ -157,7 +158,7 @@ def free_translation(system: ImpactSystem) -> np.ndarray | None:
     >>> free_translation(free)
     array([1., 1.])
     """
-    free = free_motions(system)
+    free = free_motions(system, hit)
     if not len(free):
         return None
     found = system.modes.shapes @ free[-1]
@@ -199,6 +200,12 @@ class Cycle:
     def times(self) -> np.ndarray:
         """Times of the impacts in [0, T), (P,)."""
         return self.lead + np.concatenate([[0.0], np.cumsum(self.duration[:-1])])
+
+    @cached_property
+    def hit(self) -> frozenset[int]:
+        """The stops that it hits."""
+        stops = self.system.modes.contact_stop
+        return frozenset(int(stops[c]) for c in self.contact.tolist() if c >= 0)
 
     @cached_property
     def letters(self) -> tuple[str, ...]:

@@ -282,7 +282,7 @@ class DigitOrbit:
         rigid = [k for k, square in enumerate(modes.squares) if square == 0] if problem.pairs < problem.half - 1 else []
         unit = _exact(np.eye(modes.size))
         rows = [unit[k] for k in range(modes.size) if k not in rigid]
-        left = [np.where(np.isin(np.arange(modes.size), rigid), gap, mp.mpf(0)) for gap in modes.gaps]
+        left = [np.where(np.isin(np.arange(modes.size), rigid), modes.gaps[stop], mp.mpf(0)) for stop in sorted(problem.hit)]
         # The rigid-body motions that stops feel: Gram and Schmidt's process on their gaps, the longest first.
         while len(rows) <= problem.pairs:
             longest = max(left, key=lambda row: row @ row)

@@ -107,6 +107,7 @@ class SystemData(NamedTuple):
     square: np.ndarray
     spectrum: EigenvalueWork
     passages: dict[int, LinearisedOrbit]
+    by_stops: bool = False  # the motions that nothing resists depend on the stops that an orbit hits
 
     def linearised(self, nodes: int) -> LinearisedOrbit:
         """Arrays for orbits with so many nodes: those of the last such orbit, if it had as many."""
@@ -131,11 +132,12 @@ def system_data(
 
 
 @lru_cache(maxsize=64)
-def _data_of(system: Any) -> SystemData:
+def _data_of(system: Any, hit: frozenset[int] | None = None) -> SystemData:
     modes, conservative = system.modes, system.is_conservative
     contacts = ContactRows(modes.contacts.gap, modes.contacts.rate, modes.contacts.push, 1.0 + modes.contacts.restitution)
-    free = deflated_motions(system) if conservative else np.zeros((0, len(modes.squares)))
-    return system_data(modes.flight, contacts, modes.squares, free, conservative, modes.layout != "coupled")
+    free = deflated_motions(system, hit) if conservative else np.zeros((0, len(modes.squares)))
+    data = system_data(modes.flight, contacts, modes.squares, free, conservative, modes.layout != "coupled")
+    return data._replace(by_stops=conservative and len(system.stops) > 1 and len(modes.squares) > 2 and 0.0 in modes.squares)
 
 
 class Formed(NamedTuple):
@@ -181,6 +183,8 @@ def floquet_multipliers(cycle: Cycle) -> Multipliers:
     if cycle.system.smooth_forces is not None or max(cycle.contact.tolist()) < 0:
         return saddle_point_multipliers(cycle)
     data = _data_of(cycle.system)
+    if data.by_stops:
+        data = _data_of(cycle.system, cycle.hit)
     found = formed(data, ClosedOrbit(cycle.before, cycle.after, cycle.duration, cycle.contact))
     if found is None:
         return saddle_point_multipliers(cycle)
@@ -226,7 +230,7 @@ def saddle_point_multipliers(cycle: Cycle) -> Multipliers:
     conservative = cycle.system.is_conservative
     scaled = scaled_nodes(cycle)
     nodes, size = scaled.after.shape
-    free = deflated_motions(cycle.system) if conservative else np.zeros((0, size // 2))
+    free = deflated_motions(cycle.system, cycle.hit) if conservative else np.zeros((0, size // 2))
     dimension = size - 1 - int(conservative) - 2 * len(free)
     unbounded = np.full(dimension, complex(math.nan, math.nan))
     unpaired = math.nan if conservative else None

@@ -115,6 +115,8 @@ class MultipointProblem:
 
     Attributes
     ----------
+    hit : frozenset of int
+        The stops that its orbits hit.
     held, free : (m + 1, n), (n - m - 1, n) float
         See `bvp.closures.held_motions` and `deflated_motions`.
     pairs : int
@@ -122,7 +124,7 @@ class MultipointProblem:
     coordinates : int
         N + 2, those in which arclength is measured.
     drifts : bool
-        Whether there is a motion that no spring and no stop resists.
+        Whether there is a motion that no spring and no stop that is hit resists.
     is_smooth : bool
         Whether the system has smooth forces.
 
@@ -190,10 +192,11 @@ class MultipointProblem:
         self.observed = observed_of(system)
         self._two_dof = self.half == 2
 
-    held = cached_property(lambda self: held_motions(self.system))
-    free = cached_property(lambda self: deflated_motions(self.system))
+    hit = cached_property(lambda self: frozenset(self.modes.contact_stop[self.contacts[self.contacts >= 0]].tolist()))
+    held = cached_property(lambda self: held_motions(self.system, self.hit))
+    free = cached_property(lambda self: deflated_motions(self.system, self.hit))
     pairs = cached_property(lambda self: len(self.held) - 1)
-    drifts = cached_property(lambda self: free_translation(self.system) is not None)
+    drifts = cached_property(lambda self: free_translation(self.system, self.hit) is not None)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The arrays that it works with follow from these, and are most of its size.
@@ -207,13 +210,13 @@ class MultipointProblem:
         EndsError
             With the motion that nothing resists, and what holds it.
         """
-        direction = None if ORIGIN in self.kinds else free_translation(self.system)
+        direction = None if ORIGIN in self.kinds else free_translation(self.system, self.hit)
         if direction is None:
             return
         moved = [f"{name} by {entry:.4g}" for name, entry in zip(self.system.coordinates, direction.tolist(), strict=True) if entry]
         instead = "an origin end, or a spring to the ground" if self.system.has_odd_symmetry else "a spring to the ground"
         raise EndsError(
-            f"the ends {self.ends[0]}, {self.ends[1]} leave the system free to drift: no spring or stop resists a motion of "
+            f"the ends {self.ends[0]}, {self.ends[1]} leave the system free to drift: no spring or stop that is hit resists a motion of "
             f"{', '.join(moved)}; expected {instead}"
         )
 

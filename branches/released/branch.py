@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from branches.between_events import Barrier, decide_between
+from branches.between_events import Barrier, decide_between, stable_at_event
 from branches.forced.branch import ForcedBranch
 from branches.orbit import Orbit, orbit_columns
 from branches.released.family import PlacedSolution, placed
@@ -18,9 +18,6 @@ from bvp.released import ReleasedProblem
 from bvp.texts import brief
 
 __all__ = ["ReleasedBranch", "branch_in_parameter"]
-
-_UNDECIDED_AT = ("SN", "BP", "SB", "PD")
-"""Events at which a multiplier is at its bound."""
 
 
 @brief
@@ -64,8 +61,7 @@ class ReleasedBranch(ForcedBranch):
         columns = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
         columns["arclength"], columns["residual"] = self.arclength, self.residual
         for event in self.events:
-            if event.type in _UNDECIDED_AT:
-                columns["stable"][event.point] = -1
+            columns["stable"][event.point] = stable_at_event(event.type, columns, event.point)
         barriers = [Barrier(event.type, event.point, event.bracket) for event in self.events]
         at = self._placed
         columns["stable"], _ = decide_between(at[0].problem, lambda i: (at[i].problem, at[i].y), columns, barriers)

@@ -8,7 +8,7 @@ equal or nearly equal size, which sweeps without shifts do not.
 
 import math
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, shared
 from bvp.kernels.pencil import rotation
 
 _EPSILON = 2.220446049250313e-16
@@ -205,7 +205,7 @@ def _step(factors, inverse, low, high, exceptional, corner):
             z = h[k + 4, k + 1] if k + 4 <= high else 0.0
 
 
-@kernel
+@shared("integer")
 def product_eigenvalues(factors, inverse, corner, product, values):
     """Eigenvalues of the product of factors (K, m, m), the first one applied first, into `values` (2, m), real and imaginary parts.
 

@@ -78,10 +78,13 @@ class HalfMap(NamedTuple):
     square: np.ndarray  # (1, N, N)
     small: np.ndarray  # (3, max(n, 2), n)
     phi: np.ndarray  # (2 m, 2 m)
-    block: np.ndarray  # (m, m)
-    inverse: np.ndarray  # (m, m)
+    block: np.ndarray  # (4 m^2,)
+    inverse: np.ndarray  # (4 m^2,)
     product: np.ndarray  # (m, m)
+    factors: np.ndarray  # (2, m, m)
+    corner: np.ndarray  # (3, 3)
     values: np.ndarray  # (2, m)
+    forward: np.ndarray  # (2,) int64 zeros
 
 
 def make_half_map(held):
@@ -90,7 +93,8 @@ def make_half_map(held):
     size = 2 * half
     return HalfMap(
         held, np.zeros((size + 3, size)), np.zeros((1, size, size)), np.zeros((3, max(2, half), half)), np.zeros((2 * m, 2 * m)),
-        np.zeros((m, m)), np.zeros((m, m)), np.zeros((m, m)), np.zeros((2, m)),
+        np.zeros(4 * m * m), np.zeros(4 * m * m), np.zeros((m, m)), np.zeros((2, m, m)), np.zeros((3, 3)), np.zeros((2, m)),
+        np.zeros(2, np.int64),
     )  # fmt: skip
 
 

@@ -204,7 +204,7 @@ def test_translations_leave_a_free_chain_underdetermined():
             continue
         singular = np.linalg.svd(problem.jacobian(solution.y))[1]
         assert singular[-1] < 1e-12 * singular[0]
-        refused = "free to drift: no spring or stop resists a motion of u1 by 1, u2 by 1, u3 by 1"
+        refused = "free to drift: no spring or stop that is hit resists a motion of u1 by 1, u2 by 1, u3 by 1"
         with pytest.raises(EndsError, match=refused):
             problem.solve(solution.y)
         with pytest.raises(EndsError, match=refused):
