@@ -288,8 +288,11 @@ def _two_dof_stability(
         tau = 2.0 + 4.0 * b * c
         if problem.quarters == 1:
             tau_half, tau = tau, tau * tau - 2.0
-        sizes = np.max(np.abs(states), axis=1)
-        rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
+        if problem.hit:
+            sizes = np.max(np.abs(states), axis=1)
+            rate = np.max(sizes[:, 2:], axis=1) / np.max(sizes[:, :2], axis=1)
+        else:  # its ends can be at rest or at the origin
+            rate = np.pi / (2.0 * entry["quarter_period"])
         a, b, c, d = (value * factor for value, factor in zip((a, b, c, d), balance(problem, rate), strict=True))
         stable = decide(a, b, c, d, entry["magnified"], problem.inner, entry["branching"])
         agreed = np.abs(tau - trace) <= AGREED * (1.0 + np.abs(tau))

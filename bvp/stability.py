@@ -67,7 +67,10 @@ class Stability:
 
 
 def velocity_scale(problem: MultipointProblem, solution: Solution) -> float:
-    """sqrt(2 h) over the largest modal displacement at the impacts and the ends: what `balance` asks for."""
+    """What `balance` asks for: sqrt(2 h) over the largest modal displacement at the impacts and the ends; of an orbit without impacts, whose
+    ends can be at rest or at the origin, its frequency."""
+    if not problem.hit:
+        return math.pi / (2.0 * problem.quarter_period(solution.y))
     displacements = np.vstack([problem.start(solution.y), solution.ends])[:, : problem.half]
     return math.sqrt(2.0 * problem.energy(solution.y)) / float(np.max(np.abs(displacements)))
 

@@ -8,6 +8,7 @@ import cmath
 import math
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import mpmath
 import numpy as np
@@ -16,11 +17,13 @@ import pytest
 from benchmarks.saltation import saltation_multipliers
 from branches.family import RESONANCES, SETTINGS, Family, multiplication
 from branches.kernels import COMMON
+from branches.linear_modes import beginnings, linear_modes
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
 from bvp.multipliers import floquet_multipliers, pairs_of, saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.stability import half_map_of, stability
+from bvp.system import ImpactSystem, Stop
 from tests.bvp.orbits import backbone_segment, chain, chains, collection
 from tests.hard.digits import Closed
 
@@ -272,6 +275,53 @@ def test_no_collision_is_missed(index, make):
     problem, y = (orbit.problem, orbit.solution.y) if make is None else make(orbit)
     resonances, collisions = require_no_collision_is_missed(problem, y, (0.1 * orbit.energy, 10.0 * orbit.energy))
     assert resonances > 0 and (collisions > 0 or make)
+
+
+@cache
+def twelve_masses():
+    """A family of a chain of twelve masses with two stops, whose largest multiplier is between 1e2 and 1e10."""
+    c = np.zeros((2, 12))
+    c[0, 4:6], c[1, 11] = (-1.0, 1.0), 1.0
+    stiffness = 2.0 * np.eye(12) - np.eye(12, k=1) - np.eye(12, k=-1)
+    stiffness[11, 11] = 1.0
+    system = ImpactSystem(np.eye(12), np.zeros((12, 12)), stiffness, tuple(Stop(tuple(row), -1.0, 1.0) for row in c))
+    starts = beginnings(linear_modes(system)[2], 3, 2, energy=(0.05, 3.0))
+    start = next(one for one in starts if (one.ends, one.sequence) == (("stopb-", "stopb+"), "b+"))
+    return start.followed(energy=(0.05, 3.0)).branch
+
+
+def test_resonances_beside_large_multipliers():
+    """Oracle: multipliers of which the large ones are split off (`bvp.kernels.deflation`): they do not come from the half map."""
+    branch = twelve_masses()
+    grazing = {event.point for event in branch.events if event.type == "GR"}
+    resonant = {event.point for event in branch.events if event.type == "RT"}
+    traces = {}
+    for k in range(len(branch)):
+        if k not in resonant | grazing:
+            values = floquet_multipliers(branch.orbit(k).cycle).values
+            traces[k] = np.array([a + 1.0 / a for a, _ in pairs_of(values)])
+    for first, last in pairwise(traces):
+        if last - first == 1 and {first - 1, last + 1} & grazing:
+            continue
+        for p, q in RESONANCES:
+            odd = resonances_on([traces[first], traces[last]], p, q)
+            assert odd == sum(event.p_q == [p, q] for event in branch.events if first < event.point < last) % 2, (first, p, q)
+    for event in branch.events:
+        if event.type == "RT" and event.multiplier < 1e6:
+            turn = cmath.exp(2j * math.pi * event.p_q[0] / event.p_q[1])
+            assert min(abs(floquet_multipliers(branch.orbit(event.point).cycle).values - turn)) < 1e-8, event
+    assert len(resonant) >= 8 and sum(event.multiplier > 1e4 for event in branch.events if event.type == "RT") >= 3
+
+
+def test_another_multiplier_decides_at_an_event():
+    """Oracle: the multipliers: at a fold, a breaking or a doubling one pair is at 1 or -1, and another one is far from the unit circle."""
+    decided = 0
+    for event in twelve_masses().events:
+        if event.type in ("SN", "SB", "PD"):
+            values = np.abs(floquet_multipliers(twelve_masses().orbit(event.point).cycle).values)
+            assert event.stable is (False if values[0] > 4.0 else None)
+            decided += values[0] > 4.0
+    assert decided >= 4
 
 
 def test_pairs_that_hardly_differ_are_found():

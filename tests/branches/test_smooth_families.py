@@ -183,3 +183,42 @@ def test_an_id_does_not_depend_on_the_range_of_energies():
         first = orbit_at_mode("mode:1", system, (low, high))
         ids.add(follow_family(first.problem, first.solution.y, energy=(low, high)).id)
     assert len(ids) == 1
+
+
+@pytest.mark.parametrize("ends", [("rest", "rest"), ("origin", "origin")])
+def test_orbits_between_rests_and_between_origins_have_a_verdict(ends):
+    """Oracle: the trace of the multipliers by scipy's integrator, of a half period there and back. A force that is not odd, from rest to
+    rest; one that is, through the origin twice."""
+    odd = ends[0] == "origin"
+    springs = (Spring((1.0, -1.0), stiffness=1.0, power=3.0),) if odd else (Spring((1.0, -1.0), polynomial=(0.7, 0.5, 0.9)),)
+    stiffness = np.diag([1.0, 2.0] if odd else [1.0, 0.0])
+    system = ImpactSystem(np.diag([1.0, 0.4]), np.zeros((2, 2)), stiffness, (), springs=springs)
+    modes = system.modes
+    problem = MultipointProblem(system, ends, ())
+    start = np.zeros(4)
+    start[2 if odd else 0] = 0.3
+    half = math.pi / math.sqrt(modes.squares[0])
+    first = problem.solve(problem.pack(start, None, [half]), energy=0.045 * (1.0 if odd else modes.squares[0]))
+    branch = follow_family(problem, first.y, energy=(1e-3, 1.0))
+    away = sorted(set(range(len(branch))) - {event.point for event in branch.events})
+    stable, tau = branch.points["stable"], branch.points["tau"]
+    assert len(away) > 30 and all(stable[i] == (abs(tau[i]) < 2.0) for i in away if abs(abs(tau[i]) - 2.0) > 1e-6)
+    assert np.mean(stable[away] >= 0) > 0.9
+    for i in away[:: len(away) // 4]:
+        period = 4.0 * branch.points["alpha"][i]
+
+        def rate(_, z):
+            u, v = z[:2], z[2:4]
+            w = u[0] - u[1]
+            force, slope = (w**3, 3.0 * w * w) if odd else (0.7 * w + 0.5 * w * w + 0.9 * w**3, 0.7 + w + 2.7 * w * w)
+            pull = np.array([1.0, -1.0])
+            matrix = np.zeros((4, 4))
+            matrix[:2, 2:] = np.eye(2)
+            matrix[2:, :2] = -np.linalg.solve(system.mass, stiffness + slope * np.outer(pull, pull))
+            acceleration = -np.linalg.solve(system.mass, stiffness @ u + force * pull)
+            return np.concatenate([v, acceleration, (matrix @ z[4:].reshape(4, 4)).ravel()])
+
+        state = np.concatenate([branch.points["start_u"][i], branch.points["start_v"][i]])
+        flown = solve_ivp(rate, (0.0, period), np.concatenate([state, np.eye(4).ravel()]), method="DOP853", rtol=1e-12, atol=1e-13)
+        trace = np.trace(flown.y[4:, -1].reshape(4, 4)) - 2.0
+        assert abs(trace - tau[i]) < 1e-8 * (1.0 + abs(trace))

@@ -10,9 +10,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from benchmarks.saltation import saltation_multipliers
 from branches.tracing import follow_family
 from bvp.closures import EndsError, free_motions, free_translation, held_motions
 from bvp.many_digits import orbit_in_digits
+from bvp.multipliers import saddle_point_multipliers
 from bvp.multipoint import MultipointProblem
 from bvp.stability import stability
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
@@ -119,3 +121,28 @@ def test_a_gear_train_with_backlash_is_stable_or_not(springs):
         with mp.workdps(50):
             assert abs(mp.det(digits.half_map) - 1) < mp.mpf(10) ** -35 * max(abs(x) for x in digits.half_map) ** 2
     assert 1 in stable
+
+
+def test_a_body_that_an_orbit_does_not_touch_hides_nothing():
+    """Oracle: the same gear train without its last body, which rests inside its backlash; multipliers from the monodromy."""
+    backlash, last = Stop((1.0, -1.0, 0.0, 0.0), -1.0, 1.0), Stop((0.0, 0.0, 1.0, -1.0), -1.0, 1.0)
+    whole = chain([1.0, 2.0, 1.5, 0.2], [3.0, 1.0, 0.0], stops=(backlash, last))
+    without = chain(MASSES, SPRINGS, stops=(Stop((1.0, -1.0, 0.0), -1.0, 1.0),))
+    found = []
+    for system, ends in ((whole, ("origin", "stopa+")), (without, ("origin", "stop+"))):
+        problem = MultipointProblem(system, ends, ())
+        y = backbone_segment(without, 0.3)[1]
+        state = without.modes.to_state @ backbone_segment(without, 0.3)[0].start(y)
+        padded = np.concatenate([np.pad(part, (0, system.degrees_of_freedom - 3)) for part in np.split(state, 2)])
+        point = problem.solve(problem.pack(system.modes.from_state @ padded, [], [0.3]), quarter_period=0.3)
+        found.append(follow_family(problem, point.y, energy=(0.3, 1e3)))
+    branch, other = found
+    ours, theirs = ([(event.type, event.h, event.stable) for event in one.events] for one in found)
+    assert [(kind, stable) for kind, _, stable in ours] == [(kind, stable) for kind, _, stable in theirs] and len(ours) > 3
+    np.testing.assert_allclose([h for _, h, _ in ours], [h for _, h, _ in theirs], rtol=1e-9)
+    assert branch.points["multipliers"].shape[1] == other.points["multipliers"].shape[1] == 2
+    middle = branch.orbit(len(branch) // 2)
+    np.testing.assert_allclose(saddle_point_multipliers(middle.cycle).values, saltation_multipliers(middle.cycle), atol=1e-9)
+    assert orbit_in_digits(middle.problem, middle.solution.y).stable is middle.stable is not None
+    with pytest.raises(EndsError, match="no spring or stop that is hit resists a motion of u4 by 1"):
+        MultipointProblem(whole, ("rest", "stopa+"), ()).refuse_drift()
