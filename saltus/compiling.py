@@ -126,7 +126,7 @@ def workers_for(calls: list[list[Any]]) -> int:
 
 def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[list[Any]]:
     """Compile kernels in several processes. Returns those that were compiled, with the seconds that each took: not all where a process
-    fails."""
+    fails. An interrupt says how many are kept."""
     waiting: queue.SimpleQueue[list[Any]] = queue.SimpleQueue()
     for call in sorted(calls, key=lambda call: -call[0]):
         waiting.put(call)
@@ -165,6 +165,9 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
                 thread.join()
         except OSError:
             pass
+        except KeyboardInterrupt:
+            text = f"{len(done)} of {counted(len(calls), 'kernel')} are compiled and kept; the same command goes on with the rest"
+            raise KeyboardInterrupt(text) from None
         finally:
             for process in processes:
                 process.kill()

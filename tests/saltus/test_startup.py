@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -246,3 +248,33 @@ def test_what_a_first_run_shows(empty, tmp_path, on_terminal):
     assert process.returncode == 0 and out.startswith("compiled 2 of 2 kernels") and "all kernels are compiled" in out
     assert ("\x1b[2K" in said and " 2 kernels" in said.partition("\n")[2]) is on_terminal
     assert "\\x1b" not in said
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_an_interrupt_says_what_is_kept(empty, tmp_path):
+    """Oracle: no kernel is finished, since all wait for a file."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+    script = SHOWN.replace("LISTED", repr(empty))
+    with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, stderr=subprocess.PIPE, env=environment) as process:
+        read_until(process.stderr.fileno(), b"still at work after 0 min\n")
+        process.send_signal(signal.SIGINT)
+        said = process.communicate()[1].decode().splitlines()[-1]
+    assert process.returncode == 130
+    assert said == "saltus: interrupted; 0 of 2 kernels are compiled and kept; the same command goes on with the rest"
+
+
+COMPILING = """
+import os, sys
+from bvp.kernels import __main__, compiled
+compiled.Kernel.compile = lambda kernel, types: (print(os.getpid(), flush=True), __import__("time").sleep(60))
+__main__.compile_requested()
+"""
+
+
+def test_a_process_that_compiles_ends_with_the_one_that_asks(empty):
+    """Oracle: the end of its output, long before that of the kernel."""
+    with subprocess.Popen([sys.executable, "-c", COMPILING], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        print(json.dumps(empty["kernels"][0][1:]), file=process.stdin, flush=True)
+        assert process.stdout.readline()
+        process.stdin.close()
+        assert process.wait(10.0) == 1
