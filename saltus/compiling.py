@@ -10,7 +10,6 @@ import multiprocessing
 import os
 import platform
 import queue
-import shutil
 import subprocess
 import sys
 import threading
@@ -23,7 +22,7 @@ from saltus.terminal import ProgressBar, counted
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["LIST", "announce", "compile_kernels", "missing", "prepare", "prepare_for", "prepare_with"]
+__all__ = ["LIST", "announce", "compile_kernels", "missing", "prepare", "prepare_for", "prepare_with", "unkept"]
 
 LIST = Path(__file__).with_name("kernels.json")
 
@@ -38,29 +37,35 @@ def _listed() -> dict[str, Any]:
 
 def missing(*groups: str) -> list[list[Any]]:
     """The kernels of some commands, of all where none is named, that have no machine code: seconds, module, name and types of each."""
-    from bvp.kernels.stored import files, symbol, types_from
+    from bvp.kernels.stored import symbol, types_from, whole
 
     listed = _listed()
     indices = sorted({index for group in groups or listed["commands"] for index in listed["commands"].get(group, ())})
     calls = [listed["kernels"][index] for index in indices]
 
     def is_there(_: float, module: str, name: str, types: Any) -> bool:
-        return any(file.is_file() for file in files(module, symbol(module, name, types_from(types))))
+        return any(whole(module, symbol(module, name, types_from(types))))
 
     return [call for call in calls if not is_there(*call)]
 
 
-def prepare(*groups: str) -> None:
-    """Compile what is missing of the kernels of some commands, and say so. Where no process can be started, each kernel is compiled when
-    it is called."""
-    from bvp.kernels.stored import keeps
+def unkept(calls: list[list[Any]]) -> str:
+    """Why some of these kernels, compiled now, are not there at the next run; empty where all are."""
+    from bvp.kernels import stored
 
-    calls = missing(*groups)
-    _tried.update(map(_key, calls))
+    return next(filter(None, (stored.unkept(module) for _, module, *_ in calls)), "")
+
+
+def prepare(*groups: str) -> None:
+    """Compile what is missing of the kernels of some commands, and say so. Where no process can be started, or nothing can be kept, each
+    kernel is compiled when it is called."""
+    calls = [call for call in missing(*groups) if _key(call) not in _tried]
     if calls:
         announce(calls)
-    if calls and keeps():
-        compile_kernels(calls)
+        kept = [call for call in calls if not unkept([call])]
+        if kept:
+            compile_kernels(kept)
+        _tried.update(map(_key, calls))
 
 
 def prepare_for(system: ImpactSystem, *groups: str) -> None:
@@ -95,11 +100,13 @@ def prepare_with(module: str, name: str, types: Any) -> None:
 
 
 def announce(calls: list[list[Any]]) -> None:
-    """Say on standard error how many kernels are compiled, and about how long it takes."""
-    seconds = sum(call[0] for call in calls) / workers_for(calls) + _START
+    """Say on standard error how many kernels are compiled, about how long it takes, and why they are not kept where that is so."""
+    reason = unkept(calls)
+    seconds = sum(call[0] for call in calls) / (1 if reason else workers_for(calls)) + _START
+    runs = "at each run" if reason else "at the first run only"
     if sys.stderr is not None:
-        text = f"saltus: compiling {counted(len(calls), 'kernel')}, at the first run only: about {seconds:.0f} s"
-        print(text, file=sys.stderr, flush=True)
+        text = f"saltus: compiling {counted(len(calls), 'kernel')}, {runs}: about {seconds:.0f} s"
+        print(f"{text}; they are not kept: {reason}" if reason else text, file=sys.stderr, flush=True)
 
 
 _MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(1 << 29), "MALLOC_MMAP_THRESHOLD_": str(1 << 29), "MALLOC_TOP_PAD_": str(1 << 26)}
@@ -119,7 +126,7 @@ def workers_for(calls: list[list[Any]]) -> int:
 
 def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[list[Any]]:
     """Compile kernels in several processes. Returns those that were compiled, with the seconds that each took: not all where a process
-    fails."""
+    fails. An interrupt says how many are kept."""
     waiting: queue.SimpleQueue[list[Any]] = queue.SimpleQueue()
     for call in sorted(calls, key=lambda call: -call[0]):
         waiting.put(call)
@@ -158,6 +165,9 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
                 thread.join()
         except OSError:
             pass
+        except KeyboardInterrupt:
+            text = f"{len(done)} of {counted(len(calls), 'kernel')} are compiled and kept; the same command goes on with the rest"
+            raise KeyboardInterrupt(text) from None
         finally:
             for process in processes:
                 process.kill()
@@ -178,10 +188,9 @@ def ship(place: Path) -> int:
     done = compile_kernels(calls)
     for _, module, name, types in calls:
         symbol = stored.symbol(module, name, stored.types_from(types))
-        *_, source = stored.files(module, symbol)
         target = place / stored.shipped_name(module, level) / symbol
         target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, target)
+        target.write_bytes(next(stored.whole(module, symbol)))
     print(f"{len(done)} kernels for {level.name} in {place}")
     return 0
 

@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from branches.files import reason
 from saltus.errors import BadInput, one_line
@@ -49,7 +49,7 @@ _PATIENCE = 10.0
 def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
     """An executor and its number of workers: processes (by default one for each core), or the Dask cluster whose scheduler has the address
     `dask`. `BadInput` if both are given or no cluster answers; `RuntimeError` if the cluster or a process is lost while it works."""
-    from concurrent.futures import CancelledError, ProcessPoolExecutor
+    from concurrent.futures import CancelledError, ProcessPoolExecutor, ThreadPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
     if workers is not None and dask is not None:
@@ -57,7 +57,14 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
     if dask is None:
         workers = workers or os.cpu_count() or 1
         one_thread()
-        pool = ProcessPoolExecutor(workers, mp_context=new_processes(), initializer=_begin_worker)
+
+        class Pool(ProcessPoolExecutor):
+            def submit(self, /, *call: Any, **options: Any) -> Any:
+                return beginner.submit(super().submit, *call, **options).result()
+
+        # An interrupt is raised in the main thread. A process that is begun in another one is begun completely, before the pool ends.
+        beginner = ThreadPoolExecutor(1, initializer=_hold_interrupts)
+        pool = Pool(workers, mp_context=new_processes(), initializer=_begin_worker)
         before = gc.get_threshold()
         gc.set_threshold(*_SELDOM)
         try:
@@ -131,6 +138,12 @@ def _version() -> str:
     from saltus import __version__
 
     return __version__
+
+
+def _hold_interrupts() -> None:
+    """Keep Ctrl-C from this thread, and from the processes that it begins: they would print tracebacks until `_begin_worker` is called."""
+    if sys.platform != "win32":
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 
 
 def _begin_worker() -> None:

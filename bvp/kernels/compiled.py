@@ -11,7 +11,7 @@ import numpy as np
 
 from bvp.kernels import hook
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
-from bvp.kernels.stored import Entry, entry_of, folder_of, keep, load, sealed, symbol, types_of
+from bvp.kernels.stored import Entry, entry_of, keep, load, sealed, symbol, types_of
 
 failures = hook.failures
 
@@ -77,15 +77,14 @@ class Kernel(Declared):
         return self.entries[types]
 
     def compile(self, types: Any) -> bytes:
-        """Compile the kernel for arguments of some types (`types_of`), and keep it in the cache folder."""
+        """Compile the kernel for arguments of some types (`types_of`), and keep it in the cache."""
         from bvp.kernels.compiler import machine_code
 
         module = self.function.__module__
-        name, folder = symbol(module, self.function.__qualname__, types), folder_of(module)
-        code = sealed(*machine_code(self, types, name))
-        if folder is not None:
-            keep(folder / name, code)
-        return code
+        name = symbol(module, self.function.__qualname__, types)
+        file = sealed(*machine_code(self, types, name))
+        keep(module, name, file)
+        return file
 
 
 kernel: Any = partial(Kernel, _nrt=False)
@@ -121,6 +120,7 @@ allocating: Any = partial(Kernel, _nrt=True)
 chosen: Any = Chosen
 """Declare a function that comes in kinds (`bvp.kernels.declared.Chosen`): `@name.of(Kind)` above a kernel makes it the one for arguments
 whose first is a `Kind`."""
+
 
 def _not_in_python(address: int, arguments: Any) -> None:
     raise TypeError("an address is called in machine code only")

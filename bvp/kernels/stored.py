@@ -9,15 +9,13 @@ import ctypes
 import hashlib
 import importlib
 import json
-import multiprocessing
 import os
 import platform
 import re
 import shutil
 import sys
 import time
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
@@ -30,6 +28,8 @@ from llvmlite import binding as llvm
 DAY = 86_400.0
 _KEPT_DAYS = 30.0
 """A folder that was not used for so long is removed."""
+_ROOM = 8_000_000
+"""Bytes that all kernels take, about."""
 
 _SOURCES = Path(__file__).resolve().parents[2]
 _COMPILER = [Path(__file__).with_name(name) for name in ("compiler.py", "entry_point.py", "lent.py", "passes.py")]
@@ -39,42 +39,52 @@ _IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+
 
 
 @cache
-def cache_root() -> Path | None:
-    """The folder of all compiled kernels, below `NUMBA_CACHE_DIR` where that is set. It is made where it does not exist.
-
-    Returns
-    -------
-    Path or None
-        None where the folder cannot be made, or where others can write to it: who can write machine code there could run it as this
-        user. A warning gives the reason.
-    """
+def cache_root() -> Path:
+    """The folder of all compiled kernels, below `NUMBA_CACHE_DIR` where that is set."""
     place = os.environ.get("NUMBA_CACHE_DIR")
     if place:
-        root = Path(place) / "saltus-kernels"
-    else:
-        from platformdirs import user_cache_path
+        return Path(place) / "saltus-kernels"
+    from platformdirs import user_cache_path
 
-        root = user_cache_path("saltus", appauthor=False) / "kernels"
-    usable, reason = False, ""
+    return user_cache_path("saltus", appauthor=False) / "kernels"
+
+
+@cache
+def unread(module: str) -> str:
+    """Why no kernel of a file is read from the cache; empty where they are. Its folder is made, without that of the file.
+
+    Who can write machine code there could run it as this user. What the administrator wrote is read.
+    """
+    root = cache_root()
     try:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
-        status = root.stat()
-        usable = os.name != "posix" or (status.st_uid in (0, os.geteuid()) and not status.st_mode & 0o022)
-        if not usable:
-            reason = f"others can write to the folder {root}; remove it, and it is made anew"
-        elif not os.access(root, os.W_OK):
-            reason = f"cannot write to the folder {root}"
+        for folder in (root, folder_of(module)):
+            if os.name == "posix" and folder.exists():
+                status = folder.stat()
+                if status.st_uid not in (0, os.geteuid()) or status.st_mode & 0o022:
+                    return f"others can write to the folder {folder}; remove it, and it is made anew"
     except OSError as error:
-        reason = f"cannot make the folder {root}: {error.strerror}"
-    if reason and multiprocessing.parent_process() is None:
-        warnings.warn(f"compiled kernels are not kept for the next run: {reason}", RuntimeWarning, stacklevel=2)
-    return root if usable else None
+        return f"cannot make the folder {root}: {error.strerror}"
+    return ""
 
 
-def keeps() -> bool:
-    """Whether kernels that are compiled now are there at the next run."""
-    root = cache_root()
-    return root is not None and os.access(root, os.W_OK)
+def unkept(module: str) -> str:
+    """Why kernels of a file that are compiled now are not there at the next run; empty where they are."""
+    folder = folder_of(module)
+    return unread(module) or _unwritten(folder if folder.is_dir() else cache_root())
+
+
+@cache
+def _unwritten(folder: Path) -> str:
+    """Why kernels cannot be written to a folder; empty where they can."""
+    import tempfile
+
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_ROOM))
+    except OSError as error:
+        return f"cannot write to the folder {folder}: {error.strerror}"
+    return ""
 
 
 @cache
@@ -103,13 +113,10 @@ def processor() -> tuple[str, str]:
 
 
 @cache
-def folder_of(module: str) -> Path | None:
-    """The folder of a kernel file; None where nothing is kept. Its date is renewed, about once a day, where it exists."""
-    root = cache_root()
-    if root is None:
-        return None
+def folder_of(module: str) -> Path:
+    """The folder of a kernel file in the cache. Its date is renewed, about once a day, where it exists."""
     machine = repr((sys.version, version("numba"), version("llvmlite"), *processor()))
-    folder = root / f"{module}-{_digest(module, machine)}"
+    folder = cache_root() / f"{module}-{_digest(module, machine)}"
     with suppress(OSError):
         if time.time() - folder.stat().st_mtime > DAY:
             os.utime(folder)
@@ -156,9 +163,14 @@ def _shipped(module: str) -> Path | None:
     return _SHIPPED / shipped_name(module, found)
 
 
-def files(module: str, symbol: str) -> list[Path]:
-    """Where the machine code of a kernel may be: in a wheel, then in the cache folder, where it is also kept."""
-    return [folder / symbol for folder in (_shipped(module), folder_of(module)) if folder is not None]
+def whole(module: str, symbol: str) -> Iterator[bytes]:
+    """The files with the machine code of a kernel that are not damaged (`sealed`): in a wheel, then in the cache."""
+    for folder in (_shipped(module), None if unread(module) else folder_of(module)):
+        if folder is not None:
+            with suppress(OSError):
+                file = (folder / symbol).read_bytes()
+                if hashlib.sha256(file[_DIGEST:]).digest() == file[:_DIGEST]:
+                    yield file
 
 
 def symbol(module: str, name: str, types: Any) -> str:
@@ -167,9 +179,12 @@ def symbol(module: str, name: str, types: Any) -> str:
     return f"{name}-{hashlib.sha256(repr((module, types)).encode()).hexdigest()[:16]}"
 
 
-def keep(file: Path, code: bytes) -> None:
-    """Write machine code to a file of the cache. With a new folder, remove those of former sources and versions."""
-    folder = file.parent
+def keep(module: str, symbol: str, file: bytes) -> None:
+    """Write machine code (`sealed`) to the cache. With a new folder, remove those of former sources and versions."""
+    if unread(module):
+        return
+    folder = folder_of(module)
+    beside = folder / f"{symbol}.{os.getpid()}"
     with suppress(OSError):  # the folder cannot be written, or the disk is full
         if not folder.is_dir():
             folder.mkdir(mode=0o700, exist_ok=True)
@@ -177,9 +192,11 @@ def keep(file: Path, code: bytes) -> None:
                 with suppress(OSError):  # another process removed it first
                     if time.time() - entry.stat(follow_symlinks=False).st_mtime > _KEPT_DAYS * DAY:
                         shutil.rmtree(entry.path, ignore_errors=True)
-        beside = file.with_suffix(f".{os.getpid()}")
-        beside.write_bytes(code)
-        beside.replace(file)
+        try:
+            beside.write_bytes(file)
+            beside.replace(folder / symbol)
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 # -- types of arguments -------------------------------------------------------------------------------------------------------------
@@ -225,12 +242,7 @@ _FASTCALL = 0x80
 
 def load(module: str, name: str) -> Any:
     """The `Entry` of a kernel that is on disk; None where it is not."""
-    for file in files(module, name):
-        with suppress(OSError):
-            entry = entry_of(file.read_bytes(), name)
-            if entry is not None:
-                return entry
-    return None
+    return next((entry_of(file, name) for file in whole(module, name)), None)
 
 
 class _Method(ctypes.Structure):
@@ -261,11 +273,9 @@ def types_from(value: Any) -> Any:
     return tuple(map(types_from, value)) if isinstance(value, list) else value
 
 
-def entry_of(code: bytes, name: str) -> Any:
-    """The `Entry` of the kernel in a file of the cache; None where the file is damaged."""
-    if hashlib.sha256(code[_DIGEST:]).digest() != code[:_DIGEST]:
-        return None
-    callees, _, machine_code = code[_DIGEST:].partition(b"\n")
+def entry_of(file: bytes, name: str) -> Entry:
+    """The `Entry` of the kernel in a file of the cache."""
+    callees, _, machine_code = file[_DIGEST:].partition(b"\n")
     for module, kernel, types in json.loads(callees):
         getattr(importlib.import_module(module), kernel).entry_for(types_from(types))
     engine = _engine()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
+from branches.files import WriteFailure
 from saltus import compiling
 from saltus.errors import DONE, FAILED
 
@@ -19,16 +20,17 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     from bvp.kernels.stored import cache_root
 
-    root = cache_root()  # a warning says why there is none
-    if root is None:
-        return FAILED
-    calls = compiling.missing()
+    left = calls = compiling.missing()
+    reason = compiling.unkept(calls)
+    if reason:
+        raise WriteFailure(f"compiled kernels cannot be kept: {reason}")
     if calls:
         compiling.announce(calls)
         began = time.monotonic()
-        done = compiling.compile_kernels(calls)
-        print(f"compiled {len(done)} of {len(calls)} kernels in {time.monotonic() - began:.0f} s, kept in {root}")
-    left = compiling.missing()
+        compiling.compile_kernels(calls)
+        left = compiling.missing()
+        done = len(calls) - len(left)
+        print(f"compiled {done} of {len(calls)} kernels in {time.monotonic() - began:.0f} s, kept in {cache_root()}")
     if not left:
         print("all kernels are compiled: no command compiles any")
         return DONE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import functools
 import importlib.metadata
 import itertools
@@ -291,25 +292,43 @@ def test_two_undamped_modes_need_no_exponential_of_a_larger_block():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="owners of folders are those of POSIX")
-def test_a_folder_of_another_user_is_not_read(monkeypatch, tmp_path):
-    """Oracle: the owner that the system gives."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    folder = stored.cache_root.__wrapped__()
-    assert folder is not None and folder.parent == tmp_path
-    if os.geteuid() == 0:
+@pytest.mark.parametrize("given_away", [False, True])
+@pytest.mark.parametrize("inner", [False, True])
+def test_a_folder_that_others_can_write_to_is_not_used(monkeypatch, tmp_path, given_away, inner):
+    """Oracle: the mode and the owner that the system gives: of the folder of all kernels, and of that of a file in it."""
+    if given_away and os.geteuid() != 0:
+        pytest.skip("only the administrator gives folders away")
+    module = "bvp.kernels.flight"
+    monkeypatch.setattr(stored, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(stored, "folder_of", lambda module: tmp_path / module)
+    monkeypatch.setattr(stored, "_shipped", lambda module: None)
+    monkeypatch.setattr(stored, "unread", stored.unread.__wrapped__)
+    stored.keep(module, "name", stored.sealed(b"code", []))
+    assert len(list(stored.whole(module, "name"))) == 1 and not stored.unkept(module)
+    folder = tmp_path / module if inner else tmp_path
+    if given_away:
         os.chown(folder, 1, -1)
     else:
-        monkeypatch.setattr(os, "geteuid", lambda: folder.stat().st_uid + 1)
-    with pytest.warns(RuntimeWarning, match="others can write"):
-        assert stored.cache_root.__wrapped__() is None
+        folder.chmod(0o777)
+    assert not list(stored.whole(module, "name"))
+    assert stored.unkept(module) == f"others can write to the folder {folder}; remove it, and it is made anew"
+    stored.keep(module, "other", stored.sealed(b"code", []))
+    assert [file.name for file in (tmp_path / module).iterdir()] == ["name"]
 
 
-def test_a_folder_that_cannot_be_made_is_reported(monkeypatch, tmp_path):
-    """Oracle: a file in its place."""
-    (tmp_path / "file").write_text("no folder")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    with pytest.warns(RuntimeWarning, match="not kept for the next run: cannot make the folder"):
-        assert stored.cache_root.__wrapped__() is None
+def test_a_full_disk_keeps_no_parts_of_files(monkeypatch, tmp_path):
+    """Oracle: the folder, after a write that failed half way."""
+
+    def fill(path, file):
+        with path.open("wb") as opened:
+            opened.write(file[:10])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(stored, "unread", lambda module: "")
+    monkeypatch.setattr(stored, "folder_of", lambda module: tmp_path / module)
+    monkeypatch.setattr(Path, "write_bytes", fill)
+    stored.keep("module", "name", stored.sealed(b"code", []))
+    assert list((tmp_path / "module").iterdir()) == []
 
 
 def test_an_entry_can_be_deleted_after_all_modules():
@@ -331,7 +350,7 @@ def test_a_kernel_without_machine_code_can_run_in_python(monkeypatch):
     """Oracle: the same kernel, compiled. Python does not divide by zero."""
     monkeypatch.setattr(hook, "before_compiling", None)
     monkeypatch.setattr(compiled, "load", lambda module, name: None)
-    monkeypatch.setattr(compiled, "folder_of", lambda module: None)
+    monkeypatch.setattr(compiled, "keep", lambda module, name, file: None)
     lower, column = np.array([[2.0, 0.0], [0.7, 3.0]]), np.array([1.0, -0.3])
     solve, divide = (compiled.Kernel(function, _nrt=False) for function in (solve_upper.function, inverse))
     with hook.interpreted():

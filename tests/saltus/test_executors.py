@@ -2,10 +2,13 @@
 
 import gc
 import os
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+
+import pytest
 
 from saltus.processes import open_executor
 
@@ -43,6 +46,34 @@ def test_workers_of_a_killed_parent_end(tmp_path):
         while alive(worker) and time.monotonic() < until:
             time.sleep(0.05)
         assert not alive(worker)
+
+
+BEGINNING = """
+import os
+from saltus import processes
+processes.LOADED = "slow",
+if __name__ == "__main__":
+    try:
+        with processes.open_executor(1) as (executor, _):
+            executor.submit(os.getpid).result()
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="modules are loaded once on Linux alone")
+def test_an_interrupt_while_workers_begin_prints_nothing(tmp_path):
+    """Oracle: standard error, where Python writes tracebacks. The signal reaches all processes, as in a terminal, while one loads."""
+    (tmp_path / "slow.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(0.3)\n")
+    script = tmp_path / "parent.py"
+    script.write_text(BEGINNING)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(tmp_path)])}
+    with subprocess.Popen(
+        [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+    ) as parent:
+        assert parent.stdout.readline() == "loading\n"
+        os.killpg(parent.pid, signal.SIGINT)
+        assert parent.communicate() == ("interrupted\n", "")
 
 
 def test_garbage_is_collected_seldom_only_while_processes_work():

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import json
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
-from bvp.kernels.__main__ import types_from
-from bvp.kernels.stored import files, symbol
+from bvp.kernels import stored
 from saltus import compiling
 from saltus.__main__ import main
 
@@ -17,13 +20,16 @@ ANNOUNCE = compiling.announce
 """As it is outside the tests, which are not to depend on what was compiled before them."""
 
 
+def forget_the_cache():
+    """Have the cache folder looked at again, as by a new process."""
+    for function in (stored.cache_root, stored.folder_of, stored.unread, stored._unwritten):
+        function.cache_clear()
+
+
 @pytest.fixture
 def empty(tmp_path, monkeypatch):
     """An empty cache folder, and a list with one small kernel in two groups."""
-    from bvp.kernels import stored
-
-    for function in (stored.cache_root, stored.folder_of):
-        function.cache_clear()
+    forget_the_cache()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
     call = [0.6, "bvp.kernels.flight", "free_step", ["", "float", "float", "float"]]
     other = [0.6, "bvp.kernels.flight", "pair_envelope", ["", "float", "float", "float"]]
@@ -33,8 +39,7 @@ def empty(tmp_path, monkeypatch):
     monkeypatch.setattr(compiling, "_tried", set())
     yield listed
     monkeypatch.undo()
-    for function in (stored.cache_root, stored.folder_of):
-        function.cache_clear()
+    forget_the_cache()
 
 
 def test_all_that_is_missing_is_compiled_and_nothing_twice(empty, capsys):
@@ -42,19 +47,67 @@ def test_all_that_is_missing_is_compiled_and_nothing_twice(empty, capsys):
     assert compiling.missing("continue") == empty["kernels"][:1]
     compiling.prepare("continue")
     assert capsys.readouterr() == ("", "saltus: compiling 1 kernel, at the first run only: about 4 s\n")
-    for seconds, module, name, types in empty["kernels"][:1]:
-        assert seconds and any(file.is_file() for file in files(module, symbol(module, name, types_from(types))))
+    (file,) = stored.folder_of("bvp.kernels.flight").iterdir()
+    assert file.name.startswith("free_step-")
     compiling.prepare("continue")
     assert capsys.readouterr() == ("", "")
     assert compiling.missing() == empty["kernels"][1:]
 
 
-def test_a_folder_that_cannot_be_used_is_named(empty, monkeypatch, tmp_path, capsys):
-    """Oracle: a file where the folder should be."""
-    (tmp_path / "file").write_text("no folder")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
-    with pytest.warns(RuntimeWarning, match="cannot make the folder"):
-        assert main(["compile"]) == 1
+def test_damaged_files_are_compiled_like_missing_ones(empty, capsys):
+    """Oracle: a file that is cut, as by a crash of the system."""
+    compiling.prepare("continue")
+    (file,) = stored.folder_of("bvp.kernels.flight").iterdir()
+    os.truncate(file, file.stat().st_size // 2)
+    compiling._tried.clear()
+    assert compiling.missing("continue") == empty["kernels"][:1]
+    capsys.readouterr()
+    compiling.prepare("continue")
+    assert capsys.readouterr().err == "saltus: compiling 1 kernel, at the first run only: about 4 s\n"
+    assert compiling.missing("continue") == []
+
+
+def a_file(root, monkeypatch):
+    root.parent.write_text("no folder")
+    return f"cannot make the folder {root}: Not a directory"
+
+
+def open_to_others(root, monkeypatch):
+    root.mkdir(parents=True)
+    root.chmod(0o777)
+    return f"others can write to the folder {root}; remove it, and it is made anew"
+
+
+def full(root, monkeypatch):
+    def refuse(*args, **options):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
+    return f"cannot write to the folder {root}: No space left on device"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")
+@pytest.mark.parametrize("make", [a_file, open_to_others, full])
+def test_where_nothing_can_be_kept_one_line_says_so(empty, monkeypatch, tmp_path, capsys, make):
+    """Oracle: folders by hand, and a disk that is full. The kernels are compiled when they are called: no process is started in vain."""
+    reason = make(tmp_path / "kept/saltus-kernels", monkeypatch)
+    monkeypatch.setattr(compiling, "compile_kernels", None)
+    assert main(["compile"]) == 2
+    assert capsys.readouterr() == ("", f"saltus: compiled kernels cannot be kept: {reason}\n")
+    compiling.prepare("run")
+    compiling.prepare("run")
+    assert capsys.readouterr() == ("", f"saltus: compiling 2 kernels, at each run: about 4 s; they are not kept: {reason}\n")
+
+
+def test_a_folder_that_cannot_be_written_and_lacks_nothing_is_not_mentioned(empty, monkeypatch, tmp_path, capsys):
+    """Oracle: a disk that became full when all was compiled."""
+    compiling.prepare()
+    full(tmp_path, monkeypatch)
+    capsys.readouterr()
+    compiling.prepare("run")
+    assert capsys.readouterr() == ("", "")
+    assert main(["compile"]) == 0
+    assert capsys.readouterr() == ("all kernels are compiled: no command compiles any\n", "")
 
 
 def test_where_no_process_can_start_the_command_goes_on(empty, monkeypatch):
@@ -70,25 +123,21 @@ def test_where_no_process_can_start_the_command_goes_on(empty, monkeypatch):
 
 def test_a_kernel_for_other_arguments_brings_its_own_group(empty, monkeypatch):
     """Oracle: the groups by hand. One kernel is compiled for plain numbers first, then met with a vector."""
-    from bvp.kernels.stored import types_from
-
     other = [0.6, "bvp.kernels.flight", "free_step", ["", "float64 1 C", "float", "float"]]
     empty["kernels"].append(other)
     empty["commands"] |= {"vectors": [1, 2], "more": [0, 1, 2]}
     asked = []
     monkeypatch.setattr(compiling, "compile_kernels", lambda calls: asked.append(calls))
     compiling.prepare("continue")
-    compiling.prepare_with(other[1], other[2], types_from(other[3]))
-    compiling.prepare_with(other[1], other[2], types_from(other[3]))  # it was tried
+    compiling.prepare_with(other[1], other[2], stored.types_from(other[3]))
+    compiling.prepare_with(other[1], other[2], stored.types_from(other[3]))  # it was tried
     assert asked == [empty["kernels"][:1], empty["kernels"][1:]]
 
 
 @pytest.mark.parametrize(("name", "seconds"), [("free_step", 4), ("two_free_steps", 5)])
 def test_a_kernel_on_no_list_is_announced(empty, monkeypatch, capsys, name, seconds):
     """Oracle: the time of the listed kernel of this name, or 2 s, and that of a start by hand. In a worker process nothing is said."""
-    from bvp.kernels.stored import types_from
-
-    call = "bvp.kernels.flight", name, types_from(["", "float64 1 C", "float", "float"])
+    call = "bvp.kernels.flight", name, stored.types_from(["", "float64 1 C", "float", "float"])
     compiling.prepare_with(*call)
     assert capsys.readouterr().err == f"saltus: compiling 1 kernel, at the first run only: about {seconds} s\n"
     monkeypatch.setattr(compiling.multiprocessing, "parent_process", lambda: object())
@@ -144,14 +193,12 @@ from saltus.__main__ import main
 
 worker = '''
 import json, os, sys, time
-from bvp.kernels.stored import files, symbol, types_from
+from bvp.kernels.stored import keep, sealed, symbol, types_from
 for line in sys.stdin:
     while not os.path.exists("go"):
         time.sleep(0.01)
     module, name, types = json.loads(line)
-    file = files(module, symbol(module, name, types_from(types)))[-1]
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(b"machine code")
+    keep(module, symbol(module, name, types_from(types)), sealed(b"machine code", []))
     print(0.1, flush=True)
 '''
 compiling._listed = lambda: LISTED
@@ -201,3 +248,33 @@ def test_what_a_first_run_shows(empty, tmp_path, on_terminal):
     assert process.returncode == 0 and out.startswith("compiled 2 of 2 kernels") and "all kernels are compiled" in out
     assert ("\x1b[2K" in said and " 2 kernels" in said.partition("\n")[2]) is on_terminal
     assert "\\x1b" not in said
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_an_interrupt_says_what_is_kept(empty, tmp_path):
+    """Oracle: no kernel is finished, since all wait for a file."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path or os.getcwd() for path in sys.path)}
+    script = SHOWN.replace("LISTED", repr(empty))
+    with subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, stderr=subprocess.PIPE, env=environment) as process:
+        read_until(process.stderr.fileno(), b"still at work after 0 min\n")
+        process.send_signal(signal.SIGINT)
+        said = process.communicate()[1].decode().splitlines()[-1]
+    assert process.returncode == 130
+    assert said == "saltus: interrupted; 0 of 2 kernels are compiled and kept; the same command goes on with the rest"
+
+
+COMPILING = """
+import os, sys
+from bvp.kernels import __main__, compiled
+compiled.Kernel.compile = lambda kernel, types: (print(os.getpid(), flush=True), __import__("time").sleep(60))
+__main__.compile_requested()
+"""
+
+
+def test_a_process_that_compiles_ends_with_the_one_that_asks(empty):
+    """Oracle: the end of its output, long before that of the kernel."""
+    with subprocess.Popen([sys.executable, "-c", COMPILING], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        print(json.dumps(empty["kernels"][0][1:]), file=process.stdin, flush=True)
+        assert process.stdout.readline()
+        process.stdin.close()
+        assert process.wait(10.0) == 1

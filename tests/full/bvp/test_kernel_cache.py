@@ -54,33 +54,28 @@ def test_a_shared_kernel_is_code_of_its_own(kept_shared, tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes of folders are those of POSIX")
-def test_a_folder_that_others_can_write_to_is_not_read(kept, tmp_path, monkeypatch):
-    """Oracle: nothing is loaded from it, nothing is written to it, and one line names it and the remedy, which helps."""
+def test_a_folder_that_others_can_write_to_is_not_read(kept, tmp_path):
+    """Oracle: nothing is loaded from it, nothing is written to it, until it is removed."""
     _, _, run = kept
     folder = tmp_path / "kept/saltus-kernels"
     folder.chmod(0o777)
     before = sorted(folder.rglob("*"))
-    value, loaded, said = run()
-    assert (value, loaded) == (7.0, False)
-    assert said.count("not kept") == 1 and str(folder) in said and "remove it" in said
+    assert run() == (7.0, False, "")
     assert sorted(folder.rglob("*")) == before
     shutil.rmtree(folder)
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kept"))
-    assert stored.cache_root.__wrapped__() == folder and folder.stat().st_mode & 0o777 == 0o700
+    assert run() == (7.0, False, "") and folder.stat().st_mode & 0o777 == 0o700
+    assert run() == (7.0, True, "")
 
 
-def test_a_folder_that_cannot_be_written_is_read(kept, tmp_path, monkeypatch):
-    """Oracle: what is there is loaded; what is not there is compiled; one line gives the reason."""
+def test_a_folder_that_cannot_be_written_is_read(kept):
+    """Oracle: what is there is loaded; what is not there is compiled."""
     copy, inner, run = kept
     (copy / "sitecustomize.py").write_text(
-        "import os\ntrue = os.access\nos.access = lambda path, mode: mode != os.W_OK and true(path, mode)\n"
-        "def refuse(*a, **o): raise PermissionError(13, 'read-only')\nos.replace = os.mkdir = refuse\n"
+        "import os\ndef refuse(*a, **o): raise PermissionError(13, 'read-only')\nos.replace = os.mkdir = refuse\n"
     )
-    value, loaded, said = run(PYTHONPATH=str(copy))
-    assert (value, loaded) == (7.0, True)
-    assert said.count("not kept") == 1 and "cannot write to the folder" in said
+    assert run(PYTHONPATH=str(copy)) == (7.0, True, "")
     inner.write_text(inner.read_text().replace("2.0", "5.0"))
-    assert run(PYTHONPATH=str(copy))[:2] == (16.0, False)
+    assert run(PYTHONPATH=str(copy)) == (16.0, False, "")
 
 
 def test_folders_that_were_not_used_are_removed(kept, tmp_path):
