@@ -37,6 +37,7 @@ from branches.naming.search import (
 )
 from branches.search.discovery import discover_orbits
 from branches.search.orbit_search import Found, judged
+from branches.search.starts import FROM_LINEAR_MODES
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
 from bvp.closures import EndsError, parse_end
@@ -56,7 +57,7 @@ DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": N
 _ROUNDING = 1e-13
 """Relative tolerance by which a start at a bound of the range of energies may lie outside it."""
 
-_BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
+_BY_ID = f"expected the id of a family; {FROM_LINEAR_MODES}"
 
 
 def resolve(
@@ -218,9 +219,7 @@ def _passing(search: Search, energy: tuple[float, float]) -> list[tuple[Found, B
     return _inside(wide.families(wide.run(LEVELS[:1])), energy, wide.fits)
 
 
-def _inside(
-    families: list[tuple[Found, Branch]], energy: tuple[float, float], fits: Callable[[Found], bool]
-) -> list[tuple[Found, Branch]]:
+def _inside(families: list[tuple[Found, Branch]], energy: tuple[float, float], fits: Callable[[Found], bool]) -> list[tuple[Found, Branch]]:
     """The families with an orbit that fits in a range of energies, each with that one."""
     low, high = energy
     out = []
