@@ -351,10 +351,10 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
         from branches.reading import read_branch
 
         everything = [read_branch(path) for path in arguments.branches]
-        if arguments.scene is not None or options.parameters_of(arguments):
-            differs = difference(everything[0].system.describe(), scene.system.describe())
-            if differs is not None:
-                raise BadInput(f"{arguments.branches[0]} belongs to another system: there {differs}")
+        differs = difference(everything[0].system.describe(), scene.system.describe())
+        if differs is not None:
+            other = f"another system than the scene {arguments.scene or 'lee2009'}: there {differs}"
+            raise BadInput(f"{arguments.branches[0]} belongs to {other}; expected --scene FILE with its system")
         kept = {row.id for row in chosen([pack_family(branch).row for branch in everything], **filters)}
         place = "the files given"
     else:

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+import saltus
 from saltus.__main__ import main
 from tests.branches.catalogue.families import real
 from tests.saltus.running import refused, run
@@ -344,6 +345,7 @@ CASES = [
     # figures of many families
     ("export fap --plot a.png --branches {family}", ["'fap'", "fep"]),
     ("export fep --plot a.png --branches {family} --mu 0.2", ["family.json belongs to another system", "mu is 0.1, not 0.2"]),
+    ("export fep --plot a.png --branches {chain}", ["belongs to another system than the scene lee2009", "--scene FILE"]),
     ("export fep --branches {family}", ["--plot", "--csv"]),
     ("export fep --plot a.png", ["there is no catalogue", "saltus continue NAME --save"]),
     ("export fep --plot a.png --rho 0.7", ["restitution 0.7", "conservative", "saltus run"]),
@@ -441,10 +443,13 @@ def places(tmp_path_factory, catalogue):
         "unmarked": BUILDING.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""),
     }
     folder = tmp_path_factory.mktemp("input")
-    paths = {name: folder / f"{name}.toml" for name in texts} | {"family": folder / "family.json", "file": folder / "file"}
+    paths = {name: folder / f"{name}.toml" for name in texts} | {name: folder / f"{name}.json" for name in ("family", "chain")}
+    paths["file"] = folder / "file"
     for name, text in {**texts, "file": "kept"}.items():
         paths[name].write_text(text)
     real()[0].save(paths["family"])
+    begun = saltus.families_at(saltus.linear_modes(saltus.load_scene("three_mass_chain").system)[0], 1, 1, points=3)[0]
+    begun.branch.save(paths["chain"])
     (folder / "taken" / "fig14.png").mkdir(parents=True)
     return {**paths, "input": folder, "taken": folder / "taken", "catalogue": catalogue}
 
