@@ -353,8 +353,9 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
         everything = [read_branch(path) for path in arguments.branches]
         differs = difference(everything[0].system.describe(), scene.system.describe())
         if differs is not None:
-            other = f"another system than the scene {arguments.scene or 'lee2009'}: there {differs}"
-            raise BadInput(f"{arguments.branches[0]} belongs to {other}; expected --scene FILE with its system")
+            given = arguments.scene is not None or options.parameters_of(arguments)
+            there = f": there {differs}" if given else " than the scene lee2009; expected --scene FILE with its system"
+            raise BadInput(f"{arguments.branches[0]} belongs to another system{there}")
         kept = {row.id for row in chosen([pack_family(branch).row for branch in everything], **filters)}
         place = "the files given"
     else:
