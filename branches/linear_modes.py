@@ -26,7 +26,7 @@ from branches.grazing.following import Neighbour, meet
 from branches.grazing.touching import EVERY, Touching, candidate, mode_label, mode_name
 from branches.sequences import PERIODIC
 from branches.tracing import follow_family
-from bvp.checks import require_system
+from bvp.checks import checked_energy_range, require_system
 from bvp.texts import brief, shown, span, takes_options_of
 
 if TYPE_CHECKING:
@@ -252,14 +252,14 @@ def beginnings(
     Raises
     ------
     ValueError
-        For a cover or impacts out of range.
+        For a cover or impacts out of range, and for energies that are no range.
     """
     if not isinstance(mode, LinearMode):
         raise TypeError(f"the mode is {shown(mode)}, expected one of saltus.linear_modes(system)")
     for name, value, most in (("cover", cover, MOST_COVERS), ("impacts", impacts, math.inf)):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
             raise ValueError(f"{name} = {shown(value)}: expected an integer, 1 {f'to {most}' if name == 'cover' else 'or more'}")
-    low, high = energy
+    low, high = checked_energy_range(energy)
     if not low <= mode.energies[1] <= high:
         return []
     orbit = mode.touching(cover)

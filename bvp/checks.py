@@ -166,7 +166,7 @@ def checked_energy_range(value: Any, *, positive: bool = False) -> tuple[float, 
         raise ValueError(f"energy range {shown(value)}: expected two numbers (LO, HI)") from None
     if not 0.0 <= low < high or (positive and not 0.0 < low < high < math.inf):
         wrong = " is empty or reversed;" if low >= high else ":"
-        raise ValueError(f"energy range {low:g}:{high:g}{wrong} expected {'0 < LO < HI < inf' if positive else '0 <= LO < HI'}")
+        raise ValueError(f"energy range {low:.15g}:{high:.15g}{wrong} expected {'0 < LO < HI < inf' if positive else '0 <= LO < HI'}")
     return low, high
 
 

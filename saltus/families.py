@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from bvp.checks import require_system
+from bvp.checks import checked_energy_range, require_system
 from bvp.texts import shown
 from saltus import catalogues, compiling
 from saltus.errors import BadInput
@@ -61,7 +61,7 @@ def trace(
         A label of Lee et al., Physica D 238 (2009) 1868, such as ``S13O00+`` or ``U8353-@h=1.9,alpha=4.9``, a family's id, or an orbit of
         any origin. An orbit has its own system.
     system : ImpactSystem, optional
-        By default the system of the scene.
+        By default the system of the scene. With an orbit it can only be the orbit's own.
     scene : Scene or path-like, optional
         Gives the bounds of the search and the energy range; by default the reference scene. Its reference points hold only for its own
         system.
@@ -117,12 +117,18 @@ def trace(
         "points": points, "direction": direction, "stop_at": stop_at, "stop_when": stop_when, "on_event": on_event, "on_end": on_end,
         "on_point": on_point, "normal_forms": normal_forms, **({} if settings is None else {"settings": settings}),
     }  # fmt: skip
-    energy = scene.bounds["energy"] if energy is None else energy
+    energy = checked_energy_range(scene.bounds["energy"] if energy is None else energy)
+    if system is not None:
+        require_system(system, smooth=True)
     if isinstance(name, Orbit):
+        from branches.catalogue.rows import difference
         from branches.tracing import follow_family
 
+        differs = None if system is None else difference(name.system.describe(), system.describe())
+        if differs is not None:
+            raise BadInput(f"the orbit belongs to another system than the one given: there {differs}; expected its own, or none")
         if not energy[0] * (1.0 - 1e-9) <= name.h <= energy[1] * (1.0 + 1e-9):
-            raise BadInput(f"the orbit has h = {name.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}")
+            raise BadInput(f"the orbit has h = {name.h:.10g}, outside the energy range {energy[0]:.15g}:{energy[1]:.15g}")
         if on_start is not None:
             on_start(f"{name.label or '-'.join(name.ends)}: from h = {name.h:.10g}, alpha = {name.alpha:.10g}")
         return follow_family(name.problem, name.solution.y, energy=energy, **options)
@@ -131,7 +137,6 @@ def trace(
     if system is None:
         scene.require_used("saltus.trace", ("springs",))
         system = scene.system
-    require_system(system, smooth=True)
     for option, value in (("reference_points", reference_points), ("bounds", bounds)):
         if not isinstance(value, Mapping | None):
             raise BadInput(f"{option} = {shown(value)}: expected a mapping")
@@ -161,7 +166,7 @@ def _follow_kept(
     h, alpha = branch.points["h"], branch.points["alpha"]
     inside = np.flatnonzero((h >= energy[0]) & (h <= energy[1]))
     if not len(inside):
-        raise BadInput(f"{name} has h = {h.min():.6g} to {h.max():.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}")
+        raise BadInput(f"{name} has h = {h.min():.6g} to {h.max():.6g}, outside the energy range {energy[0]:.15g}:{energy[1]:.15g}")
     i = branch.start if branch.start in inside else int(inside[0])
     if match.h is not None and match.alpha is not None:
         i = int(inside[np.argmin(np.hypot(np.log(h[inside] / match.h), np.log(alpha[inside] / match.alpha)))])

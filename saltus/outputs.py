@@ -225,6 +225,8 @@ def outputs_of(arguments: argparse.Namespace) -> Outputs:
         path = getattr(arguments, kind, None)
         if path is None:
             continue
+        if not path:
+            raise BadInput(f"--{kind}: the name of the file is empty")
         special = is_special(path)
         # /dev/stdout is standard output too. What goes to the null device does not mix there.
         with contextlib.suppress(OSError):

@@ -99,11 +99,11 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     names, keep = _names(arguments)
     if arguments.start not in ("rest", "simulate"):
         return _request_of_file(arguments, names, keep)
-    if arguments.range is None:
-        raise BadInput("--range LO:HI is required: the range of the parameter")
     scene = options.scene_of(arguments)
     parametric = _parametric(scene)
     _check_system(parametric, arguments.start)
+    if arguments.range is None:
+        raise BadInput("--range LO:HI is required: the range of the parameter")
     if not names:
         raise BadInput(f"--in NAME is required: the parameter in which the response is followed; known: {', '.join(parametric.names)}")
     parametric = in_names(parametric, names)
@@ -238,11 +238,12 @@ def _check_system(parametric: ParametricSystem, start: str) -> None:
     except ValueError as error:
         raise BadInput(one_line(error)) from error
     loads = "the scene's loads are constant" if parametric.forces() else "the scene has no load"
+    conservative = parametric.system().is_conservative
+    instead = "a NAME or --from mode:K, with --keep energy=H" if conservative else "--from simulate"
     if start == "rest":
-        raise BadInput(f"--from rest is the response to periodic loads, and {loads}; expected a load with amplitude, or --from simulate")
-    if parametric.system().is_conservative:
-        instead = "expected a NAME or --from mode:K, with --keep energy=H"
-        raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; {instead}")
+        raise BadInput(f"--from rest is the response to periodic loads, and {loads}; expected a load with amplitude, or {instead}")
+    if conservative:
+        raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; expected {instead}")
 
 
 def in_names(parametric: ParametricSystem, names: Sequence[str]) -> ParametricSystem:

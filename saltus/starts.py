@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from saltus import catalogues, options
 from saltus.errors import BadInput
+from saltus.response_starts import file_and_event
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
@@ -45,8 +46,9 @@ def name_or_orbit(arguments: argparse.Namespace, scene: Scene) -> str | Orbit:
     if orbit.system.describe() != scene.system.describe():
         given = arguments.scene is not None or options.parameters_of(arguments)
         if given or arguments.save or arguments.energy is None:
-            ways = "a scene with its system" if given else "--scene FILE with its system" + (", or --energy LO:HI" * (not arguments.save))
-            raise BadInput(f"{start} has another system than the scene {arguments.scene or 'lee2009'}; expected {ways}")
+            ways = "a scene with its system" if given else "--scene FILE with its system"
+            energies = "" if given or arguments.save else ", or --energy LO:HI in place of the energies of the scene"
+            raise BadInput(f"{start} has another system than the scene {arguments.scene or 'lee2009'}; expected {ways}{energies}")
     return orbit
 
 
@@ -59,7 +61,12 @@ def _orbit_of_file(text: str) -> Orbit:
 
     at = len(text) if os.path.exists(text) or "@" not in text else text.rindex("@")
     if not os.path.exists(text[:at]):
-        raise BadInput(f"no file {text[:at]}; expected mode:K, or a JSON file of saltus continue or saltus orbit")
+        source, event = file_and_event(text)
+        if event and os.path.isfile(source):
+            raise BadInput(
+                f"{text}: --from an event goes with files of saltus continue --in NAME; expected {source} or {source}@h=..,alpha=.."
+            )
+        raise BadInput(f"no file {text[:at]!r}; expected mode:K, or a JSON file of saltus continue or saltus orbit")
     h, alpha = parse_suffix(text, at)
     found = read_start(text[:at])
     if isinstance(found, Orbit):

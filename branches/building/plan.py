@@ -301,7 +301,7 @@ def saved_seed(catalogue: Catalogue, branch: Branch, plan: BuildPlan) -> Seed:
 def _in_words(plan: dict[str, Any]) -> str:
     bounds = plan["bounds"]
     low, high = bounds["energy"]
-    within = f"h {low:g}:{high:g}, quarter period up to {bounds['quarter_period']:g}, up to {bounds['impacts']} impacts"
+    within = f"h {low:.15g}:{high:.15g}, quarter period up to {bounds['quarter_period']:g}, up to {bounds['impacts']} impacts"
     return f"{within}, {len(plan['names'])} names"
 
 

@@ -327,7 +327,7 @@ class SceneRecord:
     system : dict
         As `bvp.system.ImpactSystem.describe` gives it.
     bounds : dict
-        ``energy``, ``quarter_period``, ``impacts``.
+        ``energy``, ``quarter_period``, ``impacts``; empty for a scene without bounds.
     reference_points : dict of str to dict
         Cited ``h`` and ``alpha`` by name; they choose among the families that match a bare name.
     title, source, text : str
@@ -377,9 +377,10 @@ class SceneRecord:
             return scene
         if hasattr(scene, "describe"):
             return cls(scene.describe())
-        if not hasattr(scene, "bounds"):
+        if not hasattr(scene, "reference_points"):
             raise TypeError(f"the scene is {shown(scene)}, expected a Scene such as saltus.load_scene(), or an ImpactSystem")
-        bounds = {key: list(value) if isinstance(value, tuple) else value for key, value in scene.bounds.items()}
+        kept = {} if scene.energy is None else scene.bounds
+        bounds = {key: list(value) if isinstance(value, tuple) else value for key, value in kept.items()}
         points = {name: dict(point) for name, point in scene.reference_points.items()}
         return cls(scene.system.describe(), bounds, points, scene.title, scene.source, getattr(scene, "text", ""))
 

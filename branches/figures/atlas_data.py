@@ -16,7 +16,7 @@ import numpy as np
 
 from branches.naming.labels import Label, parse, parse_name
 from branches.naming.matching import fits_otherwise, matches, nearest_crossing, reaches, spelled
-from bvp.checks import require_branch
+from bvp.checks import checked_energy_range, require_branch
 from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
@@ -166,11 +166,12 @@ def atlas_of(
     Raises
     ------
     ValueError
-        For a branch of another system.
+        For a branch of another system, and for energies that are no range.
     """
     branches = list(branches)
     for branch in branches:
         require_branch(branch)
+    energy = None if energy is None else checked_energy_range(energy)
     named = cited_names(branches, reference_points)
     curves = []
     for branch in branches:

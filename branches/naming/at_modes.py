@@ -81,11 +81,11 @@ def parse_mode(text: str) -> ModeName:
     head, *parts = text.split(",")
     number = re.fullmatch(r"mode:([1-9][0-9]{0,8})", head)
     if number is None:
-        raise ValueError(f"{text}: {head!r} is no linear mode; expected mode:1, mode:2, ..")
+        raise ValueError(f"{head!r} is no linear mode; expected mode:1, mode:2, ..")
     cover, family = None, ""
     for part in parts:
         key, equals, value = part.partition("=")
-        if equals and key == "cover" and cover is None and re.fullmatch(r"[1-9][0-9]{0,8}", value):
+        if equals and key == "cover" and cover is None and re.fullmatch(r"[0-9]{1,99}", value):
             cover = int(value)
         elif equals or family or not part:
             raise ValueError(f"{text}: unexpected {part!r}; expected {FORM}")
@@ -132,11 +132,11 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     low, high = energy
     if not low <= mode.energies[1] <= high:
         raise NameNotFound(
-            f"mode:{name.number} touches the stops at h = {mode.energies[1]:.10g}, outside the energy range {low:g}:{high:g}; "
+            f"mode:{name.number} touches the stops at h = {mode.energies[1]:.10g}, outside the energy range {low:.15g}:{high:.15g}; "
             "expected a range with it inside"
         )
-    cover = name.cover or 1
-    touches = len(mode.touching(cover).times)
+    cover = 1 if name.cover is None else name.cover
+    touches = cover * len(mode.touching().times)
     found = {item: _id_of(item) for item in beginnings(mode, cover, touches)}
     place = f"mode:{name.number},cover={cover}"
     if not found:
@@ -150,14 +150,14 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
         missing = f"no family {name.family} begins at"
     if not chosen:
         near = most_alike(name.family, found.values(), 3) if name.family else tuple(found.values())
-        listed = " ".join(f"{place},{id}" for id in near)
+        listed = ", ".join(f"{place},{id}" for id in near)
         raise NameNotFound(f"{missing} mode:{name.number}; expected one of {listed}")
     if len(chosen) > 1:
         ids = [found[item] for item in chosen]
         # Families with equal ends and sequences are told apart by the hashes of their ids, for which they are followed.
         full = [id if ids.count(id) == 1 else _full_id(item) for item, id in zip(chosen[:LISTED], ids, strict=False)]
         more = f" and {len(ids) - LISTED} more" if len(ids) > LISTED else ""
-        raise AmbiguousName(f"{text} matches {len(ids)} families; choose one of {' '.join(f'{place},{id}' for id in full)}{more}")
+        raise AmbiguousName(f"{text} matches {len(ids)} families; choose one of {', '.join(f'{place},{id}' for id in full)}{more}")
     beside = chosen[0].beside
     assert beside is not None
     return Orbit(beside.problem, beside.problem.solve(beside.y, energy=beside.problem.energy(beside.y)))

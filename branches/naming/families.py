@@ -37,6 +37,7 @@ from branches.naming.search import (
 )
 from branches.search.discovery import discover_orbits
 from branches.search.orbit_search import Found, judged
+from branches.search.starts import FROM_LINEAR_MODES
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
 from bvp.closures import EndsError, parse_end
@@ -55,8 +56,6 @@ DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": N
 
 _ROUNDING = 1e-13
 """Relative tolerance by which a start at a bound of the range of energies may lie outside it."""
-
-_BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
 
 
 def resolve(
@@ -92,7 +91,7 @@ def resolve(
         try:
             parse_end(system, "origin")
         except EndsError as error:
-            raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
+            raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_by_id(system)}") from error
         search = Search(system, name, limits, energy, followed)
         if name.label is not None and not has_labels:
             raise NameNotFound(
@@ -168,7 +167,7 @@ def trace_named(
     found, branch = resolve(name, system, reference_points=reference_points or {}, limits=limits, energy=energy, followed=followed)
     if not energy[0] * (1.0 - _ROUNDING) <= found.h <= energy[1] * (1.0 + _ROUNDING):
         raise ValueError(
-            f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:g}:{energy[1]:g}; expected a range with it inside"
+            f"{name} has h = {found.h:.6g}, outside the energy range {energy[0]:.15g}:{energy[1]:.15g}; expected a range with it inside"
         )
     if on_start is not None:
         problem = found.problem
@@ -190,13 +189,19 @@ def trace_named(
     return cut.known_within(branch) if branch.energy[0] <= energy[0] and energy[1] <= branch.energy[1] else cut
 
 
+def _by_id(system: ImpactSystem) -> str:
+    """What is expected in place of a label, by the commands that find families of the system."""
+    searched = system.degrees_of_freedom == 2 and len(system.stops) < 2
+    return f"expected the id of a family{', which saltus discover or saltus build finds' if searched else f'; {FROM_LINEAR_MODES}'}"
+
+
 def _linear_mode(system: ImpactSystem, label: Label, has_labels: bool) -> str:
     modes = system.modes
     k = 0 if label.sign == "+" else 1
     w, b = modes.frequencies[k], modes.contacts.gap[0, k]
     stop = system.stops[0]
     reach = min(abs(stop.lower), abs(stop.upper))
-    expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if has_labels else _BY_ID
+    expected = "expected the name of an impacting family such as S13O00+ or S11O00-" if has_labels else _by_id(system)
     return (
         f"{label} is a linear mode of frequency {w:.10g}: it has no impacts, and grazes the stops at h = "
         f"{0.5 * (w * reach / b) ** 2:.10g}; {expected}"
@@ -218,9 +223,7 @@ def _passing(search: Search, energy: tuple[float, float]) -> list[tuple[Found, B
     return _inside(wide.families(wide.run(LEVELS[:1])), energy, wide.fits)
 
 
-def _inside(
-    families: list[tuple[Found, Branch]], energy: tuple[float, float], fits: Callable[[Found], bool]
-) -> list[tuple[Found, Branch]]:
+def _inside(families: list[tuple[Found, Branch]], energy: tuple[float, float], fits: Callable[[Found], bool]) -> list[tuple[Found, Branch]]:
     """The families with an orbit that fits in a range of energies, each with that one."""
     low, high = energy
     out = []

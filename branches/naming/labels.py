@@ -163,9 +163,7 @@ def most_alike(text: str, candidates: Iterable[object], count: int = 3) -> tuple
     return tuple(difflib.get_close_matches(text, dict.fromkeys(str(item) for item in candidates), n=count, cutoff=0.0))
 
 
-_SIGNS = dict.fromkeys("+\N{SUPERSCRIPT PLUS SIGN}", "+") | dict.fromkeys(
-    "-\N{MINUS SIGN}\N{EN DASH}\N{SUPERSCRIPT MINUS}", "-"
-)
+_SIGNS = dict.fromkeys("+\N{SUPERSCRIPT PLUS SIGN}", "+") | dict.fromkeys("-\N{MINUS SIGN}\N{EN DASH}\N{SUPERSCRIPT MINUS}", "-")
 _FLOAT = r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
 
 
@@ -282,7 +280,8 @@ def parse_name(text: str) -> Name:
         try:
             split_family_id(head)
         except SequenceSyntaxError as error:
-            raise LabelSyntaxError(text, 1, f"a label or a family id ({error})") from None
+            hint = "linear modes are for --from; in Python see saltus.linear_modes" if head.startswith("mode:") else str(error)
+            raise LabelSyntaxError(text, 1, f"a label or a family id ({hint})") from None
         reader.at, family = len(head), head
         reader.after = "@ or the end of the name"
     else:

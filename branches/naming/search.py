@@ -19,7 +19,7 @@ from branches.search.smooth_starts import SmoothSampler
 from branches.search.starts import Sampler
 from branches.sequences import PERIODIC, canonical_sequence, impacts_per_period, split_family_id
 from branches.tracing import HIGHEST, follow_family
-from bvp.checks import require_system
+from bvp.checks import checked_energy_range, require_system
 from bvp.multipoint import MultipointProblem, NotConverged
 
 if TYPE_CHECKING:
@@ -62,8 +62,7 @@ def search_bounds(bounds: Mapping[str, Any] | None) -> Limits:
     given = {**vars(Limits()), **(bounds or {})}
     for key in given.keys() - vars(Limits()).keys():
         raise ValueError(f"unknown bound {key!r}; expected {most_alike(key, vars(Limits()), 1)[0]}")
-    low, high = given["energy"]
-    return Limits((float(low), float(high)), float(given["quarter_period"]), int(given["impacts"]))
+    return Limits(checked_energy_range(given["energy"]), float(given["quarter_period"]), int(given["impacts"]))
 
 
 class Search:

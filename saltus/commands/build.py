@@ -1,4 +1,4 @@
-"""`saltus build`: find and follow every family within bounds, and save them in a catalogue."""
+"""`saltus build`: find and follow families within bounds, and save them in a catalogue."""
 
 from __future__ import annotations
 
@@ -43,15 +43,20 @@ def run(arguments: argparse.Namespace) -> int:
 
     from branches.building.plan import Bounds, BuildPlan
 
-    limits, complete = scene.bounds, scene.complete
     # Without stops there are no impacts to bound.
     least = int(not scene.system.stops)
+    given = arguments.energy, arguments.max_quarter_period, arguments.max_impacts
+    if scene.energy is None and not all((*given[:2], given[2] or least)):
+        ways = "--energy, --max-quarter-period and --max-impacts"
+        raise BadInput(f"the scene has no table [bounds]; expected one with energy, quarter_period and impacts, or {ways}")
+    complete = scene.complete
     bounds = Bounds(
         arguments.energy or complete["energy"],
         arguments.max_quarter_period or complete["quarter_period"],
         arguments.max_impacts or complete["impacts"] or least,
     )
-    if arguments.energy is None and arguments.max_quarter_period is None and arguments.max_impacts is None:
+    if not any(given):
+        limits = scene.bounds
         named = Bounds(bounds.energy, limits["quarter_period"], limits["impacts"] or least)
         plan = BuildPlan(bounds, named, scene.names, scene.reference_points)
     else:
@@ -90,7 +95,7 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
     provenance = {"saltus": __version__, "built": plan.plain()}
     with Catalogue(place, "a", scene=scene, provenance=provenance) as catalogue:
         refuse_other_plan(catalogue, plan)
-        energies = f"h {bounds.energy[0]:g} to {bounds.energy[1]:g}"
+        energies = f"h {bounds.energy[0]:.15g} to {bounds.energy[1]:.15g}"
         impacts = f"up to {catalogues.impacts_text(bounds.impacts)}" if scene.system.stops else "no stops"
         impacts += f", and {len(plan.names)} names" if plan.names else ""
         files.report([f"build  {place}: {energies}, quarter period up to {bounds.quarter_period:g}, {impacts}"])
@@ -171,18 +176,17 @@ def _nearest_outside(scene: Scene, bounds: Bounds) -> str:
     least = least_energy(system)
     if bounds.energy[1] <= least:
         return f"no motion reaches a stop below h = {least:.6g}"
-    while quarter_period < scene.bounds["quarter_period"]:
-        quarter_period = min(2.0 * quarter_period, scene.bounds["quarter_period"])
+    longest = scene.quarter_period or quarter_period
+    while quarter_period < longest:
+        quarter_period = min(2.0 * quarter_period, longest)
         found = [
             (orbit.alpha, energy, orbit.label or "-".join(orbit.ends))
             for energy in bounds.energy
-            for orbit in discover_orbits(
-                system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)
-            ).orbits
+            for orbit in discover_orbits(system, energy, quarter_period=quarter_period, impacts=bounds.impacts, ends=ends_of(system)).orbits
         ]
         if found:
             alpha, energy, name = min(found)
-            shortest = f"the shortest at their lowest and highest energy is {alpha:.6g} ({name}, h = {energy:g})"
+            shortest = f"the shortest at their lowest and highest energy is {alpha:.6g} ({name}, h = {energy:.15g})"
             return f"no orbit has so short a quarter period; {shortest}"
-    energies = " and at ".join(f"h = {energy:g}" for energy in bounds.energy)
+    energies = " and at ".join(f"h = {energy:.15g}" for energy in bounds.energy)
     return f"at {energies} no orbit within the impacts has a quarter period up to {quarter_period:g}"

@@ -351,10 +351,11 @@ def _families(arguments: argparse.Namespace, scene: Scene) -> tuple[list[Branch]
         from branches.reading import read_branch
 
         everything = [read_branch(path) for path in arguments.branches]
-        if arguments.scene is not None or options.parameters_of(arguments):
-            differs = difference(everything[0].system.describe(), scene.system.describe())
-            if differs is not None:
-                raise BadInput(f"{arguments.branches[0]} belongs to another system: there {differs}")
+        differs = difference(everything[0].system.describe(), scene.system.describe())
+        if differs is not None:
+            given = arguments.scene is not None or options.parameters_of(arguments)
+            there = f": there {differs}" if given else " than the scene lee2009; expected --scene FILE with its system"
+            raise BadInput(f"{arguments.branches[0]} belongs to another system{there}")
         kept = {row.id for row in chosen([pack_family(branch).row for branch in everything], **filters)}
         place = "the files given"
     else:

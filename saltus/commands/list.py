@@ -7,7 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, curves, options, outputs
-from saltus.terminal import counted, range_text, table_lines, terminal_width
+from saltus.terminal import counted, range_text, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
     from branches.tables import Table
@@ -36,11 +36,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     rows: list[tuple[str, ...]] = []
     for row in families:
+        stable = f"{100.0 * row.stable_fraction:.0f}%" if any(part.value >= 0 for part in row.stability) else stability_word(-1)
         label, *others = dict.fromkeys(spelled(text, names) for text in (row.label, *row.label_names))
         rows.append(
             (
                 label or "-", row.id, f"{row.impacts:g}", range_text(row.h), range_text(row.alpha),
-                f"{100.0 * row.stable_fraction:.0f}%", str(row.points), str(row.events), " ".join(others),
+                stable, str(row.points), str(row.events), " ".join(others),
             )
         )  # fmt: skip
     head: tuple[str, ...] = ("label", "id", "impacts", *axes.names, "stable", "points", "events", "other labels")

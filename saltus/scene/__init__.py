@@ -322,7 +322,7 @@ def _system(
         raise BadInput(f"{scene.where}: {one_line(error)}") from error
     if overrides and not parametric.names:
         name = next(iter(overrides))
-        raise BadInput(f"{name} is a parameter of a model, and {scene.where} gives matrices instead of a model")
+        raise BadInput(f"{scene.where} has no parameter {name}: its matrices are numbers; expected a scene with [parameters] or a model")
     return own, parametric.replaced(overrides) if overrides else parametric, nes, lo
 
 

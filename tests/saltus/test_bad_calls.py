@@ -42,6 +42,11 @@ def branch():
     return saltus.trace("S13O00+", system(), energy=(0.3, 0.5))
 
 
+def at_mode(energy):
+    """The families at a linear mode in a range of energies."""
+    return saltus.families_at(saltus.linear_modes(system())[0], 1, 1, energy=energy)
+
+
 def on_spring(force, **known):
     """A system whose spring has a Python function."""
     return saltus.ImpactSystem([[1.0]], [[0.0]], [[1.0]], (), springs=(saltus.Spring((1.0,), force=force, **known),))
@@ -155,6 +160,10 @@ CALLS = [
     (lambda branch: saltus.simulate(None, [0], [0], 1.0), "the system is None, expected an ImpactSystem"),
     (lambda branch: saltus.families_at(math.nan, 1, 1), "the mode is nan, expected one of saltus.linear_modes(system)"),
     (lambda branch: saltus.families_at(saltus.linear_modes(system())[0], math.nan, 1), "cover = nan: expected an integer, 1 to 11"),
+    (lambda branch: at_mode((3, 1)), "energy range 3:1 is empty or reversed; expected 0 <= LO < HI"),
+    (lambda branch: at_mode((math.nan, 1)), "energy range nan:1: expected 0 <= LO < HI"),
+    (lambda branch: at_mode(3), "energy range 3: expected two numbers (LO, HI)"),
+    (lambda branch: at_mode((1, 2, 3)), "energy range (1, 2, 3): expected two numbers (LO, HI)"),
     (lambda branch: saltus.changes(math.nan), "the stages are nan, expected a list of those that saltus.stages_of gives"),
     (lambda branch: saltus.changes(["A"]), "the stages are ['A'], expected a list of those that saltus.stages_of gives"),
     (lambda branch: saltus.discover(system(), 1.0, ends="foo"), "the ends are 'foo', expected a list with some of origin-origin"),
@@ -173,6 +182,15 @@ CALLS = [
     (lambda branch: saltus.trace("S13O00+", stop_at="QQ"), "expected one of SN"),
     (lambda branch: saltus.trace("S13O00+", bounds={"impcts": 3}), "unknown bound 'impcts'; expected impacts"),
     (lambda branch: saltus.trace("S13O00+", energy=5), "expected two numbers"),
+    (lambda branch: saltus.trace("S13O00+", bounds={"energy": 5}), "energy range 5: expected two numbers (LO, HI)"),
+    (lambda branch: saltus.trace(branch.orbit(0), energy=5), "energy range 5: expected two numbers (LO, HI)"),
+    (lambda branch: saltus.trace(branch.orbit(0), energy=("a", 2)), "energy range ('a', 2): expected two numbers (LO, HI)"),
+    (lambda branch: saltus.trace(branch.orbit(0), energy=(1, 2, 3)), "energy range (1, 2, 3): expected two numbers (LO, HI)"),
+    (lambda branch: saltus.trace(branch.orbit(0), energy=(3, 1)), "energy range 3:1 is empty or reversed; expected 0 <= LO < HI"),
+    (lambda branch: saltus.trace(branch.orbit(0), energy=(3, 3.00000001)), "outside the energy range 3:3.00000001"),
+    (lambda branch: saltus.trace(branch.orbit(0), system(mu=0.2)), "another system than the one given: there mu is 0.1"),
+    (lambda branch: saltus.trace("mode:1"), "(linear modes are for --from; in Python see saltus.linear_modes)"),
+    (lambda branch: saltus.atlas_of(branch.system, [branch], energy=(2, 1)), "energy range 2:1 is empty or reversed"),
     (lambda branch: branch.trace(9999), "point 9999 does not exist: the branch has"),
     (lambda branch: branch.trace(5, direction="left"), "expected up, down or both"),
     (lambda branch: branch.trace(5, points=0), "points = 0: expected an integer, at least 1"),

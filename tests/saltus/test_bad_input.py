@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+import saltus
 from saltus.__main__ import main
 from tests.branches.catalogue.families import real
 from tests.saltus.running import refused, run
@@ -193,15 +194,32 @@ CASES = [
     # where a family begins
     ("continue S13+ --from mode:1", ["received S13+ and --from mode:1"]),
     ("continue --from mode:3", ["the system has 2 modes", "expected one of mode:1, mode:2"]),
-    ("continue --from mode:0", ["'mode:0' is no linear mode", "expected mode:1"]),
+    ("continue --from mode:0", ["saltus: 'mode:0' is no linear mode; expected mode:1, mode:2, ..\n"]),
+    ("continue mode:1", ["expected a label or a family id (linear modes are for --from; in Python see saltus.linear_modes)\n"]),
     ("continue --from mode:1 --sigma 0", ["mode 1 is a rigid-body mode, which does not come to rest", "expected mode:2"]),
     ("continue --from mode:1,covr=2", ["unexpected 'covr=2'", "mode:K,cover=N"]),
     ("continue --from mode:1,cover=12", ["cover = 12: expected an integer, 1 to 11"]),
+    ("continue --from mode:1,cover=0", ["cover = 0: expected an integer, 1 to 11"]),
+    ("continue --from mode:1,cover=100000000000", ["cover = 100000000000: expected an integer, 1 to 11"]),
+    ("continue --from mode:1,cover=2,origin-rest:++", ["expected one of mode:1,cover=2,", ", mode:1,cover=2,"]),
+    ("continue --from mode:1 --energy 1:1.00000001", ["outside the energy range 1:1.00000001"]),
     ("continue --from mode:1,origin-origin:+-", ["no family origin-origin:+- begins at mode:1", "mode:1,cover=1,origin-stop+:"]),
     ("continue --from mode:1 --energy 1:2", ["touches the stops at h = 0.1185078106", "outside the energy range 1:2"]),
     ("continue --from mode:1 --rho 0.7", ["need a conservative system: restitution 0.7"]),
     ("continue --from mode:1 --catalogue c.sqlite", ["--from looks nothing up", "--save"]),
-    ("continue --from mode1", ["no file mode1", "expected mode:K, or a JSON file"]),
+    ("continue --from mode1", ["no file 'mode1'", "expected mode:K, or a JSON file"]),
+    ("continue --from=", ["no file ''", "expected mode:K, or a JSON file"]),
+    ("continue --from {family}:PD1", ["--from an event goes with files of saltus continue --in", "family.json@h=..,alpha=.."]),
+    (
+        "continue --from rest --in sigma",
+        ["--from rest is the response to periodic loads", "has no load", "or a NAME or --from mode:K, with --keep"],
+    ),
+    ("continue S13+ --scene three_mass_chain", ["starts at the origin", "saltus continue --from mode:K and saltus build"]),
+    (
+        "continue --from mode:3 --scene gear_pair --set k=2",
+        ["gear_pair has no parameter k: its matrices are numbers", "[parameters] or a model"],
+    ),
+    ("continue S13+ --json=", ["--json: the name of the file is empty"]),
     ("continue --from {file}", ["file is not JSON"]),
     ("continue --from {taken}", ["cannot read", "taken"]),
     # build
@@ -327,6 +345,7 @@ CASES = [
     # figures of many families
     ("export fap --plot a.png --branches {family}", ["'fap'", "fep"]),
     ("export fep --plot a.png --branches {family} --mu 0.2", ["family.json belongs to another system", "mu is 0.1, not 0.2"]),
+    ("export fep --plot a.png --branches {chain}", ["belongs to another system than the scene lee2009", "--scene FILE"]),
     ("export fep --branches {family}", ["--plot", "--csv"]),
     ("export fep --plot a.png", ["there is no catalogue", "saltus continue NAME --save"]),
     ("export fep --plot a.png --rho 0.7", ["restitution 0.7", "conservative", "saltus run"]),
@@ -424,10 +443,13 @@ def places(tmp_path_factory, catalogue):
         "unmarked": BUILDING.replace('LO = ["floor", "roof"]\nNES = ["sink"]\n', ""),
     }
     folder = tmp_path_factory.mktemp("input")
-    paths = {name: folder / f"{name}.toml" for name in texts} | {"family": folder / "family.json", "file": folder / "file"}
+    paths = {name: folder / f"{name}.toml" for name in texts} | {name: folder / f"{name}.json" for name in ("family", "chain")}
+    paths["file"] = folder / "file"
     for name, text in {**texts, "file": "kept"}.items():
         paths[name].write_text(text)
     real()[0].save(paths["family"])
+    begun = saltus.families_at(saltus.linear_modes(saltus.load_scene("three_mass_chain").system)[0], 1, 1, points=3)[0]
+    begun.branch.save(paths["chain"])
     (folder / "taken" / "fig14.png").mkdir(parents=True)
     return {**paths, "input": folder, "taken": folder / "taken", "catalogue": catalogue}
 

@@ -1,6 +1,7 @@
 """The commands that read and write a catalogue: list, show, tree, path, check, continue --save, orbit --catalogue."""
 
 import csv
+import dataclasses
 import json
 import os
 import re
@@ -29,6 +30,17 @@ def test_list_reports_the_families(catalogue, capsys):
     for branch in real():
         (line,) = [line for line in out.splitlines() if branch.id in line]
         assert line.split()[0] == branch.label and f" {len(branch)} " in line
+
+
+def test_list_tells_undecided_families_from_unstable_ones(capsys, tmp_path):
+    """Oracle: the column of the points, changed."""
+    columns = []
+    for stable in (0, -1):
+        with Catalogue(tmp_path / f"{stable}.sqlite", "a", scene=scene()) as filled:
+            branch = real()[0]
+            filled.add(dataclasses.replace(branch, points=branch.points | {"stable": np.full(len(branch), stable)}, events=()))
+        columns.append(run(capsys, "list", "--catalogue", tmp_path / f"{stable}.sqlite")[1].splitlines()[1].split()[-3])
+    assert columns == ["0%", "undecided"]
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,17 @@ def test_no_command_prints_the_help(capsys):
     assert code == 0 and "continue" in out and "orbit" in out and not err
 
 
+@pytest.mark.parametrize(
+    ("command", "words"), [("build", "one stop, else those modes lead to"), ("discover", "by default those through the origin")]
+)
+def test_the_help_says_what_is_found(capsys, command, words):
+    """Oracle: every family and orbit is searched for two degrees of freedom; else and by default only some."""
+    with pytest.raises(SystemExit):
+        run(capsys, command, "--help")
+    text = " ".join(capsys.readouterr().out.split())
+    assert "two degrees of freedom" in text and words in text
+
+
 def test_data_on_standard_output_are_alone(capsys):
     """Oracle: the format; the table goes to standard error; the numbers of the CSV are those of the JSON."""
     code, out, err = run(capsys, "continue", "S13O00+", *QUICK, "--json", "-")

@@ -94,7 +94,7 @@ def test_a_choice_of_several_families_is_listed(capsys):
     equal ends and sequences; the hash of the id tells them apart."""
     line = refused(run(capsys, "continue", "--from", "mode:1,cover=2"), "mode:1,cover=2 matches 3 families; choose one of ")
     ids = []
-    for start in line.partition("choose one of ")[2].split():
+    for start in line.strip().partition("choose one of ")[2].split(", "):
         code, out, err = run(capsys, "continue", "--from", start, "--points", "5", "--json", "-")
         assert code == 0, err
         ids.append(json.loads(out)["branch"]["id"])
@@ -102,7 +102,7 @@ def test_a_choice_of_several_families_is_listed(capsys):
     mode = saltus.linear_modes(saltus.vibro_impact_nes())[0]
     assert sorted(ids) == sorted(item.branch.id for item in saltus.families_at(mode, 2, 4, points=5, energy=(0.05, 1.0)))
     many = refused(run(capsys, "continue", "--from", "mode:1,cover=9,origin-rest:+"), "matches 2 families", "mode:1,cover=9,origin-rest:+:")
-    first = many.partition("choose one of ")[2].split()[0]
+    first = many.partition("choose one of ")[2].split(", ")[0]
     code, out, _ = run(capsys, "continue", "--from", first, "--points", "5", "--json", "-")
     assert code == 0 and json.loads(out)["branch"]["id"] == first.split(",")[2]
     refused(run(capsys, "continue", "--from", "mode:1,cover=9"), "matches 106 families", "and 94 more")
@@ -138,7 +138,12 @@ def test_a_file_of_another_system(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = scene_of(tmp_path, system_of(3), 0.02, 5.0)
     assert run(capsys, "continue", "--from", "mode:1", "--scene", scene, "--points", "9", "--json", "a.json")[0] == 0
-    refused(run(capsys, "continue", "--from", "a.json"), "another system than the scene lee2009", "--scene FILE", "--energy LO:HI")
+    refused(
+        run(capsys, "continue", "--from", "a.json"),
+        "another system than the scene lee2009",
+        "--scene FILE",
+        "or --energy LO:HI in place of",
+    )
     refused(run(capsys, "continue", "--from", "a.json", "--mu", "0.2", "--energy", "0.1:1"), "another system", "a scene with its system")
     refused(run(capsys, "continue", "--from", "a.json", "--energy", "0.1:1", "--save"), "--scene FILE with its system")
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--energy", "0.1:1", "--points", "9", "--json", "-")

@@ -172,7 +172,7 @@ def test_other_files_are_no_scene(tmp_path):
 
 def test_parameters_need_a_model(tmp_path):
     """Oracle: matrices have no parameter mu; the model has no parameter nu."""
-    with pytest.raises(ValueError, match="mu is a parameter of a model"):
+    with pytest.raises(ValueError, match="has no parameter mu: its matrices are numbers"):
         load_scene(written(tmp_path, MATRICES), mu=0.2)
     with pytest.raises(ValueError, match="unknown parameter 'nu'"):
         load_scene(nu=0.2)

@@ -6,7 +6,7 @@ import pytest
 
 from catalogues import __file__ as shipped
 from saltus import load_scene
-from tests.saltus.running import read_branch, refused, run
+from tests.saltus.running import read_branch, read_json, refused, run
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -42,3 +42,25 @@ def test_what_is_searched_within_bounds_needs_them(capsys):
         refused(run(capsys, *text.split(), "--scene", str(path)), message)
     scene = load_scene(path)
     assert scene.energy is scene.quarter_period is scene.impacts is None and scene == load_scene(path) and scene.underlying is scene
+
+
+def test_what_is_given_bounds_needs_no_table(capsys):
+    """Oracle: the same build, and the same family saved, of the scene with the table."""
+    text = "[system]\nmass = [[1.0]]\nstiffness = [[1.0]]\n[[stops]]\nc = [1.0]\nupper = 1.0\n"
+    Path("with.toml").write_text(f"{text}[bounds]\nenergy = [0.1, 2.0]\nquarter_period = 9.0\nimpacts = 4\n")
+    Path("without.toml").write_text(text)
+    build = "build --energy 0.1:2 --max-quarter-period 5 --workers 1"
+    found = []
+    for name in ("with", "without"):
+        words = *build.split(), "--max-impacts", "3", "--scene", f"{name}.toml", "--catalogue", f"{name}.sqlite", "--json", "a.json"
+        code, _, err = run(capsys, *words)
+        assert code == 0, err
+        assert run(capsys, "check", "--scene", f"{name}.toml", "--catalogue", f"{name}.sqlite")[0] == 0
+        follow = "continue", "--from", "mode:1", "--energy", "0.1:2", "--scene", f"{name}.toml", "--catalogue", f"{name}.sqlite", "--save"
+        code, out, err = run(capsys, *follow)
+        assert code == 0 and "known  rest-stop+::" in out, err
+        found.append(read_json("a.json"))
+    assert found[0] == found[1] and found[0]["families"] == 1
+    refused(
+        run(capsys, *build.split(), "--scene", "without.toml"), "no table [bounds]", "or --energy, --max-quarter-period and --max-impacts"
+    )
