@@ -98,7 +98,8 @@ def reduced_monodromy(cycle: Cycle) -> np.ndarray:
     directions = [(cycle.system.modes.matrix @ after[0]) / scale]
     if cycle.system.is_conservative:
         directions.append(weights * after[0] * scale)
-        directions += [np.concatenate(part) for row in deflated_motions(cycle.system, cycle.hit) for part in ((row, 0.0 * row), (0.0 * row, row))]
+        free = deflated_motions(cycle.system, cycle.hit)
+        directions += [np.concatenate(part) for row in free for part in ((row, 0.0 * row), (0.0 * row, row))]
     columns = np.column_stack([*(x / np.linalg.norm(x) for x in directions), np.eye(len(scale))])
     rest = np.linalg.qr(columns)[0][:, len(directions) :]
     return rest.T @ scaled @ rest

@@ -32,8 +32,8 @@ AGREED = 1e-6
 """How well the traces of the half map and of the saddle-point matrix agree, relative, where both are to be trusted."""
 
 FAR = 4.0
-"""|tau|, or the modulus of a multiplier, beyond which an orbit is unstable if two methods agree. Beside a grazing the rounding of the largest entry of the half map can
-cover the smaller ones, so the entries alone do not decide."""
+"""|tau|, or the modulus of a multiplier, beyond which an orbit is unstable if two methods agree. Beside a grazing the rounding of the
+largest entry of the half map can cover the smaller ones, so the entries alone do not decide."""
 
 
 class Impact(NamedTuple):
