@@ -67,8 +67,8 @@ class Stability:
 
 
 def velocity_scale(problem: MultipointProblem, solution: Solution) -> float:
-    """What `balance` asks for: sqrt(2 h) over the largest modal displacement at the impacts and the ends; of an orbit without impacts, which
-    can be at rest or at the origin there, its frequency."""
+    """What `balance` asks for: sqrt(2 h) over the largest modal displacement at the impacts and the ends; of an orbit without impacts, its
+    frequency: at its ends it can be at rest or at the origin."""
     if not problem.hit:
         return math.pi / (2.0 * problem.quarter_period(solution.y))
     displacements = np.vstack([problem.start(solution.y), solution.ends])[:, : problem.half]
