@@ -125,7 +125,8 @@ class LinearMode:
 def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     """The modes that move, come to rest and reach a stop: all but rigid-body modes and those that leave every gap unchanged.
 
-    Beside smooth forces there are none: no orbit of finite size is that of a mode.
+    Beside smooth forces there are none: no orbit of finite size is that of a mode. There are none either where the rest position lies at or
+    beyond a stop.
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     reason = system.why_not_conservative()
     if reason is not None:
         raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
-    if system.smooth_forces is not None:
+    if system.smooth_forces is not None or system.why_not_inside() is not None:
         return []
     modes = system.modes
     size = np.linalg.norm(modes.contacts.gap, axis=1).max()

@@ -307,6 +307,14 @@ class ImpactSystem(Matrices):
             return " and ".join(uneven)
         return None if self.smooth_forces is None else self.smooth_forces.why_not_odd
 
+    def why_not_inside(self) -> str | None:
+        """Which stop the rest position u = 0 is not inside of, or None."""
+        for stop in self.stops:
+            if not stop.lower < 0.0 < stop.upper:
+                place = "at" if 0.0 in (stop.lower, stop.upper) else "beyond"
+                return f"the rest position lies {place} stop {stop.name}, whose gap coordinate goes from {stop.lower:g} to {stop.upper:g}"
+        return None
+
     def why_not_linear(self) -> str | None:
         """Which spring or damper is not linear, or None."""
         for element in (*self.springs, *self.dampers):

@@ -216,6 +216,9 @@ def _mode(number: int, system: ImpactSystem) -> LinearMode:
     if found is not None:
         return found
     frequencies = system.modes.frequencies
+    outside = system.why_not_inside()
+    if outside is not None:
+        raise NameNotFound(f"mode:{number}: {outside}, so no linear mode exists; expected NAME, such as an id of saltus discover")
     if number > len(frequencies):
         reason = f"the system has {len(frequencies)} modes"
     elif frequencies[number - 1] == 0.0:
