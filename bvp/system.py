@@ -200,9 +200,7 @@ class ImpactSystem(Matrices):
             if len(stop.gap) != n:
                 raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
         object.__setattr__(self, "stops", named)
-        contacts = [(stop, bound) for stop in named for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
-        for contact, earlier in (repeated_contacts(named) if len(named) > 1 else {}).items():
-            (a, bound), (b, _) = (contacts[k] for k in (earlier, contact))
+        for a, b, bound in self.repeated_stops() if len(named) > 1 else ():
             if a.restitution != b.restitution:
                 raise InvalidSystem(
                     f"stops {a.name} and {b.name} end the same gap at the same place, {bound:g} of stop {a.name}, "
@@ -283,6 +281,12 @@ class ImpactSystem(Matrices):
         if self.smooth_forces is not None and self.smooth_forces.potential is not None:
             total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total
+
+    def repeated_stops(self) -> list[tuple[Stop, Stop, float]]:
+        """Pairs of stops that end one gap at one place, and the place in the gap coordinate of the first."""
+        contacts = [(stop, bound) for stop in self.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
+        pairs = repeated_contacts(self.stops).items()
+        return [(contacts[earlier][0], contacts[contact][0], contacts[earlier][1]) for contact, earlier in pairs]
 
     def why_not_conservative(self) -> str | None:
         """One sentence that names what loses energy, or None."""
