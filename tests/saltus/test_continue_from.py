@@ -217,3 +217,21 @@ def test_two_stops_at_one_place_count_as_one(tmp_path, capsys, factor):
     assert points[0] == points[1] and len(points[0]) > 10
     code, out, err = run(capsys, "build", "--workers", "1", "--max-impacts", "1", "--scene", scene, "--catalogue", tmp_path / "a.sqlite")
     assert (code, err) == (0, "") and "FAILS" not in out and "done   0 families" not in out
+
+
+@pytest.mark.parametrize("square", [1.0, 4.0, 9.0])
+def test_a_mode_in_resonance_with_one_that_moves_no_gap(tmp_path, capsys, square):
+    """Oracle: one mass at a one-sided stop returns after the period 2 (pi - arccos(1/A)), A^2 = 2h, whatever the other mass does."""
+    system = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, square]), (saltus.Stop((1.0, 0.0), -math.inf, 1.0),))
+    code, out, err = run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, system, 0.1, 3.0), "--json", "-")
+    assert code == 0, err
+    points = json.loads(out)["points"]
+    assert [min(point["h"] for point in points), max(point["h"] for point in points)] == [pytest.approx(0.5), pytest.approx(3.0)]
+    for point in points:
+        assert point["alpha"] == pytest.approx(0.5 * (math.pi - math.acos(min(1.0, (2.0 * point["h"]) ** -0.5))), rel=1e-7)
+
+
+def test_two_modes_in_resonance_at_one_stop(tmp_path, capsys):
+    """Oracle: one line that names the other mode: the first order decides nothing."""
+    system = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), (saltus.Stop((1.0, 0.5), -math.inf, 1.0),))
+    refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, system, 0.1, 3.0)), "it is in resonance with mode:2")
