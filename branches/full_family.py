@@ -82,6 +82,9 @@ _FOLD, _GUARDS = (0,), (2, 3, 4)
 _SLACK = 1e-3
 """Part by which limits are widened beyond the points of a coarse curve."""
 
+_SHRUNK = 1e-6
+"""A quarter period below this part of the family's largest is zero: bounces against a stop that presses at rest end in rest."""
+
 _REACH = 1e-7
 """Arclength over which a located end is polished."""
 
@@ -395,7 +398,8 @@ def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
     for y in orbits:
         cycle = cycle_of(problem, y)
         pattern = pattern_of(problem.system, cycle.times / cycle.period, cycle.contact)
-        marks.append(FamilyMark(kind, problem.energy(y), problem.quarter_period(y), pattern))
+        alpha = problem.quarter_period(y)
+        marks.append(FamilyMark(kind, problem.energy(y), alpha if alpha > _SHRUNK * np.max(curve.alpha) else 0.0, pattern))
     for name in ("h", "alpha", "pattern"):
         # Marks that are equal within their error cannot be ordered, so all of them are kept.
         least = min(getattr(mark, name) for mark in marks)

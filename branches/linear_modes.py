@@ -32,7 +32,7 @@ from bvp.texts import brief, shown, span, takes_options_of
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
-__all__ = ["MOST_COVERS", "LinearMode", "beginnings", "families_at", "linear_modes", "response"]
+__all__ = ["MOST_COVERS", "LinearMode", "beginnings", "families_at", "linear_modes", "resonant_modes", "response"]
 
 MOST_COVERS = EVERY - 1
 """Largest cover of a mode at which families are sought."""
@@ -125,7 +125,8 @@ class LinearMode:
 def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     """The modes that move, come to rest and reach a stop: all but rigid-body modes and those that leave every gap unchanged.
 
-    Beside smooth forces there are none: no orbit of finite size is that of a mode.
+    Beside smooth forces there are none: no orbit of finite size is that of a mode. There are none either where the rest position lies at or
+    beyond a stop.
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     reason = system.why_not_conservative()
     if reason is not None:
         raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
-    if system.smooth_forces is not None:
+    if system.smooth_forces is not None or system.why_not_inside() is not None:
         return []
     modes = system.modes
     size = np.linalg.norm(modes.contacts.gap, axis=1).max()
@@ -176,11 +177,23 @@ def response(mode: LinearMode, orbit: Touching) -> np.ndarray | None:
         participation = side * modes.contacts.gap[orbit.contact, k]
         if np.max(np.abs(participation)) == 0.0:
             continue
-        swing = 2.0 * frequency * math.sin(0.5 * frequency * orbit.period)
+        swing = _swing(frequency, orbit.period)
         if not abs(swing) > _RESONANT:
             return None
         out += np.outer(participation, participation) * np.cos(frequency * (apart - 0.5 * orbit.period)) / swing
     return out if out.any() else None
+
+
+def _swing(frequency: float, period: float) -> float:
+    """What a mode's periodic response to an impulse is divided by: 0 in resonance with the period, and for a rigid-body mode."""
+    return 2.0 * frequency * math.sin(0.5 * frequency * period)
+
+
+def resonant_modes(mode: LinearMode, cover: int) -> list[LinearMode]:
+    """The other modes in resonance with the k-fold cover of a mode: if they touch its stops, the first order decides nothing there."""
+    period = 4.0 * cover * mode.alpha
+    others = [other for other in linear_modes(mode.system) if other.index != mode.index]
+    return [other for other in others if not abs(_swing(other.frequency, period)) > _RESONANT]
 
 
 def begins(matrix: np.ndarray, impacts: np.ndarray) -> int:

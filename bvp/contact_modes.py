@@ -22,7 +22,7 @@ from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, traceless
 from bvp.checks import EPSILON
 from bvp.forcing import BudgetTerms, Forcing
 from bvp.kernels.contact_mode import ContactModes
-from bvp.modes import balanced, modal_impulse, repeated_contacts, two_parts, undamped_modes
+from bvp.modes import balanced, modal_impulse, two_parts, undamped_modes
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -95,7 +95,6 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
     gap, rate = np.zeros((len(modes.contacts.side), size)), np.zeros((len(modes.contacts.side), size))
     acceleration = np.zeros_like(gap)
     side, bound = modes.contacts.side.copy(), modes.contacts.bound.copy()
-    repeated = repeated_contacts(system.stops)
     closed = {int(modes.contact_stop[c]) for c in contacts}
     press = np.linalg.solve(compliance, _free_acceleration(system, inverse_rows, forcing, to_modes, outer)) if k else gap[:0]
     for c in range(len(side)):
@@ -104,7 +103,7 @@ def contact_mode_of(system: ImpactSystem, sticking: int, forcing: Forcing, terms
             rate[c] = gap[c] @ layout.matrix
             acceleration[c] = rate[c] @ layout.matrix
             side[c], bound[c] = -1.0, 0.0
-        elif c in repeated or int(modes.contact_stop[c]) in closed or not _moves(system, rows, modes.contact_stop[c]):
+        elif int(modes.contact_stop[c]) in closed or not _moves(system, rows, modes.contact_stop[c]):
             side[c], bound[c] = 1.0, NEVER
         else:
             row = np.array(system.stops[modes.contact_stop[c]].gap)

@@ -101,6 +101,11 @@ class ForcedProblem:
         self.values = parametric.at(values)
         self.system = system = parametric.system(self.values)
         require_system(system, smooth=True)
+        for a, b, bound in system.repeated_stops() if len(system.stops) > 1 else ():
+            raise EndsError(
+                f"stops {a.name} and {b.name} end the same gap at the same place, {bound:g} of stop {a.name}; "
+                "expected one of them where a parameter varies"
+            )
         self.is_smooth = system.smooth_forces is not None
         self.sequence = tuple(sequence)
         self.released = tuple(released)

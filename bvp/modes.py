@@ -50,7 +50,7 @@ class Modes(Blocks):
         frequencies (n,), ascending, exactly 0 for a rigid-body mode, NaN where the stiffness is negative; squares (n,), their
         squares (negative where the stiffness is); shapes (n, n), the columns of Phi. layout: "uncoupled" or "coupled";
         in the first z = (q_1..q_n, p_1..p_n) with pairs (k, n + k).
-    The contacts, one for each finite bound of each stop, lower before upper
+    The contacts, one for each finite bound of each stop, lower before upper, without those that are the same as an earlier one
         contacts: their arrays, as the kernels take them; contact_stop (m,), index of the stop; contact_opposite (m,), index of the contact
         on the stop's other side, the contact itself where there is none; contact_letters, "-" and "+", after the stop's letter where there
         are several stops.
@@ -94,7 +94,8 @@ def _modes_of(mass: bytes, damping: bytes, stiffness: bytes, every_stop: Sequenc
         rows[0, k], rows[1, k], rows[2, k] = gap, rate, rate @ blocks.matrix
         rows[3, k] = balanced(blocks.from_state[:, n:] @ impulse, rate)
     sides = [(k, *of, stop) for k, stop in enumerate(every_stop) for of in ((-1.0, stop.lower), (1.0, stop.upper))]
-    contacts = [contact for contact in sides if math.isfinite(contact[2])]
+    repeated = repeated_contacts(every_stop) if len(every_stop) > 1 else {}
+    contacts = [contact for i, contact in enumerate(contact for contact in sides if math.isfinite(contact[2])) if i not in repeated]
     stops = [k for k, *_ in contacts]
     opposite = [next((j for j, other in enumerate(stops) if other == k and j != i), i) for i, k in enumerate(stops)]
     contact_stop = np.array(stops, dtype=np.int64)
@@ -121,7 +122,8 @@ simultaneous."""
 
 
 def repeated_contacts(stops: Sequence[Any]) -> dict[int, int]:
-    """Contacts that are the same obstacle as an earlier contact of another stop: their index in `Modes`, and that of the earlier one.
+    """Contacts that are the same obstacle as an earlier contact of another stop: their number among the finite bounds of all stops, and
+    that of the earlier one.
 
     Examples
     --------

@@ -505,5 +505,6 @@ def observed_of(system: ImpactSystem) -> Observed:
     for k in range(4):
         rows[:, k] = row
         row = row @ modes.matrix
-    bounds = np.array([[getattr(stop, side) for stop in system.stops] for side in ("lower", "upper")], dtype=float)
+    bounds = np.repeat([[-np.inf], [np.inf]], len(system.stops), axis=1)
+    bounds[(modes.contacts.side > 0.0).astype(int), modes.contact_stop] = modes.contacts.bound
     return Observed(rows, bounds)

@@ -18,7 +18,7 @@ from bvp.kernels.pieces import ROOM
 from bvp.kernels.smooth_motion import SmoothModes
 from bvp.kernels.sources import ORDER
 from bvp.kernels.taylor import SmoothFlight, make_smooth_flight
-from bvp.modes import along_row, balanced, repeated_contacts, two_parts
+from bvp.modes import along_row, balanced, two_parts
 
 if TYPE_CHECKING:
     from bvp.smooth_forces import SmoothForces
@@ -134,7 +134,6 @@ def _mode(system: ImpactSystem, forces: SmoothForces, sticking: int, forcing: Fo
     side, bound = modes.contacts.side.copy(), modes.contacts.bound.copy()
     gap, rate, push, push_rest = np.zeros((4, len(side), size))
     acceleration = np.zeros_like(gap)
-    repeated = repeated_contacts(system.stops)
     closed = {int(modes.contact_stop[c]) for c in contacts}
     for c in range(len(side)):
         row = gaps[modes.contact_stop[c]]
@@ -143,7 +142,7 @@ def _mode(system: ImpactSystem, forces: SmoothForces, sticking: int, forcing: Fo
             gap[c] = side[c] * (press[contacts.index(c)] @ free)
             rate[c] = gap[c] @ matrix
             side[c], bound[c] = -1.0, 0.0
-        elif c in repeated or int(modes.contact_stop[c]) in closed or np.abs(left).max() <= 1e-12 * np.abs(row).max():
+        elif int(modes.contact_stop[c]) in closed or np.abs(left).max() <= 1e-12 * np.abs(row).max():
             side[c], bound[c] = 1.0, NEVER
         else:
             gap[c, :n] = rate[c, n : 2 * n] = row

@@ -200,9 +200,7 @@ class ImpactSystem(Matrices):
             if len(stop.gap) != n:
                 raise InvalidSystem(f"the gap row of stop {stop.name} has {len(stop.gap)} entries; the system has {n} coordinates")
         object.__setattr__(self, "stops", named)
-        contacts = [(stop, bound) for stop in named for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
-        for contact, earlier in (repeated_contacts(named) if len(named) > 1 else {}).items():
-            (a, bound), (b, _) = (contacts[k] for k in (earlier, contact))
+        for a, b, bound in self.repeated_stops() if len(named) > 1 else ():
             if a.restitution != b.restitution:
                 raise InvalidSystem(
                     f"stops {a.name} and {b.name} end the same gap at the same place, {bound:g} of stop {a.name}, "
@@ -284,6 +282,12 @@ class ImpactSystem(Matrices):
             total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total
 
+    def repeated_stops(self) -> list[tuple[Stop, Stop, float]]:
+        """Pairs of stops that end one gap at one place, and the place in the gap coordinate of the first."""
+        contacts = [(stop, bound) for stop in self.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
+        pairs = repeated_contacts(self.stops).items()
+        return [(contacts[earlier][0], contacts[contact][0], contacts[earlier][1]) for contact, earlier in pairs]
+
     def why_not_conservative(self) -> str | None:
         """One sentence that names what loses energy, or None."""
         for stop in self.stops:
@@ -306,6 +310,14 @@ class ImpactSystem(Matrices):
         if uneven:
             return " and ".join(uneven)
         return None if self.smooth_forces is None else self.smooth_forces.why_not_odd
+
+    def why_not_inside(self) -> str | None:
+        """Which stop the rest position u = 0 is not inside of, or None."""
+        for stop in self.stops:
+            if not stop.lower < 0.0 < stop.upper:
+                place = "at" if 0.0 in (stop.lower, stop.upper) else "beyond"
+                return f"the rest position lies {place} stop {stop.name}, whose gap coordinate goes from {stop.lower:g} to {stop.upper:g}"
+        return None
 
     def why_not_linear(self) -> str | None:
         """Which spring or damper is not linear, or None."""

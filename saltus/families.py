@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from continuation.control import Settings
 
-__all__ = ["agreed", "discover", "family_named", "has_label", "list_orbits", "orbits_of", "select", "start_of", "trace"]
+__all__ = ["agreed", "discover", "family_named", "has_label", "list_orbits", "orbits_of", "outside_text", "select", "start_of", "trace"]
 
 TOLERANCE = 0.01
 """How far, relatively, a selecting value may be from the orbit that it selects."""
@@ -236,6 +236,17 @@ def discover(
         catalogue.require_system(system.describe())
     found = discover_orbits(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends, budget=budget)
     return found if catalogue is None else replace(found, families=tuple(map(catalogue.identify, found.orbits)))
+
+
+def outside_text(system: ImpactSystem) -> str:
+    """What follows where the rest position is not inside the gap of the one stop; empty where it is."""
+    from branches.naming.search import least_energy
+
+    reason = system.why_not_inside()
+    if reason is None:
+        return ""
+    least = least_energy(system)
+    return f"{reason}: no linear mode exists" + (f", and no motion has less energy than h = {least:.6g}" if least else "")
 
 
 def agreed(text: str, key: str, said: float | None, option: str, given: float | None) -> float | None:

@@ -230,7 +230,7 @@ PAUSE = 60.0
 class ProgressBar(AbstractContextManager["ProgressBar"]):
     """Shows how many points are done. Lines printed through `line` do not disturb it.
 
-    Where standard error is no terminal, a thread prints a line a minute, also while a search reports nothing.
+    A thread prints a line a minute where no bar is drawn: standard error is no terminal, or a search reports nothing.
 
     Parameters
     ----------
@@ -238,6 +238,8 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         How many points there will be at most, if that is known.
     things : str
         Unit of the count.
+    more : str
+        What the line says besides, until `update` says something else.
 
     Examples
     --------
@@ -247,17 +249,16 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
     one line
     """
 
-    def __init__(self, total: int | None = None, things: str = "points") -> None:
+    def __init__(self, total: int | None = None, things: str = "points", more: str = "") -> None:
         self._total = total
         self._things = things
         self._bar: Any = None
         self._start = time.monotonic()
         self._count: int | None = None
-        self._more = ""
+        self._more = more
         self._done = threading.Event()
         self._terminal = sys.stderr is not None and sys.stderr.isatty()
-        if not self._terminal:
-            threading.Thread(target=self._report, daemon=True).start()
+        threading.Thread(target=self._report, daemon=True).start()
 
     def __exit__(self, *error: object) -> None:
         self._done.set()
@@ -283,6 +284,8 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         """Print a line about the progress, again and again, until the work is done."""
         total = "" if self._total is None else f" of {self._total}"
         while not self._done.wait(min(PAUSE, threading.TIMEOUT_MAX)):
+            if self._bar is not None:
+                continue
             done = "still at work" if self._count is None else f"{self._count}{total} {self._things}"
             minutes = f"{(time.monotonic() - self._start) / 60.0:.0f} min"
             print(f"saltus: {done} after {minutes}{self._more and ', ' + self._more}", file=sys.stderr, flush=True)

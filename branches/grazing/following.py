@@ -41,6 +41,9 @@ _MOVED = 1e-7
 _STRAIGHT = 0.9
 """Least cosine of the turn of the tangent in a step to a probe."""
 
+_STILL = 1e-13
+"""Speed of an impact, as a part of sqrt(2h), below which it is rounding. In a family speeds grow in proportion to the arclength."""
+
 _NEAR = 1e-5
 """Length of the difference, in scales of the orbit, that gives the slope of an energy that is not quadratic."""
 
@@ -310,6 +313,8 @@ def _first(family: Family, y: np.ndarray, direction: np.ndarray, sides: list[str
         if not step.converged or not step.turn > _STRAIGHT:
             continue  # nearer than this, the speeds at the nodes may be lost in rounding
         found = unphysical(problem, step.extra, 0.0)
+        if found is None and step.extra["speed_node"] >= 0 and abs(step.extra["speed"]) < _STILL * problem.speed(step.extra):
+            found = "beside the grazing orbit an impact has no speed: another mode is in resonance, and moves without impacts"
         if found is not None:
             reason = found
             break

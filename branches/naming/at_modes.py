@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from branches.full_family import risen
-from branches.linear_modes import beginnings, linear_modes
+from branches.linear_modes import beginnings, linear_modes, resonant_modes
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
@@ -140,6 +140,9 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     found = {item: _id_of(item) for item in beginnings(mode, cover, touches)}
     place = f"mode:{name.number},cover={cover}"
     if not found:
+        others = " and ".join(f"mode:{other.index + 1}" for other in resonant_modes(mode, cover))
+        if others:
+            raise NameNotFound(f"no family was found at {place}: it is in resonance with {others}; expected another mode")
         raise NameNotFound(f"no family begins at {place}: no orbit of this period next to the mode hits a stop; expected another cover")
     if name.cover is None and not name.family:
         chosen = [item for item in found if item.impacts == touches]
@@ -216,6 +219,9 @@ def _mode(number: int, system: ImpactSystem) -> LinearMode:
     if found is not None:
         return found
     frequencies = system.modes.frequencies
+    outside = system.why_not_inside()
+    if outside is not None:
+        raise NameNotFound(f"mode:{number}: {outside}, so no linear mode exists; expected an orbit, as NAME or from a file")
     if number > len(frequencies):
         reason = f"the system has {len(frequencies)} modes"
     elif frequencies[number - 1] == 0.0:

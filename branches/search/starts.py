@@ -201,6 +201,8 @@ def _rest(system: ImpactSystem, energy: float, stiffness: float, along: float, s
         coefficients[2, :2] = reach * slide
         flow = _flow(system, coefficients, TRIGONOMETRIC, -1)
         lower, upper = stop.lower / reach, stop.upper / reach
+        if upper <= -1.0 or lower >= 1.0:
+            return []
         first = math.asin(lower) if lower > -1.0 else None
         last = math.asin(upper) if upper < 1.0 else None
         if first is None and last is None:

@@ -80,7 +80,8 @@ def _check(scene: Scene, plan: BuildPlan) -> None:
 
     require_system(scene.system, conservative="families of periodic orbits", smooth=True)
     if scene.system.smooth_forces is None and not linear_modes(scene.system):
-        raise BadInput("no linear mode of the system reaches a stop, so no family begins at one; expected a system with such a mode")
+        reason = scene.system.why_not_inside() or "no linear mode of the system reaches a stop"
+        raise BadInput(f"{reason}, so no family begins at a linear mode; expected a system with a mode that reaches a stop")
     if plan.names:
         raise BadInput(f"the scene names {plan.names[0]}; names are searched for two degrees of freedom and one stop: expected no [names]")
 
@@ -121,12 +122,17 @@ def _build(files: outputs.Outputs, scene: Scene, place: Path, plan: BuildPlan, e
 
 def _summary(report: dict[str, Any], scene: Scene, bounds: Bounds) -> list[str]:
     """The lines that say what a build has found, and how complete it is."""
+    from saltus.families import outside_text
+
     lines = [
         f"done   {counted(report['families'], 'family')}, {counted(report['points'], 'point')}, {counted(report['events'], 'event')}, "
         f"{counted(report['edges'], 'edge')}; {counted(report['beyond'], 'neighbour')} beyond the bounds",
         f"       {_completeness(report, scene)}",
         "       families without a reversal are found only where they meet one with a reversal",
     ]
+    outside = outside_text(scene.system)
+    if outside:
+        lines.append(f"       {outside}")
     if report["incomplete"] and scene.system.smooth_forces is None:
         energies = ", ".join(f"{energy:.6g}" for energy in sorted(report["incomplete"]))
         lines.append(f"       starts a rounding error apart part at h = {energies}: there the list may lack an orbit")

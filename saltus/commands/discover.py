@@ -59,7 +59,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     with catalogues.given(arguments, scene) as catalogue:
         compiling.prepare("discover" if scene.system.smooth_forces is None else "smooth discover")
-        with ProgressBar():
+        bounded = arguments.max_impacts or not scene.system.stops
+        with ProgressBar(more="" if bounded else "with any number of impacts; --max-impacts bounds the search"):
             found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
     families, code = _families(found, files.words)
     files.report(_table(found, families, terminal_width(files.words)))
@@ -121,6 +122,8 @@ def _table(found: Discovery, families: Sequence[str | None], width: int | None) 
 
 def summary(found: Discovery) -> list[str]:
     """The lines that say how complete a discovery is."""
+    from saltus.families import outside_text
+
     counts = found.counts
     bound = "any number of impacts" if found.impacts is None else f"up to {catalogues.impacts_text(found.impacts)}"
     lines = [
@@ -139,6 +142,9 @@ def summary(found: Discovery) -> list[str]:
         f"angle = {item.parameter:.15g}: {item.reason}"
         for item in found.unpolished
     ]
+    outside = outside_text(found.system)
+    if outside:
+        lines.append(f"rest     {outside}")
     unknown = sum(family is None for family in found.families)
     if found.families:
         lie = "lies" if unknown == 1 else "lie"

@@ -220,7 +220,7 @@ def test_other_systems():
     assert [mode.index for mode in linear_modes(free)] == [1]
     with pytest.raises(ValueError, match="families of periodic orbits need a conservative system: restitution 0.7"):
         linear_modes(vibro_impact_nes(rho=0.7))
-    twice = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[2.0, -1.0], [-1.0, 2.0]], (Stop((1.0, 0.0), -1, 1), Stop((2.0, 0.0), -2, 2)))
+    twice = ImpactSystem(np.eye(2), np.zeros((2, 2)), [[2.0, -1.0], [-1.0, 2.0]], (Stop((1.0, 0.0), -1, 1), Stop((0.0, 1.0), -1, 1)))
     with pytest.raises(ValueError, match=r"touches the stops a-, a\+, b-, b\+ at one instant"):
         families_at(linear_modes(twice)[0], 1, 2)
     for value in (0, 12, float("nan"), True):

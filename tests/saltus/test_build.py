@@ -198,6 +198,10 @@ def test_what_cannot_be_built_of_linear_modes(tmp_path):
     still.write_text(PLAIN.format(mass=unit, stiffness=free, gap=[1.0, -1.0], more=FAR.format(gap=[1.0, 0.0])))
     code, out, err = reported(f"build --scene {still} --catalogue {tmp_path}/a.sqlite")
     assert code == 2 and not out and err.count("\n") == 1 and "no linear mode of the system reaches a stop" in err
+    more = "[[stops]]\nc = [0.0, 1.0]\nlower = 1.0\n"
+    still.write_text(PLAIN.format(mass=unit, stiffness=[[1.0, 0.0], [0.0, 2.0]], gap=[1.0, -1.0], more=more))
+    code, out, err = reported(f"build --scene {still} --catalogue {tmp_path}/a.sqlite")
+    assert code == 2 and not out and err.count("\n") == 1 and "the rest position lies beyond stop" in err
     scene = beside(tmp_path, "beside", (0.15,))
     code, out, err = reported(f"build --scene {scene} --energy 0.01:0.02 --workers 1 --catalogue {tmp_path}/b.sqlite")
     assert (code, err) == (0, "") and "L2 at h = 0.118508, quarter period 1.83" in out

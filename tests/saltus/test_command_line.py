@@ -267,8 +267,9 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
-    """Oracle: the words, by a clock; a thread that prints them although nothing is reported to it."""
+@pytest.mark.parametrize("on_terminal", [False, True])
+def test_a_line_a_minute_where_no_bar_is_drawn(monkeypatch, capsys, on_terminal):
+    """Oracle: the words, by a clock; a thread that prints them although nothing is reported to it, on a terminal too."""
     monkeypatch.setattr("saltus.terminal.time", type("Clock", (), {"monotonic": staticmethod(lambda: now[0])}))
     printed = threading.Event()
     now, lines = [0.0], []
@@ -278,13 +279,18 @@ def test_a_line_a_minute_where_there_is_no_terminal(monkeypatch, capsys):
             lines.append(text)
             printed.set()
 
+        def isatty(self):
+            return on_terminal
+
     monkeypatch.setattr("sys.stderr", Stream())
     monkeypatch.setattr("saltus.terminal.PAUSE", 0.001)
-    cases = (60.0, (), "still at work after 1 min"), (120.0, (12, "3 queued"), "12 families after 2 min, 3 queued")
+    cases = [(60.0, (), "still at work after 1 min, with words")]
+    if not on_terminal:
+        cases.append((120.0, (12, "3 queued"), "12 families after 2 min, 3 queued"))
     for time_passed, reported, line in cases:
         now[0] = 0.0
         printed.clear()
-        with ProgressBar(None, "families") as bar:
+        with ProgressBar(None, "families", "with words") as bar:
             now[0] = time_passed
             if reported:
                 bar.update(*reported)

@@ -32,7 +32,7 @@ def scene_of(folder, system, low, high):
     """A scene of a system with these energies; its path."""
     text = f"{HEAD}[system]\nmass = {system.mass.tolist()}\nstiffness = {system.stiffness.tolist()}\n"
     for stop in system.stops:
-        text += f"[[stops]]\nc = {list(stop.gap)}\nupper = {stop.upper!r}\n" + (f"lower = {stop.lower!r}\n" if stop.lower > -1e9 else "")
+        text += f"[[stops]]\nc = {list(stop.gap)}\nlower = {stop.lower!r}\nupper = {stop.upper!r}\n"
     path = folder / "scene.toml"
     path.write_text(text + BOUNDS.format(low=low, high=high), encoding="utf-8")
     return path
@@ -196,10 +196,47 @@ def test_a_mode_that_alone_moves_the_gap(tmp_path, capsys, lower):
 def test_modes_without_families(tmp_path, capsys):
     """Oracle: one line with the reason, exit code 2; a build reports a mode at which two stops are touched at one instant, exit code 1."""
     below = saltus.ImpactSystem([[1.0]], [[0.0]], [[1.0]], (saltus.Stop((1.0,), -math.inf, -0.5),))
-    refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, below, 0.1, 3.0)), "no family begins at mode:1")
-    stops = (saltus.Stop((1.0, 0.0), -math.inf, 1.0), saltus.Stop((2.0, 0.0), -math.inf, 2.0))
+    refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, below, 0.1, 3.0)), "lies beyond stop a")
+    stops = (saltus.Stop((1.0, 0.0), -math.inf, 1.0), saltus.Stop((0.0, 1.0), -math.inf, 1.0))
     two = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), [[2.0, -1.0], [-1.0, 2.0]], stops)
     scene = scene_of(tmp_path, two, 0.1, 1.2)
     refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene), "touches the stops a+, b+ at one instant")
     code, out, err = run(capsys, "build", "--workers", "1", "--scene", scene, "--catalogue", tmp_path / "two.sqlite")
-    assert code == 1 and err == "" and out.count("FAILS") == 2 and "FAILS  L1: the mode of frequency 1 touches the stops a+, b+" in out
+    assert code == 1 and err == "" and out.count("FAILS") == 1 and "FAILS  L1: the mode of frequency 1 touches the stops a+, b+" in out
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0, -2.0])
+def test_two_stops_at_one_place_count_as_one(tmp_path, capsys, factor):
+    """Oracle: the family of the same system without the second stop; a build has it too."""
+    once = system_of(3, lower=None)
+    second = {"upper": 0.8 * factor} if factor > 0.0 else {"lower": 0.8 * factor, "upper": math.inf}
+    stops = (*once.stops, saltus.Stop((0.0, 0.0, factor), **second))
+    twice = saltus.ImpactSystem(once.mass, once.damping, once.stiffness, stops)
+    points = []
+    for name, system in (("once", once), ("twice", twice)):
+        (tmp_path / name).mkdir()
+        scene = scene_of(tmp_path / name, system, 0.05, 0.3)
+        code, out, err = run(capsys, "continue", "--from", "mode:1", "--scene", scene, "--json", "-")
+        assert code == 0, err
+        points.append([(point["h"], point["alpha"]) for point in json.loads(out)["points"]])
+    assert points[0] == points[1] and len(points[0]) > 10
+    code, out, err = run(capsys, "build", "--workers", "1", "--max-impacts", "1", "--scene", scene, "--catalogue", tmp_path / "a.sqlite")
+    assert (code, err) == (0, "") and "FAILS" not in out and "done   0 families" not in out
+
+
+@pytest.mark.parametrize("square", [1.0, 4.0, 9.0])
+def test_a_mode_in_resonance_with_one_that_moves_no_gap(tmp_path, capsys, square):
+    """Oracle: one mass at a one-sided stop returns after the period 2 (pi - arccos(1/A)), A^2 = 2h, whatever the other mass does."""
+    system = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, square]), (saltus.Stop((1.0, 0.0), -math.inf, 1.0),))
+    code, out, err = run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, system, 0.1, 3.0), "--json", "-")
+    assert code == 0, err
+    points = json.loads(out)["points"]
+    assert [min(point["h"] for point in points), max(point["h"] for point in points)] == [pytest.approx(0.5), pytest.approx(3.0)]
+    for point in points:
+        assert point["alpha"] == pytest.approx(0.5 * (math.pi - math.acos(min(1.0, (2.0 * point["h"]) ** -0.5))), rel=1e-7)
+
+
+def test_two_modes_in_resonance_at_one_stop(tmp_path, capsys):
+    """Oracle: one line that names the other mode: the first order decides nothing."""
+    system = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), (saltus.Stop((1.0, 0.5), -math.inf, 1.0),))
+    refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, system, 0.1, 3.0)), "it is in resonance with mode:2")

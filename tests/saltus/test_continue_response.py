@@ -193,6 +193,9 @@ def test_scenes_without_a_response_are_refused(capsys, scene):
     refused(run(capsys, "continue", "S11O00+", "--scene", scene(DAMPED)), "conservative", "damping acts on", "--in NAME")
     unused = ONE_SIDED.replace("[system]", "[parameters]\nzz = 1.0\n[system]")
     refused(run(capsys, *words, "--in", "zz", "--scene", scene(unused)), "zz", "used nowhere")
+    load = '[parameters]\nw = 1.0\n[[forces]]\non = "u1"\namplitude = 0.1\nharmonic = 1\n'
+    twice = ONE_SIDED.replace("[system]", "[system]\ndamping = [[0.1]]") + "[[stops]]\nc = [-2.0]\nlower = -1.0\n" + load
+    refused(run(capsys, *words, "--in", "w", "--scene", scene(twice)), "stops a and b end the same gap at the same place, 0.5 of stop a")
 
 
 def test_a_file_of_responses_is_shown_drawn_and_laid_over_a_sweep(capsys, folder):

@@ -1,6 +1,7 @@
 """`saltus discover`: what it prints and writes. Oracles: the search from Python; the format."""
 
 import json
+import math
 
 import pytest
 
@@ -8,6 +9,7 @@ import saltus
 from saltus.__main__ import main
 from saltus.commands.discover import summary
 from tests.branches.catalogue.families import real
+from tests.saltus.running import reported
 
 WORDS = ("discover", "--energy", "1", "--max-quarter-period", "2", "--max-impacts", "5")
 
@@ -87,3 +89,42 @@ def test_a_search_that_is_not_complete_says_why(capsys):
     assert main([*WORDS, "--max-starts", "150"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.startswith("not complete: the starts were used up") and "--max-starts" in last
+
+
+PRESSING = """
+[system]
+mass = [[1.0, 0.0], [0.0, 1.0]]
+stiffness = [[3.0, 0.0], [0.0, 1.0]]
+[[stops]]
+c = [0.0, 1.0]
+upper = {upper}
+[bounds]
+energy = [0.1, 20.0]
+quarter_period = 0.6
+impacts = 1
+"""
+
+
+def test_a_stop_that_presses_at_rest(tmp_path):
+    """Oracle: u2 = -A cos t returns from -A to the stop at -1 in arccos(1/A), half a period; below A = 1 there is no motion. The id is that
+    of one family at each energy, which ends at rest."""
+    scene = tmp_path / "pressing.toml"
+    scene.write_text(PRESSING.format(upper=-1.0))
+    ids = set()
+    for h in (0.6, 1.0):
+        code, out, err = reported(f"discover --scene {scene} --energy {h} --max-impacts 1")
+        assert (code, err) == (0, "") and out.splitlines()[-1].startswith("complete")
+        (row,) = [line.split() for line in out.splitlines() if line.lstrip().startswith("rest stop+")]
+        assert float(row[3]) == pytest.approx(0.5 * math.acos(1.0 / math.sqrt(2.0 * h)), rel=1e-7)
+        ids.add(row[-1])
+    assert len(ids) == 1
+    code, out, err = reported(f"discover --scene {scene} --energy 0.4")
+    assert (code, err) == (0, "") and "0 orbits at h = 0.4" in out
+    assert "the rest position lies beyond stop a, whose gap coordinate goes from -inf to -1" in out and "energy than h = 0.5" in out
+    code, out, err = reported(f"continue --scene {scene} --from mode:1")
+    assert code == 2 and out == "" and "mode:1: the rest position lies beyond stop a" in err and "no linear mode exists" in err
+    code, out, err = reported(f"build --scene {scene} --energy 0.1:0.3 --workers 1 --catalogue {tmp_path}/a.sqlite")
+    assert code == 0 and "0 families" in out and "the rest position lies beyond stop a" in out
+    scene.write_text(PRESSING.format(upper=0.0))
+    code, out, err = reported(f"continue --scene {scene} --from mode:1")
+    assert code == 2 and "mode:1: the rest position lies at stop a" in err
