@@ -33,7 +33,7 @@ from branches.kernels import (
 from branches.orbit import label_at
 from branches.solved_family import FAILED, MOST_ITERATIONS, SINGULAR, SolvedFamily, step_of
 from bvp.kernels.step import CompiledProblem
-from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
+from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution, lost_digits
 from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
 from continuation.control import Settings, kinds_of
@@ -57,6 +57,8 @@ ENDS_AND_FOLDS = 7
 """Number of test functions that come first: the fold, the branch point, grazing and the bounds of the energy."""
 
 _SHORT = 1e-3
+
+
 def multiplication(p: int, q: int) -> float:
     """Trace 2 cos(2 pi p/q) of the full-period map at a p:q resonance."""
     return 2.0 * math.cos(2.0 * math.pi * p / q)
@@ -204,8 +206,8 @@ class Family(SolvedFamily):
         return "" if not self.problem.is_smooth or self.step(y, tangent, ds).converged else why_not_flown(self.problem.segment.flight)
 
     def failure(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> str:
-        """Where steps fail: the energy and the quarter period reached; why a flight cannot be computed."""
-        limit = self.why_not_flown(y, tangent, ds)
+        """Where steps fail: the energy and the quarter period reached; why a flight cannot be computed, or not to enough digits."""
+        limit = self.why_not_flown(y, tangent, ds) or lost_digits(self.problem, y)
         return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}" + (f": {limit}" if limit else "")
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
@@ -276,4 +278,3 @@ class Family(SolvedFamily):
             if verb in note:
                 data.update(describe_grazing(self.problem, solution, verb))
         return data
-

@@ -23,7 +23,7 @@ from branches.solved_family import begun_along
 from bvp.checks import checked_energy_range, require_branch
 from bvp.interrupts import defer_interrupts
 from bvp.multipoint import MultipointProblem
-from bvp.saddles import REACHED, Saddle, approached
+from bvp.saddles import REACHED, Saddle, approached, farther_out
 from bvp.texts import shown, takes_options_of
 from continuation.control import Settings
 from continuation.problem import End, EndReason, Event, PlainPoints, Point, Step
@@ -188,7 +188,8 @@ def _with_saddle(problem: MultipointProblem, run: Run, k: int) -> End:
     y = run.points[k].step.y
     saddle = approached(problem, y)
     if saddle is None:
-        return end
+        words = farther_out(problem, y) if end.reason is EndReason.MINIMUM_STEP else ""
+        return end._replace(detail=f"{end.detail}; {words}") if words else end
     if saddle.distance(problem, y) < REACHED:
         return end._replace(reason=EndReason.SADDLE, detail=str(saddle))
     return end._replace(detail=f"{end.detail}; its orbits approach {saddle}".removeprefix("; "))

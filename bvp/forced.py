@@ -546,6 +546,14 @@ class ForcedProblem:
         speeds: np.ndarray = segment.side[:nodes] * np.sum(segment.gap[:nodes, :n] * self._factor.before[:, n : 2 * n], axis=1)
         return speeds
 
+    def growth(self, y: np.ndarray) -> float:
+        """See `MultipointProblem.growth`."""
+        self._evaluated(y)
+        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
+        size = 2 * self.degrees_of_freedom
+        sizes = np.repeat([displacement, velocity], self.degrees_of_freedom)
+        return float(np.max(np.abs(self._factor.flights[:, :size, :size]) * sizes / sizes[:, None]))
+
     @cached_property
     def _orbit_multipliers(self) -> OrbitMultipliers:
         impacts = (self.impacts - 1) % (self.inner + 1) if self.sequence else self.impacts[:0]

@@ -36,7 +36,17 @@ from bvp.smooth_flights import modal_energies, smooth_flight, why_not_flown
 from bvp.system import ImpactSystem
 from bvp.texts import brief
 
-__all__ = ["RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "enough_pieces", "observed_of"]
+__all__ = [
+    "RESULT_INDEX",
+    "EndsError",
+    "MultipointProblem",
+    "NotConverged",
+    "Solution",
+    "dense_jacobian",
+    "enough_pieces",
+    "lost_digits",
+    "observed_of",
+]
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
@@ -475,6 +485,12 @@ def enough_pieces(growth: float, pieces: int) -> int:
     if not GROWTH < growth < math.inf:
         return pieces
     return min(math.ceil(math.log(growth) / math.log(0.01 * GROWTH)) * pieces, MOST_PIECES)
+
+
+def lost_digits(problem: Any, y: np.ndarray) -> str:
+    """How perturbations of an orbit y grow, in words, where that leaves too few digits; empty where it does not. problem: of any orbits."""
+    growth = problem.growth(y) if problem.is_smooth else 0.0
+    return f"perturbations of the orbit, and rounding, grow by a factor {growth:.2g} in one flight" if growth > GROWTH else ""
 
 
 def dense_jacobian(factor: Factor, rows: int) -> np.ndarray:

@@ -21,7 +21,6 @@ from bvp.kernels.free_period import GRAZES, FreePeriod, make_free_period, unfold
 from bvp.kernels.loads import LoadedFlight
 from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
-from bvp.kernels.newton import set_scale
 from bvp.multipliers import SystemData, floquet_multipliers, formed, sort_multipliers, system_data
 from bvp.multipoint import MultipointProblem, enough_pieces
 from bvp.parameters import ParametricSystem
@@ -236,14 +235,6 @@ class ReleasedProblem(ForcedProblem):
     def enough_pieces(self, y: np.ndarray) -> int:
         """See `MultipointProblem.in_enough_pieces`."""
         return enough_pieces(self.growth(y), self.pieces) if self.is_smooth else self.pieces
-
-    def growth(self, y: np.ndarray) -> float:
-        """See `MultipointProblem.growth`."""
-        self._evaluated(y)
-        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
-        size = 2 * self.degrees_of_freedom
-        sizes = np.repeat([displacement, velocity], self.degrees_of_freedom)
-        return float(np.max(np.abs(self._factor.flights[:, :size, :size]) * sizes / sizes[:, None]))
 
     def orbit_problem(self, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
         """The problem of the system at the parameters of y, with the orbit in its unknowns.

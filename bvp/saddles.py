@@ -1,7 +1,7 @@
-"""Saddles of the potential: equilibria of a system with smooth forces beyond which its potential falls off.
+"""Saddles of the potential: equilibria of a system with smooth forces beyond which its potential falls off; and its other ends.
 
 A family can end there. Its orbits dwell near the saddle ever longer, their energy tends to that of the saddle, and beyond it no motion
-comes to rest.
+comes to rest. Farther out a potential can have a limit, which is a saddle at infinity, or no values.
 """
 
 from __future__ import annotations
@@ -14,13 +14,19 @@ if TYPE_CHECKING:
     from bvp.multipoint import MultipointProblem
     from bvp.system import ImpactSystem
 
-__all__ = ["REACHED", "Saddle", "approached"]
+__all__ = ["REACHED", "Saddle", "approached", "farther_out"]
 
 NEAR = 0.01
 """Distance of an orbit from a saddle, beside the size of the motion, below which the orbit approaches it."""
 
 REACHED = 1e-7
 """The same where the energies of orbit and saddle differ by rounding only, since they differ by the square of it."""
+
+_DOUBLINGS = 30
+"""So often a displacement is doubled where the potential's limit is sought: farther out energies are rounding."""
+
+_LEVEL = 1e-6
+"""Relative change of the potential, as its displacement is doubled, below which it has its limit."""
 
 _ROUNDS = 30
 _STEP = 1e-6
@@ -87,6 +93,33 @@ def _saddle_near(system: ImpactSystem, u: np.ndarray) -> Saddle | None:
         if not energy > 0.0 or not np.min(np.linalg.eigvalsh(0.5 * (tangent + tangent.T))) < 0.0:
             return None
     return Saddle(system, at, energy)
+
+
+def _turns(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
+    """The displacements (m, n) of the orbit y at the ends of its flights."""
+    return (np.vstack([problem.start(y), problem.end_states(y)]) @ problem.system.modes.to_state.T)[:, : problem.half]
+
+
+def farther_out(problem: MultipointProblem, y: np.ndarray) -> str:
+    """Why orbits larger than y do not turn, in words: the potential ends just beyond it, or levels off there. Empty for neither."""
+    system, h = problem.system, problem.energy(y)
+    rest = np.zeros(problem.half)
+
+    def place(at: np.ndarray) -> str:
+        return ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, at.tolist(), strict=True))
+
+    with np.errstate(all="ignore"):
+        for u in _turns(problem, y) if problem.is_smooth else ():
+            inside, outside = 1.0, 1.0 + NEAR
+            if not np.isfinite(system.energy(outside * u, rest)):
+                while inside < (middle := 0.5 * (inside + outside)) < outside:
+                    inside, outside = (middle, outside) if np.isfinite(system.energy(middle * u, rest)) else (inside, middle)
+                return f"its orbits approach {place(inside * u)}, beyond which the potential has no values"
+            levels = np.array([system.energy(2.0**k * u, rest) for k in range(_DOUBLINGS)])
+            level = int(np.argmax(np.append(np.diff(levels), 0.0) <= _LEVEL * h))  # the first that rises no more
+            if 0.0 <= levels[level] - levels[0] < NEAR * h and 0.0 <= levels[level] - h < NEAR * h and level < _DOUBLINGS - 1:
+                return f"its orbits approach the energy h = {levels[level]:.6g}, at which the potential levels off beyond {place(u)}"
+    return ""
 
 
 def approached(problem: MultipointProblem, y: np.ndarray) -> Saddle | None:

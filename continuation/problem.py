@@ -366,8 +366,8 @@ class EndReason(Enum):
     NOT_ASKED = "this direction was not asked for; start again from this point to go there"
     INTERRUPTED = "the run was interrupted here; trace on from this point"
     MINIMUM_STEP = (
-        "steps were refused down to the shortest allowed; the family may end here or turn sharply: "
-        "look at the detail, then try a smaller minimum_step"
+        "steps failed down to the shortest length; the family may end here, turn sharply, or need more digits than numbers have: "
+        "its last point shows what it approaches"
     )
     SADDLE = "the family ends at an equilibrium, near which its orbits dwell ever longer; none of them turns beyond it"
     NO_START = "the start could not be corrected onto a family; give a start that is nearer to a solution"

@@ -277,9 +277,10 @@ def select(branch: Branch, name: Name, energy: float | None, alpha: float | None
     found = orbits_of(branch, name, energy, alpha)
     if not found:
         values = branch.points[key]
-        raise BadInput(
-            f"no orbit of {name} has {key} = {value:.15g}: the family was followed from {key} = {values.min():.15g} to {values.max():.15g}"
-        )
+        followed = f"the family was followed from {key} = {values.min():.15g} to {values.max():.15g}"
+        bounds = {event.point for event in branch.events if event.type == "EP"}
+        ends = [f"end {end.text}" for point, end in zip((0, len(branch) - 1), branch.ended, strict=True) if point not in bounds]
+        raise BadInput("; ".join([f"no orbit of {name} has {key} = {value:.15g}: {followed}", *dict.fromkeys(ends)]))
     if wish is not None:
         nearest = min(found, key=lambda orbit: abs(getattr(orbit, other) - wish))
         if abs(getattr(nearest, other) - wish) > TOLERANCE * wish:

@@ -3,7 +3,9 @@
 The id of a family is `closure:sequence:hash`, as that of a conservative family is `ends:sequence:hash`. It depends neither on where a run
 starts, nor on its direction, its steps and its range: a family is identified by what it has in a window of the parameter, whatever was
 followed of it. It is followed there past the ends of a cut branch. Of its grazing ends the one with the lowest value of the parameter
-identifies it; without one its lowest fold; without either the orbits at which it leaves the window.
+identifies it; without one its lowest fold, then its lowest branch point; without any the orbits at which it leaves the window. Where it
+leaves the window nowhere its lowest break of symmetry or period doubling does. Only without these it is the last orbits before steps fail:
+such a place is one of rounding, and the id then depends on the start.
 
 Images of one orbit are one orbit: begun at another impact, or a period of the loads later; and the mirror image x(t) -> -x(t + pi/w)
 of an odd system under odd loads. So are an orbit and its repetition, and an orbit with x(t + T/2) = -x(t) and the half of it that is
@@ -97,7 +99,8 @@ def is_odd(problem: ForcedProblem) -> bool:
 
 def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     """Numbers of an orbit that no image changes, (5,): the parameter, the period, two sums over the phases of the impacts, and the root
-    mean square of their speeds. Of a free orbit, which has no phase, the pattern of its impacts and the energy are in place of the sums."""
+    mean square of their speeds. Of a free orbit, which has no phase, the pattern of its impacts and the energy are in place of the sums.
+    Without impacts, beside smooth forces, they are root mean squares of displacements and velocities at each half period of the loads."""
     if isinstance(problem, ReleasedProblem):
         return free_invariants(problem, y)
     value = float(y[2 * problem.degrees_of_freedom + 1])
@@ -105,9 +108,17 @@ def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
     # A period of the loads, and half of one, change twice the phase by whole turns.
     angles = 4.0 * math.pi * problem.load_periods * nodes[:, 2 * problem.degrees_of_freedom] if problem.has_clock else np.zeros(len(nodes))
     if not len(nodes):
-        return np.array([value, problem.period(y), 0.0, 0.0, 0.0])
+        return np.array([value, problem.period(y), *(_root_mean_squares(problem, y) if problem.is_smooth else (0.0, 0.0)), 0.0])
     speeds = problem.impact_speeds(y)
     return np.array([value, problem.period(y), np.mean(np.cos(angles)), np.mean(np.sin(angles)), np.sqrt(np.mean(speeds**2))])
+
+
+def _root_mean_squares(problem: ForcedProblem, y: np.ndarray) -> list[float]:
+    """Of the displacements and the velocities, at each half period of the loads. Images of an orbit exchange these states."""
+    p, n, node = problem.load_periods, problem.degrees_of_freedom, problem.nodes(y)[0]
+    later = [problem.fly(node, k * problem.period(y) / (2 * p))[0] for k in range(1, p if problem.half else 2 * p)]
+    states = np.array([node[: 2 * n], *later])
+    return [float(np.sqrt(np.mean(part**2))) for part in (states[:, :n], states[:, n:])]
 
 
 def window_of(problem: ForcedProblem) -> tuple[float, float]:
@@ -186,15 +197,21 @@ def _order(problem: ForcedProblem) -> tuple[float, ...]:
 def _identifying(
     problem: ForcedProblem, found: Sequence[tuple[str, np.ndarray, bool]], closed: bool
 ) -> tuple[str, list[np.ndarray]] | None:
-    """The events that identify a family, with their type: grazing ends, else folds, else branch points."""
-    grazing = [y for kind, y, at_end in found if kind == "GR" and at_end and not closed]
-    if grazing:
-        return "GR", grazing
+    """The events that identify a family, with their type: grazing ends, else folds, branch points, the ends of the window, breaks of
+    symmetry, and period doublings."""
     place, scale = 2 * problem.degrees_of_freedom + 1, window_of(problem)[1] / WINDOW
     points = [y for kind, y, _ in found if kind == "BP"]
     # Where a family passes through another one it turns, too: the branch point is located better.
     folds = [y for kind, y, _ in found if kind == "SN" and all(abs(y[place] - other[place]) > _BESIDE * scale for other in points)]
-    return ("SN", folds) if folds else ("BP", points) if points else None
+    at_ends = [(kind, y) for kind, y, at_end in found if at_end and not closed]
+    kinds = {
+        "GR": [y for kind, y in at_ends if kind == "GR"],
+        "SN": folds,
+        "BP": points,
+        "EP": [y for _, y in at_ends],
+        **{code: [y for kind, y, _ in found if kind == code] for code in ("SB", "PD")},
+    }
+    return next(((kind, orbits) for kind, orbits in kinds.items() if orbits), None)
 
 
 def _plain_points(branch: ForcedBranch) -> list[int]:
@@ -233,11 +250,8 @@ def _followed(
     ends = list(zip((run.points[0], run.points[-1]), run.ends, strict=True))
     # Where the motion grows without bound the last orbit is any of them.
     ends = [pair for pair in ends if pair[1].reason is not EndReason.STOP_WHEN] or ends
-    cuts = []
-    for point, end in ends:
-        if not (end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"):
-            cuts.append(point.step.y)
-    return events, run.closed, np.array([point.step.y[place] for point in run.points]), [] if run.closed else cuts
+    cuts = [] if run.closed else [point.step.y for point, _ in ends]
+    return events, run.closed, np.array([point.step.y[place] for point in run.points]), cuts
 
 
 def _mark(problem: ForcedProblem, kind: str, y: np.ndarray) -> FamilyMark:
@@ -247,8 +261,11 @@ def _mark(problem: ForcedProblem, kind: str, y: np.ndarray) -> FamilyMark:
     path = ",".join((*problem.released, *problem.keep))
     if isinstance(problem, ReleasedProblem):
         phases, path = first, path.replace(" ", "")
-    else:  # a sum of phases far from zero has six digits
-        phases = 3.0 + first + 0.5 * second if problem.sequence else 0.0
+    elif problem.sequence:  # a sum of phases far from zero has six digits
+        phases = 3.0 + first + 0.5 * second
+    else:  # at a value of the parameter that is no event's the displacements alone tell families apart
+        rest = _ZERO * float(problem.segment.scale[: problem.degrees_of_freedom].max())
+        phases = first if kind == "EP" and first > rest else 0.0
     return FamilyMark(f"{kind} {path}", 0.0 if abs(value) < _ZERO * scale else value, period, phases)
 
 

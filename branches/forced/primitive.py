@@ -82,8 +82,9 @@ def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solut
         )
     except EndsError:
         return None
-    nodes, size = problem.nodes(y)[: max(count, 1)], 2 * problem.degrees_of_freedom
-    begun = half.pack(nodes[:, :size], nodes[:, size], nodes[0, size + 1 :])
+    kept, size = max(count, 1), 2 * problem.degrees_of_freedom
+    nodes, flights = problem.nodes(y)[:kept], problem.flight_times(y)[:kept] / (1.0 if count else 2.0)
+    begun = half.pack(nodes[:, :size], nodes[:, size], nodes[0, size + 1 :], flights)
     if count and problem.sequence != full_period(half, begun)[0].sequence:
         return None
     solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)

@@ -9,6 +9,7 @@ from branches.forced.identity import canonical_letters, closure_name, invariants
 from branches.forced.primitive import full_period, primitive_orbit, twice
 from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
+from bvp.parameters import ParametricSystem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator, settled
 from tests.branches.test_forced_switching import two_sided
 
@@ -112,3 +113,38 @@ def test_impact_oscillator_ids_from_the_closed_form():
     (mark,) = branch.full_family.marks[:1]
     assert mark.kind == "GR s" and mark.h == pytest.approx(-0.368968205647608, abs=1e-9)
     assert mark.alpha == pytest.approx(2.0 * math.pi / 2.8, rel=1e-14)
+
+
+def smooth_oscillator(potential, **values):
+    """An oscillator in a potential under a load."""
+    return ParametricSystem.from_description(
+        {
+            "parameters": values,
+            "system": {"mass": [[1.0]], "damping": [["c"]], "stiffness": [[0.0]], "springs": [{"c": [1.0], "potential": potential}]},
+            "forces": [{"load": [1.0], "amplitude": "F", "harmonic": 1}],
+        }
+    )
+
+
+def test_a_place_where_steps_fail_identifies_no_family():
+    """Oracle: one family of a pendulum, from two of its orbits. Steps fail where its multipliers are large, at two places."""
+    pendulum = smooth_oscillator("1-cos(w)", w=1.0, c=0.1, F=0.3)
+    problem = ForcedProblem(pendulum, (), ["w"], half=True)
+    y = problem.solve(problem.pack(np.zeros((1, 2)), [0.0], [2.0])).y
+    families = [follow_response(problem, y, interval).full_family for interval in ((1.95, 2.05), (0.7, 3.0))]
+    lowest = [float(family.parameter.min()) for family in families]
+    assert 0.2 < min(lowest) and lowest[0] != lowest[1], "steps fail inside the window"
+    assert families[0].ids == families[1].ids and families[0].marks[0].kind == "EP w"
+
+
+def test_responses_in_two_wells_have_ids_of_their_own():
+    """Oracle: the closed form of the wells' places, between which no orbit of so small a load passes."""
+    wells = smooth_oscillator("-0.5*w**2+0.1*w**3+0.25*w**4", w=2.0, c=0.3, F=0.005)
+    problem = ForcedProblem(wells, (), ["w"])
+    ids = []
+    for place in ((-0.3 + math.sqrt(4.09)) / 2.0, (-0.3 - math.sqrt(4.09)) / 2.0):
+        y = problem.solve(problem.pack([[place, 0.0]], [0.0], [2.0])).y
+        assert y[0] == pytest.approx(place, abs=0.01)
+        assert invariants(problem, y)[2] == pytest.approx(abs(place), abs=0.01)
+        ids.append(follow_response(problem, y, (1.95, 2.05)).id)
+    assert ids[0] != ids[1]

@@ -138,3 +138,18 @@ def test_the_symmetry_breaks_where_even_harmonics_are_neutral():
     reference = determinant(event.values["w"] + 1e-3)
     low, high = event.values["w"] - 1e-8, event.values["w"] + 1e-8
     assert determinant(low) * determinant(high) < 0.0
+
+
+def test_an_end_says_how_perturbations_grow():
+    """Oracle: the multipliers of half the period of a pendulum that stays near its upper equilibrium."""
+    pendulum = ParametricSystem.from_description(
+        {
+            "parameters": {"w": 1.0},
+            "system": {"mass": [[1.0]], "damping": [[0.1]], "stiffness": [[0.0]], "springs": [{"c": [1.0], "potential": "1-cos(w)"}]},
+            "forces": [{"load": [1.0], "amplitude": 0.3, "harmonic": 1}],
+        }
+    )
+    branch = trace_response(pendulum, "w", (0.1, 2.0), start="rest")[0]
+    assert branch.ended[0].reason == "MINIMUM_STEP" and branch.problem.half
+    growth = float(branch.ended[0].text.partition("grow by a factor ")[2].split()[0])
+    assert abs(branch.problem.multipliers(branch.unknowns[0])[0]) < growth < 1e6

@@ -271,3 +271,20 @@ def test_a_family_that_approaches_a_saddle_of_its_potential_ends_there():
     with pytest.raises(ValueError, match=r"mode:1: .* up to h = 0\.25 \(there is no turning point beyond the equilibrium u1 = 1 "):
         orbit_at_mode("mode:1", system, (0.5, 1.0))
     assert orbit_at_mode("mode:1", system, (0.2499, 1.0)).h == pytest.approx(0.2499, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("potential", "linear", "words"),
+    [
+        ("1-1/(1+w**2)**2", 0.0, "its orbits approach the energy h = 1, at which the potential levels off beyond u1 = "),
+        ("-w-log(1-w)", 2.0, "its orbits approach u1 = 1, beyond which the potential has no values"),
+    ],
+)
+def test_the_end_of_a_potential_is_given_as_the_reason(potential, linear, words):
+    """Oracle: the formulas of the potentials, one of which has a limit far away, and the other one a pole."""
+    system = ParametricSystem.from_description(
+        {"system": {"mass": [[1.0]], "stiffness": [[linear]], "springs": [{"c": [1.0], "potential": potential}]}}
+    ).system()
+    orbit = orbit_at_mode("mode:1", system, (0.02, 50.0))
+    branch = follow_family(orbit.problem, orbit.solution.y, energy=(0.01, 50.0), direction="up")
+    assert branch.ended[1].reason == "MINIMUM_STEP" and words in branch.ended[1].text

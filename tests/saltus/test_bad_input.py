@@ -387,7 +387,7 @@ OF_A_CATALOGUE = [
     ("continue L11+", ["linear mode"]),
     ("orbit L11+ --energy 0.1", ["linear mode"]),
     ("continue S13+ --energy 50:60", ["outside the energy range 50:60"]),
-    ("orbit S13+ --energy 50", ["no orbit of S13O00+ has h = 50"]),
+    ("orbit S13+ --energy 50", ["no orbit of S13O00+ has h = 50", "; end GR at h = "]),
     ("continue S13+ --mu 0.2", ["mu is 0.1, not 0.2"]),
     ("continue S13+ --mu 0.2 --save", ["belongs to another system: there mu is 0.1, not 0.2"]),
     ("build --mu 0.2", ["belongs to another system: there mu is 0.1, not 0.2"]),

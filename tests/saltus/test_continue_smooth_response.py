@@ -28,7 +28,7 @@ load = [1.0]
 amplitude = "F"
 frequency = "w"
 """
-STOPPED = DUFFING + '[[stops]]\nc = [1.0]\nlower = -1.0\nupper = 1.0\nrestitution = 0.8\n'
+STOPPED = DUFFING + "[[stops]]\nc = [1.0]\nlower = -1.0\nupper = 1.0\nrestitution = 0.8\n"
 
 
 DAMPED = """
@@ -84,7 +84,7 @@ def test_a_power_is_a_parameter(capsys, scene):
     assert code == 0 and "p = 1 to 4" in out, err
 
 
-@pytest.mark.parametrize("stops", ["", '[[stops]]\nc = [1.0, 0.0]\nlower = -0.3\nupper = 0.3\nrestitution = 0.8\n'])
+@pytest.mark.parametrize("stops", ["", "[[stops]]\nc = [1.0, 0.0]\nlower = -0.3\nupper = 0.3\nrestitution = 0.8\n"])
 def test_each_damper_has_the_energy_that_it_takes(capsys, scene, stops):
     """Oracle: the simulated motion, whose budget has a sum for each damper and stop; the work of the loads is all that they take."""
     words = "--scene", scene(DAMPED + stops), "--in", "w", "--range", "2:2.1"
@@ -109,7 +109,7 @@ def test_a_simulation_is_a_start(capsys, scene):
     ends = []
     for start in ("rest", "simulate"):
         code, out, err = run(capsys, *words, "--from", start, "--json", "a.json")
-        assert code == 0, err
+        assert code == 0 and "solved over half the period" in out, err
         points = read_json("a.json")["branches"][0]["points"]
         ends.append(sorted((point["w"], point["max.u1"]) for point in (points[0], points[-1])))
     assert "a periodic motion of period 1 with 0 impacts" in out

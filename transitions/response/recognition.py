@@ -31,11 +31,6 @@ class MotionNodes(NamedTuple):
     fractions: np.ndarray  # (k,) their times as fractions of the period
     times: np.ndarray  # (k,) durations of the flights after them
 
-    def half(self) -> MotionNodes:
-        """Those of the first half."""
-        count = len(self.symbols) // 2
-        return MotionNodes(self.symbols[:count], self.states[:count], self.fractions[:count], self.times[:count])
-
 
 def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
     """The events of a settled motion in its period.

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from branches.admissible import unphysical
+from branches.forced.primitive import half_of
 from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
 from bvp.multipoint import NotConverged, Solution
 from transitions.response.path import ParameterPath
-from transitions.response.recognition import MotionNodes, nodes_of
+from transitions.response.recognition import nodes_of
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = ["NoOrbit", "Unbounded", "linear_response", "settled_orbit"]
@@ -127,23 +128,20 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         raise NoOrbit(settled.text)
     if settled.sticking:
         raise NoOrbit(f"{settled.text}; orbits with a sticking contact are not followed")
-    p = settled.period
     try:
         nodes = nodes_of(path, settled)
     except EndsError as error:
         raise NoOrbit(f"{settled.text}; {error}") from error
-    problem, guess = None, np.zeros(0)
-    if nodes.symbols and len(nodes.symbols) % 2 == 0:
-        problem, guess = _half(path, settled, nodes)
-    if problem is None:
-        try:
-            problem = path.problem(nodes.symbols, load_periods=p)
-        except EndsError as error:
-            raise NoOrbit(f"{settled.text}; {error}") from error
-        if nodes.symbols:
-            guess = _packed(problem, path, nodes)
-        else:
-            guess = problem.pack(settled.states[:1], [0.0], path.start)
+    try:
+        problem = path.problem(nodes.symbols, load_periods=settled.period)
+    except EndsError as error:
+        raise NoOrbit(f"{settled.text}; {error}") from error
+    if nodes.symbols:
+        # Without a clock a node has no time.
+        fractions = nodes.fractions if problem.has_clock else np.zeros(len(nodes.fractions))
+        guess = problem.pack(nodes.states, fractions, path.start, nodes.times)
+    else:
+        guess = problem.pack(settled.states[:1], [0.0], path.start)
     n = problem.degrees_of_freedom
     # A linear system has one response without impacts. From the state 0 it is exact if the system comes to rest there.
     linear = not nodes.symbols and not problem.is_smooth
@@ -161,26 +159,7 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         return Periodic(problem, solution.y, 0.0)  # the motion decays to rest, but is never near it beside its own size
     if not distance < _SAME * max(1.0, settled.distance / 1e-9):
         raise NoOrbit(f"{settled.text}; the orbit found there is {distance:.1e} of its size away from it")
+    symmetric = half_of(problem, solution.y)
+    if symmetric is not None:
+        return Periodic(symmetric[0], symmetric[1].y, distance)
     return Periodic(problem, solution.y, distance)
-
-
-def _half(path: ParameterPath, settled: Settled, nodes: MotionNodes) -> tuple[ForcedProblem | None, np.ndarray]:
-    """The problem of half the period and the unknowns, if the motion has this symmetry."""
-    part = nodes.half()
-    k = len(part.symbols)
-    try:
-        problem = path.problem(part.symbols, load_periods=settled.period, half=True)
-    except EndsError:
-        return None, np.zeros(0)
-    size = max(float(np.abs(part).max(initial=0.0)) for part in (nodes.states, settled.impacts.before))
-    late = nodes.fractions[k:] - nodes.fractions[:k] - 0.5
-    mirrored = np.abs(nodes.states[k:] + nodes.states[:k]).max() < _SAME * size and np.abs(late).max() < _SAME
-    if nodes.symbols[k:] != tuple(map(problem.mirrored, part.symbols)) or not mirrored:
-        return None, np.zeros(0)
-    return problem, _packed(problem, path, part)
-
-
-def _packed(problem: ForcedProblem, path: ParameterPath, nodes: MotionNodes) -> np.ndarray:
-    """The unknowns of the segment that is solved. Without a clock a node has no time."""
-    fractions = nodes.fractions if problem.has_clock else np.zeros(len(nodes.fractions))
-    return problem.pack(nodes.states, fractions, path.start, nodes.times)
