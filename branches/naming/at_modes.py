@@ -22,6 +22,7 @@ from branches.orbit import Orbit
 from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.saddles import REACHED, approached
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
@@ -173,6 +174,10 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
         which = [f"mode:{i + 1}" for i, w in enumerate(frequencies) if w > 0.0]
         reason = f"the system has {len(frequencies)} modes" if k >= len(frequencies) else f"mode {name.number} does not oscillate"
         raise NameNotFound(f"mode:{name.number}: {reason} without the smooth forces; expected {' or '.join(which) or 'a label'}")
+    for stop in system.stops:
+        if not stop.lower < 0.0 < stop.upper:
+            place = f"stop {stop.name} from {stop.lower:g} to {stop.upper:g}"
+            raise NameNotFound(f"mode:{name.number} begins at rest at 0, which is not between the bounds of {place}; expected 0 between them")
     ends = ("origin", "rest") if system.has_odd_symmetry else ("rest", "rest")
     problem = MultipointProblem(system, ends, ())
     lowest = energy[0] if energy[0] > 0.0 else LOWEST
@@ -204,9 +209,12 @@ def _beside_mode(problem: MultipointProblem, k: int, energy: float) -> Solution:
 def _risen(problem: MultipointProblem, beside: Solution, energy: float, name: str) -> Solution:
     """The first orbit of an energy on the family of an orbit with less energy."""
     y, why = risen(problem, beside.y, energy)
-    if y is None:
-        raise NameNotFound(f"{name}: the family of the mode {why}, below {energy:g}; expected lower energies")
-    return problem.solve(y, energy=energy)
+    if y is not None:
+        saddle = approached(problem, y)
+        if saddle is None or abs(energy / saddle.h - 1.0) >= REACHED**2:
+            return problem.solve(y, energy=energy)
+        why = f"ends at {saddle}"
+    raise NameNotFound(f"{name}: the family of the mode {why}; received {energy:g}, expected lower energies")
 
 
 def _mode(number: int, system: ImpactSystem) -> LinearMode:

@@ -57,6 +57,7 @@ _ROUNDING = 1e-13
 """Relative tolerance by which a start at a bound of the range of energies may lie outside it."""
 
 _BY_ID = "expected the id of a family, which saltus discover or saltus build finds"
+_FROM_MODE = "expected saltus continue --from mode:K, the family that begins at a linear mode"
 
 
 def resolve(
@@ -84,7 +85,8 @@ def resolve(
     has_labels = system.has_odd_symmetry and system.absorber is not None and system.primary is not None
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
-        raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label, has_labels))
+        raise NameNotFound(_linear_mode(system, name.label, has_labels))
+    name = name if system.stops else label_without_stops(name)
     point = reference_point_of(text, name.label, reference_points) if name.h is None and name.alpha is None else None
     if name.family is not None and not name.family.startswith("origin"):
         found = [find_by_id(system, name, limits, energy, followed)]
@@ -92,7 +94,8 @@ def resolve(
         try:
             parse_end(system, "origin")
         except EndsError as error:
-            raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_BY_ID}") from error
+            expected = _BY_ID if system.smooth_forces is None else _FROM_MODE
+            raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {expected}") from error
         search = Search(system, name, limits, energy, followed)
         if name.label is not None and not has_labels:
             raise NameNotFound(
@@ -191,6 +194,12 @@ def trace_named(
 
 
 def _linear_mode(system: ImpactSystem, label: Label, has_labels: bool) -> str:
+    if system.smooth_forces is not None:
+        other = ", or a label without impacts such as S11+" if has_labels and not system.stops else ""
+        return f"{label} is a mode of a linear system, and this one has springs that are not linear; {_FROM_MODE}{other}"
+    cover = why_a_cover(label, lambda root: True)
+    if cover:
+        return cover
     modes = system.modes
     k = 0 if label.sign == "+" else 1
     w, b = modes.frequencies[k], modes.contacts.gap[0, k]
