@@ -251,8 +251,7 @@ def require_system(system: Any, *, conservative: str = "", two_dof: str = "", ad
         raise TypeError(f"the system is {shown(system)}, expected an ImpactSystem such as vibro_impact_nes(mu=0.1, sigma=0.1)")
     reason = system.why_not_conservative() if conservative else None
     if reason is not None:
-        simulated = system.smooth_forces is None or system.smooth_forces.potential is not None
-        instead = "; its motion is for saltus run" if simulated else ""
+        instead = "; its motion is for saltus run" if system.has_potential else ""
         raise ValueError(f"{conservative} need a conservative system: {reason}{instead}")
     reason = None if smooth else system.why_not_linear()
     if reason is not None:

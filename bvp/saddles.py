@@ -100,6 +100,11 @@ def _turns(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
     return (np.vstack([problem.start(y), problem.end_states(y)]) @ problem.system.modes.to_state.T)[:, : problem.half]
 
 
+def _is_finite(u: np.ndarray) -> bool:
+    """Whether the flight to a place was computed."""
+    return bool(np.all(np.isfinite(u)))
+
+
 def farther_out(problem: MultipointProblem, y: np.ndarray) -> str:
     """Why orbits larger than y do not turn, in words: the potential ends just beyond it, or levels off there. Empty for neither."""
     system, h = problem.system, problem.energy(y)
@@ -109,7 +114,7 @@ def farther_out(problem: MultipointProblem, y: np.ndarray) -> str:
         return ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, at.tolist(), strict=True))
 
     with np.errstate(all="ignore"):
-        for u in _turns(problem, y) if problem.is_smooth else ():
+        for u in filter(_is_finite, _turns(problem, y) if problem.is_smooth else ()):
             inside, outside = 1.0, 1.0 + NEAR
             if not np.isfinite(system.energy(outside * u, rest)):
                 while inside < (middle := 0.5 * (inside + outside)) < outside:

@@ -278,7 +278,7 @@ class ImpactSystem(Matrices):
         """
         u, v = reals(u), reals(v)
         total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
-        if self.smooth_forces is not None and self.smooth_forces.potential is not None:
+        if self.smooth_forces is not None and self.has_potential:
             total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total
 
@@ -287,6 +287,11 @@ class ImpactSystem(Matrices):
         contacts = [(stop, bound) for stop in self.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound)]
         pairs = repeated_contacts(self.stops).items()
         return [(contacts[earlier][0], contacts[contact][0], contacts[earlier][1]) for contact, earlier in pairs]
+
+    @property
+    def has_potential(self) -> bool:
+        """Whether all springs have a potential, which the computation of motion needs."""
+        return self.smooth_forces is None or self.smooth_forces.potential is not None
 
     def why_not_conservative(self) -> str | None:
         """One sentence that names what loses energy, or None."""

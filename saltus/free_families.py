@@ -84,7 +84,9 @@ def free_start(
         raise BadInput(f"{what} is a free orbit, and the scene has {LOADS[scene.loads[0]]}; {instead}")
     why = scene.system.why_not_conservative()
     if why is not None:
-        raise BadInput(f"families of free orbits need a conservative system: {why}; expected --from simulate with --in")
+        settles = scene.system.stops and scene.system.has_potential
+        instead = "--from simulate with --in" if settles else "loads, and --from rest with --in"
+        raise BadInput(f"families of free orbits need a conservative system: {why}; expected {instead}")
     names, keep = _names(arguments, scene)
     if arguments.range is None:
         raise BadInput("--range LO:HI is required: the range of the parameter")

@@ -244,6 +244,10 @@ def _check_system(parametric: ParametricSystem, start: str) -> None:
         raise BadInput(f"--from rest is the response to periodic loads, and {loads}; expected a load with amplitude, or {instead}")
     if conservative:
         raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; expected {instead}")
+    if not parametric.system().stops:
+        motion = ", or saltus run" if parametric.system().has_potential else ""
+        expected = f"expected [[stops]], or a load with amplitude{motion}"
+        raise BadInput(f"--from simulate without periodic loads starts at impacts, and the scene has no stops; {expected}")
 
 
 def in_names(parametric: ParametricSystem, names: Sequence[str]) -> ParametricSystem:

@@ -110,14 +110,15 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
 
 def require_no_loads(scene: Scene) -> None:
     """Refuse a scene whose loads or losses a family in the energy cannot have; say how its response is followed."""
-    how = "expected --in NAME, which follows the response to the loads in a parameter, or saltus run"
+    motion = ", or saltus run" if scene.system.has_potential else ""
+    how = f"expected --in NAME, which follows the response to the loads in a parameter{motion}"
     if scene.loads:
         from saltus.scene import LOADS
 
         raise BadInput(f"saltus continue computes motion without loads, and the scene has {LOADS[scene.loads[0]]}; {how}")
     why = scene.system.why_not_conservative()
     if why is not None:
-        raise BadInput(f"families in the energy need a conservative system: {why}; expected loads and --in NAME, or saltus run")
+        raise BadInput(f"families in the energy need a conservative system: {why}; expected loads and --in NAME{motion}")
 
 
 def follow_free(arguments: argparse.Namespace) -> int:

@@ -3,6 +3,7 @@
 `mode:K` counts the modes by rising frequency, rigid-body modes included. Alone it means the main family, with one impact at each touch of
 the mode: one in half a period between equal gaps, one in a period where one side is touched. `cover=N` means the families with the period
 of the N-fold cover. What follows without a key is the beginning of a family's id, and selects one of them.
+With smooth forces `mode:K` means the family without impacts that begins at the mode.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
 from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
+from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.saddles import REACHED, approached
+from bvp.smooth_flights import smooth_flight
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
@@ -35,6 +39,12 @@ FORM = "mode:K, mode:K,cover=N or mode:K,cover=N,ENDS:SEQUENCE"
 
 LOWEST = 1e-8
 """Energy at which the family of a linear mode begins where no range is given."""
+
+SHORTEST = 1e-9
+"""Time, in which no motion comes to rest, from which the quarter period is searched where the linear part does not oscillate."""
+
+HALVED = 20
+"""Times that the interval of that quarter period is halved before Newton's method."""
 
 ATTEMPTS = 12
 """Energies that are tried there, each a tenth of the one before."""
@@ -170,15 +180,23 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
     """The orbit of lowest energy of the family of a linear mode, in a system with smooth forces."""
     if name.cover is not None or name.family:
         raise NameNotFound("a family of smooth motion begins once at each linear mode; expected mode:K alone")
-    frequencies = system.modes.frequencies
-    k = name.number - 1
-    if k >= len(frequencies) or not frequencies[k] > 0.0:
-        which = [f"mode:{i + 1}" for i, w in enumerate(frequencies) if w > 0.0]
-        reason = f"the system has {len(frequencies)} modes" if k >= len(frequencies) else f"mode {name.number} does not oscillate"
-        raise NameNotFound(f"mode:{name.number}: {reason} without the smooth forces; expected {' or '.join(which) or 'a label'}")
+    for stop in system.stops:
+        if not stop.lower < 0.0 < stop.upper:
+            place = f"stop {stop.name} from {stop.lower:g} to {stop.upper:g}"
+            raise NameNotFound(f"mode:{name.number} begins at rest at 0, which is not inside {place}; expected 0 between the bounds")
     ends = ("origin", "rest") if system.has_odd_symmetry else ("rest", "rest")
     problem = MultipointProblem(system, ends, ())
     lowest = energy[0] if energy[0] > 0.0 else LOWEST
+    frequencies = system.modes.frequencies
+    k = name.number - 1
+    if k >= len(frequencies) or not frequencies[k] > 0.0:
+        if k == 0 and len(frequencies) == 1 and system.has_odd_symmetry:
+            return Orbit(problem, _through_origin(problem, lowest))
+        which = " or ".join(f"mode:{i + 1}" for i, w in enumerate(frequencies) if w > 0.0)
+        reason = f"the system has {len(frequencies)} modes" if k >= len(frequencies) else f"mode {name.number} does not oscillate"
+        searched = len(frequencies) == 2 and system.has_odd_symmetry
+        expected = which or ("a family that saltus discover finds" if searched else "a system with a mode that oscillates")
+        raise NameNotFound(f"mode:{name.number}: {reason} without the smooth forces; expected {expected}")
     tried, last = lowest, NotConverged("nothing was tried")
     for _ in range(ATTEMPTS):
         try:
@@ -188,6 +206,27 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
             continue
         return Orbit(problem, solution if tried == lowest else _risen(problem, solution, lowest, f"mode:{name.number}"))
     raise NameNotFound(f"mode:{name.number}: no orbit was found near the linear mode, down to h = {10.0 * tried:.3g} ({last})")
+
+
+def _through_origin(problem: MultipointProblem, energy: float) -> Solution:
+    """The orbit of an energy through the origin, in one degree of freedom, whatever its linear part. A motion that has not turned after a
+    time comes to rest later; that time is doubled, then halved between."""
+    flight, start = smooth_flight(problem.system, 1), np.array([0.0, math.sqrt(2.0 * energy)])
+
+    def goes_on(time: float) -> bool:
+        return bool(fly_smooth(flight, 0, start, time, False)) and flight.paths.ends[0][1] > 0.0
+
+    later = SHORTEST
+    while goes_on(later):
+        later *= 2.0
+    before = 0.5 * later
+    for _ in range(HALVED):
+        middle = 0.5 * (before + later)
+        before, later = (middle, later) if goes_on(middle) else (before, middle)
+    try:
+        return problem.solve(problem.pack(start, None, [before]), energy=energy)
+    except NotConverged as error:
+        raise NameNotFound(f"mode:1: no motion of h = {energy:g} comes to rest ({error}); expected other energies") from error
 
 
 def _beside_mode(problem: MultipointProblem, k: int, energy: float) -> Solution:
@@ -207,9 +246,12 @@ def _beside_mode(problem: MultipointProblem, k: int, energy: float) -> Solution:
 def _risen(problem: MultipointProblem, beside: Solution, energy: float, name: str) -> Solution:
     """The first orbit of an energy on the family of an orbit with less energy."""
     y, why = risen(problem, beside.y, energy)
-    if y is None:
-        raise NameNotFound(f"{name}: the family of the mode {why}, below {energy:g}; expected lower energies")
-    return problem.solve(y, energy=energy)
+    if y is not None:
+        saddle = approached(problem, y)
+        if saddle is None or abs(energy / saddle.h - 1.0) >= REACHED**2:
+            return problem.solve(y, energy=energy)
+        why = f"ends at {saddle}"
+    raise NameNotFound(f"{name}: the family of the mode {why}; received {energy:g}, expected lower energies")
 
 
 def _mode(number: int, system: ImpactSystem) -> LinearMode:

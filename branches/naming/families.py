@@ -57,6 +57,8 @@ DEFAULTS = {"points": None, "direction": "both", "stop_at": None, "stop_when": N
 _ROUNDING = 1e-13
 """Relative tolerance by which a start at a bound of the range of energies may lie outside it."""
 
+_FROM_MODE = "expected saltus continue --from mode:K, the family that begins at a linear mode"
+
 
 def resolve(
     text: str,
@@ -83,7 +85,8 @@ def resolve(
     has_labels = system.has_odd_symmetry and system.absorber is not None and system.primary is not None
     name = parse_name(text)
     if name.label is not None and name.label.kind == "L":
-        raise NameNotFound(why_a_cover(name.label, lambda root: True) or _linear_mode(system, name.label, has_labels))
+        raise NameNotFound(_linear_mode(system, name.label, has_labels))
+    name = name if system.stops else label_without_stops(name)
     point = reference_point_of(text, name.label, reference_points) if name.h is None and name.alpha is None else None
     if name.family is not None and not name.family.startswith("origin"):
         found = [find_by_id(system, name, limits, energy, followed)]
@@ -191,11 +194,19 @@ def trace_named(
 
 def _by_id(system: ImpactSystem) -> str:
     """What is expected in place of a label, by the commands that find families of the system."""
+    if system.smooth_forces is not None:
+        return _FROM_MODE
     searched = system.degrees_of_freedom == 2 and len(system.stops) < 2
     return f"expected the id of a family{', which saltus discover or saltus build finds' if searched else f'; {FROM_LINEAR_MODES}'}"
 
 
 def _linear_mode(system: ImpactSystem, label: Label, has_labels: bool) -> str:
+    if system.smooth_forces is not None:
+        other = ", or a label without impacts such as S11+" if has_labels and not system.stops else ""
+        return f"{label} is a mode of a linear system, and this one has springs that are not linear; {_FROM_MODE}{other}"
+    cover = why_a_cover(label, lambda root: True)
+    if cover:
+        return cover
     modes = system.modes
     k = 0 if label.sign == "+" else 1
     w, b = modes.frequencies[k], modes.contacts.gap[0, k]

@@ -34,6 +34,9 @@ __all__ = [
 ]  # fmt: skip
 
 
+_WITHOUT_IMPACTS = "labels without impacts are those of linear modes, L11+ and L11-, and in systems without stops such as S11+"
+
+
 class ImpossibleLabelError(ValueError):
     """A label that can be read, but that no periodic orbit with impacts (or linear mode) can have; the message says why."""
 
@@ -101,11 +104,11 @@ class Label:
         elif kind == "S" and (m % 2 == 0 or n % 2 == 0):
             reason = f"a symmetric orbit reverses each velocity over a half period, so m and n are odd, here {m} and {n}"
         elif parity == "E" and p == 0:
-            reason = "it has no impact at all (none inside a quarter, E: none at the quarter); the linear modes are L11+, L11-"
+            reason = f"it has no impact at all (none inside a quarter, E: none at the quarter); {_WITHOUT_IMPACTS}"
         elif kind == "U" and p == q == 0:
-            reason = "it has no impact at all (p = q = 0); the linear modes are L11+, L11-"
+            reason = f"it has no impact at all (p = q = 0); {_WITHOUT_IMPACTS}"
         if reason:
-            raise ImpossibleLabelError(f"{self} cannot be a periodic orbit: {reason}")
+            raise ImpossibleLabelError(f"{self} cannot be the label of a periodic orbit: {reason}")
 
     def __str__(self) -> str:
         """The label as `parse` reads it."""
@@ -204,7 +207,8 @@ class Name:
     def __str__(self) -> str:
         """The name as `parse_name` reads it."""
         suffix = ",".join(f"{key}={value!r}" for key, value in (("h", self.h), ("alpha", self.alpha)) if value is not None)
-        return (self.family or str(self.label)) + ("@" + suffix if suffix else "")
+        label = str(self.label).replace("O00", "") if self.is_short else str(self.label)
+        return (self.family or label) + ("@" + suffix if suffix else "")
 
 
 def parse(text: str) -> Label:

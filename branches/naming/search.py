@@ -69,7 +69,7 @@ class Search:
     """One search for a name over a range of energies, coarse first. Families that it follows are added to those `followed`."""
 
     def __init__(self, system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed):
-        self.name = name if system.stops else label_without_stops(name)
+        self.name = name
         self.limits = limits
         self.followed = followed
         # The range may go beyond the limits. Above HIGHEST orbits are lost in rounding.
@@ -297,7 +297,9 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     ends, sequence, _ = split_family_id(name.family)
     if ends == PERIODIC:
         raise NameNotFound(f"{name.family} has orbits without a reversal, which no search finds; {KEPT}")
-    require_system(system, two_dof="families are searched by id for", advice=KEPT)
+    # `discover_orbits` says which systems with smooth forces it covers.
+    two_dof = "families are searched by id for" if system.smooth_forces is None else ""
+    require_system(system, two_dof=two_dof, advice=KEPT, smooth=True)
     impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
     pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
     wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)

@@ -197,6 +197,7 @@ def test_any_text_is_read_or_refused_in_one_line(text):
         ("U10", "LO has 0 half-waves"),
         ("S13E00+", "no impact at all"),
         ("U2100-", "no impact at all"),
+        ("S11E00+", "in systems without stops such as S11+"),
         ("L13+", "differ"),
         ("S23O11+", "m and n are odd, here 2 and 3"),
         ("S14", "m and n are odd"),
@@ -205,7 +206,7 @@ def test_any_text_is_read_or_refused_in_one_line(text):
 def test_impossible_labels(text, reason):
     with pytest.raises(ImpossibleLabelError, match=reason) as caught:
         parse(text)
-    assert "\n" not in str(caught.value) and str(caught.value).startswith(f"{text} cannot be a periodic orbit: ")
+    assert "\n" not in str(caught.value) and str(caught.value).startswith(f"{text} cannot be the label of a periodic orbit: ")
     assert not isinstance(caught.value, LabelSyntaxError)
 
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from branches.naming.at_modes import orbit_at_mode
 from branches.switching import switch
+from branches.tracing import follow_family
+from bvp.springs import Spring
+from bvp.system import ImpactSystem
 from tests.branches.smooth_digits import SpringDigits, energy_of_event, fixed
 from tests.branches.test_smooth_agreement import family, second
 
@@ -78,3 +82,13 @@ def test_a_family_without_a_reversal_begins_where_its_own_problem_is_regular():
         end, columns = second(branch.system).flown(start, 0.5 * new.period)
         assert np.abs(end + start).max() < 1e-12 * np.abs(columns).max() * np.abs(start).max()
         assert not_on_their_way_back(new) > 0.02
+
+
+def test_orbits_without_labels_have_no_change_of_label():
+    """Oracle: the spring is not odd, so no orbit has a label, and nothing changes where a velocity of the absorber gains half-waves."""
+    spring = Spring((1.0, -1.0), polynomial=(0.7, 0.5, 0.9))
+    system = ImpactSystem([[1.0, 0.0], [0.0, 0.4]], np.zeros((2, 2)), np.diag([1.0, 0.0]), (), absorber=1, primary=0, springs=(spring,))
+    orbit = orbit_at_mode("mode:1", system, (3.0, 9.0))
+    branch = follow_family(orbit.problem, orbit.solution.y, energy=(3.0, 9.0))
+    assert set(branch.points["label"]) == {""} and len(set(branch.points["half_waves"])) > 1
+    assert "LB" not in {event.type for event in branch.events}

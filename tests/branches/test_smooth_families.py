@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from scipy.special import ellipk
+from scipy.special import beta, ellipk, ellipkm1
 
 from branches import full_family
 from branches.family import Family
@@ -55,6 +55,36 @@ def test_the_duffing_oscillator_agrees_with_elliptic_functions(cubic):
     exact = ellipk(cubic * square / (2.0 * frequency**2)) / frequency
     assert np.abs(alpha / exact - 1.0).max() < 1e-14
     assert branch.points["residual"].max() < 1e-14
+
+
+@pytest.mark.parametrize("power", [2.5, 3.0, 7.0])
+def test_a_spring_without_a_linear_part_has_a_family(power):
+    """Oracle: T/4 = A/v B(1/q, 1/2)/q with q = p + 1, v^2 = 2 h, h = k A^q/q."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[0.0]], (), springs=(Spring((1.0,), stiffness=2.0, power=power),))
+    orbit = orbit_at_mode("mode:1", system, (1e-4, 10.0))
+    branch = follow_family(orbit.problem, orbit.solution.y, energy=(1e-4, 10.0))
+    h, q = branch.points["h"], power + 1.0
+    amplitude = (0.5 * q * h) ** (1.0 / q)
+    assert h.min() < 1.1e-4 and h.max() > 9.0
+    assert np.abs(branch.points["alpha"] / (amplitude / np.sqrt(2.0 * h) * beta(1.0 / q, 0.5) / q) - 1.0).max() < 1e-12
+
+
+@pytest.mark.parametrize("lowest", [1e-12, 1e-2])
+def test_the_family_around_both_wells(lowest):
+    """Oracle: as for the Duffing oscillator, of x'' - x + x^3 = 0."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[-1.0]], (), springs=(Spring((1.0,), stiffness=1.0, power=3.0),))
+    orbit = orbit_at_mode("mode:1", system, (lowest, 10.0))
+    square = 1.0 + math.sqrt(1.0 + 4.0 * lowest)
+    frequency = math.sqrt(square - 1.0)
+    assert orbit.h == pytest.approx(lowest, rel=1e-9)
+    assert orbit.alpha == pytest.approx(ellipkm1(1.0 - square / (2.0 * frequency**2)) / frequency, rel=1e-6 * orbit.alpha / frequency)
+
+
+def test_a_spring_that_pushes_has_no_orbit():
+    """Oracle: x'' = x^3 never comes to rest."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[0.0]], (), springs=(Spring((1.0,), stiffness=-1.0, power=3.0),))
+    with pytest.raises(NameNotFound, match="^mode:1: no motion of h = 0.1 comes to rest .*; expected other energies$"):
+        orbit_at_mode("mode:1", system, (0.1, 1.0))
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

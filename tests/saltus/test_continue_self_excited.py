@@ -114,12 +114,16 @@ def test_what_has_no_periodic_motion_ends_with_1(capsys, words, expected):
     assert code == 1 and out == "" and expected in err
 
 
-def test_bad_input(capsys):
+def test_bad_input(capsys, folder):
     refused(run(capsys, *SIMULATED, "--start", "0.5,0", "--phase", "1"), "--phase counts in periodic loads, and the scene has none")
     refused(run(capsys, *SIMULATED, "--start", "1.5,0"), "the start lies beyond stop", "expected -inf to 1")
     rest = tuple("rest" if word == "simulate" else word for word in SIMULATED)
     refused(run(capsys, *rest), "--from rest is the response to periodic loads, and the scene's loads are constant", "--from simulate")
     refused(run(capsys, *SIMULATED, "--set", "c=0", "--set", "r=1", "--range", "0:1"), "--from simulate needs periodic loads or losses")
+    spring = '[[springs]]\non = "x"\npolynomial = [0.0, 0.0, 1.0]\n[coordinates]\nnames = ["x"]\n'
+    free = SCENE.partition("[[stops]]")[0].replace("r = 0.6\ng = 0.0\n", "") + spring
+    (folder / "scene.toml").write_text(free, encoding="utf-8")
+    refused(run(capsys, *DAMPED, "--start", "0.5,0"), "starts at impacts, and the scene has no stops; expected [[stops]]", "or saltus run")
 
 
 def test_motions_that_do_not_settle_are_reported_with_their_rate():

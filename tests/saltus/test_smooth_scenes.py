@@ -131,6 +131,9 @@ def test_an_orbit_is_shown_without_impacts(capsys, folder):
     [
         (("continue", "S13O11+", "--scene", "cubic_nes"), "S13O11+ has impacts, and this system has no stops; expected a label"),
         (("continue", "S11O00+", "--scene", "cubic_nes"), "S11O00+ has impacts, and this system has no stops; expected a label"),
+        (("orbit", "S11+", "--scene", "duffing_pair", "--alpha", "9"), "no orbit of S11+ has alpha = 9: the family was followed from alp"),
+        (("continue", "L11+", "--scene", "cubic_nes"), "saltus continue --from mode:K, the family that begins at a linear mode, or a l"),
+        (("continue", "L22-", "--scene", "cubic_and_stops"), "L22- is a mode of a linear system, and this one has springs that are not"),
         (("continue", "--scene", "cubic_nes", "--from", "mode:1"), "mode 1 does not oscillate without the smooth forces; expected m"),
         (("continue", "--scene", "duffing_pair", "--from", "mode:7"), "the system has 2 modes without the smooth forces"),
         (("continue", "--scene", "smooth_wall", "--n", "0", "--from", "mode:1"), "are mode:1 1.654138767, mode:2 0.4497503101; e"),
