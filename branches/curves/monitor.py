@@ -127,7 +127,7 @@ class BifurcationMonitor:
         coefficient = math.nan
         if self.code == "NS":
             critical = complex(cosine, math.sqrt(max(0.0, 1.0 - cosine * cosine)))
-            if critical.imag > 0.0:  # behind 1:1 and 1:2 the pair is real, and bounds no torus
+            if critical.imag > _APART:  # behind 1:1 and 1:2 the pair is real, and bounds no torus
                 coefficient = self._coefficient(at, null, scale, critical)
             others = _rest_tests(_without(multipliers, (*self._trivial, critical, critical.conjugate())))
             # The coefficient has poles where another multiplier is 1.
@@ -199,6 +199,9 @@ def meeting_of(problem: ForcedProblem, solution: Solution) -> EventDetails | Non
 
 
 _GOES_BACK = "the orbits have the symmetry there, or half the period: the curve goes back as its image"
+
+_APART = 1e-4
+"""Imaginary part of a multiplier of the pair below which both are one, and their coefficient is rounding: it has a pole where they meet."""
 
 _NEARLY = 1e-4
 """Difference of an orbit that is located from its image, and of a cosine from 1, that is zero: where the equations are singular, too."""
