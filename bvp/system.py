@@ -279,7 +279,8 @@ class ImpactSystem(Matrices):
         2.0
         """
         u, v = reals(u), reals(v)
-        total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
         if self.smooth_forces is not None and self.smooth_forces.potential is not None:
             total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total
