@@ -336,8 +336,8 @@ def simulate(
     KeyboardInterrupt
         With the motion up to there as its attribute `motion`.
     ValueError
-        For a start beyond a stop or without a finite energy, a state or a load of the wrong length or not finite, a negative duration, a max_impacts below 0, an
-        unknown contact, marks outside (0, 1), dampers that do not sum to the damping matrix.
+        For a start beyond a stop or without a finite energy, a state or a load of the wrong length or not finite, a negative duration, a
+        max_impacts below 0, an unknown contact, marks outside (0, 1), dampers that do not sum to the damping matrix.
 
     Examples
     --------
