@@ -169,8 +169,9 @@ class ImpactSystem(Matrices):
             vars(self)["smooth_forces"] = known_forces
         mass = square(self.mass, "mass")
         n = mass.shape[0]
-        damping = square(self.damping, "damping", n, symmetric=False)
+        # Stiffness first: damping that is not given has its shape.
         stiffness = square(self.stiffness, "stiffness", n)
+        damping = square(self.damping, "damping", n, symmetric=False)
         diagonal = mass.diagonal()
         if diagonal.min() <= 0.0:
             k = int(np.argmin(diagonal))
@@ -240,7 +241,7 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem(f"{key} is a list of {cls.__name__}; received {shown(elements)}")
             for element in elements:
                 if element.row and len(element.row) != n:
-                    raise InvalidSystem(f"the row of {element.place()} has {len(element.row)} entries; the system has {n} coordinates")
+                    raise InvalidSystem(f"the row of {element.place(self.coordinates)} has {len(element.row)} entries; the system has {n} coordinates")
             if not all(element.nonlinear_only for element in elements):
                 total = getattr(self, name) + linear_part(elements, self.coordinates)
                 object.__setattr__(self, name, read_only(square(total, name, n, symmetric=name == "stiffness")))

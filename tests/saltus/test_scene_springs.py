@@ -172,6 +172,8 @@ def write_matrices(folder):
     np.savez(folder / "list.npz", M=MASS[0], K=STIFFNESS)
     (folder / "text.npz").write_text("no archive")
     (folder / "text.mtx").write_text("no matrix")
+    (folder / "text.mat").write_text("no matrix, but as long as a header is\n" * 10)
+    (folder / "short.npz").write_bytes((folder / "both.npz").read_bytes()[:-40])
 
 
 @pytest.mark.parametrize(
@@ -193,6 +195,8 @@ def test_matrices_from_files(tmp_path, mass, stiffness, damping):
         ("boht.npz", "mass = 'boht.npz' does not exist; nearest: both.npz"),
         ("text.npz", "cannot read"),
         ("text.mtx", "cannot read"),
+        ("text.mat", "[system]: mass = 'text.mat': "),
+        ("short.npz", "[system]: mass = 'short.npz': "),
         ("other.npz", "mass = 'other.npz' has no matrix mass or M; it has A"),
         ("list.npz", "mass = 'list.npz' is no matrix of real numbers; received shape (2,)"),
     ],
