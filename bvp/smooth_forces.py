@@ -24,6 +24,7 @@ from bvp.kernels.expressions import Program
 from bvp.kernels.jets import JetProgram
 from bvp.programs import program_of, with_numbers
 from bvp.springs import Damper, Element, Spring, is_nonlinear, is_symbolic
+from bvp.texts import shown
 
 __all__ = ["SmoothForces", "linear_part", "smooth_forces", "why_not_smooth"]
 
@@ -441,6 +442,8 @@ class _Collected:
             names |= {name: self.input(element.row, k) for k, name in enumerate(own) if name in used}
         names |= {name: exact(value) for name, value in element.parameters.items() if name not in names}
         expression = expression.xreplace({symbol: names[symbol.name] for symbol in expression.free_symbols})
+        if any(part.is_number and part.is_real is False for part in sympy.preorder_traversal(expression)):
+            raise InvalidSystem(f"{what} has a number that is not real, or not finite; received {shown(element.text)}")
         part = why_not_smooth(expression)
         if part is not None:
             back = {symbol: sympy.Symbol(name) for name, symbol in names.items() if symbol in expression.free_symbols}

@@ -241,7 +241,8 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem(f"{key} is a list of {cls.__name__}; received {shown(elements)}")
             for element in elements:
                 if element.row and len(element.row) != n:
-                    raise InvalidSystem(f"the row of {element.place(self.coordinates)} has {len(element.row)} entries; the system has {n} coordinates")
+                    place, entries = element.place(self.coordinates), len(element.row)
+                    raise InvalidSystem(f"the row of {place} has {entries} entries; the system has {n} coordinates")
             if not all(element.nonlinear_only for element in elements):
                 total = getattr(self, name) + linear_part(elements, self.coordinates)
                 object.__setattr__(self, name, read_only(square(total, name, n, symmetric=name == "stiffness")))

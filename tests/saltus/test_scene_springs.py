@@ -216,6 +216,14 @@ WRONG = [
     ("potential = 'w**4'", "potential = 'k4*w**4'", "the spring on y has the symbol k4, which is neither w nor a parameter; nearest: "),
     ('on = "x"', 'on = "z"', "a spring acts on 'z', which is no coordinate; nearest: "),
     ('on = "x"', 'at = "x"', "unknown key 'at' in a spring"),
+    ('on = "x"', "slop = 1.0", "unknown key 'slop' in a spring; nearest known: on"),
+    (
+        "potential = 'w**4'",
+        "potential = 'sqrt(-1)*w**4'",
+        "the spring on y has a number that is not real, or not finite; received 'sqrt(-1)*w**4'",
+    ),
+    ("potential = 'w**4'", "potential = 'log(-1)*w**4'", "the spring on y has a number that is not real, or not finite"),
+    ("potential = 'w**4'", "potential = 'w**4/0'", "the spring on y has a number that is not real, or not finite"),
     ("stiffness = 1.0", "", "the spring on x has one of stiffness, polynomial, potential, force; received none"),
 ]
 TWO = """
