@@ -134,7 +134,8 @@ class Family(SolvedFamily):
         else:
             tests += [TestFunction("PD", "crossing", False, "period doubling")]
         if not self._two_dof:
-            tests += [TestFunction("NS", "crossing", False, "Krein collision: two pairs of multipliers meet and leave the unit circle")]
+            words = "Krein collision: two pairs of multipliers meet and leave the unit circle, or come back"
+            tests += [TestFunction("NS", "crossing", False, words)]
         # Of a quarter the trace +-2 cos(pi p/q) of the half map composed with u -> -u is followed: that of the full period, its square
         # less 2, passes a level twice where the former passes zero.
         if problem.quarters == 1:

@@ -354,11 +354,11 @@ class _Writer:
         """|w|^p sign w is w |w|^(p - 1), so that a force and its derivative are left out together where they are too small."""
         signed, even, signed_log, even_log = _powers()
         if function in (signed_log, even_log):
-            modulus = self._modulus(even, base, exponent)
-            logarithm = self.with_number(
-                kernels.SCALE, self.operation(kernels.LOG, self.with_number(kernels.SHIFT, modulus, TINY)), 1 / exponent
-            )
-            found = self._modulus(signed, base, exponent) if function is signed_log else modulus
+            # Of the power of the force itself, also for its derivatives: their power is 0 for a force of power 1.
+            raised = exponent + int(function is even_log)
+            modulus = self.with_number(kernels.SHIFT, self._modulus(even, base, raised), TINY)
+            logarithm = self.with_number(kernels.SCALE, self.operation(kernels.LOG, modulus), 1 / raised)
+            found = self._modulus(signed if function is signed_log else even, base, exponent)
             for _ in range(int(power)):
                 found = self._times(found, logarithm)
             return found

@@ -29,7 +29,7 @@ from bvp.stability import half_map_multipliers
 
 __all__ = ["ReleasedProblem"]
 
-_SLACK = 1e-9
+SLACK = 1e-9
 """How far beyond its domain a parameter counts as at the end of it, in units of its default."""
 
 
@@ -257,7 +257,7 @@ class ReleasedProblem(ForcedProblem):
         for name in self.released:
             # An end is located to rounding.
             low, high = self.parametric.domain(name)
-            slack = _SLACK * (abs(self.parametric.values[name]) or 1.0)
+            slack = SLACK * (abs(self.parametric.values[name]) or 1.0)
             values[name] = low if low - slack < values[name] < low else high if high < values[name] < high + slack else values[name]
         forces = self.smooth_forces
         if forces is not None:

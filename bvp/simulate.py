@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
@@ -112,7 +113,7 @@ class Simulator:
         # The kernel returns at each new contact mode, when its log is full, and now and then to report progress; then it is called again.
         with defer_interrupts() as interrupt:
             n = system.degrees_of_freedom
-            initial = system.energy(start[:n], start[n:])
+            initial = float(self._energies_at_start(start[None])[0])
             state = self.state(len(fractions) if initial > 0.0 else 0, 0)
             counts, clock, sums, marked = state.counts, state.clock, state.sums, state.marks
             counts[places.LEAVING] = counts[places.CONTACT] = contact
@@ -207,6 +208,16 @@ class Simulator:
             peaks=np.zeros(peaks),
         )
 
+    def _energies_at_start(self, starts: np.ndarray) -> np.ndarray:
+        """Energies of starts (b, 2n); a ValueError for one that has none."""
+        n, smooth = self.system.degrees_of_freedom, self.system.smooth_forces
+        energies = np.atleast_1d(self.system.energy(starts[:, :n], starts[:, n:]))
+        for start, energy in zip(starts, energies.tolist(), strict=True):
+            if not math.isfinite(energy):
+                why = None if smooth is None else smooth.why_no_energy(start[:n])
+                raise ValueError(f"the energy at the start is {energy}, expected a finite number{f': {why}' if why else ''}")
+        return energies
+
     def _energies(self, final: np.ndarray, modal: np.ndarray) -> np.ndarray:
         """Energies of states (b, 2n), (u, v) and as modal coordinates: from these where there is a free translation, whose square would
         cancel in the energy of a long one."""
@@ -245,7 +256,7 @@ class Simulator:
         starts = np.ascontiguousarray(finite_numbers(states, "states", None, 2 * n))
         fractions = _checked(duration, max_impacts, marks)
         summary = np.zeros((len(starts), 9 + (parts + 1) + len(fractions) * (parts + 2) + n))
-        summary[:, 7] = system.energy(starts[:, :n], starts[:, n:])
+        summary[:, 7] = self._energies_at_start(starts)
         state, modal = self.state(len(fractions), n if with_peaks else 0), np.zeros_like(starts)
         counts, batch = state.counts, kernels.BatchArrays(starts, fractions, summary, modal)
         first, log, reason, pace = 0, self.log(0), kernels.NEW_MODE, Pace()
@@ -318,15 +329,15 @@ def simulate(
     Returns
     -------
     Motion
-        `status` says how it ended. Only a start beyond a stop raises an exception.
+        `status` says how it ended. Only a start beyond a stop, or one whose energy is not finite, raises an exception.
 
     Raises
     ------
     KeyboardInterrupt
         With the motion up to there as its attribute `motion`.
     ValueError
-        For a start beyond a stop, a state or a load of the wrong length or not finite, a negative duration, a max_impacts below 0, an
-        unknown contact, marks outside (0, 1), dampers that do not sum to the damping matrix.
+        For a start beyond a stop or without a finite energy, a state or a load of the wrong length or not finite, a negative duration, a
+        max_impacts below 0, an unknown contact, marks outside (0, 1), dampers that do not sum to the damping matrix.
 
     Examples
     --------

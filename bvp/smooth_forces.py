@@ -24,6 +24,7 @@ from bvp.kernels.expressions import Program
 from bvp.kernels.jets import JetProgram
 from bvp.programs import program_of, with_numbers
 from bvp.springs import Damper, Element, Spring, is_nonlinear, is_symbolic
+from bvp.texts import shown
 
 __all__ = ["SmoothForces", "linear_part", "smooth_forces", "why_not_smooth"]
 
@@ -138,8 +139,20 @@ class SmoothForces:
     def energy(self, u: np.ndarray) -> Any:
         """The potential at displacements (..., n), without the linear springs. A ValueError if there is none."""
         rows = self.inputs[:, : u.shape[-1]]
-        with np.errstate(invalid="ignore", over="ignore"):
+        with np.errstate(all="ignore"):
             return self._energy(*np.moveaxis(u @ rows.T, -1, 0), *self.numbers) + np.zeros(u.shape[:-1])
+
+    def why_no_energy(self, u: np.ndarray) -> str | None:
+        """A term of the potential that is no finite number at displacements (n,), by the coordinates that it depends on, or None."""
+        at = [*(self.inputs[:, : len(u)] @ u), *self.numbers]
+        for term in self._potential.as_ordered_terms():
+            with np.errstate(all="ignore"):
+                value = _function((*self.symbols, *self.parameters), term)(*at)
+            if not np.isfinite(value):
+                moved = np.any([row for row, symbol in zip(self.inputs, self.symbols, strict=True) if symbol in term.free_symbols], axis=0)
+                names = [name for name, entry in zip(self.coordinates, moved, strict=False) if entry]
+                return f"the potential of a spring on {' and '.join(names)} has no finite value there"
+        return None
 
     def energy_slopes(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The first and second derivatives of the potential at displacements (n,): (n,) and (n, n). Of formulas."""
@@ -429,6 +442,8 @@ class _Collected:
             names |= {name: self.input(element.row, k) for k, name in enumerate(own) if name in used}
         names |= {name: exact(value) for name, value in element.parameters.items() if name not in names}
         expression = expression.xreplace({symbol: names[symbol.name] for symbol in expression.free_symbols})
+        if any(part.is_number and part.is_real is False for part in sympy.preorder_traversal(expression)):
+            raise InvalidSystem(f"{what} has a number that is not real, or not finite; received {shown(element.text)}")
         part = why_not_smooth(expression)
         if part is not None:
             back = {symbol: sympy.Symbol(name) for name, symbol in names.items() if symbol in expression.free_symbols}

@@ -240,12 +240,17 @@ class Damper(Element):
     laws = ("damping", "polynomial", "force")
 
 
+_WITH_FUNCTIONS = ("slope", "energy")
+"""Keys that go with a Python function: never the nearest ones of a file."""
+
+
 def require_keys(cls: type[Element], entry: Any) -> list[str]:
     """The keywords of a spring or damper, from a table. Refuses what is no table, and unknown keys, as `element_from` does."""
     if not isinstance(entry, Mapping):
         raise InvalidSystem(f"a {cls.kind} is a table of keys and values; received {shown(entry)}")
     own = [item.name for item in fields(cls) if item.name not in ("row", "called")]
-    refuse_unknown(entry, ("between", "on", "c", *own), f"a {cls.kind}")
+    unknown = {key: value for key, value in entry.items() if key not in own}
+    refuse_unknown(unknown, ("between", "on", "c", *(key for key in own if key not in _WITH_FUNCTIONS)), f"a {cls.kind}")
     return own
 
 

@@ -121,5 +121,8 @@ def _limits(node: Any, symbol: Any) -> Any:
         return node
     limit = sympy.limit(node, symbol, 0, "+")
     if not (limit.is_number and limit.is_finite):
-        raise InvalidSystem(f"the system has no limit: {node} grows without bound")
+        # The parameter 1/k is the symbol of that name.
+        name = str(symbol).removeprefix("1/")
+        words = node if name == str(symbol) else node.xreplace({symbol: 1 / sympy.Symbol(name)})
+        raise InvalidSystem(f"the system has no limit: {words} grows without bound")
     return float(limit)

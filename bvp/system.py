@@ -169,8 +169,9 @@ class ImpactSystem(Matrices):
             vars(self)["smooth_forces"] = known_forces
         mass = square(self.mass, "mass")
         n = mass.shape[0]
-        damping = square(self.damping, "damping", n, symmetric=False)
+        # Stiffness first: damping that is not given has its shape.
         stiffness = square(self.stiffness, "stiffness", n)
+        damping = square(self.damping, "damping", n, symmetric=False)
         diagonal = mass.diagonal()
         if diagonal.min() <= 0.0:
             k = int(np.argmin(diagonal))
@@ -238,7 +239,8 @@ class ImpactSystem(Matrices):
                 raise InvalidSystem(f"{key} is a list of {cls.__name__}; received {shown(elements)}")
             for element in elements:
                 if element.row and len(element.row) != n:
-                    raise InvalidSystem(f"the row of {element.place()} has {len(element.row)} entries; the system has {n} coordinates")
+                    place, entries = element.place(self.coordinates), len(element.row)
+                    raise InvalidSystem(f"the row of {place} has {entries} entries; the system has {n} coordinates")
             if not all(element.nonlinear_only for element in elements):
                 total = getattr(self, name) + linear_part(elements, self.coordinates)
                 object.__setattr__(self, name, read_only(square(total, name, n, symmetric=name == "stiffness")))
@@ -277,7 +279,8 @@ class ImpactSystem(Matrices):
         2.0
         """
         u, v = reals(u), reals(v)
-        total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
+        with np.errstate(invalid="ignore", over="ignore"):
+            total = 0.5 * (np.sum((v @ self.mass) * v, axis=-1) + np.sum((u @ self.stiffness) * u, axis=-1))
         if self.smooth_forces is not None and self.has_potential:
             total = total + self.smooth_forces.energy(u)
         return float(total) if np.ndim(total) == 0 else total

@@ -135,17 +135,21 @@ def _from_curve(
 
 
 def _until_limit(parametric: ParametricSystem, name: str, interval: tuple[float, float]) -> tuple[float, float]:
-    """The range in which smooth orbits are followed: not to 0 in 1/n, where springs become stops."""
+    """The range in which smooth orbits are followed: in 1/n not to 0, if springs become stops there."""
     from branches.released.impact_limit import NEAREST
     from bvp.stiff_springs import stiff_limit
 
     low, high = interval
-    if not name.startswith("1/") or not low < NEAREST < high:
+    if not name.startswith("1/") or not low <= 0.0 < NEAREST < high:
         return interval
     try:
         system, _ = stiff_limit(parametric, name)
     except ValueError as error:
         raise BadInput(f"--in {name} --range {low:g}:{high:g}: {one_line(error)}") from error
+    if system is not None and low < 0.0:
+        raise BadInput(
+            f"--in {name} --range {low:g}:{high:g}: springs become stops at {name} = 0; expected a range from 0, or from above 0"
+        )
     return interval if system is None else (NEAREST, high)
 
 
@@ -236,6 +240,7 @@ def _orbit(
         raise BadInput(f"--keep: {one_line(error)}") from error
     fixed = {match[1]: float(match[2]) for text in keep if (match := _FIXED.fullmatch(text)) and _is_number(match[2])}
     energy, alpha = fixed.get("energy"), fixed.get("quarter_period")
+    place = None  # the quarter period at this energy that the name gives
     for what, value in (("energy", energy), ("quarter_period", alpha)):
         if value is not None and not value > 0.0:
             raise BadInput(f"--keep {what}={value:g}: expected a value above 0")
@@ -244,6 +249,8 @@ def _orbit(
         text = catalogues.named(arguments.name, arguments, scene)
         name = parse_name(text)
         branch = family_named(text, scene, energy, arguments)
+        # The place at another energy says which family is meant.
+        place = name.alpha if name.h in (None, energy) else None
     else:
         given = starts.name_or_orbit(arguments, scene)
         assert not isinstance(given, str)
@@ -252,8 +259,8 @@ def _orbit(
         low, high = (f(begin.h, begin.h if energy is None else energy) for f in (min, max))
         branch = trace(begin, scene=scene, energy=(min(scene.bounds["energy"][0], 0.9 * low), max(scene.bounds["energy"][1], 1.1 * high)))
     if begin is None and (energy is not None or alpha is not None):
-        if energy is None or name.alpha is not None:
-            return select(branch, name, energy, alpha if energy is None else name.alpha)
+        if energy is None or place is not None:
+            return select(branch, name, energy, alpha if energy is None else place)
         return _nearest_along(branch, orbits_of(branch, name, energy), report) or select(branch, name, energy, None)
     if energy is None and alpha is None:
         found = _crossings(branch, name, parametric, names, keep)
@@ -292,9 +299,7 @@ def _is_number(text: str) -> bool:
         return False
 
 
-def _crossings(
-    branch: Branch, name: Name, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]
-) -> list[Orbit]:
+def _crossings(branch: Branch, name: Name, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]) -> list[Orbit]:
     """The orbits of a family in the energy near which the first equation that names the energy or the quarter period holds."""
     from bvp.description import RESERVED
     from bvp.programs import evaluate_program

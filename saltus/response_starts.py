@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ResponseRequest", "add_start_arguments", "check_range", "event_named", "file_and_event", "further",
-    "in_names", "prepare_kernels", "request_of", "require_same_scene", "starts_of",
+    "in_names", "no_such_parameter", "prepare_kernels", "request_of", "require_same_scene", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -263,13 +263,20 @@ def in_names(parametric: ParametricSystem, names: Sequence[str]) -> ParametricSy
         elif name in parametric.derived:
             raise BadInput(f"--in {name}: it is the expression {parametric.derived[name]}; expected one of {', '.join(known)}")
         elif name not in known:
-            raise BadInput(f"--in {name}: no such parameter{nearest(name, known) or '; expected one of ' + ', '.join(known)}")
+            raise no_such_parameter(name, known)
     return parametric
+
+
+def no_such_parameter(name: str, known: Sequence[str]) -> BadInput:
+    """The error for a name of ``--in`` that is no parameter."""
+    if not known:
+        return BadInput(f"--in {name}: no such parameter; the scene has no [parameters]")
+    return BadInput(f"--in {name}: no such parameter{nearest(name, known) or '; expected one of ' + ', '.join(known)}")
 
 
 def check_range(name: str, value: float, interval: tuple[float, float], other: str | None = None) -> None:
     """Refuse a range without the value of the start. other: what else can be done, in words; by default --set."""
-    other = f", or --set {name}=VALUE" if other is None else other
+    other = f", or --set {name.removeprefix('1/')}=VALUE" if other is None else other
     low, high = interval
     if not low <= value <= high:
         raise BadInput(f"--range {low:g}:{high:g} has not the start's value {name} = {value:g}; expected it inside{other}")

@@ -14,7 +14,7 @@ import numpy as np
 
 from branches.figures import style
 from branches.figures.curves import FREQUENCIES, MANY_FOLD, curve_runs, draw_curve, draw_events, frequency_rows, legend_entries, smooth
-from branches.figures.harmonics import draw_harmonics
+from branches.figures.harmonics import COLUMNS, draw_harmonics, harmonic_layout
 from branches.figures.room import Room
 from branches.harmonics import harmonics_in
 from bvp.texts import shown
@@ -58,7 +58,7 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
         With a frequency-energy plot (its frequency axis is logarithmic as well where frequencies rise more than
         twentyfold) and, for each of two coordinates (one, if the system has one), its start velocity
         against energy - the start displacement where no start of the branch has zero displacement. With the columns
-        of `branches.harmonics` it has the harmonics of these coordinates, too.
+        of `branches.harmonics` it has the harmonics of each coordinate, too.
 
     Raises
     ------
@@ -73,17 +73,15 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     names, kinds = [event.id for event in branch.events], [event.type for event in branch.events]
     hollow = _hollow(branch)
     with style.figure_settings():
-        known, coordinates = harmonics_in(branch), branch.system.coordinates
-        content = [(coordinates[k], known[coordinates[k]]) for k in _shown_coordinates(branch.system) if known]
-        figure = style.new_figure(5.4 + 2.2 * bool(content))
+        known = harmonics_in(branch)
+        content = harmonic_layout(list(known))
+        figure = style.new_figure(5.4 + 2.2 * len(content))
         figure.suptitle(f"{style.family_text(branch.label, branch.ends, branch.sequence)}   ({style.system_text(branch.system)})")
-        layout: list[Any] = [["frequency"] * (len(panels) - 1), [panel.name for panel in panels[1:]]]
-        layout += [[f"harmonics-{name}" for name, _ in content]] if content else []
-        mosaic = figure.subplot_mosaic(layout, height_ratios=[1.25, *[1.0] * (len(layout) - 1)])
-        for name, amplitudes in content:
-            axes = mosaic[f"harmonics-{name}"]
-            draw_harmonics(axes, [(energies, amplitudes)], name, legend=name == content[-1][0])
-            style.set_axis(axes, "x", limits, 14 if len(content) == 1 else 7, "energy", "h", log=True)
+        starts = [panel.name for panel in panels[1:] for _ in range(COLUMNS // (len(panels) - 1))]
+        mosaic = figure.subplot_mosaic([["frequency"] * COLUMNS, starts, *content], height_ratios=[1.25, 1.0, *[1.0] * len(content)])
+        if known:
+            amplitudes = np.stack(list(known.values()), axis=2)
+            draw_harmonics(mosaic, list(known), [(energies, amplitudes)], limits, ("energy", "h"), log=True)
         for panel in panels:
             axes, wide = mosaic[panel.name], panel.name == "frequency" or len(panels) == 2
             style.set_axis(axes, "x", limits, 14 if wide else 7, "energy", "h", log=True)
@@ -312,9 +310,7 @@ def _draw_plane(axes: Axes, system: Any, u: np.ndarray, v: np.ndarray, u_at: np.
             axes.set_xlabel(axes.get_xlabel() + "\nthe scales of both axes differ")
 
 
-def _draw_wall(
-    axes: Axes, normal: np.ndarray, bound: float, side: float, limits: Sequence[tuple[float, float]], name: str
-) -> None:
+def _draw_wall(axes: Axes, normal: np.ndarray, bound: float, side: float, limits: Sequence[tuple[float, float]], name: str) -> None:
     """Draw the line normal . x = bound, and shade what lies behind it; the frame cuts both off."""
     if not np.isfinite(bound) or not normal.any():
         return

@@ -12,7 +12,7 @@ import numpy as np
 from branches.admissible import unphysical
 from branches.events import FREE_NORMAL_FORMS, Ended, event_ids
 from branches.family import SETTINGS
-from branches.forced.along_parameters import unbounded
+from branches.forced.along_parameters import parameter_bounds, unbounded
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.closing import with_exact_ends
 from branches.forced.extending import can_go_on, joined, outward
@@ -37,6 +37,9 @@ __all__ = ["OUT_OF_DOMAIN", "SWITCHES", "follow_response", "go_on", "point_insid
 
 SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 """Events at which other families begin."""
+
+_ON_BOUND = 1e-12
+"""Distance from a bound of the parameter, in units of its default, within which it is on the bound."""
 
 OUT_OF_DOMAIN = "DOMAIN"
 """Reason of an end behind which the system cannot have the values of its parameters."""
@@ -222,6 +225,7 @@ def _in_pieces_of(branch: ForcedBranch, other: ForcedBranch) -> ForcedBranch:
 
 def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], origin: str | None) -> ForcedBranch:
     run = with_exact_ends(parameter_family(problem), run)
+    _put_on_bounds(problem, run, interval)
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     events = []
@@ -248,6 +252,16 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     if isinstance(branch, ReleasedBranch):
         return branch.with_orbits([step.extra for step in steps])
     return replace(branch, events=tuple(_with_neighbours(branch, event) for event in events))
+
+
+def _put_on_bounds(problem: ForcedProblem, run: Run, interval: tuple[float, float]) -> None:
+    """Give the first and the last orbit of a run the bound of the parameter from which rounding sets them apart: 0, not 1e-15."""
+    place = 2 * problem.degrees_of_freedom + 1
+    rounding = _ON_BOUND * (abs(problem.values[problem.released[0]]) or 1.0)
+    for point in (run.points[0], run.points[-1]):
+        for bound in parameter_bounds(problem, interval)[0]:
+            if abs(point.step.y[place] - bound) <= rounding:
+                point.step.y[place] = bound
 
 
 def _with_normal_form(problem: ForcedProblem, y: np.ndarray, event: ForcedEvent) -> ForcedEvent:
@@ -277,7 +291,8 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
             if why is not None:
                 return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
     if end.reason is EndReason.EVENT and point.event is not None:
-        text = f"{point.event.code} at {name} = {point.step.parameter:.12g}: {point.event.details.get('note')}"
+        value = problem.parameters(point.step.y)[name]
+        text = f"{point.event.code} at {name} = {value:.12g}: {point.event.details.get('note')}"
     elif end.reason is EndReason.NOT_ASKED and origin is not None:
         return Ended(EndReason.EVENT.name, f"the family begins at {origin}")
     elif end.reason is EndReason.STOP_WHEN:

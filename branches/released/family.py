@@ -16,7 +16,7 @@ from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.kernels import CONDITION_NOISE, TANGENT_NOISE, is_orbit, make_pairs_work
 from branches.solved_family import FAILED, SolvedFamily, step_of
 from bvp.multipoint import MultipointProblem, Solution
-from bvp.released import ReleasedProblem
+from bvp.released import SLACK, ReleasedProblem
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
@@ -85,7 +85,7 @@ class ReleasedFamily(AlongParameters, Family):
         if solution is None:
             return FAILED
         parameter, (low, high) = solution["energy"], self.interval
-        orbit = placed(self.problem, solution.y)
+        orbit = placed(self.problem, self._inside(solution.y))
         if orbit is None:
             if low <= parameter <= high:
                 return FAILED
@@ -107,6 +107,16 @@ class ReleasedFamily(AlongParameters, Family):
             tests[3] = self.problem.rise(solution.y)
         tests[5], tests[6] = parameter - low, high - parameter
         return step_of(solution, solution.result.tolist(), [*tests, *(parameter - value for value in self.values)])._replace(extra=orbit)
+
+    def _inside(self, y: np.ndarray) -> np.ndarray:
+        """The unknowns with the parameter at an end of the interval if it is beyond that by rounding: beyond may be no system."""
+        place = 2 * self.problem.degrees_of_freedom + 1
+        within = min(max(y[place], self.interval[0]), self.interval[1])
+        if within == y[place] or abs(within - y[place]) > SLACK * self._unit:
+            return y
+        found = y.copy()
+        found[place] = within
+        return found
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""

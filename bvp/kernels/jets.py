@@ -91,7 +91,7 @@ def _power(a, c, k, s):
 def extend_jets(program, jets, k, least):
     """Add the coefficients of order k to `jets` (registers, > k); those of the inputs are there.
 
-    A power of |a| is zero where it is not above `least` in size: there it has no expansion."""
+    A power of |a| is zero where a is 0, or where it is not above `least` in size: there it has no expansion."""
     code, numbers = program.code, program.numbers
     for i in range(code.shape[0]):
         operation = code[i, 0]
@@ -124,7 +124,7 @@ def extend_jets(program, jets, k, least):
                     c[0] = math.pow(a[0], s)
                 else:
                     c[0] = math.pow(abs(a[0]), s)
-                    if c[0] <= least:
+                    if c[0] <= least or a[0] == 0.0:
                         c[0] = 0.0
                     elif operation == SIGNED_POWER and a[0] < 0.0:
                         c[0] = -c[0]

@@ -8,9 +8,9 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from saltus import compiling, options, outputs, processes
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
 from saltus.options import ValueType, whole_above_zero
-from saltus.response_starts import require_same_scene
+from saltus.response_starts import no_such_parameter, require_same_scene
 from saltus.terminal import ProgressBar, counted, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -210,8 +210,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[ChartPlan, str, list[str]]:
     parametric = branches[0].problem.parametric
     for name in names:
         if name not in parametric.names:
-            known = ", ".join(parametric.names)
-            raise BadInput(f"--in {name}: no such parameter{nearest(name, parametric.names) or f'; expected one of {known}'}")
+            raise no_such_parameter(name, parametric.names)
     from transitions.chart.plan import GRID, LEVELS, MOST_CURVES, PERIODS, ChartPlan, default_window
 
     window, words = default_window(branches, names)

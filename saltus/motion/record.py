@@ -251,6 +251,26 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
     if record["sticking"] or record["chatter"]:
         chatter = f"chattering ends {len(record['chatter'])} times, each time known to {record['switch_error']:.1e}"
         yield f"sticking {len(record['sticking'])} times, {record['sticking_time']:.10g} in all; {chatter}"
+    runs_away = record["peaks"] is not None and not any(record["peaks"].values())
+    if runs_away:  # the parts of its last energy cancel to rounding
+        yield "shares   not computed: the motion runs away"
+    else:
+        yield from _energy_lines(report, record)
+    if record["peaks"] is None:
+        yield "peaks    not computed: interrupted"
+    elif runs_away:
+        yield "peaks    not computed: the motion runs away"
+    else:
+        peaks = [(name, entry) for entries in record["peaks"].values() for name, entry in entries.items()]
+        rows = [(name, *(f"{entry[key]:.8g}" for key in ("peak", "time", "rms"))) for name, entry in peaks]
+        yield from table_lines(("", "peak", "at time", "rms"), rows, columns="lrrr")
+    yield from _impact_lines(impacts)
+    yield from _stage_lines(report, record)
+
+
+def _energy_lines(report: MotionReport, record: dict[str, Any]) -> Iterator[str]:
+    """Where the energy of a motion went, how well that adds up, and when."""
+    motion = report.motion
     nes, lo = report.shares
     reference = record["shares_of"]
     left = motion.energy / report.reference if report.reference > 0.0 else 0.0
@@ -270,16 +290,6 @@ def motion_lines(report: MotionReport, start: Start, record: dict[str, Any], imp
             for name, at in record["at"].items()
         ]
         yield from table_lines(("dissipated", "time", f"by {first}", f"by {second}"), rows, columns="rrrr")
-    if record["peaks"] is None:
-        yield "peaks    not computed: interrupted"
-    elif not any(record["peaks"].values()):
-        yield "peaks    not computed: the motion runs away"
-    else:
-        peaks = [(name, entry) for entries in record["peaks"].values() for name, entry in entries.items()]
-        rows = [(name, *(f"{entry[key]:.8g}" for key in ("peak", "time", "rms"))) for name, entry in peaks]
-        yield from table_lines(("", "peak", "at time", "rms"), rows, columns="lrrr")
-    yield from _impact_lines(impacts)
-    yield from _stage_lines(report, record)
 
 
 def of_the_start(report: MotionReport, record: dict[str, Any], count: int) -> list[str]:

@@ -45,7 +45,7 @@ def _matrix(key: str, path: Path, where: str) -> list[list[float]]:
         raise BadInput(f"{where} does not exist{nearest(path.name, beside)}")
     try:
         found = _content(path)
-    except (OSError, ValueError, TypeError, NotImplementedError) as error:
+    except Exception as error:  # the readers raise many kinds for a damaged file
         raise BadInput(f"cannot read {where}: {one_line(error)}") from error
     names = [name for name in _NAMES[key] if name in found] if path.suffix != ".mtx" else [""]
     if not names:

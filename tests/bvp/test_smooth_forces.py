@@ -236,7 +236,7 @@ REFUSED = [
     (lambda: Spring(ON, potential=3.0), "the potential of the spring on u2 is a text; received 3.0"),
     (lambda: Damper(ON, damping=1.0, power=0.9), "the power of the damper on u2 is from 1 to 10000; received 0.9"),
     (lambda: Damper(ON), "the damper on u2 has one of damping, polynomial, force; received none"),
-    (lambda: system([Spring((1.0,), stiffness=1.0)]), "the row of the spring on u1 has 1 entries; the system has 2 coordinates"),
+    (lambda: system([Spring((1.0,), stiffness=1.0)]), "the row of the spring on x has 1 entries; the system has 2 coordinates"),
     (lambda: system([Damper(ON, damping=1.0)]), "springs is a list of Spring; received"),
     (lambda: system(), "stops is a list of at least one Stop, springs of at least one Spring, or dampers of at least one Damper"),
     (

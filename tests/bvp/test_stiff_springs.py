@@ -22,6 +22,7 @@ def test_the_effective_clearance_turns_a_motion_at_the_same_time(power, stiffnes
     with mp.workdps(30):
         n = mp.mpf(power) + 1
         turn = (n * mass * mp.mpf(speed) ** 2 / (2 * mp.mpf(stiffness))) ** (1 / n)
+
         # w = turn (1 - y^2): the integrand has no singularity at the turning point
         def rate(y):
             return mp.sqrt(-mp.expm1(n * mp.log1p(-y * y))) / y if 0 < y < 1 else mp.sqrt(n) if y == 0 else mp.mpf(1)
@@ -63,4 +64,8 @@ def test_what_has_no_limit_is_refused():
         description = parametric().describe()
         description["system"]["stiffness"] = [["1/x", 0.0], [0.0, 1.0]]
         stiff_limit(ParametricSystem.from_description(description), "x")
+    with pytest.raises(InvalidSystem, match="the system has no limit: k grows without bound"):
+        spring = {"on": "u1", "stiffness": "k", "power": 3.0}
+        system = {"mass": [[1.0]], "stiffness": [[1.0]], "springs": [spring]}
+        stiff_limit(ParametricSystem({"parameters": {"k": 2.0}, "system": system}).in_reciprocal("k"), "1/k")
     assert math.isfinite(parametric().values["x"])

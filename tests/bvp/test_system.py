@@ -55,6 +55,11 @@ DESCRIPTIONS = [
     ({"model": "vibro_impact_ness"}, "unknown model 'vibro_impact_ness'; known: vibro_impact_nes"),
     ({"model": "vibro_impact_nes", "sigm": 0.1}, "unknown key 'sigm' in model vibro_impact_nes; nearest known: sigma"),
     ({"mass": [[1.0]], "stiffness": [[1.0]]}, "lacks 'stops'"),
+    ({"mass": [[1.0]], "stiffness": np.eye(2).tolist(), "stops": []}, "stiffness is 1 by 1 like mass; received 2 by 2"),
+    (
+        {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [], "coordinates": ["x"], "springs": [{"c": [1.0, 0.0], "stiffness": 1.0}]},
+        "the row of the spring on x has 2 entries; the system has 1 coordinates",
+    ),
     ({"mas": [[1.0]]}, "unknown key 'mas' in the system; nearest known: mass"),
     ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"upper": 1.0}]}, "a stop lacks its gap row 'c'"),
     ({"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "uper": 1.0}]}, "nearest known: upper"),

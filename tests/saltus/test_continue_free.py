@@ -129,6 +129,13 @@ def test_bad_input(capsys, words, expected):
     refused(run(capsys, "continue", "S13+", *words.split()), *expected)
 
 
+def test_a_scene_without_parameters(capsys, tmp_path):
+    matrices = "mass = [[1.0]]\nstiffness = [[1.0]]\n"
+    (tmp_path / "scene.toml").write_text(f'[system]\n{matrices}[[springs]]\non = "u1"\nstiffness = 1.0\npower = 3\n')
+    words = ("--scene", tmp_path / "scene.toml", "--from", "mode:1", "--in", "k", "--range", "0:1", "--keep", "energy=1")
+    refused(run(capsys, "continue", *words), "--in k: no such parameter; the scene has no [parameters]")
+
+
 def test_bad_input_with_a_file(capsys):
     assert run(capsys, "continue", "S13+", "--in", "sigma", "--range", "0.09:0.1", "--keep", "energy=0.5", "--json", "a.json")[0] == 0
     refused(run(capsys, "continue", "--from", "a.json:EP1"), "no other family begins at EP1", "BP, SB, PD, RT, GR")

@@ -47,6 +47,55 @@ def test_a_family_in_a_parameter_has_the_columns(capsys, folder):
         assert abs(float(first[name]) / float(other[name]) - 1.0) < 1e-9
 
 
+CHAIN = """
+[system]
+mass = [[1.0, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.2]]
+stiffness = [[2.0, -1.0, 0.0], [-1.0, 1.8, 0.0], [0.0, 0.0, 0.8]]
+[[springs]]
+between = ["x", "y"]
+polynomial = [0.2, 0.0, 1.1]
+[coordinates]
+names = ["x", "y", "z"]
+"""
+
+
+def test_the_figure_has_a_panel_for_each_coordinate_and_one_legend(capsys, folder):
+    """The third mass is on its own and stays at rest: the legend is that of the two others."""
+    from branches.figures.single import branch_figure
+    from branches.reading import read_branch as read
+
+    (folder / "chain.toml").write_text(CHAIN)
+    words = ("--scene", "chain.toml", "--from", "mode:1", "--energy", "0.1:0.12", "--harmonics", "4", "--json", "a.json", "--plot", "a.png")
+    code, _, err = run(capsys, "continue", *words)
+    assert code == 0 and "legend" not in err
+    panels = {axes.get_ylabel(): axes for axes in branch_figure(read("a.json")).axes}
+    drawn = {name: {line.get_gid() for line in panels[f"amplitude of harmonics of ${name}$"].lines} for name in "xyz"}
+    assert drawn == {"x": {"harmonic-x-1-1", "harmonic-x-3-1"}, "y": {"harmonic-y-1-1", "harmonic-y-3-1"}, "z": set()}
+    (legend,) = (axes.get_legend() for axes in panels.values() if axes.get_legend())
+    assert [text.get_text() for text in legend.get_texts()] == ["1", "3"]
+
+
+def test_the_legend_has_the_harmonics_of_all_panels():
+    """Amplitudes that are given: odd harmonics of x, even ones of y."""
+    from branches.figures import style
+    from branches.figures.harmonics import draw_harmonics, harmonic_layout
+
+    amplitudes = np.zeros((2, 4, 2))
+    amplitudes[:, [1, 3], 0] = amplitudes[:, [0, 2], 1] = 0.5
+    figure = style.new_figure(2.0)
+    mosaic = figure.subplot_mosaic(harmonic_layout(["x", "y"]))
+    draw_harmonics(mosaic, ["x", "y"], [(np.array([1.0, 2.0]), amplitudes)], (1.0, 2.0), ("energy", "h"), log=True)
+    assert [text.get_text() for text in mosaic["harmonics-y"].get_legend().get_texts()] == ["mean", "1", "2", "3"]
+
+
+@pytest.mark.parametrize("count, rows", [(1, [1]), (3, [3]), (4, [2, 2]), (5, [3, 2]), (12, [3, 3, 3, 3])])
+def test_rows_of_panels(count, rows):
+    from branches.figures.harmonics import COLUMNS, harmonic_layout
+
+    layout = harmonic_layout([f"u{k}" for k in range(count)])
+    assert [len(set(row) - {"."}) for row in layout] == rows and {len(row) for row in layout} == {COLUMNS}
+
+
 def test_a_point_that_cannot_be_sampled_says_why(capsys, monkeypatch):
     """Oracle: the words, the note of the point, and null in its place."""
     from branches import harmonics as module

@@ -176,7 +176,23 @@ def test_a_motion_that_runs_away(tmp_path, capsys):
     words = ("--scene", tmp_path / "scene.toml", "--state", "1,0.70710678118654752", "--duration", 5, "--json", tmp_path / "run.json")
     code, out, _ = run(capsys, "run", *words)
     assert code == 1 and "ended    the smooth forces grow beyond" in out and "peaks    not computed: the motion runs away" in out
+    assert "shares   not computed: the motion runs away" in out and "%" not in out and "balance" not in out
     assert json.loads((tmp_path / "run.json").read_text())["duration"] == pytest.approx(np.sqrt(2.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "state, expected",
+    [
+        ("0,2,0,1", "the energy at the start is nan, expected a finite number: the potential of a spring on u2 has no finite value there"),
+        ("0,1,0,1", "the energy at the start is inf, expected a finite number: the potential of a spring on u2 has no finite value there"),
+        ("0,0,1e200,0", "the energy at the start is inf, expected a finite number"),
+    ],
+)
+def test_a_start_without_an_energy_is_refused(tmp_path, capsys, state, expected):
+    """The logarithm of 1 - w has no value beyond w = 1; a square of 1e200 is beyond the range of floats."""
+    matrices = "[system]\nmass = [[1.0, 0.0], [0.0, 0.4]]\nstiffness = [[1.0, -0.2], [-0.2, 0.3]]\n"
+    (tmp_path / "scene.toml").write_text(matrices + '[[springs]]\non = "u2"\npotential = "-log(1 - w) - w"\n')
+    refused(run(capsys, "run", "--scene", tmp_path / "scene.toml", "--state", state, "--duration", 5), expected)
 
 
 @pytest.mark.parametrize("words", [("run", "--impulse", 1, "--duration", 5), ("section", "--energy", 1)])

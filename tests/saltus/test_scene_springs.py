@@ -172,6 +172,8 @@ def write_matrices(folder):
     np.savez(folder / "list.npz", M=MASS[0], K=STIFFNESS)
     (folder / "text.npz").write_text("no archive")
     (folder / "text.mtx").write_text("no matrix")
+    (folder / "text.mat").write_text("no matrix, but as long as a header is\n" * 10)
+    (folder / "short.npz").write_bytes((folder / "both.npz").read_bytes()[:-40])
 
 
 @pytest.mark.parametrize(
@@ -193,6 +195,8 @@ def test_matrices_from_files(tmp_path, mass, stiffness, damping):
         ("boht.npz", "mass = 'boht.npz' does not exist; nearest: both.npz"),
         ("text.npz", "cannot read"),
         ("text.mtx", "cannot read"),
+        ("text.mat", "[system]: mass = 'text.mat': "),
+        ("short.npz", "[system]: mass = 'short.npz': "),
         ("other.npz", "mass = 'other.npz' has no matrix mass or M; it has A"),
         ("list.npz", "mass = 'list.npz' is no matrix of real numbers; received shape (2,)"),
     ],
@@ -212,6 +216,14 @@ WRONG = [
     ("potential = 'w**4'", "potential = 'k4*w**4'", "the spring on y has the symbol k4, which is neither w nor a parameter; nearest: "),
     ('on = "x"', 'on = "z"', "a spring acts on 'z', which is no coordinate; nearest: "),
     ('on = "x"', 'at = "x"', "unknown key 'at' in a spring"),
+    ('on = "x"', "slop = 1.0", "unknown key 'slop' in a spring; nearest known: on"),
+    (
+        "potential = 'w**4'",
+        "potential = 'sqrt(-1)*w**4'",
+        "the spring on y has a number that is not real, or not finite; received 'sqrt(-1)*w**4'",
+    ),
+    ("potential = 'w**4'", "potential = 'log(-1)*w**4'", "the spring on y has a number that is not real, or not finite"),
+    ("potential = 'w**4'", "potential = 'w**4/0'", "the spring on y has a number that is not real, or not finite"),
     ("stiffness = 1.0", "", "the spring on x has one of stiffness, polynomial, potential, force; received none"),
 ]
 TWO = """

@@ -188,12 +188,59 @@ def test_a_family_with_impacts_and_smooth_forces_is_found_by_its_label(capsys):
     assert code == 0 and "start  S11O00-: ends origin, stop-" in out
 
 
+def test_a_range_above_zero_is_followed_to_its_end(capsys):
+    """Oracle: the words. At 0.004, below the value from which the limit is solved, the family ends without a limit."""
+    words = ("S11-", "--scene", "smooth_wall", "--in", "1/n", "--range", "0.004:0.11", "--keep", "energy=1")
+    code, out, _ = run(capsys, "continue", *words, "--direction", "down")
+    assert code == 0 and "EP at 1/n = 0.004: lowest value of 1/n asked for" in out and "limit" not in out
+
+
+HARDENING = """
+[parameters]
+p = 1.5
+[system]
+mass = [[0.7]]
+stiffness = [[1.3]]
+[[springs]]
+on = "u1"
+stiffness = 2.0
+power = "p"
+[bounds]
+energy = [0.1, 2.0]
+quarter_period = 5.0
+impacts = 0
+"""
+
+
+@pytest.mark.parametrize(("name", "interval"), [("p", "1:1.6"), ("1/p", "0.6:1"), ("p", "0:1.6")])
+def test_a_power_is_followed_to_one(capsys, folder, name, interval):
+    """Oracle: with the power 1 the springs are linear: the frequency is the root of (1.3 + 2)/0.7."""
+    (folder / "scene.toml").write_text(HARDENING)
+    words = ("--scene", "scene.toml", "--from", "mode:1", "--in", name, "--range", interval, "--keep", "energy=1", "--json", "a.json")
+    code, out, err = run(capsys, "continue", *words)
+    assert code == 0 and f"end    EP at {name} = 1: " in out, out + err
+    (branch,) = read_json("a.json")["branches"]
+    point = min(branch["points"], key=lambda point: abs(point[name] - 1.0))
+    assert point[name] == 1.0 and point["alpha"] == pytest.approx(0.5 * math.pi * math.sqrt(0.7 / 3.3), rel=1e-9)
+
+
+def test_a_place_says_which_family_is_meant_at_another_energy(capsys):
+    """Oracle: the words. The orbit that is named has another energy than the one that is kept."""
+    assert run(capsys, "continue", "S13+", "--scene", "smooth_wall", "--energy", "4:6", "--points", "3", "--json", "a.json")[0] == 0
+    point = read_json("a.json")["points"][0]
+    name = f"S13+@h={point['h']:.6g},alpha={point['alpha']:.6g}"
+    words = ("--scene", "smooth_wall", "--in", "1/n", "--range", "0.09:0.11", "--keep", "energy=5.5", "--points", "3")
+    code, out, err = run(capsys, "continue", name, *words)
+    assert code == 0 and "from h = 5.5" in out, err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("S13+@h=5", "--in", "1/m", "--range", "0:1"), "--in 1/m: no such parameter; expected one of mu, sigma, n"),
         (("S13+", "--in", "1/n", "--range", "0:1"), "need 1 equation --keep"),
-        (("S13+@h=5", "--in", "1/n", "--range", "0.2:1"), "has not the start's value 1/n = 0.1"),
+        (("S13+@h=5", "--in", "1/n", "--range", "0.2:1"), "has not the start's value 1/n = 0.1; expected it inside, or --set n=VALUE"),
+        (("S13+@h=5", "--in", "1/n", "--range=-1:1"), "springs become stops at 1/n = 0; expected a range from 0"),
     ],
 )
 def test_a_reciprocal_that_cannot_be_followed_is_refused(capsys, arguments, message):

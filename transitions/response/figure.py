@@ -11,7 +11,7 @@ import numpy as np
 
 from branches.figures import style
 from branches.figures.curves import curve_runs, draw_events, legend_entries
-from branches.figures.harmonics import draw_harmonics
+from branches.figures.harmonics import COLUMNS, draw_harmonics, harmonic_layout
 from branches.harmonics import amplitudes_along
 from branches.released.branch import ReleasedBranch
 from branches.released.impact_limit import ImpactLimit, impact_limits
@@ -87,7 +87,7 @@ def response_figure(
     interval : (float, float), optional
         Range of the parameter that is shown.
     harmonics : int, optional
-        Highest harmonic in panels of their own, one for each of the first two coordinates.
+        Highest harmonic in panels of their own, one for each coordinate.
     backbones : sequence of Curve
         Conservative families over their own frequency, as of `transitions.response.backbone.backbone`.
 
@@ -115,12 +115,12 @@ def response_figure(
             column[(branch.parameter < interval[0]) | (branch.parameter > interval[1])] = math.nan
         columns.append(column)
     with style.figure_settings():
-        shown = first.problem.system.coordinates[:2] if harmonics else ()
-        figure = style.new_figure(4.4 + 2.4 * bool(shown))
+        shown = list(first.problem.system.coordinates) if harmonics else []
+        content = harmonic_layout(shown)
+        figure = style.new_figure(4.4 + 2.4 * len(content))
         if title:
             figure.suptitle(title)
-        layout: list[Any] = [["response"] * max(1, len(shown)), *([[f"harmonics-{name}" for name in shown]] if shown else [])]
-        mosaic = figure.subplot_mosaic(layout, height_ratios=[1.6, 1.0][: len(layout)])
+        mosaic = figure.subplot_mosaic([["response"] * COLUMNS, *content], height_ratios=[1.6, *[1.0] * len(content)])
         panel = mosaic["response"]
         codes: set[int] = set()
         kinds: list[str] = []
@@ -150,13 +150,9 @@ def response_figure(
         heights = np.concatenate([limits, *(column.ravel() for column in columns), *(one.y for one in backbones)])
         style.set_axis(panel, "y", style.limits_of(heights), 6, words, symbol)
         style.set_axis(panel, "x", style.limits_of(values, 0.02), 8, x_words, x_symbol)
-        for c, coordinate in enumerate(shown):
-            axes = mosaic[f"harmonics-{coordinate}"]
-            curves = [
-                (along[:, 0], amplitudes_along(branch, harmonics or 0)[:, :, c]) for branch, along in zip(branches, abscissas, strict=True)
-            ]
-            draw_harmonics(axes, curves, coordinate, legend=c == len(shown) - 1)
-            style.set_axis(axes, "x", style.limits_of(values, 0.02), 5, x_words, x_symbol)
+        if harmonics:
+            curves = [(along[:, 0], amplitudes_along(branch, harmonics)) for branch, along in zip(branches, abscissas, strict=True)]
+            draw_harmonics(mosaic, shown, curves, style.limits_of(values, 0.02), (x_words, x_symbol), log=False)
         handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes] + [Line2D([], [], **_BACKBONE)] * bool(backbones)
         for kind, look in style.EVENT_LOOKS.items():
             if kind in kinds:
