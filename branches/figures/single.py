@@ -74,10 +74,10 @@ def branch_figure(branch: Any, *, frequency: str = "index") -> Figure:
     hollow = _hollow(branch)
     with style.figure_settings():
         known = harmonics_in(branch)
-        content = harmonic_layout(list(known))
+        content: list[Any] = harmonic_layout(list(known))
         figure = style.new_figure(5.4 + 2.2 * len(content))
         figure.suptitle(f"{style.family_text(branch.label, branch.ends, branch.sequence)}   ({style.system_text(branch.system)})")
-        starts = [panel.name for panel in panels[1:] for _ in range(COLUMNS // (len(panels) - 1))]
+        starts: Any = [panel.name for panel in panels[1:] for _ in range(COLUMNS // (len(panels) - 1))]
         mosaic = figure.subplot_mosaic([["frequency"] * COLUMNS, starts, *content], height_ratios=[1.25, 1.0, *[1.0] * len(content)])
         if known:
             amplitudes = np.stack(list(known.values()), axis=2)

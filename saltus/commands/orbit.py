@@ -78,4 +78,4 @@ def orbit_lines(orbit: Orbit, name: str) -> list[str]:
         lines.append(f"warning  above h = {HIGHEST:g} the forces of the springs are lost in rounding beside the speeds of the impacts")
     lines.append(f"impacts  {len(orbit.impacts)} in a period")
     impacts = [(f"{impact.time:.14g}", impact.stop, f"{impact.speed:.14g}") for impact in orbit.impacts]
-    return lines + table_lines(("time", "stop", "speed"), impacts, columns="rlr")
+    return lines + (table_lines(("time", "stop", "speed"), impacts, columns="rlr") if impacts else [])

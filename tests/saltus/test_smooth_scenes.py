@@ -122,7 +122,7 @@ def test_a_family_is_followed_in_the_mass_ratio(capsys):
 def test_an_orbit_is_shown_without_impacts(capsys, folder):
     """Oracle: the words, and the figure."""
     code, out, _ = run(capsys, "orbit", "S11-@h=0.1", "--scene", "cubic_nes", "--json", "o.json", "--plot", "o.png")
-    assert code == 0 and "impacts  0 in a period" in out and (folder / "o.png").stat().st_size > 10_000
+    assert code == 0 and out.splitlines()[-3] == "impacts  0 in a period" and (folder / "o.png").stat().st_size > 10_000
     assert read_json("o.json")["orbit"]["label"] == "S11-"
 
 

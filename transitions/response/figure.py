@@ -116,7 +116,7 @@ def response_figure(
         columns.append(column)
     with style.figure_settings():
         shown = list(first.problem.system.coordinates) if harmonics else []
-        content = harmonic_layout(shown)
+        content: list[Any] = harmonic_layout(shown)
         figure = style.new_figure(4.4 + 2.4 * len(content))
         if title:
             figure.suptitle(title)
