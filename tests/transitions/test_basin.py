@@ -23,10 +23,11 @@ from transitions.basin.basin import find_basin
 from transitions.basin.figure import basin_figure
 from transitions.basin.following import CAUGHT, StartFollower
 from transitions.basin.grid import BasinAxis, StartGrid, default_range
-from transitions.basin.identity import same_states
+from transitions.basin.identity import same_states, strobe_states
 from transitions.basin.neighbourhood import neighbourhoods
 from transitions.basin.plan import BasinPlan, path_of
 from transitions.basin.record import IMPOSSIBLE, UNDECIDED, AttractorKind, basin_record, basin_table
+from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle
 
 
@@ -274,3 +275,13 @@ def test_the_record_and_the_table_have_the_same_starts(bistable):
     assert [one["starts"] for one in record["attractors"]] == basin.counts.tolist()
     assert record["impossible"] == np.sum(table["attractor"] == -1) and record["starts"] + record["impossible"] == len(table["attractor"])
     assert list(table) == ["start_u.x", "start_v.x", "attractor", "periods", "impacts"]
+
+
+@pytest.mark.parametrize("late", [0.0, 3e-32, -3e-32])
+def test_a_node_at_the_phase_to_rounding_is_at_it(late):
+    """Oracle: the state of the node. Just before it, a whole period later is the same state."""
+    scene = load_scene("ueda_oscillator", B=1.0)
+    orbit = settled_orbit(path_of(scene.parametric), settle(scene.system, scene.forces))
+    y = np.array(orbit.y)
+    orbit.problem.nodes(y)[0, 2] = late
+    assert np.abs(strobe_states(orbit.problem, y)[0] - orbit.problem.nodes(y)[0, :2]).max() < 1e-12

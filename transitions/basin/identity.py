@@ -38,6 +38,9 @@ _STABLE = 1e-9
 _AGREES = 1e-9
 """Largest relative difference of a parameter of a solved orbit from that of the basin."""
 
+_ROUNDING = 1e-12
+"""Part of a period that is rounding."""
+
 
 def _family_name(problem: ForcedProblem, y: np.ndarray) -> str:
     """The beginning of the id of an orbit's family, `closure:sequence`: that of its primitive orbit."""
@@ -72,7 +75,8 @@ def strobe_states(problem: ForcedProblem, y: np.ndarray, phase: float = 0.0) -> 
     for k in range(p):
         at = (phase / (2.0 * math.pi) + k) / p
         for i, node in enumerate(nodes):
-            time = ((at - float(node[size])) % 1.0) * period
+            later = (at - float(node[size])) % 1.0
+            time = (later if later < 1.0 - _ROUNDING else 0.0) * period  # just before a node is at it
             if time <= times[i]:
                 found[k] = problem.fly(node, time, i)[0]
                 break
