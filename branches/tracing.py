@@ -371,8 +371,10 @@ def event_along(event: Event, backward: bool) -> tuple[str, int, str | None]:
     details = event.details
     label, half_waves, note = details["label"], details["half_waves"], details.get("note")
     if "sides" in details:
-        (label, half_waves), (above, _) = details["sides"][::-1] if backward else details["sides"]
+        (label, half_waves), (above, waves_above) = details["sides"][::-1] if backward else details["sides"]
         becomes = f"{label or 'no label'} becomes {above or 'no label'}"
+        if not label and not above:
+            becomes = f"{max(1, half_waves)} half-waves become {max(1, waves_above)}"
         if event.code == "LB":
             note = becomes
         elif label != above:
