@@ -58,8 +58,8 @@ def stable_at_event(code: str, columns: Mapping[str, np.ndarray], index: int) ->
     """Whether the orbit at an event, a row of the columns of a branch, is stable (1), unstable (0), or undecided (-1): with another
     multiplier far from the unit circle it is unstable."""
     known = int(columns["stable"][index])
-    far = known == 0 and abs(columns["multipliers"][index, 0]) > FAR_OUT if columns["multipliers"].shape[1] else False
-    return -1 if code in UNDECIDED_AT and not far else known
+    unstable = known == 0 and bool(np.any(np.abs(columns["multipliers"][index]) > FAR_OUT))
+    return -1 if code in UNDECIDED_AT and not unstable else known
 
 
 def stability_events(problem: MultipointProblem) -> tuple[str, ...]:

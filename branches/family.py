@@ -236,8 +236,8 @@ class Family(SolvedFamily):
             on_sides.append(location.high.extra)
         elif code == "IO":
             on_sides.append(self._near(before, after.step, location.s, 1, after.step_size if location.s > 0.0 else 0.0))
-        sides = [(str(label_at(self.problem, one.result) or ""), int(one["waves_absorber"])) for one in on_sides]
-        if code == "LB" and len({(label, max(1, waves)) for label, waves in sides}) == 1:
+        sides = [(str(label_at(self.problem, one.result) or ""), max(1, int(one["waves_absorber"]))) for one in on_sides]
+        if code == "LB" and sides[0] == sides[1]:
             return None
         if len(sides) > 1:
             data["sides"] = tuple(sides)

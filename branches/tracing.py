@@ -374,7 +374,7 @@ def event_along(event: Event, backward: bool) -> tuple[str, int, str | None]:
         (label, half_waves), (above, waves_above) = details["sides"][::-1] if backward else details["sides"]
         becomes = f"{label or 'no label'} becomes {above or 'no label'}"
         if not label and not above:
-            becomes = f"{max(1, half_waves)} half-waves become {max(1, waves_above)}"
+            becomes = f"{half_waves} half-waves become {waves_above}"
         if event.code == "LB":
             note = becomes
         elif label != above:
@@ -431,7 +431,7 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
     for event, against in zip(run.events, backward, strict=True):
         columns["stable"][event.index] = stable_at_event(event.code, columns, event.index)
         labels[event.index], half_waves, _ = event_along(event, against)
-        columns["half_waves"][event.index] = max(1, half_waves)
+        columns["half_waves"][event.index] = half_waves
     columns["label"] = labels.astype(str)
     columns["frequency_index"] = columns["half_waves"] * columns["frequency"]
     barriers = [Barrier(event.code, event.index, (float(event.bracket[0]), float(event.bracket[1]))) for event in run.events]

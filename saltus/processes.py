@@ -76,6 +76,7 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
         finally:
             gc.set_threshold(*before)
             pool.shutdown(wait=True, cancel_futures=True)
+            beginner.shutdown()
         return
     try:
         from distributed import Client, KilledWorker

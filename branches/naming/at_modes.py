@@ -130,6 +130,9 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     ('S13O00+', 'S11O00-')
     """
     name = parse_mode(text)
+    outside = system.why_not_inside()
+    if outside is not None:
+        raise NameNotFound(f"{text}: {outside}, so no linear mode exists; expected an orbit, as NAME or from a file")
     if system.smooth_forces is not None:
         return _smooth_orbit(name, system, energy)
     if not system.stops:
@@ -180,10 +183,6 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
     """The orbit of lowest energy of the family of a linear mode, in a system with smooth forces."""
     if name.cover is not None or name.family:
         raise NameNotFound("a family of smooth motion begins once at each linear mode; expected mode:K alone")
-    for stop in system.stops:
-        if not stop.lower < 0.0 < stop.upper:
-            place = f"stop {stop.name} from {stop.lower:g} to {stop.upper:g}"
-            raise NameNotFound(f"mode:{name.number} begins at rest at 0, which is not inside {place}; expected 0 between the bounds")
     ends = ("origin", "rest") if system.has_odd_symmetry else ("rest", "rest")
     problem = MultipointProblem(system, ends, ())
     lowest = energy[0] if energy[0] > 0.0 else LOWEST
@@ -261,9 +260,6 @@ def _mode(number: int, system: ImpactSystem) -> LinearMode:
     if found is not None:
         return found
     frequencies = system.modes.frequencies
-    outside = system.why_not_inside()
-    if outside is not None:
-        raise NameNotFound(f"mode:{number}: {outside}, so no linear mode exists; expected an orbit, as NAME or from a file")
     if number > len(frequencies):
         reason = f"the system has {len(frequencies)} modes"
     elif frequencies[number - 1] == 0.0:

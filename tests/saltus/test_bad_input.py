@@ -145,7 +145,7 @@ CASES = [
     ("continue --scene {softening} --from mode:1 --energy 0.5:1", ["no turning point", "energy h = 0.25", "expected lower energies"]),
     ("continue --scene {softening} --from mode:1 --energy 0.25:1", ["ends at the equilibrium", "energy h = 0.25", "received 0.25, exp"]),
     ("continue --scene {curl} --from mode:1", ["no potential", "on x changes with y unlike that on y with x", "loads and --in NAME\n"]),
-    ("continue --scene {outside} --from mode:1 --energy 0.1:1", ["at rest at 0, which is not inside stop a from 0.3 to 0.5;"]),
+    ("continue --scene {outside} --from mode:1 --energy 0.1:1", ["lies beyond stop a, whose gap coordinate goes from 0.3 to 0.5"]),
     ("continue S13O00+ --scene {asymmetric}", ["mass must be symmetric", "(1, 2) is 2 and (2, 1) is 0.5"]),
     ("continue S13O00+ --scene {deep}", ["cannot read scene", "nested too deeply"]),
     ("continue S13O00+ --scene {here}", ["cannot read scene", "it is a directory"]),
