@@ -218,7 +218,7 @@ def follow_in_blocks(
                 fallback = 0.0
                 if goal.direction is None:
                     goal = Goal(first, np.asarray(taken.steps[0].position) - np.asarray(first.position))
-                arclengths = np.cumsum([arclength, *taken.lengths])[1:]
+                arclengths = np.cumsum(np.concatenate([[arclength], taken.lengths]))[1:]
                 plain = PlainPoints(index + 1, arclengths, taken.strides, taken.steps)
                 for piece in (plain,) if stop_when is None else plain:
                     made = len(piece) if isinstance(piece, PlainPoints) else 1

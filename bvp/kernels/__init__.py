@@ -1,7 +1,7 @@
 """Compiled arithmetic of impacting systems: arrays and numbers in named tuples, without any policy. Comments cite docs/theory.md.
 
     compiled, stored           how kernels are declared and called; where their machine code is kept
-    compiler, entry_point, declared, hook
+    compiler, entry_point, indexing, declared, hook
                               how they are compiled
     flight                    exact flight, and bounds of a linear functional along it
     impact, extrema           next impact; sign changes and extrema of a linear functional

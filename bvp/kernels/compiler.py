@@ -7,6 +7,7 @@ lowered, but have no machine code of their own. Its entry point for Python reads
 import gc
 import importlib
 import inspect
+import operator
 import os
 import re
 from collections.abc import Sequence
@@ -22,7 +23,6 @@ from llvmlite import ir
 from numba.core import cgutils
 from numba.core.codegen import AOTCodeLibrary, AOTCPUCodegen
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.cpu import CPUContext
 from numba.core.registry import CPUDispatcher, CPUTarget
 from numba.core.target_extension import CPU, dispatcher_registry, jit_registry, target_override, target_registry
 from numba.core.targetconfig import ConfigStack
@@ -32,6 +32,7 @@ from numba.np.arrayobj import populate_array
 
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.entry_point import MEMORY, add_entry_points
+from bvp.kernels.indexing import IndexingContext, types_from_first
 from bvp.kernels.lent import MODELS, keep_lent
 from bvp.kernels.passes import Options, Pipeline
 from bvp.kernels.stored import processor, require_imported, symbol
@@ -155,6 +156,14 @@ class _Types(Context):
             self._found[call] = function.get_call_type(self, args, kws)
         return self._found[call]
 
+    def resolve_function_type(self, func, args, kws):
+        if func is operator.getitem:
+            args = args[0], types_from_first(*args)
+        return super().resolve_function_type(func, args, kws)
+
+    def resolve_setitem(self, target, index, value):
+        return super().resolve_setitem(target, types_from_first(target, index), value)
+
 
 class _Target(CPUTarget):
     """Where numba finds the compiler of this target: its own one, with other types and other machine code."""
@@ -165,7 +174,7 @@ class _Target(CPUTarget):
 
     @cached_property
     def _toplevel_target_context(self):
-        context = CPUContext(self.typing_context, self._target_name)
+        context = IndexingContext(self.typing_context, self._target_name)
         context.refresh()
         return context.subtarget(_internal_codegen=_Codegen(), aot_mode=True, data_model_manager=MODELS)
 

@@ -16,13 +16,11 @@ Layout of the factor arrays (m = N + 1 equations a flight, k full flights, c clo
     closing (c, u)        the closing columns, from row 0
     diagonal (k m + c,)   diagonal of R
     factor   (k m + c,)   2 / (v . v) of each reflector (0: no reflection)
-
-Inner loops count without a sign: an index that may be negative is looked at each time.
 """
 
 import math
 
-from numpy import int64, uint64
+from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.cuts import is_cut
@@ -55,46 +53,41 @@ def reflector(column, first, last):
 @kernel
 def reflect(column, first, last, factor, other, shift):
     """other <- (1 - factor v v^T) other, v = column[first:last], `other` shifted by `shift` rows."""
-    v = uint64(first)
-    x = uint64(first + shift)
     total = 0.0
-    for r in range(uint64(last - first)):
-        total += column[v + r] * other[x + r]
+    for r in range(first, last):
+        total += column[r] * other[r + shift]
     total *= factor
-    for r in range(uint64(last - first)):
-        other[x + r] -= total * column[v + r]
+    for r in range(first, last):
+        other[r + shift] -= total * column[r]
 
 
 @kernel
 def _reflect_rows(column, first, last, factor, others, begin, end, shift):
     """The same for the rows begin .. end - 1 of `others`, three at a time: their sums do not wait for each other."""
-    v = uint64(first)
-    x = uint64(first + shift)
-    size = uint64(last - first)
-    a = uint64(begin)
-    while a + uint64(2) < uint64(end):
-        b = a + uint64(1)
-        c = a + uint64(2)
+    a = begin
+    while a + 2 < end:
+        b = a + 1
+        c = a + 2
         along_a = 0.0
         along_b = 0.0
         along_c = 0.0
-        for r in range(size):
-            head = column[v + r]
-            along_a += head * others[a, x + r]
-            along_b += head * others[b, x + r]
-            along_c += head * others[c, x + r]
+        for r in range(first, last):
+            head = column[r]
+            along_a += head * others[a, r + shift]
+            along_b += head * others[b, r + shift]
+            along_c += head * others[c, r + shift]
         along_a *= factor
         along_b *= factor
         along_c *= factor
-        for r in range(size):
-            head = column[v + r]
-            others[a, x + r] -= along_a * head
-            others[b, x + r] -= along_b * head
-            others[c, x + r] -= along_c * head
-        a += uint64(3)
-    while a < uint64(end):
+        for r in range(first, last):
+            head = column[r]
+            others[a, r + shift] -= along_a * head
+            others[b, r + shift] -= along_b * head
+            others[c, r + shift] -= along_c * head
+        a += 3
+    while a < end:
         reflect(column, first, last, factor, others[a], shift)
-        a += uint64(1)
+        a += 1
 
 
 @inlined
@@ -144,9 +137,8 @@ def forward(flights, rows, window, closing, diagonal, right):
         for e in range(rows):
             j = i * rows + e
             total = right[j]
-            x = uint64(base)
-            for r in range(uint64(j - base)):
-                total -= window[j, r] * right[x + r]
+            for r in range(j - base):
+                total -= window[j, r] * right[base + r]
             right[j] = total / diagonal[j]
     first = flights * rows
     for e in range(closing.shape[0]):

@@ -53,7 +53,7 @@ def test_all_that_a_kernel_is_compiled_from_is_hashed(file):
     assert set(stored.sources(file)) == found
 
 
-@pytest.mark.parametrize("name", ["compiler.py", "entry_point.py", "lent.py", "passes.py"])
+@pytest.mark.parametrize("name", ["compiler.py", "entry_point.py", "indexing.py", "lent.py", "passes.py"])
 def test_the_compiler_is_hashed(monkeypatch, name):
     """Oracle: another text of the compiler gives another folder."""
     before = stored._digest("bvp.kernels.flight", "")
@@ -110,6 +110,58 @@ def test_functions_are_compiled_in_kernel_files_alone():
                 if isinstance(node, ast.ImportFrom):
                     assert node.module not in ("bvp.kernels.compiled", "bvp.kernels.compiler", "numba"), file
     assert seen
+
+
+def test_no_kernel_counts_from_the_end_of_an_array():
+    """Oracle: all indices that Python's own parser finds in declared functions. Compiled code does not look at signs."""
+    seen = 0
+    for file in KERNELS:
+        functions = [node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.FunctionDef) and node.decorator_list]
+        for node in (node for function in functions for node in ast.walk(function) if isinstance(node, ast.Subscript)):
+            for part in node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]:
+                for bound in (part.lower, part.upper, part.step) if isinstance(part, ast.Slice) else (part,):
+                    seen += 1
+                    is_negative = isinstance(bound, ast.UnaryOp) and isinstance(bound.op, ast.USub)
+                    assert not is_negative, f"{file}:{node.lineno}"
+    assert seen > 1000
+
+
+INDEXED = """
+import sys
+import numpy as np
+from bvp.kernels.compiled import kernel
+from bvp.kernels import inner
+x, out = np.arange(24.0).reshape(2, 3, 4), np.zeros((5, 4))
+inner.pieces(x, 1, 2, out)
+rows = x[1, 2], x[1, 1:3, 2], x[1, 2, :2], x[1, 2, 2:9], [3.0]
+print(out.tolist() == [[*row, 0.0, 0.0, 0.0][:4] for row in rows])
+"""
+PIECES = """from bvp.kernels.compiled import kernel
+
+
+@kernel
+def pieces(x, i, j, out):
+    for r in range(4):
+        out[0, r] = x[i, j][r]
+    column = x[i, i : j + 1, j]
+    for r in range(column.shape[0]):
+        out[1, r] = column[r]
+    for r in range(j):
+        out[2, r] = x[i, j, :j][r]
+    part = x[i, j, j : j + 7]
+    for r in range(part.shape[0]):
+        out[3, r] = part[r]
+    out[4, 0] = x[:, j:, i][0, j : i].shape[0] + x[i, :, 1:].shape[1]
+"""
+
+
+def test_indices_and_slices_are_those_of_numpy(project):
+    """Oracle: numpy, of indices, of slices beyond an end, of empty ones, and of both together."""
+    copy, inner, _ = project
+    inner.write_text(PIECES)
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA", "PYTHON"))}
+    done = subprocess.run([sys.executable, "-c", INDEXED], cwd=copy, env=clean, capture_output=True, text=True, check=True)
+    assert done.stdout == "True\n"
 
 
 def runner(copy, place):
