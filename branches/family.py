@@ -15,24 +15,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
-from branches.kernels import (
+from branches.kernels.blocks import TestedPoint, WatchedTests, advance_block, tested_step
+from branches.kernels.brackets import narrow_bracket
+from branches.kernels.functions import (
     COMMON,
     SMOOTH_TANGENT_NOISE,
     TANGENT_NOISE,
-    TestedPoint,
-    WatchedTests,
-    advance_block,
     common_tests,
     general_tests,
     is_orbit,
     make_pairs_work,
     periodic_tests,
-    tested_step,
     two_dof_tests,
-)
+)  # fmt: skip
 from branches.orbit import label_at
 from branches.solved_family import FAILED, MOST_ITERATIONS, SINGULAR, SolvedFamily, step_of
-from bvp.kernels.step import CompiledProblem
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution, lost_digits
 from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
@@ -151,7 +148,6 @@ class Family(SolvedFamily):
         self._limits = low, high, longest, SMOOTH_TANGENT_NOISE if problem.is_smooth else TANGENT_NOISE
         self._targets = [level for _, _, level in self._resonant]
         self._work = make_pairs_work(problem)
-        self._metric = np.empty((4, problem.coordinates))
 
     @cached_property
     def _watched(self) -> WatchedTests:
@@ -164,6 +160,10 @@ class Family(SolvedFamily):
         found: tuple[int, int, float] = advance_block(*arguments)
         return found
 
+    def _narrow_bracket(self, *arguments: Any) -> tuple[int, int]:
+        found: tuple[int, int] = narrow_bracket(*arguments)
+        return found
+
     def step(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Step:
         """See `continuation.Problem`. One compiled call takes the step and computes the test functions."""
         problem, unknowns = self.problem, self.problem.unknowns
@@ -172,13 +172,9 @@ class Family(SolvedFamily):
             np.empty(len(RESULT_INDEX)), np.empty(self._computed),
         )  # fmt: skip
         at, along = np.array(y, dtype=float), np.array(tangent, dtype=float)
-        if not tested_step(self._compiled, MOST_ITERATIONS, self._watched, at, along, float(ds), self._metric, point):
+        if not tested_step(self._compiled, MOST_ITERATIONS, self._watched, at, along, float(ds), self._scratch, point):
             return FAILED
         return step_of(Solution(*point[:5]), point.result.tolist(), point.tests[: len(self.tests)].tolist())
-
-    @cached_property
-    def _compiled(self) -> CompiledProblem:
-        return self.problem.compiled()
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:

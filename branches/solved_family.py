@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from branches.kernels import Beginning, Block, GoalPlane, WatchedTests
+from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
+from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, Known, Samples, Sought, make_samples, scan_tests
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
+from bvp.kernels.step import CompiledProblem
 from bvp.multipoint import RESULT_INDEX, Solution
 from continuation.control import Control
 from continuation.problem import Advance, Goal, Recent, Step, TestFunction
@@ -27,6 +30,9 @@ SINGULAR = 1e-5
 
 _ALONG = 0.9  # cosine of the angle up to which two directions of the unknowns are one
 
+
+Place = tuple[float, Step]
+"""A step from an orbit, and its length before it."""
 
 FAILED = Step(False, np.empty(0), np.empty(0), (), 0.0, math.inf, 0, math.inf, math.nan, math.nan, [])
 
@@ -70,13 +76,22 @@ class SolvedFamily:
     """How many test functions it computes; those that are watched come first."""
 
     def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
-        """`branches.kernels.advance`, compiled for this kind of problem."""
+        """`branches.kernels.blocks.advance`, compiled for this kind of problem."""
+        raise NotImplementedError
+
+    def _narrow_bracket(self, *arguments: Any) -> tuple[int, int]:
+        """`branches.kernels.brackets.narrow`, compiled for this kind of problem."""
         raise NotImplementedError
 
     @property
     def _watched(self) -> WatchedTests:
         """The test functions, for that kernel."""
         raise NotImplementedError
+
+    @cached_property
+    def _compiled(self) -> CompiledProblem:
+        # With the fold as the only test function nothing else is computed.
+        return self.problem.compiled(full=self._computed > 1)
 
     def _step(self, solution: Solution | None) -> Step:
         """A solution as the engine sees it, with its test functions."""
@@ -94,11 +109,65 @@ class SolvedFamily:
         """See `continuation.Problem`; the tangent carries higher derivatives behind it (`bvp.multipoint.Solution`)."""
         return self._step(self.problem.step(y, tangent, ds))
 
-    def step_near(self, y: np.ndarray, tangent: np.ndarray, ds: float, guess: np.ndarray) -> Step:
+    def step_between(self, before: Step, s: float, low: Place, high: Place, least_turn: float) -> tuple[Step, bool]:
         """See `continuation.Problem`."""
-        along = tangent[: y.size]
-        # the prediction is y + ds (tangent + ds/2 curvature)
-        return self.step(y, np.concatenate([along, 2.0 * (guess - y - ds * along) / (ds * ds)]), ds)
+        block, _, answer = self._narrow(before, low, high, Sought(float(s), 0, 0.0, least_turn, 0, 0), self._no_samples, 1)
+        return FAILED if answer == REFUSED else AdvancedSteps(block)[0], answer == PASSED_OVER
+
+    def narrow(
+        self, before: Step, low: Place, high: Place, index: int, tolerance: float, least_turn: float, known: Sequence[tuple[float, float]]
+    ) -> list[Place]:
+        """See `continuation.Problem`."""
+        at = next(place for place, (s, _) in enumerate(known) if s == high[0])
+        sought = Sought(math.nan, index, tolerance, least_turn, len(known), at)
+        block, count, _ = self._narrow(before, low, high, sought, make_samples(known, self.problem.unknowns), MOST)
+        return [(float(block.lengths[k, 0]), step) for k, step in enumerate(AdvancedSteps(block)[:count])]
+
+    def _narrow(self, before: Step, low: Place, high: Place, sought: Sought, samples: Samples, rows: int) -> tuple[Block, int, int]:
+        """See `branches.kernels.brackets.narrow`."""
+        y, tangent = _contiguous(before.y, before.tangent)
+        block = self._block(rows)
+        count, answer = self._narrow_bracket(
+            self._compiled, MOST_ITERATIONS, self._watched, y, tangent, _known(*low), _known(*high), sought, samples, self._scratch, block
+        )
+        return self._watched_part(block), count, answer
+
+    @cached_property
+    def _no_samples(self) -> Samples:
+        return make_samples([], self.problem.unknowns)
+
+    @cached_property
+    def _scratch(self) -> np.ndarray:
+        return np.empty((5, self.problem.coordinates))
+
+    def scan(
+        self, places: np.ndarray, rows: np.ndarray, tests: Sequence[int], begin: int, limit: float, guard: bool, zones: Any, hidden: Any,
+        floor: float,
+    ) -> tuple[int, float, float, float]:  # fmt: skip
+        """See `continuation.resolution.scan`."""
+        ends, hides = np.array(zones, dtype=float).reshape(-1, 2), np.array(hidden, dtype=float).reshape(-1, len(self.tests))
+        scratch = np.empty((3, len(places)))
+        found: tuple[int, float, float, float] = scan_tests(
+            places, rows, np.array(tests), begin, float(limit), int(guard), ends, hides, floor, *scratch, np.empty(4, dtype=np.int64)
+        )
+        return found
+
+    def _block(self, rows: int) -> Block:
+        """Space for so many steps."""
+        problem = self.problem
+        return Block(
+            np.empty((rows, problem.unknowns)),
+            np.empty((rows, problem.tangent_size)),
+            np.empty((rows, problem.coordinates)),
+            np.empty((rows, problem.inner + 1, problem.size)),
+            np.empty((rows, len(RESULT_INDEX))),
+            np.empty((rows, self._computed)),
+            np.empty((rows, 2)),
+        )
+
+    def _watched_part(self, block: Block) -> Block:
+        """The same steps with the test functions that are watched."""
+        return block if self._computed == len(self.tests) else block._replace(tests=block.tests[:, : len(self.tests)])
 
     def uncorrected(self, y: np.ndarray) -> Step:
         """A solution as it stands: near a singular point Newton's method would move it."""
@@ -152,41 +221,34 @@ class SolvedFamily:
         return (point, after) if after.converged else None
 
     def _advance(self, recent: Recent, ds: float, goal: Goal, room: int, control: Control) -> Advance:
-        problem = self.problem
-        rows = room + 1
-        places, unknowns = problem.coordinates, problem.unknowns
-        block = Block(
-            np.empty((rows, unknowns)),
-            np.empty((rows, problem.tangent_size)),
-            np.empty((rows, places)),
-            np.empty((rows, problem.inner + 1, problem.size)),
-            np.empty((rows, len(RESULT_INDEX))),
-            np.empty((rows, self._computed)),
-            np.empty((rows, 2)),
-        )
+        places, block = self.problem.coordinates, self._block(room + 1)
         # The compiled code does not look at types: all arrays are contiguous float64.
         step, direction = recent.step, np.full(places, math.nan) if goal.direction is None else goal.direction
-        y, tangent, position, target, along = (
-            np.ascontiguousarray(part, dtype=float) for part in (step.y, step.tangent, step.position, goal.step.position, direction)
-        )
+        y, tangent, position, target, along = _contiguous(step.y, step.tangent, step.position, goal.step.position, direction)
         tests, older, oldest = (np.array(values, dtype=float) for values in (recent.tests, recent.older, recent.oldest))
         beginning = Beginning(y, tangent, position, tests, older, oldest, float(recent.length), float(recent.length_before))
         towards = GoalPlane(target, along)
-        # With the fold as the only test function nothing else is computed.
-        compiled, metric = problem.compiled(full=self._computed > 1), np.empty((5, places))
         count, tried, ds = self._advance_block(
-            compiled, MOST_ITERATIONS, control, self._watched, beginning, towards, float(ds), metric, block
+            self._compiled, MOST_ITERATIONS, control, self._watched, beginning, towards, float(ds), self._scratch, block
         )
-        if 2 * (count + tried) < rows:  # a few rows must not keep the memory of all
+        if 2 * (count + tried) <= room:  # a few rows must not keep the memory of all
             block = Block(*(array[: count + tried].copy() for array in block))
         trial = None
         if tried:
             solution = Solution(block.y[count], block.tangent[count], block.position[count], block.ends[count], block.result[count])
             trial = self._tried(solution, block.tests[count])
-        taken = Block(*(array[:count] for array in block))
-        if self._computed > len(self.tests):
-            taken = taken._replace(tests=taken.tests[:, : len(self.tests)])
+        taken = self._watched_part(Block(*(array[:count] for array in block)))
         return Advance(AdvancedSteps(taken), taken.lengths[:, 0], taken.lengths[:, 1], ds, trial)
+
+
+def _contiguous(*arrays: Any) -> list[np.ndarray]:
+    """Arrays as kernels take them, which do not look at types."""
+    return [np.ascontiguousarray(array, float) for array in arrays]
+
+
+def _known(length: float, step: Step) -> Known:
+    y, tangent = _contiguous(step.y, step.tangent)
+    return Known(length, y, tangent, float(step.turn))
 
 
 def begun_along(family: SolvedFamily, y: np.ndarray, tangent: np.ndarray, scale: np.ndarray) -> Step:

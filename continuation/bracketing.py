@@ -1,13 +1,22 @@
-"""Root of a function in a bracket, with few evaluations: each can be a corrected point of a family."""
+"""Root of a function in a bracket, with few evaluations: each can be a corrected point of a family.
+
+The other functions are arithmetic on sequences or arrays. Kernels compile the same functions.
+"""
 
 from __future__ import annotations
 
-import math
+from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-__all__ = ["RootBracket", "StepRefused", "bracketed_root"]
+__all__ = ["MOST_INTERPOLATED", "RootBracket", "StepRefused", "bracketed_root", "inverse_interpolation", "is_slow", "next_place"]
+
+MOST_INTERPOLATED = 6
+"""Samples that are interpolated, at most."""
+
+_ROUNDING = 2.0**-51
+"""Least distance of two places, as a part of their size."""
 
 _SLOW = 0.1  # bisection follows where neither the bracket is halved nor the value at an end goes down to this part
 _APART = 0.05  # least distance of samples that are interpolated, as a part of the bracket
@@ -74,27 +83,23 @@ def bracketed_root(
         return RootBracket(high, 0.0, high, high)
     if not (value_low < 0 < value_high or value_high < 0 < value_low):
         raise ValueError(f"expected values of different sign at the ends of the bracket, got {value_low!r} and {value_high!r}")
-    samples = sorted([*known, (low, value_low), (high, value_high)])
-    at = samples.index((high, value_high))  # the bracket is between this sample and the one before it
+    places, values = (list(column) for column in zip(*sorted([*known, (low, value_low), (high, value_high)]), strict=True))
+    at = bisect_left(places, high)  # the bracket is between this sample and the one before it
+    scratch = [0.0] * MOST_INTERPOLATED, [0.0] * MOST_INTERPOLATED
     slow, refusals = False, 0
     refused: dict[float, str] = {}
     while True:
-        (low, value_low), (high, value_high) = samples[at - 1 : at + 1]
+        low, high = places[at - 1 : at + 1]
         width = high - low
-        # The ends of the bracket may be nearer to the root than this part of it.
-        least = max(0.5 * tolerance, 2 * math.ulp(max(abs(low), abs(high)))) / width
         interrupted = ""
+        fraction, least = next_place(inverse_interpolation, places, values, len(places), at, tolerance, slow, *scratch)
         if least > 0.5:
             break
-        fraction = 0.5 if slow else (_inverse_interpolation(samples, at) - low) / width
-        if not -least <= fraction <= 1.0 + least:
-            fraction = 0.5
-        fraction = min(max(fraction, least), 1 - least)
-        places: Iterable[float] = (fraction,)
+        parts: Iterable[float] = (fraction,)
         if refusals < _REFUSALS or width > coarse:
             nearby = (fraction + sign * factor * least for sign in (1.0, -1.0) for factor in _BESIDE)
-            places = chain(places, (part for part in nearby if least <= part <= 1.0 - least), _OTHER_PLACES)
-        for part in places:
+            parts = chain(parts, (part for part in nearby if least <= part <= 1.0 - least), _OTHER_PLACES)
+        for part in parts:
             trial = low + part * width
             reason = next((text for place, text in refused.items() if abs(place - trial) < 0.25 * tolerance), "")
             if not reason:
@@ -109,30 +114,65 @@ def bracketed_root(
             break
         if value == 0:
             return RootBracket(trial, 0.0, trial, trial)
-        samples.insert(at, (trial, value))
-        if (value > 0) == (value_high > 0):
-            left, replaced = part, value_high
-        else:
-            left, replaced = 1 - part, value_low
-            at += 1
-        slow = left > 0.5 and abs(value) > _SLOW * abs(replaced)
-    root, value = min(samples[at - 1 : at + 1], key=lambda sample: abs(sample[1]))
-    return RootBracket(root, value, low, high, interrupted)
+        is_beyond = (value > 0) == (values[at] > 0)
+        slow = is_slow(part, value, values[at - 1], values[at])
+        places.insert(at, trial)
+        values.insert(at, value)
+        at += not is_beyond
+    best = at - 1 if abs(values[at - 1]) <= abs(values[at]) else at
+    return RootBracket(places[best], values[best], places[at - 1], places[at], interrupted)
 
 
-def _inverse_interpolation(samples: list[tuple[float, float]], at: int) -> float:
-    """Where a function is zero between sample at - 1 and sample `at`, (place, value) each: the place as a polynomial of the value, by
-    Neville's scheme, through these two and up to two more on either side, neither too near to the others nor beyond an extremum."""
-    low, high = chosen = samples[at - 1 : at + 1]
-    least, rise = _APART * (high[0] - low[0]), high[1] - low[1]
-    for last, way, beyond in ((low, -rise, reversed(samples[: at - 1])), (high, rise, iter(samples[at + 1 :]))):
-        wanted = len(chosen) + 2
-        while len(chosen) < wanted and (sample := next(beyond, None)) and (sample[1] - last[1]) * way > 0.0:
-            if abs(sample[0] - last[0]) > least:
-                chosen.append(sample)
-                last = sample
-    places, values = (list(numbers) for numbers in zip(*chosen, strict=True))
-    for k in range(1, len(places)):
-        for i in range(len(places) - k):
-            places[i] = (values[i + k] * places[i] - values[i] * places[i + 1]) / (values[i + k] - values[i])
-    return places[0]
+def next_place(
+    interpolate: Any, places: Any, values: Any, count: Any, at: Any, tolerance: Any, slow: Any, x: Any, v: Any
+) -> tuple[Any, Any]:
+    """Where to look next for a zero between samples `at` - 1 and `at` of `count`, as a part of the bracket; and the least part that is of
+    use. If that is above 0.5, the bracket is narrow enough.
+
+    interpolate: `inverse_interpolation`. slow: whether to bisect. x, v (MOST_INTERPOLATED,): scratch."""
+    low = places[at - 1]
+    high = places[at]
+    width = high - low
+    # The ends of the bracket may be nearer to the root than this part of it.
+    least = max(0.5 * tolerance, _ROUNDING * max(abs(low), abs(high))) / width
+    if least > 0.5:
+        return 0.5, least
+    fraction = 0.5
+    if not slow:
+        fraction = (interpolate(places, values, count, at, x, v) - low) / width
+        if not -least <= fraction <= 1.0 + least:
+            fraction = 0.5
+    return min(max(fraction, least), 1.0 - least), least
+
+
+def is_slow(part: Any, value: Any, value_low: Any, value_high: Any) -> Any:
+    """Whether to bisect next, from the value at a part of a bracket and those at its ends: neither was the bracket halved, nor did the
+    value at an end go down much."""
+    if (value > 0.0) == (value_high > 0.0):
+        return part > 0.5 and abs(value) > _SLOW * abs(value_high)
+    return 1.0 - part > 0.5 and abs(value) > _SLOW * abs(value_low)
+
+
+def inverse_interpolation(places: Any, values: Any, count: Any, at: Any, x: Any, v: Any) -> Any:
+    """Where a function is zero between sample at - 1 and sample `at`: the place as a polynomial of the value, by Neville's scheme, through
+    these two and up to two more on either side, neither too near to the others nor beyond an extremum. x, v: scratch."""
+    x[0], x[1] = places[at - 1], places[at]
+    v[0], v[1] = values[at - 1], values[at]
+    least = _APART * (x[1] - x[0])
+    rise = v[1] - v[0]
+    size = 2
+    for side in range(2):
+        last = side
+        wanted = size + 2
+        i = at + 1 if side == 1 else at - 2
+        while size < wanted and 0 <= i < count and (values[i] - v[last]) * (rise if side == 1 else -rise) > 0.0:
+            if abs(places[i] - x[last]) > least:
+                x[size] = places[i]
+                v[size] = values[i]
+                last = size
+                size += 1
+            i += 1 if side == 1 else -1
+    for k in range(1, size):
+        for i in range(size - k):
+            x[i] = (v[i + k] * x[i] - v[i] * x[i + 1]) / (v[i + k] - v[i])
+    return x[0]

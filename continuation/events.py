@@ -170,7 +170,7 @@ class EventFinder:
         searching = True
         while searching:
             searching = False
-            for index in tests:
+            for index in resolution.unsettled(tests, limit):
                 test = self._tests[index]
                 for low, high in resolution.changes(index, limit):
                     if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(index, low, high):

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 from bisect import bisect
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, pairwise
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
+import numpy as np
+
+from continuation.between import ASIDE, cubic_between, goes_aside
 from continuation.bracketing import RootBracket, StepRefused, bracketed_root
 from continuation.control import Settings
 from continuation.problem import Point, Problem, Status, Step
-
-if TYPE_CHECKING:
-    import numpy as np
 
 FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 
@@ -27,7 +27,6 @@ JUMP_RATIO = 0.01
 """A zero is found to the location tolerance, so a function with a larger part of its values at the bracket's ends left there jumps."""
 
 _STEEP = 4.0  # so many times steeper than on average a test function may be in the last bracket
-_ASIDE = 0.2  # relative difference of the direction of the unknowns from that between its neighbours, beyond their own difference
 _POLISHED = 1e-5  # a root is not improved that is as near as this part of its bracket to that of a straight line
 _VALID = 1e-3  # a guard is positive at its zero by this part of its value at the valid end of the bracket
 _CHANGES = 16  # of one key in a step; a longer list needs a shorter step
@@ -95,9 +94,12 @@ class Locator:
 
     def __init__(self, problem: Problem, before: Point, ds: float, after: Step, settings: Settings, history: History = ()) -> None:
         self.history = history
-        self._problem = problem
+        self.problem = problem
         self._settings = settings
         self._least_turn = math.cos(settings.maximum_turn)
+        compiled = getattr(problem, "advance", None) is not None
+        self._between: Callable[..., tuple[Step, bool]] | None = getattr(problem, "step_between", None) if compiled else None
+        self._narrow: Callable[..., list[tuple[float, Step]]] | None = getattr(problem, "narrow", None) if compiled else None
         self._before = before.step
         start = before.step._replace(turn=1.0)  # the rotation up to it does not count here
         self._known: dict[float, Step] = {0.0: start, ds: after}
@@ -123,32 +125,39 @@ class Locator:
             return known
         before = self._before
         at = bisect(self.taken, s, key=itemgetter(0))
-        inside = 0 < at < len(self.taken)
-        near, guess = getattr(self._problem, "step_near", None), None
-        if inside:
-            (low, first), (high, last) = self.taken[at - 1], self.taken[at]
-            width = high - low
-            part = (s - low) / width
-            slope, other_slope = self._slope(low, first), self._slope(high, last)
-            guess = first.y + part * part * (3.0 - 2.0 * part) * (last.y - first.y)
-            guess += width * part * (1.0 - part) * ((1.0 - part) * slope - part * other_slope)
-        if guess is None or near is None:
-            step = self._problem.step(before.y, before.tangent, s)
+        aside = False
+        if not 0 < at < len(self.taken):
+            step = self.problem.step(before.y, before.tangent, s)
+        elif self._between is not None:
+            step, aside = self._between(before, s, *self.taken[at - 1 : at + 1], self._least_turn)
         else:
-            step = near(before.y, before.tangent, s, guess)
+            step, aside = self._step_inside(s, *self.taken[at - 1 : at + 1])
         if not step.converged:
             raise StepRefused("a shorter step does not converge")
         if not step.turn >= self._least_turn:
             raise StepRefused(f"the tangent of a shorter step rotates too far (cosine {step.turn:.3g})")
-        if inside:
-            change = other_slope - slope
-            expected = slope + part * change
-            aside = self._slope(s, step) - expected
-            if math.sqrt(aside @ aside) > math.sqrt(change @ change) + _ASIDE * math.sqrt(expected @ expected):
-                raise StepRefused("a shorter step goes over to another family")
+        if aside:
+            raise StepRefused("a shorter step goes over to another family")
+        self._add(at, s, step)
+        return step
+
+    def _add(self, at: int, s: float, step: Step) -> None:
         self._known[s] = step
         self.taken.insert(at, (s, step))
-        return step
+
+    def _step_inside(self, s: float, low: tuple[float, Step], high: tuple[float, Step]) -> tuple[Step, bool]:
+        """The step of length s between two others, and whether it is on another family."""
+        before, near = self._before, getattr(self.problem, "step_near", None)
+        slope, other = self._slope(*low), self._slope(*high)
+        if near is None:
+            step = self.problem.step(before.y, before.tangent, s)
+        else:
+            guess = np.empty_like(before.y)
+            cubic_between(low[1].y, slope, high[1].y, other, low[0], high[0], s, guess)
+            step = near(before.y, before.tangent, s, guess)
+        if not step.converged:
+            return step, False
+        return step, goes_aside(slope, other, (s - low[0]) / (high[0] - low[0]), step.tangent[: step.y.size] / step.turn)
 
     def _slope(self, s: float, step: Step) -> np.ndarray:
         """Derivative of the unknowns at a known step by its length."""
@@ -161,7 +170,7 @@ class Locator:
         """Whether the unknowns change in another direction at one of two known steps than at the other: they are of two families."""
         slope, other = (self._slope(s, self._known[s]) for s in (low, high))
         change = other - slope
-        return math.sqrt(change @ change) > _ASIDE * (math.sqrt(slope @ slope) + math.sqrt(other @ other))
+        return math.sqrt(change @ change) > ASIDE * (math.sqrt(slope @ slope) + math.sqrt(other @ other))
 
     def value(self, index: int, s: float) -> float:
         """Value of a test function at the step of length s; `StepRefused` where it is not defined."""
@@ -191,8 +200,11 @@ class Locator:
         value_low, value_high = self.value(index, low), self.value(index, high)
         scale = max(abs(value_low), abs(value_high))
         coincidence = self._settings.coincidence_tolerance
+        bracket = low, value_low, high, value_high
         known = [(s, value) for s, value in self._values(index) if not low <= s <= high]
-        found = bracketed_root(lambda s: self.value(index, s), low, value_low, high, value_high, tolerance, coincidence, known)
+        if value_low and value_high:
+            bracket, known = self._narrowed(index, bracket, known, tolerance)
+        found = bracketed_root(lambda s: self.value(index, s), *bracket, tolerance, coincidence, known)
         if found.interrupted and not guard:
             line = self._polished(index, found)
             if line.root != found.root and math.isnan(float(self.step(line.root).tests[index])):
@@ -220,6 +232,25 @@ class Locator:
         if guard and kind == "zero":
             self.ends.append(between)
         return Location(kind, status, found.root, self.step(found.root), residual, *ends, found.interrupted, between=between)
+
+    def _narrowed(
+        self, index: int, bracket: tuple[float, float, float, float], known: list[tuple[float, float]], tolerance: float
+    ) -> tuple[tuple[float, float, float, float], list[tuple[float, float]]]:
+        """The bracket of a zero, as narrow as the problem itself makes it, and the values outside it."""
+        low, value_low, high, value_high = bracket
+        at = bisect(self.taken, low, key=itemgetter(0))
+        if self._narrow is None or self.taken[at][0] != high:
+            return bracket, known
+        samples = sorted([*known, (low, value_low), (high, value_high)])
+        for s, step in self._narrow(self._before, *self.taken[at - 1 : at + 1], index, tolerance, self._least_turn, samples):
+            self._add(bisect(self.taken, s, key=itemgetter(0)), s, step)
+            value = float(step.tests[index])
+            if math.isnan(value):
+                continue
+            is_beyond = (value > 0.0) == (value_high > 0.0)
+            known.append((high, value_high) if is_beyond else (low, value_low))
+            low, value_low, high, value_high = (low, value_low, s, value) if is_beyond else (s, value, high, value_high)
+        return (low, value_low, high, value_high), known
 
     def is_at_an_end(self, location: Location) -> bool:
         """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie
@@ -270,7 +301,7 @@ class Locator:
 
         An event's point is the first with the new key, or the last with the old key where the family ends.
         """
-        test = self._problem.tests[index]
+        test = self.problem.tests[index]
         changes: list[Location] = []
         samples = [(s, key) for s, key in ((s, float(step.tests[index])) for s, step in self.taken if s <= limit) if key == key]
         for (low, key), (last, other) in pairwise(samples):

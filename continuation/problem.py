@@ -333,6 +333,10 @@ class Problem(Protocol):
     - ``advance(recent, ds, goal, room, control) -> Advance``: many plain steps at once, for speed alone (see `Advance`).
     - ``failure(y, tangent, ds) -> str``: words for where steps fail.
     - ``step_near(y, tangent, ds, guess) -> Step``: the step of duty 3 with its corrector started at the unknowns `guess`.
+    - ``step_between(before, s, low, high, least_turn) -> (Step, bool)``, beside `advance`: the step of length s, its corrector started at
+      the cubic through two known steps (pairs of length and `Step`); and whether it is on another family than these.
+    - ``narrow(before, low, high, index, tolerance, least_turn, known) -> list``, beside `advance`, for speed alone: steps that close in
+      on a zero of test `index` between two known steps as `continuation.bracketing.bracketed_root` does. `known`: the samples in order.
     - ``refined(index, at) -> Step | None``: the event of test `index` to full accuracy, where steps bring it no nearer than the step `at`
       (whose tangent and turn it has); None if that is as near as it gets.
     - ``beyond(at) -> (Step, Step) | None``: the branch point just ahead of the step `at`, and the point of the family as far behind it.

@@ -1,21 +1,24 @@
-"""Sampling of a test function inside one step, fine enough that no pair of zeros can hide between two samples."""
+"""Sampling of a test function inside one step, fine enough that no pair of zeros can hide between two samples.
+
+The functions are arithmetic on sequences or arrays. Kernels compile them.
+"""
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_left, bisect_right
-from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import compress, pairwise
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, may_hide
 from continuation.location import Locator
 from continuation.problem import Step, TestFunction
 
-__all__ = ["Resolution", "Zone"]
+__all__ = ["Resolution", "Zone", "bends", "longest_division", "nodes_around", "scan"]
 
 _MOST = 256  # corrected points inside a step; a step that needs more is refused and halved
 _CORES = 2.0  # samples approach a place where a test function is undefined to within this many times its width
@@ -41,20 +44,6 @@ class Zone(NamedTuple):
         return test is self.test or test.code in self.test.absorbs
 
 
-class _Interval(NamedTuple):
-    """An interval between two neighbouring places: the number of the first, both, these with the places next to them as a number, the
-    numbers of the four places of the second differences over it, and the distances of one, and of two of them. Without so many places it
-    has no nodes."""
-
-    first: int
-    low: float
-    high: float
-    around: int
-    nodes: list[int]
-    apart: tuple[float, float, float]
-    wide: tuple[float, float]
-
-
 @dataclass(eq=False)
 class Resolution:
     """The test functions of one step.
@@ -69,12 +58,22 @@ class Resolution:
     locator: Locator
     floor: float
     zones: list[Zone] = field(default_factory=list)
-    _around: dict[tuple[float, ...], int] = field(default_factory=dict)  # an interval with the places next to it -> its number
-    _resolved: dict[int, set[int]] = field(default_factory=lambda: defaultdict(set))
-    _places: list[float] = field(default_factory=list)
-    _rows: list[list[float]] = field(default_factory=list)  # the values of all test functions at each of them
-    _intervals: dict[tuple[float, ...], list[_Interval]] = field(default_factory=dict)  # by the places that they are between
-    _found: dict[tuple[int, float, bool], tuple[Sequence[tuple[float, float]], int, int]] = field(default_factory=dict)
+    _samples: int = 0
+    _places: Any = ()
+    _rows: Any = ()  # the values of all test functions at each place
+
+    def __post_init__(self) -> None:
+        self._compiled: Callable[..., tuple[int, float, float, float]] | None = getattr(self.locator.problem, "scan", None)
+
+    def unsettled(self, tests: Sequence[int], limit: float, *, guard: bool = False) -> Iterator[int]:
+        """Those of some test functions, in order, that can have a change of sign, seen when it is their turn."""
+        place = 0
+        while True:
+            place, *_ = self._scan(tests, place, limit, guard)
+            if place == len(tests):
+                return
+            yield tests[place]
+            place += 1
 
     def changes(self, index: int, limit: float, *, guard: bool = False) -> Sequence[tuple[float, float]]:
         """Neighbouring samples between which a test function changes sign, after dividing all intervals where it could do so twice.
@@ -87,37 +86,12 @@ class Resolution:
         StepRefused
             A sample cannot be taken, or too many are needed.
         """
-        taken = self.locator.taken
-        found, *of = self._found.get((index, limit, guard), ((), 0, 0))
-        if of == [len(taken), len(self.zones)]:
-            return found
-        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
         while True:
-            if len(self._places) != len(self.locator.history) + len(taken):  # a step was taken since
-                self._places = [s for s, _ in self.locator.history] + [s for s, _ in taken]
-                rows = [*(values for _, values in self.locator.history), *(step.tests for _, step in taken)]
-                # Lists have floats already; items of arrays are slower.
-                self._rows = [row if type(row) is list else list(map(float, row)) for row in rows]
-                self._intervals.clear()
-            # Where the test function is to be trusted, its values there, and where it is not.
-            places, gaps = self._places[: bisect_right(self._places, limit)], list[float]()
-            values = [row[index] for row in self._rows[: len(places)]]
-            if zones or not math.isfinite(sum(values)):
-                trusted = [v == v for v in values]
-                for zone in zones:
-                    trusted = [sure and not zone.low < s < zone.high for s, sure in zip(places, trusted, strict=True)]
-                gaps = [s for s, sure in zip(places, trusted, strict=True) if not sure]
-                values = list(compress(values, trusted))
-                places = list(compress(places, trusted))
-            intervals = self._intervals.get(tuple(places))
-            if intervals is None:
-                intervals = self._intervals[tuple(places)] = self._intervals_between(places)
-            division = self._unresolved(intervals, values, gaps, guard, self._resolved[index])
-            if division is None:
+            _, low, high, part = self._scan([index], 0, limit, guard)
+            if not high > low:
                 break
-            if len(taken) > _MOST:
+            if len(self.locator.taken) > _MOST:
                 raise StepRefused(f"the test functions need more than {_MOST} samples")
-            low, high, part = division
             for shift in _ELSEWHERE:
                 try:
                     self.locator.step(low + min(max(part + shift, _NEAR_END), 1.0 - _NEAR_END) * (high - low))
@@ -126,13 +100,30 @@ class Resolution:
                     cause = refused
             else:
                 raise cause
-        changes: list[tuple[float, float]] = []
-        if values and min(values) <= 0.0 < max(values):
-            for (low, a), (high, b) in pairwise(zip(places, values, strict=True)):
-                if low >= 0.0 and (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard):
-                    changes.append((low, high))
-        self._found[index, limit, guard] = changes, len(taken), len(self.zones)
-        return changes
+        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
+        samples = ((s, float(step.tests[index])) for s, step in self.locator.taken if s <= limit)
+        sure = [(s, value) for s, value in samples if value == value and not any(zone.low < s < zone.high for zone in zones)]
+        return [(low, high) for (low, a), (high, b) in pairwise(sure) if (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard)]
+
+    def _scan(self, tests: Sequence[int], begin: int, limit: float, guard: bool) -> tuple[int, float, float, float]:
+        """See `scan`."""
+        taken, history = self.locator.taken, self.locator.history
+        if self._samples != len(taken):
+            self._samples = len(taken)
+            self._places = [s for s, _ in history] + [s for s, _ in taken]
+            # Lists have floats already; items of arrays are slower.
+            rows = [*(values for _, values in history), *(step.tests for _, step in taken)]
+            self._rows = [row if type(row) is list else list(map(float, row)) for row in rows]
+            if self._compiled is not None:
+                self._places, self._rows = np.array(self._places), np.array(self._rows)
+        zones = [(zone.low, zone.high) for zone in self.zones]
+        hidden = [[float(zone.hides(test)) for test in self.tests] for zone in self.zones]
+        if self._compiled is not None:
+            return self._compiled(self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor)
+        size = len(self._places)
+        scratch = [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4
+        functions = longest_division, may_hide, nodes_around, bends
+        return scan(*functions, self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor, *scratch)
 
     def absorbed(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> bool:
         """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code.
@@ -189,90 +180,157 @@ class Resolution:
             return place
         return beyond
 
-    def _intervals_between(self, places: list[float]) -> list[_Interval]:
-        """The intervals of a step between places in order, the longest first, without those up to the length `floor`."""
-        found = []
-        for j in range(bisect_left(places, 0.0), len(places) - 1):
-            if places[j + 1] - places[j] > self.floor:
-                around = self._around.setdefault(tuple(places[max(j - 1, 0) : j + 3]), len(self._around))
-                nodes, apart, wide = _nodes(places, j), (0.0, 0.0, 0.0), (0.0, 0.0)
-                if len(nodes) == 4:
-                    p, q, r, s = [places[i] for i in nodes]
-                    apart, wide = (q - p, r - q, s - r), (r - p, s - q)
-                found.append(_Interval(j, places[j], places[j + 1], around, nodes if len(nodes) == 4 else [], apart, wide))
-        return sorted(found, key=lambda interval: interval.low - interval.high)
 
-    def _unresolved(
-        self, intervals: list[_Interval], values: Sequence[float], gaps: list[float], guard: bool, resolved: set[int]
-    ) -> tuple[float, float, float] | None:
-        """The longest interval that is to be divided, and where.
+def scan(
+    divide: Any, hides: Any, nodes: Any, bend: Any, places: Any, rows: Any, tests: Any, begin: Any, limit: Any, guard: Any, zones: Any,
+    hidden: Any, floor: Any, kept: Any, values: Any, gaps: Any, chosen: Any,
+) -> Any:  # fmt: skip
+    """The first of some test functions, from number `begin` on, that changes its sign or has an interval to be divided.
 
-        The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. resolved: the
-        intervals that need no division, each with the places next to it; the function adds those that it finds."""
-        longest, division = self.floor, None
-        for j, low, high, around, nodes, apart, wide in intervals:
-            a, b, length = values[j], values[j + 1], high - low
-            if length <= longest:
+    Parameters
+    ----------
+    divide, hides, nodes, bend : functions
+        `longest_division`, `continuation.control.may_hide`, `nodes_around` and `bends`.
+    places : (P,) float
+        Of the samples, in order.
+    rows : (P, T) float
+        The values of all test functions there.
+    tests : (K,) int
+    limit, guard
+        Of `Resolution.changes`.
+    zones : (Z, 2) float
+        Ends of the zones.
+    hidden : (Z, T) float
+        1 where a test function has no certain sign in a zone.
+    floor : float
+    kept, values, gaps, chosen
+        Scratch: (P,) three times, and (4,) int.
+
+    Returns
+    -------
+    int, float, float, float
+        Its number among `tests`, or K; and the interval that is to be divided and where. Without one, its ends are in the wrong order.
+    """
+    for k in range(begin, len(tests)):
+        index = tests[k]
+        count = 0
+        between = 0
+        changes = False
+        for i in range(len(places)):
+            s = places[i]
+            if s > limit:
                 break
-            if guard and not a > 0.0:
+            value = rows[i][index]
+            sure = value == value
+            for z in range(len(zones)):
+                if hidden[z][index] > 0.0 and zones[z][0] < s < zones[z][1]:
+                    sure = False
+            if not sure:
+                gaps[between] = s
+                between += 1
                 continue
-            inside = [gap for gap in gaps if low < gap < high] if gaps else gaps
-            if inside:
-                low, high = max((low, inside[0]), (inside[-1], high), key=lambda side: side[1] - side[0])
-                if high - low > max(longest, _CORES * max(inside[-1] - inside[0], self.floor)):
-                    longest, division = high - low, (low, high, 0.5)
-                continue
-            if (a > 0.0) is not (b > 0.0) or around in resolved:
-                continue
-            if not nodes:
-                longest, division = length, (low, high, 0.5)
-                continue
-            first, last = _bends([values[i] for i in nodes], apart, wide)
-            if may_hide(a, b, length, first, last):
-                sign = 1.0 if a > 0.0 else -1.0
-                bend = max(sign * first, sign * last) * length * length
-                part = 0.5 - 0.5 * sign * (b - a) / bend if bend > 0.0 else 0.5
-                longest, division = length, (low, high, part if _NEAR_END < part < 1.0 - _NEAR_END else 0.5)
+            if count > 0 and kept[count - 1] >= 0.0 and (values[count - 1] > 0.0) != (value > 0.0):
+                changes = changes or not guard or values[count - 1] > 0.0
+            kept[count] = s
+            values[count] = value
+            count += 1
+        low, high, part = divide(hides, nodes, bend, kept, values, count, gaps, between, floor, guard, chosen)
+        if changes or high > low:
+            return k, low, high, part
+    return len(tests), 0.0, -1.0, 0.5
+
+
+def longest_division(
+    hides: Any, nodes: Any, bend: Any, places: Any, values: Any, count: Any, gaps: Any, between: Any, floor: Any, guard: Any, chosen: Any
+) -> Any:
+    """The longest interval that is to be divided, and where; its ends are in the wrong order where there is none.
+
+    The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. gaps: the places where
+    the test function is not to be trusted, `between` in number. The other arguments are those of `scan`."""
+    longest = floor
+    found_low = 0.0
+    found_high = -1.0
+    found_part = 0.5
+    for j in range(count - 1):
+        low = places[j]
+        high = places[j + 1]
+        length = high - low
+        a = values[j]
+        b = values[j + 1]
+        if low < 0.0 or length <= longest or (guard and not a > 0.0):
+            continue
+        first = high
+        last = low
+        for i in range(between):
+            if low < gaps[i] < high:
+                first = min(first, gaps[i])
+                last = max(last, gaps[i])
+        if last > low:
+            if first - low >= high - last:
+                high = first
             else:
-                resolved.add(around)
-        return division
+                low = last
+            if high - low > max(longest, _CORES * max(last - first, floor)):
+                longest = high - low
+                found_low, found_high, found_part = low, high, 0.5
+            continue
+        if (a > 0.0) != (b > 0.0):
+            continue
+        part = 0.5
+        if nodes(places, count, j, chosen) == 4:
+            bend_first, bend_last = bend(places, values, chosen)
+            if not hides(a, b, length, bend_first, bend_last):
+                continue
+            sign = 1.0 if a > 0.0 else -1.0
+            most = max(sign * bend_first, sign * bend_last) * length * length
+            if most > 0.0:
+                part = 0.5 - 0.5 * sign * (b - a) / most
+            if not _NEAR_END < part < 1.0 - _NEAR_END:
+                part = 0.5
+        longest = length
+        found_low, found_high, found_part = low, high, part
+    return found_low, found_high, found_part
 
 
-def _nodes(places: list[float], j: int) -> list[int]:
-    """The ends of interval j with its neighbours on both sides; at an end of the places, with two on one side.
+def nodes_around(places: Any, count: Any, j: Any, chosen: Any) -> Any:
+    """The ends of interval j with its neighbours on both sides; at an end of the places, with two on one side. Returns their number.
 
     A neighbour closer than a part of the interval is passed over.
     """
     least = _APART * (places[j + 1] - places[j])
-    first, last = j, j + 1
-    if 0 < j < len(places) - 2 and places[j] - places[j - 1] >= least and places[j + 2] - places[last] >= least:
-        return [j - 1, j, j + 1, j + 2]  # as nearly always
-    nodes = [first, last]
-    for backward in (True, False, True, False):  # one on each side; the second round only where a side has none
-        if len(nodes) == 4:
+    first = j
+    last = j + 1
+    chosen[0] = j
+    chosen[1] = j + 1
+    size = 2
+    for turn in range(4):  # one on each side; the second round only where a side has none
+        if size == 4:
             break
-        if backward:
+        if turn % 2 == 0:
             i = first - 1
             while i >= 0 and places[first] - places[i] < least:
                 i -= 1
             if i >= 0:
-                nodes.insert(0, i)
+                for k in range(size, 0, -1):
+                    chosen[k] = chosen[k - 1]
+                chosen[0] = i
                 first = i
+                size += 1
         else:
             i = last + 1
-            while i < len(places) and places[i] - places[last] < least:
+            while i < count and places[i] - places[last] < least:
                 i += 1
-            if i < len(places):
-                nodes.append(i)
+            if i < count:
+                chosen[size] = i
                 last = i
-    return nodes
+                size += 1
+    return size
 
 
-def _bends(values: Sequence[float], apart: Sequence[float], wide: Sequence[float]) -> tuple[float, float]:
-    """The two second divided differences of the values at four nodes, with the distances of one, and of two of these; 0 where a value is
-    infinite."""
-    p, q, r, s = values
-    middle = (r - q) / apart[1]
-    first = (middle - (q - p) / apart[0]) / wide[0]
-    last = ((s - r) / apart[2] - middle) / wide[1]
+def bends(places: Any, values: Any, chosen: Any) -> Any:
+    """The two second divided differences of the values at four nodes; 0 where a value is infinite."""
+    p, q, r, s = places[chosen[0]], places[chosen[1]], places[chosen[2]], places[chosen[3]]
+    middle = (values[chosen[2]] - values[chosen[1]]) / (r - q)
+    first = (middle - (values[chosen[1]] - values[chosen[0]]) / (q - p)) / (r - p)
+    last = ((values[chosen[3]] - values[chosen[2]]) / (s - r) - middle) / (s - q)
     return first if math.isfinite(first) else 0.0, last if math.isfinite(last) else 0.0

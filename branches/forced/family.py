@@ -15,9 +15,10 @@ import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
-from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests
+from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
 from branches.forced.resonance import RESONANCE, resonances_around
-from branches.kernels import WatchedTests, is_orbit
+from branches.kernels.blocks import WatchedTests
+from branches.kernels.functions import is_orbit
 from branches.released.family import ReleasedFamily
 from branches.solved_family import FAILED, SINGULAR, SolvedFamily, step_of
 from bvp.forced import ForcedProblem
@@ -121,6 +122,10 @@ class ForcedFamily(AlongParameters, SolvedFamily):
 
     def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
         found: tuple[int, int, float] = advance_forced_block(*arguments)
+        return found
+
+    def _narrow_bracket(self, *arguments: Any) -> tuple[int, int]:
+        found: tuple[int, int] = narrow_forced_bracket(*arguments)
         return found
 
     def _step(self, solution: Solution | None) -> Step:

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from branches.kernels import advance, first_tests
+from branches.kernels.blocks import advance, first_tests
+from branches.kernels.brackets import narrow
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.forced import LoadedSegment
 from bvp.kernels.stroboscopic import Stroboscopic, stroboscopic_tests
 
-__all__ = ["PLAIN", "ForcedWork", "advance_forced_block", "forced_tests"]
+__all__ = ["PLAIN", "ForcedWork", "advance_forced_block", "forced_tests", "narrow_forced_bracket"]
 
 PLAIN = 9
 """Test functions that every forced family has, before those of values that are asked for."""
@@ -84,5 +85,11 @@ def no_first_tests(segment, result, limits, out):
 
 @kernel
 def advance_forced_block(compiled, most, control, watched, beginning, goal, ds, metric, block):
-    """See `branches.kernels.advance`."""
+    """See `branches.kernels.blocks.advance`."""
     return advance(compiled, most, control, watched, beginning, goal, ds, metric, block)
+
+
+@kernel
+def narrow_forced_bracket(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block):
+    """See `branches.kernels.brackets.narrow`."""
+    return narrow(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block)

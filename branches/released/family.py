@@ -13,7 +13,7 @@ import numpy as np
 
 from branches.family import Family
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
-from branches.kernels import CONDITION_NOISE, TANGENT_NOISE, is_orbit, make_pairs_work
+from branches.kernels.functions import CONDITION_NOISE, TANGENT_NOISE, is_orbit, make_pairs_work
 from branches.solved_family import FAILED, SolvedFamily, step_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import SLACK, ReleasedProblem
@@ -97,7 +97,7 @@ class ReleasedFamily(AlongParameters, Family):
         tests = self._values_at(orbit.problem, orbit, orbit.result.tolist(), work)
         # The slope in the energy, nan where it is rounding, and the determinant have the same orientation, which is as it comes.
         tests[7] = tests[0] * math.copysign(1.0, orbit["branching"]) if self._folds_apart else math.nan
-        # Along a family of one value of the parameter the slope is rounding, and near a branch point: see `branches.kernels.common_tests`.
+        # Along a family of one value of the parameter the slope is rounding, and near a branch point: see `common_tests`.
         slope, unit = abs(solution["slope"]), solution["steepness"] * self._unit
         certain = (
             slope * solution["branching"] ** 2 > TANGENT_NOISE * unit and slope * solution["conditioning"] ** 2 > CONDITION_NOISE * unit

@@ -1,5 +1,5 @@
-"""The compiled advance of a family. Oracle: the engine's run step by step, which calls the same kernels from Python: the same points to
-rounding, the same events, the same ends."""
+"""The compiled advance of a family, and the compiled search for its events. Oracle: the engine's run step by step in Python: the same
+points to rounding, the same events, the same ends."""
 
 import numpy as np
 import pytest
@@ -17,9 +17,10 @@ from tests.bvp.orbits import chains
 
 
 class OneByOne(Family):
-    """A family that does not advance."""
+    """A family that does not advance: the engine takes each step, and looks for events by itself."""
 
     advance = None
+    scan = None
 
 
 def problem_and_start(name, windows=None):

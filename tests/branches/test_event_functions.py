@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from branches.family import RESONANCES, multiplication
-from branches.kernels import COMMON, TANGENT_NOISE, common_tests, two_dof_tests
+from branches.kernels.functions import COMMON, TANGENT_NOISE, common_tests, two_dof_tests
 from bvp.kernels.multipoint import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]

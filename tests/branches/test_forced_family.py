@@ -23,6 +23,27 @@ def events_of(run, *codes):
     return [event for event in run.events if event.code in codes]
 
 
+class OneByOne(ForcedFamily):
+    """A family whose events the engine locates by itself."""
+
+    scan = None
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.advance = None
+
+
+def test_compiled_location_gives_the_events_of_the_engine(one_impact):
+    """Oracle: the same run step by step in Python."""
+    problem, run = one_impact
+    alone = follow_both_ways(OneByOne(problem, (-3.0, 1.0)), run.points[len(run.points) // 2].step.y, SETTINGS)
+    together = follow_both_ways(ForcedFamily(problem, (-3.0, 1.0)), run.points[len(run.points) // 2].step.y, SETTINGS)
+    assert len(run.events) > 3
+    for one, other in zip(alone.events, together.events, strict=True):
+        assert one.code == other.code and one.details == other.details
+        assert abs(one.arclength - other.arclength) < 1e-12 and abs(one.point.parameter - other.point.parameter) < 1e-13
+
+
 @pytest.fixture(scope="module")
 def one_impact():
     """x'' + x = cos(2.8 t), r = 0.8, one impact a period, in the place of the stop."""

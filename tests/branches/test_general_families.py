@@ -16,7 +16,7 @@ import pytest
 
 from benchmarks.saltation import saltation_multipliers
 from branches.family import RESONANCES, SETTINGS, Family, multiplication
-from branches.kernels import COMMON
+from branches.kernels.functions import COMMON
 from branches.linear_modes import beginnings, linear_modes
 from branches.tracing import follow_family
 from bvp.closures import cycle_of
