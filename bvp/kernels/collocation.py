@@ -13,10 +13,9 @@ import math
 from numpy import int64
 
 from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.flight import set_2
 from bvp.kernels.jets import call_forces
 from bvp.kernels.linear import factorise
-from bvp.kernels.sources import ORDER, begin_column, expand_sources, plus_source_now, source_terms, sources_at
+from bvp.kernels.sources import ORDER, column_source, expand_sources, plus_source_now, source_terms, sources_at
 from bvp.kernels.taylor import DEFECT, ROUNDING
 
 EXTRAPOLATED = 10
@@ -257,15 +256,14 @@ def _worst_defect(flight, at, h):
 def _carry_columns(flight, at, h):
     """The accelerations of the columns at the points, in stages.right, from the linearised equations; their places and rates in
     stages.moved. Returns the largest last Legendre coefficient, as a part."""
-    stages, sources, begin = flight.stages, flight.sources, flight.columns[0]
+    stages, sources = flight.stages, flight.sources
     count, n = stages.rates.shape
-    columns = begin.shape[1]
+    columns = stages.right.shape[1]
     inputs = flight.rows.shape[0]
     right, moved, terms = stages.right, stages.moved, stages.terms
     for r in range(2 * n):
         flight.slope[r] = flight.states[0, r]
     for i in range(count):
-        set_2(terms[i], 0.0)
         for k in range(stages.forces.shape[0]):
             flight.jets[inputs + k, 0] = stages.forces[k, i]
         for r in range(2 * n):
@@ -273,10 +271,11 @@ def _carry_columns(flight, at, h):
         expand_sources(sources, at + h * stages.points[i])
         source_terms(sources, flight, at + h * stages.points[i])
         for r in range(n):
-            begin_column(sources, int64(0), r, 1.0, terms[i, r])
             for c in range(columns):
-                moved[i, n + r, c] = begin[n + r, c]
-                moved[i, r, c] = begin[r, c] + h * stages.points[i] * begin[n + r, c]
+                terms[i, r, c] = column_source(sources, c // 4, 0, r, c % 4)
+                begin = flight.columns[c // 4, 0]
+                moved[i, n + r, c] = begin[n + r, c % 4]
+                moved[i, r, c] = begin[r, c % 4] + h * stages.points[i] * begin[n + r, c % 4]
     for r in range(2 * n):
         flight.states[0, r] = flight.slope[r]
     for i in range(count):
@@ -332,8 +331,9 @@ def _write_polynomials(flight, h, with_columns):
         for r in range(2 * n):
             states[k, r] = 0.0
             if with_columns:
-                for c in range(columns.shape[2]):
-                    columns[k, r, c] = 0.0
+                for block in range(columns.shape[0]):
+                    for e in range(4):
+                        columns[block, k, r, e] = 0.0
     for r in range(2 * n):
         for j in range(count):
             sums[j] = 0.0
@@ -344,13 +344,13 @@ def _write_polynomials(flight, h, with_columns):
         for k in range(count):
             states[k + 1, r] = _shift(stages, sums, h, k)
         if with_columns:
-            for c in range(columns.shape[2]):
+            for c in range(stages.right.shape[1]):
                 for j in range(count):
                     sums[j] = 0.0
                     for i in range(count):
                         sums[j] += stages.legendre[j, i] * (stages.moved[i, n + r, c] if r < n else stages.right[i * n + r - n, c])
                 for k in range(count):
-                    columns[k + 1, r, c] = _shift(stages, sums, h, k)
+                    columns[c // 4, k + 1, r, c % 4] = _shift(stages, sums, h, k)
 
 
 @kernel

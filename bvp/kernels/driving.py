@@ -11,8 +11,8 @@ from bvp.kernels.flight import row_dot
 from bvp.kernels.jets import extend_jets
 from bvp.kernels.sources import (
     ORDER,
-    begin_column,
     begin_sources,
+    column_source,
     expand_sources,
     is_enough,
     keep_step,
@@ -20,7 +20,6 @@ from bvp.kernels.sources import (
     plus_source_now,
     source_terms,
     sources_at,
-    state_rows,
 )
 
 
@@ -34,13 +33,6 @@ class DrivingSources(NamedTuple):
     now: np.ndarray  # (2 G,) scratch: y at a time
     course: np.ndarray  # (ORDER + 1, 2 G) scratch: Taylor coefficients of y
     most: np.ndarray  # (1,) int64 steps of a flight
-
-
-@state_rows.of(DrivingSources)
-@inlined
-def driven_rows(sources, columns):
-    """See `state_rows`."""
-    return columns.shape[2]
 
 
 @begin_sources.of(DrivingSources)
@@ -114,10 +106,11 @@ def no_driven_terms(sources, flight, at):
     """See `source_terms`."""
 
 
-@begin_column.of(DrivingSources)
+@column_source.of(DrivingSources)
 @inlined
-def no_driven_column(sources, k, r, part, column):
-    """See `begin_column`."""
+def no_driven_column_source(sources, block, k, r, e):
+    """See `column_source`."""
+    return 0.0
 
 
 @is_enough.of(DrivingSources)

@@ -264,7 +264,7 @@ def least_values(flight, slot, of_distance, parts, times, values):
 
     Each step is looked at in so many parts. Returns how many there are; those beyond the length of `times` are not kept."""
     paths = flight.paths
-    state, change = flight.slope, flight.sums[0]
+    state, change = flight.slope, flight.states[ORDER]
     count = 0
     for place in range(paths.steps[slot, 0]):
         row = paths.coefficients[slot, place]

@@ -37,34 +37,21 @@ class LoadSources(NamedTuple):
     load: np.ndarray  # (ORDER + 1, n) scratch: coefficients of g
     turned: np.ndarray  # (ORDER + 1, n) scratch: those of sum_h k_h dg_h/da
     changed: np.ndarray  # (m, ORDER + 1, n) scratch: those of g with the derivatives of C and S
-    terms: np.ndarray  # (ORDER, n, 1 + m) scratch: those of the sources of the columns
+    terms: np.ndarray  # (B, ORDER, n, 4) scratch: those of the sources of all columns, in blocks of four
     now: np.ndarray  # (n,) scratch: g at a time
+
+
+def blocks_of(columns):
+    """How many blocks of four contain so many columns."""
+    return (columns + 3) // 4
 
 
 def make_load_sources(loads, change, push_slope):
     """A `LoadSources`, with its scratch."""
     m, n = len(loads.clock) - 1, loads.modal.shape[-1] // 2
-    room = np.zeros((ORDER + 1, n)), np.zeros((ORDER + 1, n)), np.zeros((m, ORDER + 1, n)), np.zeros((ORDER, n, 1 + m))
-    return LoadSources(1 + m, loads, change, push_slope, np.zeros(1), *room, np.zeros(n))
-
-
-@chosen
-def state_rows(sources, columns):
-    """Rows N of the columns (ORDER + 1, N, C)."""
-
-
-@state_rows.of(Unforced)
-@inlined
-def square_rows(sources, columns):
-    """See `state_rows`: C, which the compiler can know."""
-    return columns.shape[2]
-
-
-@state_rows.of(LoadSources)
-@inlined
-def other_rows(sources, columns):
-    """See `state_rows`."""
-    return columns.shape[1]
+    room = np.zeros((ORDER + 1, n)), np.zeros((ORDER + 1, n)), np.zeros((m, ORDER + 1, n))
+    terms = np.zeros((blocks_of(2 * n + 1 + m), ORDER, n, 4))
+    return LoadSources(1 + m, loads, change, push_slope, np.zeros(1), *room, terms, np.zeros(n))
 
 
 @chosen
@@ -251,48 +238,49 @@ def load_terms(sources, flight, at):
     program, states, jets, push = flight.program, flight.states, flight.jets, flight.push
     n = sources.now.shape[0]
     cycle = 2.0 * math.pi * loads.load_periods
-    for k in range(terms.shape[0]):
+    for k in range(ORDER):
         for r in range(n):
-            terms[k, r, 0] = cycle * turned[k, r]
+            terms[n // 2, k, r, 2 * n % 4] = cycle * turned[k, r]
         for j in range(sources.changed.shape[0]):
             by_clock = loads.clock[1 + j]
+            column = 2 * n + 1 + j
             for r in range(n):
                 total = sources.changed[j, k, r]
                 if by_clock != 0.0:
                     total += by_clock * at * turned[k, r]
                     if k > 0:
                         total += by_clock * turned[k - 1, r]
-                terms[k, r, 1 + j] = total
+                terms[column // 4, k, r, column % 4] = total
         for j in range(sources.change.shape[0]):
+            column = 2 * n + 1 + j
             for r in range(n):
                 total = 0.0
                 for c in range(2 * n):
                     total += sources.change[j, n + r, c] * states[k, c]
                 for f in range(push.shape[1]):
                     total += sources.push_slope[j, r, f] * jets[program.forces[f], k]
-                terms[k, r, 1 + j] += total
+                terms[column // 4, k, r, column % 4] += total
         for d in range(program.changes.shape[0]):
             slope = jets[program.changes[d, 2], k]
+            column = 2 * n + 1 + program.changes[d, 1]
             for r in range(n):
-                terms[k, r, 1 + program.changes[d, 1]] += push[r, program.changes[d, 0]] * slope
+                terms[column // 4, k, r, column % 4] += push[r, program.changes[d, 0]] * slope
 
 
 @chosen
-def begin_column(sources, k, r, part, column):
-    """Add part times the coefficient of order k of the sources of coordinate r to the columns' row (C,), which is zero."""
+def column_source(sources, block, k, r, e):
+    """The coefficient of order k of the source of coordinate r, for column e of a block of four."""
 
 
-@begin_column.of(Unforced)
+@column_source.of(Unforced)
 @inlined
-def no_column(sources, k, r, part, column):
-    """See `begin_column`."""
+def no_column_source(sources, block, k, r, e):
+    """See `column_source`."""
+    return 0.0
 
 
-@begin_column.of(LoadSources)
+@column_source.of(LoadSources)
 @inlined
-def load_column(sources, k, r, part, column):
-    """See `begin_column`."""
-    terms = sources.terms
-    first = column.shape[0] - terms.shape[2]
-    for c in range(terms.shape[2]):
-        column[first + c] = part * terms[k, r, c]
+def load_column_source(sources, block, k, r, e):
+    """See `column_source`."""
+    return sources.terms[block, k, r, e]

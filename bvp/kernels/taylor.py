@@ -15,7 +15,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy import int64
+from numpy import int64, uint64
 
 from bvp.kernels import driving  # noqa: F401  a kind of sources
 from bvp.kernels.compiled import call_at, inlined, kernel, shared, sized
@@ -25,8 +25,9 @@ from bvp.kernels.jets import JetProgram, call_forces, extend_jets
 from bvp.kernels.sources import (
     ORDER,
     Unforced,
-    begin_column,
     begin_sources,
+    blocks_of,
+    column_source,
     expand_sources,
     is_enough,
     keep_step,
@@ -34,7 +35,6 @@ from bvp.kernels.sources import (
     plus_source_now,
     source_terms,
     sources_at,
-    state_rows,
 )
 from bvp.kernels.stages import Stages, make_stages
 
@@ -87,9 +87,12 @@ class SmoothFlight(NamedTuple):
     jets: np.ndarray  # (registers, ORDER + 1) scratch
     probe: np.ndarray  # (registers, 1) scratch
     states: np.ndarray  # (ORDER + 1, N) scratch
-    columns: np.ndarray  # (ORDER + 1, N, C) scratch
-    inputs: np.ndarray  # (ORDER + 1, I, C) scratch
-    sums: np.ndarray  # (1, C) scratch
+    columns: np.ndarray  # (B, ORDER + 1, N, 4) scratch: in blocks of four columns, the last one filled up with zeros
+    inputs: np.ndarray  # (ORDER + 1, I, 4) scratch
+    sums: np.ndarray  # (D, 2, 4) scratch, for D derivatives of forces
+    # (n + I, N + 1) uint64 scratch: for the rows of velocities in the matrix, then for those of inputs, the first entry that is not zero,
+    # and behind each entry the next one that is not; N where there is none
+    places: np.ndarray
     scratch: np.ndarray  # of the potential's program
     parts: np.ndarray  # its arguments
     value: np.ndarray  # what it writes
@@ -104,6 +107,8 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
     """A `SmoothFlight`, with room for the paths of so many flights of so many steps. If the program calls a Python function, the steps need
     `bvp.kernels.collocation.collocated`."""
     size, inputs, columns = len(matrix), len(rows), len(matrix) + sources.columns
+    # The derivatives by an input follow each other.
+    program = program._replace(slopes=program.slopes[np.argsort(program.slopes[:, 1], kind="stable")])
     arguments = inputs + max(0, sources.columns - 1)
     paths = Paths(
         np.zeros((flights, steps, ORDER + 1, size)), np.zeros((flights, steps + 1)), np.zeros((flights, 2), dtype=np.int64),
@@ -112,7 +117,8 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
     stages = make_stages(size // 2, columns, program.registers - inputs, program.called.address != 0)
     return SmoothFlight(
         matrix, rows, push, program, sources, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
-        np.zeros((ORDER + 1, size)), np.zeros((ORDER + 1, size, columns)), np.zeros((ORDER + 1, inputs, columns)), np.zeros((1, columns)),
+        np.zeros((ORDER + 1, size)), np.zeros((blocks_of(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
+        np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.uint64),
         np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
         np.zeros(size),
         np.zeros((steps, ORDER + 1)), np.zeros((steps, 2)), stages, paths,
@@ -163,121 +169,170 @@ def largest_change(flight, velocity, duration):
     return velocity
 
 
+@inlined
+def _find_places(rows, first, places):
+    """Write down which entries of rows are not zero, for rows `first` and up of `places`: sums do without the others."""
+    count = rows.shape[1]
+    for r in range(rows.shape[0]):
+        after = count
+        for c in range(count - 1, -1, -1):
+            places[first + r, c + 1] = after
+            if rows[r, c] != 0.0:
+                after = c
+        places[first + r, 0] = after
+
+
 @kernel
 def expand(flight, at, least):
     """The Taylor coefficients of the state about states[0], which is that at a time of the flight, and the jets of the forces."""
     matrix, rows, push, program, jets, states = flight.matrix, flight.rows, flight.push, flight.program, flight.jets, flight.states
-    size = matrix.shape[0]
-    n = size // 2
+    places = flight.places
+    size = uint64(matrix.shape[0])
+    n = size // uint64(2)
     expand_sources(flight.sources, at)
+    _find_places(matrix[push.shape[0] :], int64(0), places)
+    _find_places(rows, push.shape[0], places)
     for k in range(ORDER):
         z = states[k]
         after = states[k + 1]
         part = 1.0 / (k + 1)
-        for i in range(rows.shape[0]):
+        for i in range(uint64(rows.shape[0])):
             total = 0.0
-            for r in range(size):
-                # Without a factor of zero, a sum does not wait for what it does not need.
-                if rows[i, r] != 0.0:
-                    total += rows[i, r] * z[r]
+            c = places[n + i, 0]
+            while c < size:
+                total += rows[i, c] * z[c]
+                c = places[n + i, c + uint64(1)]
             jets[i, k] = total
         extend_jets(program, jets, k, least)
         for r in range(n):
             after[r] = part * z[n + r]
             total = 0.0
-            for c in range(size):
-                if matrix[n + r, c] != 0.0:
-                    total += matrix[n + r, c] * z[c]
+            c = places[r, 0]
+            while c < size:
+                total += matrix[n + r, c] * z[c]
+                c = places[r, c + uint64(1)]
             for f in range(push.shape[1]):
                 total += push[r, f] * jets[program.forces[f], k]
             after[n + r] = part * plus_source(flight.sources, total, k, r)
 
 
 @inlined
-def _expand_columns(flight, columns, inputs, sums):
-    """The Taylor coefficients of `columns`, about columns[0], from the jets of the derivatives of the forces. sums (1, C): scratch."""
-    matrix, rows, push, slopes, jets = flight.matrix, flight.rows, flight.push, flight.program.slopes, flight.jets
-    size = columns.shape[2]
-    states = state_rows(flight.sources, columns)
-    n = states // 2
-    for k in range(ORDER):
-        for i in range(rows.shape[0]):
-            for c in range(size):
-                inputs[k, i, c] = 0.0
-            for r in range(states):
-                factor = rows[i, r]
-                if factor != 0.0:
-                    for c in range(size):
-                        inputs[k, i, c] += factor * columns[k, r, c]
-        part = 1.0 / (k + 1)
-        for r in range(n):
-            for c in range(size):
-                columns[k + 1, r, c] = part * columns[k, n + r, c]
-                columns[k + 1, n + r, c] = 0.0
-            begin_column(flight.sources, k, r, part, columns[k + 1, n + r])
-            for s in range(states):
-                factor = part * matrix[n + r, s]
-                if factor != 0.0:
-                    for c in range(size):
-                        columns[k + 1, n + r, c] += factor * columns[k, s, c]
-        for d in range(slopes.shape[0]):
-            i = slopes[d, 1]
-            slope = jets[slopes[d, 2]]
-            for c in range(size):
-                sums[0, c] = 0.0
-            for j in range(k, -1, -1):  # the input that is known last comes last
-                factor = slope[j]
-                for c in range(size):
-                    sums[0, c] += factor * inputs[k - j, i, c]
-            for r in range(n):
-                factor = part * push[r, slopes[d, 0]]
-                if factor != 0.0:
-                    for c in range(size):
-                        columns[k + 1, n + r, c] += factor * sums[0, c]
+def _plus(a, b, c, d, factor, row):
+    """Four numbers and a multiple of a row of four.
+
+    They are one register of the processor. A sum that is kept in an array would wait for each addition to be written and read again."""
+    return a + factor * row[0], b + factor * row[1], c + factor * row[2], d + factor * row[3]
 
 
 @inlined
-def _advance_columns(sources, columns, h, out):
-    """columns[0] = the polynomials at h. out (N, C): scratch."""
-    size = columns.shape[2]
-    states = state_rows(sources, columns)
-    for r in range(states):
-        for c in range(0, size - 1, 2):
-            first = columns[ORDER, r, c]
-            second = columns[ORDER, r, c + 1]
-            for k in range(ORDER - 1, -1, -1):
-                first = first * h + columns[k, r, c]
-                second = second * h + columns[k, r, c + 1]
-            out[r, c] = first
-            out[r, c + 1] = second
-        if size % 2 == 1:
-            first = columns[ORDER, r, size - 1]
-            for k in range(ORDER - 1, -1, -1):
-                first = first * h + columns[k, r, size - 1]
-            out[r, size - 1] = first
-    for r in range(states):
-        for c in range(size):
-            columns[0, r, c] = out[r, c]
+def _write(row, a, b, c, d):
+    """row = (a, b, c, d). All four are known before the first is written: the compiler does not know what else is there."""
+    row[0] = a
+    row[1] = b
+    row[2] = c
+    row[3] = d
+
+
+@inlined
+def _sum_pairs(flight, inputs, k, sums):
+    """sums (D, 2, 4) = the parts of the orders k and k + 1 of the products of slopes and inputs that follow from the inputs below k. Of two
+    orders at once they do not wait for each other."""
+    slopes, jets = flight.program.slopes, flight.jets
+    for line in range(uint64(slopes.shape[0])):
+        i = uint64(slopes[line, 1])
+        slope = jets[uint64(slopes[line, 2])]
+        a, b, c, d = 0.0, 0.0, 0.0, 0.0
+        a_next, b_next, c_next, d_next = 0.0, 0.0, 0.0, 0.0
+        for j in range(k):
+            a, b, c, d = _plus(a, b, c, d, slope[k - j], inputs[j, i])
+            a_next, b_next, c_next, d_next = _plus(a_next, b_next, c_next, d_next, slope[k + uint64(1) - j], inputs[j, i])
+        _write(sums[line, 0], a, b, c, d)
+        _write(sums[line, 1], a_next, b_next, c_next, d_next)
+
+
+@inlined
+def _expand_block(flight, matrix, rows, block, columns, inputs, sums):
+    """The Taylor coefficients of four columns (ORDER + 1, N, 4), about columns[0], from the jets of the derivatives of the forces. inputs
+    (ORDER + 1, I, 4), sums (D, 2, 4): scratch."""
+    push, slopes, jets, places, sources = flight.push, flight.program.slopes, flight.jets, flight.places, flight.sources
+    one = uint64(1)
+    states = uint64(rows.shape[1])
+    n = states // uint64(2)
+    for k in range(uint64(ORDER)):
+        odd = k & one
+        if odd == uint64(0):
+            _sum_pairs(flight, inputs, k, sums)
+        after = k + one
+        part = 1.0 / (k + 1.0)
+        for r in range(n):
+            v = n + r
+            a, b, c, d = _plus(0.0, 0.0, 0.0, 0.0, part, columns[k, v])
+            _write(columns[after, r], a, b, c, d)
+            a = part * column_source(sources, block, k, r, 0)
+            b = part * column_source(sources, block, k, r, 1)
+            c = part * column_source(sources, block, k, r, 2)
+            d = part * column_source(sources, block, k, r, 3)
+            s = places[r, 0]
+            while s < states:
+                a, b, c, d = _plus(a, b, c, d, part * matrix[v, s], columns[k, s])
+                s = places[r, s + one]
+            _write(columns[after, v], a, b, c, d)
+        line = uint64(0)
+        for i in range(uint64(rows.shape[0])):
+            a, b, c, d = 0.0, 0.0, 0.0, 0.0
+            s = places[n + i, 0]
+            while s < states:
+                a, b, c, d = _plus(a, b, c, d, rows[i, s], columns[k, s])
+                s = places[n + i, s + one]
+            _write(inputs[k, i], a, b, c, d)
+            while line < uint64(slopes.shape[0]) and uint64(slopes[line, 1]) == i:
+                slope = jets[uint64(slopes[line, 2])]
+                force = uint64(slopes[line, 0])
+                total = sums[line, odd]
+                # The input that is known last comes last.
+                e, f, g, h = total[0], total[1], total[2], total[3]
+                if odd == one:
+                    e, f, g, h = _plus(e, f, g, h, slope[1], inputs[k - one, i])
+                e, f, g, h = e + slope[0] * a, f + slope[0] * b, g + slope[0] * c, h + slope[0] * d
+                for r in range(n):
+                    factor = part * push[r, force]
+                    if factor != 0.0:
+                        row = columns[after, n + r]
+                        _write(row, row[0] + factor * e, row[1] + factor * f, row[2] + factor * g, row[3] + factor * h)
+                line += one
+
+
+@inlined
+def _advance_block(columns, h):
+    """columns[0] = the polynomials (ORDER + 1, N, 4) at h."""
+    for r in range(uint64(columns.shape[1])):
+        row = columns[ORDER, r]
+        a, b, c, d = row[0], row[1], row[2], row[3]
+        for lower in range(uint64(ORDER)):
+            row = columns[uint64(ORDER - 1) - lower, r]
+            a, b, c, d = a * h + row[0], b * h + row[1], c * h + row[2], d * h + row[3]
+        _write(columns[0, r], a, b, c, d)
 
 
 @shared("none", loops="short")
 def expand_columns(flight, at):
-    """The Taylor coefficients of the columns about columns[0]; those of the state are known."""
+    """The Taylor coefficients of the columns about columns[0]; those of the state are known, and the places in its matrix."""
     source_terms(flight.sources, flight, at)
-    if flight.columns.shape[2] == 4:
-        # The compiler unrolls loops along four entries.
-        _expand_columns(flight, sized(flight.columns, 4), sized(flight.inputs, 4), sized(flight.sums, 4))
-    else:
-        _expand_columns(flight, flight.columns, flight.inputs, flight.sums)
+    inputs = sized(flight.inputs, 4)
+    sums = sized(flight.sums, 4)
+    for block in range(uint64(flight.columns.shape[0])):
+        columns = sized(flight.columns[block], 4)
+        if columns.shape[1] == 4:
+            _expand_block(flight, sized(flight.matrix, 4), sized(flight.rows, 4), block, columns, inputs, sums)
+        else:
+            _expand_block(flight, flight.matrix, flight.rows, block, columns, inputs, sums)
 
 
 @shared("none", loops="short")
-def advance_columns(sources, columns, h, out):
-    """See `_advance_columns`."""
-    if out.shape[1] == 4:
-        _advance_columns(sources, sized(columns, 4), h, sized(out, 4))
-    else:
-        _advance_columns(sources, columns, h, out)
+def advance_columns(columns, h):
+    """columns[:, 0] = the polynomials at h."""
+    for block in range(uint64(columns.shape[0])):
+        _advance_block(sized(columns[block], 4), h)
 
 
 @inlined
@@ -349,16 +404,35 @@ def _defect(flight, at, h, least, state, change, slope):
     return worst
 
 
+@inlined
+def _column_room(columns, length):
+    """The least ratio of a column's velocities in a step of some length to their coefficients of order ORDER - 1."""
+    size = columns.shape[2]
+    least = math.inf
+    for block in range(columns.shape[0]):
+        for e in range(4):
+            first = 0.0
+            last = 0.0
+            for r in range(size // 2, size):
+                first = max(first, abs(columns[block, 0, r, e]), abs(columns[block, 1, r, e]) * length)
+                last = max(last, abs(columns[block, ORDER - 1, r, e]))
+                if 4 * block + e >= size:  # it is zero at the begin of the flight
+                    first = max(first, abs(columns[block, 2, r, e]) * length**2, abs(columns[block, 3, r, e]) * length**3)
+            if first > 0.0 and first < least * last:
+                least = first / last
+    return least
+
+
 @kernel
 def _step_length(states, columns, with_columns, left):
-    """The length at which the last two terms of the velocities are below TRUNCATION."""
+    """The length at which the last two terms of the velocities are below TRUNCATION, and of the columns' velocities the last but one."""
     size = states.shape[1]
     n = size // 2
     speed = 0.0
     for r in range(n, size):
         speed = max(speed, abs(states[0, r]))
     length = left
-    for _ in range(2):
+    for attempt in range(2):
         # A motion that begins at rest has the speed of its first terms.
         reached = speed
         power = 1.0
@@ -368,26 +442,16 @@ def _step_length(states, columns, with_columns, left):
                 reached = max(reached, abs(states[k, r]) * power)
         if reached == 0.0:
             return left, 0.0
+        room = _column_room(columns, length) if with_columns and attempt == 1 else math.inf
         length = left
         for k in range(ORDER - 1, ORDER + 1):
             last = 0.0
             for r in range(n, size):
                 last = max(last, abs(states[k, r]))
-            if last * length**k > TRUNCATION * reached:
-                length = (TRUNCATION * reached / last) ** (1.0 / k)
-    if with_columns:
-        power = length ** (ORDER - 1)
-        for c in range(columns.shape[2]):
-            first = 0.0
-            last = 0.0
-            for r in range(n, size):
-                first = max(first, abs(columns[0, r, c]), abs(columns[1, r, c]) * length)
-                last = max(last, abs(columns[ORDER - 1, r, c]))
-                if c >= size:  # it is zero at the begin of the flight
-                    first = max(first, abs(columns[2, r, c]) * length**2, abs(columns[3, r, c]) * length**3)
-            if last * power > TRUNCATION * first and first > 0.0:
-                length = min(length, (TRUNCATION * first / last) ** (1.0 / (ORDER - 1)))
-                power = length ** (ORDER - 1)
+            room = min(room, reached / last)
+            if length**k > TRUNCATION * room:
+                length = (TRUNCATION * room) ** (1.0 / k)
+            room = math.inf
     return length, reached
 
 
@@ -425,9 +489,10 @@ def fly_smooth(flight, slot, z, t, with_columns):
     paths.begins[slot, width] = t
     copy_1(z[:size], states[0])
     begin_sources(flight.sources, z)
-    set_2(columns[0], 0.0)
+    for block in range(columns.shape[0]):
+        set_2(columns[block, 0], 0.0)
     for r in range(size):
-        columns[0, r, r] = 1.0
+        columns[r // 4, 0, r, r % 4] = 1.0
     paths.times[slot, 0] = 0.0
     at = 0.0
     count = 0
@@ -482,12 +547,13 @@ def fly_smooth(flight, slot, z, t, with_columns):
         horner(states, h, state)
         copy_1(state, states[0])
         if with_columns:
-            advance_columns(flight.sources, columns, h, paths.maps[slot])
+            advance_columns(columns, h)
     if at < abs(t):
         paths.begins[slot, width] = direction * at
     copy_1(states[0], state)
     for r in range(size):
-        copy_1(columns[0, r], paths.maps[slot, r])
+        for c in range(paths.maps.shape[2]):
+            paths.maps[slot, r, c] = columns[c // 4, 0, r, c % 4]
     paths.steps[slot, 0] = count
     paths.steps[slot, 1] = int64(1) if with_columns else int64(0)
     return True

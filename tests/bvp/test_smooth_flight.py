@@ -27,6 +27,30 @@ def duffing():
     return power_flight(3, [[0.0, 1.0], [-1.0, 0.0]], [1.0, 0.0], [[-1.0]])
 
 
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_flights_of_any_size_are_symplectic(n):
+    """Oracle: M^T J M = J. Each force depends on all inputs, and the columns do not come in fours."""
+    w = sympy.symbols(f"w0:{n}", real=True)
+    potential = sum(w) ** 4 / 4 + sum((k + 1) * x**2 * w[0] ** 2 for k, x in enumerate(w))
+    program = jet_program([sympy.diff(potential, x) for x in w], list(w))[0]
+    linear, places = np.zeros((2 * n, 2 * n)), np.hstack([np.eye(n) + 0.2, np.zeros((n, n))])
+    linear[:n, n:], linear[n:, :n] = np.eye(n), -np.diag(1.0 + np.arange(n))
+    flight = make_smooth_flight(linear, places, np.ascontiguousarray(-places[:, :n].T), program, program_of([potential], list(w)), 2)
+    start = np.linspace(-1.0, 1.3, 2 * n)
+    assert fly_smooth(flight, 0, start, 1.0, True)
+    turn = linear.copy()
+    turn[n:, :n] = -np.eye(n)
+    known = flight.paths.maps[0]
+    assert np.abs(known.T @ turn @ known - turn).max() < 1e-14 * np.linalg.norm(known, 2) ** 2
+    step = 1e-5
+    for c in range(2 * n):
+        ends = []
+        for sign in (1.0, -1.0):
+            assert fly_smooth(flight, 1, start + sign * step * np.eye(2 * n)[c], 1.0, False)
+            ends.append(flight.paths.ends[1].copy())
+        assert np.abs((ends[0] - ends[1]) / (2.0 * step) - known[:, c]).max() < 1e-6 * np.abs(known).max()
+
+
 @pytest.mark.parametrize("amplitude", [0.1, 1.0, 10.0, 1000.0])
 @pytest.mark.parametrize("part", [0.3, 1.0, 4.0])
 def test_duffing_is_elliptic(amplitude, part):
