@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,19 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.following import timed_runs
-from benchmarks.measure import processor_of_children, timed
+from benchmarks.measure import least_times, processor_of_children, timed
 from benchmarks.peers import auto
 from benchmarks.report import Table, machine, number, show
 from branches.family import Family
 from branches.naming.at_modes import orbit_at_mode
 from branches.orbit import Orbit
 from branches.tracing import SETTINGS, follow_family
+from bvp.kernels.taylor import fly_smooth
+from bvp.smooth_flights import smooth_flight
 from saltus.errors import DONE
 from saltus.scene import load_scene
 
-__all__ = ["CASES", "add_arguments", "points_table", "shot_quarter"]
+__all__ = ["CASES", "add_arguments", "columns_table", "points_table", "shot_quarter"]
 
 CASES: tuple[tuple[str, dict[str, float], str, float, float], ...] = (
     ("cubic_nes", {}, "mode:2", 0.1, 100.0),
@@ -58,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     print("\n".join(machine()), flush=True)
     show(points_table(arguments.quick))
+    show(columns_table(arguments.quick))
     return DONE
 
 
@@ -117,7 +121,7 @@ def points_table(quick: bool) -> Table:
         start = np.array(orbit.velocities)
         (_, time), shooting = timed(shot_quarter, orbit.system, start * (1.0 + 1e-3), orbit.alpha * (1.0 + 1e-3), orbit.h)
         error = abs(orbit.alpha / time - 1.0)
-        name = scene + "".join(f", {key} = {value:g}" for key, value in values.items())
+        name = _name(scene, values)
         ours = name, f"{h:g}", f"{1e6 * seconds:.0f}", f"{aim:g}", number(error), f"{1e3 * shooting:.0f}", f"{shooting / seconds:.0f}"
         for closed in (False, True):
             for mesh in MESHES:
@@ -137,6 +141,34 @@ def points_table(quick: bool) -> Table:
             "the same energy; its table has eleven digits.",
         ),
     )  # fmt: skip
+
+
+def columns_table(quick: bool) -> Table:
+    """Nanoseconds of a Taylor step without the derivatives by the state and with them. A flight of no time is taken off: it is the call."""
+    rows = []
+    for scene, values, mode, h, _ in CASES[: 2 if quick else None]:
+        orbit = _orbit(scene, values, mode, h)
+        flight = smooth_flight(orbit.system, 1)
+        start = orbit.system.modes.from_state @ np.concatenate([np.zeros(2), orbit.velocities])
+        works, steps = {"call": partial(fly_smooth, flight, 0, start, 0.0, False)}, []
+        for with_columns in (False, True):
+            fly = works[f"columns {with_columns}"] = partial(fly_smooth, flight, 0, start, orbit.alpha, with_columns)
+            fly()
+            steps.append(int(flight.paths.steps[0, 0]))
+        call, plain, derived = least_times(works, 0.02 if quick else 1.0).values()
+        each, with_them = 1e9 * (plain - call) / steps[0], 1e9 * (derived - call) / steps[1]
+        ratios = f"{with_them / each:.2f}", f"{(derived - call) / (plain - call):.2f}"
+        rows.append((_name(scene, values), str(steps[0]), f"{each:.0f}", str(steps[1]), f"{with_them:.0f}", *ratios))
+    return Table(
+        "Taylor steps of a quarter, without and with the four columns of derivatives",
+        ("family", "steps", "ns each", "steps, with columns", "ns each", "ratio of a step", "ratio of the quarter"),
+        rows,
+        ("Least of many flights, in turn. Steps with columns are shorter: the terms of columns decrease more slowly.",),
+    )
+
+
+def _name(scene: str, values: dict[str, float]) -> str:
+    return scene + "".join(f", {key} = {value:g}" for key, value in values.items())
 
 
 def _beside_auto(orbit: Orbit, mesh: int, quick: bool, *, closed: bool) -> tuple[str, ...]:
