@@ -142,13 +142,13 @@ class SolvedFamily:
 
     def scan(
         self, places: np.ndarray, rows: np.ndarray, tests: Sequence[int], begin: int, limit: float, guard: bool, zones: Any, hidden: Any,
-        floor: float,
+        floor: float, settled: np.ndarray, count_settled: np.ndarray,
     ) -> tuple[int, float, float, float]:  # fmt: skip
         """See `continuation.resolution.scan`."""
         ends, hides = np.array(zones, dtype=float).reshape(-1, 2), np.array(hidden, dtype=float).reshape(-1, len(self.tests))
-        scratch = np.empty((3, len(places)))
+        scratch, chosen = np.empty((3, len(places))), np.empty(4, dtype=np.int64)
         found: tuple[int, float, float, float] = scan_tests(
-            places, rows, np.array(tests), begin, float(limit), int(guard), ends, hides, floor, *scratch, np.empty(4, dtype=np.int64)
+            places, rows, np.array(tests), begin, float(limit), int(guard), ends, hides, floor, settled, count_settled, *scratch, chosen
         )
         return found
 

@@ -24,6 +24,7 @@ _MOST = 256  # corrected points inside a step; a step that needs more is refused
 _CORES = 2.0  # samples approach a place where a test function is undefined to within this many times its width
 _APART = 0.05  # least distance of a neighbouring sample, as a part of the interval: a second difference over less is rounding
 _NEAR_END = 0.05  # least distance of a new sample from the ends of its interval, as a part of the interval
+_SETTLED = 64  # intervals that need no division are remembered, at most, for each test function
 _ELSEWHERE = (0.0, 0.1, -0.1, 0.25, -0.25)  # where a sample is tried in turn, from its best place, if the corrector fails
 
 
@@ -64,6 +65,8 @@ class Resolution:
 
     def __post_init__(self) -> None:
         self._compiled: Callable[..., tuple[int, float, float, float]] | None = getattr(self.locator.problem, "scan", None)
+        settled = np.empty((len(self.tests), _SETTLED, 4)), np.zeros(len(self.tests), dtype=np.int64)
+        self._settled: Any = settled if self._compiled is not None else [part.tolist() for part in settled]
 
     def unsettled(self, tests: Sequence[int], limit: float, *, guard: bool = False) -> Iterator[int]:
         """Those of some test functions, in order, that can have a change of sign, seen when it is their turn."""
@@ -119,11 +122,13 @@ class Resolution:
         zones = [(zone.low, zone.high) for zone in self.zones]
         hidden = [[float(zone.hides(test)) for test in self.tests] for zone in self.zones]
         if self._compiled is not None:
-            return self._compiled(self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor)
+            return self._compiled(self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor, *self._settled)
         size = len(self._places)
         scratch = [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4
         functions = longest_division, may_hide, nodes_around, bends
-        return scan(*functions, self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor, *scratch)
+        return scan(  # type: ignore[call-arg]
+            *functions, self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor, *self._settled, *scratch
+        )
 
     def absorbed(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> bool:
         """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code.
@@ -183,7 +188,7 @@ class Resolution:
 
 def scan(
     divide: Any, hides: Any, nodes: Any, bend: Any, places: Any, rows: Any, tests: Any, begin: Any, limit: Any, guard: Any, zones: Any,
-    hidden: Any, floor: Any, kept: Any, values: Any, gaps: Any, chosen: Any,
+    hidden: Any, floor: Any, settled: Any, count_settled: Any, kept: Any, values: Any, gaps: Any, chosen: Any,
 ) -> Any:  # fmt: skip
     """The first of some test functions, from number `begin` on, that changes its sign or has an interval to be divided.
 
@@ -203,6 +208,9 @@ def scan(
     hidden : (Z, T) float
         1 where a test function has no certain sign in a zone.
     floor : float
+    settled, count_settled : (T, S, 4) float, (T,) int
+        The intervals of each test function that were found to need no division, with the places next to them, and how many there are.
+        More are added.
     kept, values, gaps, chosen
         Scratch: (P,) three times, and (4,) int.
 
@@ -234,16 +242,21 @@ def scan(
             kept[count] = s
             values[count] = value
             count += 1
-        low, high, part = divide(hides, nodes, bend, kept, values, count, gaps, between, floor, guard, chosen)
+        low, high, part, known = divide(
+            hides, nodes, bend, kept, values, count, gaps, between, floor, guard, settled[index], count_settled[index], chosen
+        )
+        count_settled[index] = known
         if changes or high > low:
             return k, low, high, part
     return len(tests), 0.0, -1.0, 0.5
 
 
 def longest_division(
-    hides: Any, nodes: Any, bend: Any, places: Any, values: Any, count: Any, gaps: Any, between: Any, floor: Any, guard: Any, chosen: Any
-) -> Any:
-    """The longest interval that is to be divided, and where; its ends are in the wrong order where there is none.
+    hides: Any, nodes: Any, bend: Any, places: Any, values: Any, count: Any, gaps: Any, between: Any, floor: Any, guard: Any, settled: Any,
+    known: Any, chosen: Any,
+) -> Any:  # fmt: skip
+    """The longest interval that is to be divided, and where; its ends are in the wrong order where there is none. And the number `known` of
+    settled intervals, to which those that are found are added.
 
     The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. gaps: the places where
     the test function is not to be trusted, `between` in number. The other arguments are those of `scan`."""
@@ -276,10 +289,23 @@ def longest_division(
             continue
         if (a > 0.0) != (b > 0.0):
             continue
+        before = places[j - 1] if j > 0 else -math.inf
+        after = places[j + 2] if j + 2 < count else math.inf
+        is_settled = False
+        for i in range(known):
+            interval = settled[i]
+            if interval[1] == low and interval[2] == high and interval[0] == before and interval[3] == after:
+                is_settled = True
+        if is_settled:
+            continue
         part = 0.5
         if nodes(places, count, j, chosen) == 4:
             bend_first, bend_last = bend(places, values, chosen)
             if not hides(a, b, length, bend_first, bend_last):
+                if known < len(settled):
+                    interval = settled[known]
+                    interval[0], interval[1], interval[2], interval[3] = before, low, high, after
+                    known += 1
                 continue
             sign = 1.0 if a > 0.0 else -1.0
             most = max(sign * bend_first, sign * bend_last) * length * length
@@ -289,7 +315,7 @@ def longest_division(
                 part = 0.5
         longest = length
         found_low, found_high, found_part = low, high, part
-    return found_low, found_high, found_part
+    return found_low, found_high, found_part, known
 
 
 def nodes_around(places: Any, count: Any, j: Any, chosen: Any) -> Any:

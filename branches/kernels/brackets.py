@@ -171,9 +171,9 @@ def narrow_bracket(compiled, most, watched, y, tangent, low, high, sought, sampl
 
 
 @kernel
-def scan_tests(places, rows, tests, begin, limit, guard, zones, hidden, floor, kept, values, gaps, chosen):
+def scan_tests(places, rows, tests, begin, limit, guard, zones, hidden, floor, settled, count_settled, kept, values, gaps, chosen):
     """See `continuation.resolution.scan`."""
     return _scan(
         _longest_division, _may_hide, _nodes_around, _bends, places, rows, tests, begin, limit, guard, zones, hidden, floor,
-        kept, values, gaps, chosen,
+        settled, count_settled, kept, values, gaps, chosen,
     )  # fmt: skip

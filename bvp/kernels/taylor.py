@@ -15,7 +15,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy import int64, uint64
+from numpy import int64
 
 from bvp.kernels import driving  # noqa: F401  a kind of sources
 from bvp.kernels.compiled import call_at, inlined, kernel, shared, sized
@@ -90,7 +90,7 @@ class SmoothFlight(NamedTuple):
     columns: np.ndarray  # (B, ORDER + 1, N, 4) scratch: in blocks of four columns, the last one filled up with zeros
     inputs: np.ndarray  # (ORDER + 1, I, 4) scratch
     sums: np.ndarray  # (D, 2, 4) scratch, for D derivatives of forces
-    # (n + I, N + 1) uint64 scratch: for the rows of velocities in the matrix, then for those of inputs, the first entry that is not zero,
+    # (n + I, N + 1) int64 scratch: for the rows of velocities in the matrix, then for those of inputs, the first entry that is not zero,
     # and behind each entry the next one that is not; N where there is none
     places: np.ndarray
     scratch: np.ndarray  # of the potential's program
@@ -118,7 +118,7 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
     return SmoothFlight(
         matrix, rows, push, program, sources, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
         np.zeros((ORDER + 1, size)), np.zeros((blocks_of(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
-        np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.uint64),
+        np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.int64),
         np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
         np.zeros(size),
         np.zeros((steps, ORDER + 1)), np.zeros((steps, 2)), stages, paths,
@@ -187,8 +187,8 @@ def expand(flight, at, least):
     """The Taylor coefficients of the state about states[0], which is that at a time of the flight, and the jets of the forces."""
     matrix, rows, push, program, jets, states = flight.matrix, flight.rows, flight.push, flight.program, flight.jets, flight.states
     places = flight.places
-    size = uint64(matrix.shape[0])
-    n = size // uint64(2)
+    size = matrix.shape[0]
+    n = size // 2
     expand_sources(flight.sources, at)
     _find_places(matrix[push.shape[0] :], int64(0), places)
     _find_places(rows, push.shape[0], places)
@@ -196,12 +196,12 @@ def expand(flight, at, least):
         z = states[k]
         after = states[k + 1]
         part = 1.0 / (k + 1)
-        for i in range(uint64(rows.shape[0])):
+        for i in range(rows.shape[0]):
             total = 0.0
             c = places[n + i, 0]
             while c < size:
                 total += rows[i, c] * z[c]
-                c = places[n + i, c + uint64(1)]
+                c = places[n + i, c + 1]
             jets[i, k] = total
         extend_jets(program, jets, k, least)
         for r in range(n):
@@ -210,7 +210,7 @@ def expand(flight, at, least):
             c = places[r, 0]
             while c < size:
                 total += matrix[n + r, c] * z[c]
-                c = places[r, c + uint64(1)]
+                c = places[r, c + 1]
             for f in range(push.shape[1]):
                 total += push[r, f] * jets[program.forces[f], k]
             after[n + r] = part * plus_source(flight.sources, total, k, r)
@@ -238,14 +238,14 @@ def _sum_pairs(flight, inputs, k, sums):
     """sums (D, 2, 4) = the parts of the orders k and k + 1 of the products of slopes and inputs that follow from the inputs below k. Of two
     orders at once they do not wait for each other."""
     slopes, jets = flight.program.slopes, flight.jets
-    for line in range(uint64(slopes.shape[0])):
-        i = uint64(slopes[line, 1])
-        slope = jets[uint64(slopes[line, 2])]
+    for line in range(slopes.shape[0]):
+        i = slopes[line, 1]
+        slope = jets[slopes[line, 2]]
         a, b, c, d = 0.0, 0.0, 0.0, 0.0
         a_next, b_next, c_next, d_next = 0.0, 0.0, 0.0, 0.0
         for j in range(k):
             a, b, c, d = _plus(a, b, c, d, slope[k - j], inputs[j, i])
-            a_next, b_next, c_next, d_next = _plus(a_next, b_next, c_next, d_next, slope[k + uint64(1) - j], inputs[j, i])
+            a_next, b_next, c_next, d_next = _plus(a_next, b_next, c_next, d_next, slope[k + 1 - j], inputs[j, i])
         _write(sums[line, 0], a, b, c, d)
         _write(sums[line, 1], a_next, b_next, c_next, d_next)
 
@@ -255,14 +255,13 @@ def _expand_block(flight, matrix, rows, block, columns, inputs, sums):
     """The Taylor coefficients of four columns (ORDER + 1, N, 4), about columns[0], from the jets of the derivatives of the forces. inputs
     (ORDER + 1, I, 4), sums (D, 2, 4): scratch."""
     push, slopes, jets, places, sources = flight.push, flight.program.slopes, flight.jets, flight.places, flight.sources
-    one = uint64(1)
-    states = uint64(rows.shape[1])
-    n = states // uint64(2)
-    for k in range(uint64(ORDER)):
-        odd = k & one
-        if odd == uint64(0):
+    states = rows.shape[1]
+    n = states // 2
+    for k in range(ORDER):
+        odd = k & 1
+        if odd == 0:
             _sum_pairs(flight, inputs, k, sums)
-        after = k + one
+        after = k + 1
         part = 1.0 / (k + 1.0)
         for r in range(n):
             v = n + r
@@ -275,41 +274,41 @@ def _expand_block(flight, matrix, rows, block, columns, inputs, sums):
             s = places[r, 0]
             while s < states:
                 a, b, c, d = _plus(a, b, c, d, part * matrix[v, s], columns[k, s])
-                s = places[r, s + one]
+                s = places[r, s + 1]
             _write(columns[after, v], a, b, c, d)
-        line = uint64(0)
-        for i in range(uint64(rows.shape[0])):
+        line = 0
+        for i in range(rows.shape[0]):
             a, b, c, d = 0.0, 0.0, 0.0, 0.0
             s = places[n + i, 0]
             while s < states:
                 a, b, c, d = _plus(a, b, c, d, rows[i, s], columns[k, s])
-                s = places[n + i, s + one]
+                s = places[n + i, s + 1]
             _write(inputs[k, i], a, b, c, d)
-            while line < uint64(slopes.shape[0]) and uint64(slopes[line, 1]) == i:
-                slope = jets[uint64(slopes[line, 2])]
-                force = uint64(slopes[line, 0])
+            while line < slopes.shape[0] and slopes[line, 1] == i:
+                slope = jets[slopes[line, 2]]
+                force = slopes[line, 0]
                 total = sums[line, odd]
                 # The input that is known last comes last.
                 e, f, g, h = total[0], total[1], total[2], total[3]
-                if odd == one:
-                    e, f, g, h = _plus(e, f, g, h, slope[1], inputs[k - one, i])
+                if odd == 1:
+                    e, f, g, h = _plus(e, f, g, h, slope[1], inputs[k - 1, i])
                 e, f, g, h = e + slope[0] * a, f + slope[0] * b, g + slope[0] * c, h + slope[0] * d
                 for r in range(n):
                     factor = part * push[r, force]
                     if factor != 0.0:
                         row = columns[after, n + r]
                         _write(row, row[0] + factor * e, row[1] + factor * f, row[2] + factor * g, row[3] + factor * h)
-                line += one
+                line += 1
 
 
 @inlined
 def _advance_block(columns, h):
     """columns[0] = the polynomials (ORDER + 1, N, 4) at h."""
-    for r in range(uint64(columns.shape[1])):
+    for r in range(columns.shape[1]):
         row = columns[ORDER, r]
         a, b, c, d = row[0], row[1], row[2], row[3]
-        for lower in range(uint64(ORDER)):
-            row = columns[uint64(ORDER - 1) - lower, r]
+        for lower in range(ORDER):
+            row = columns[ORDER - 1 - lower, r]
             a, b, c, d = a * h + row[0], b * h + row[1], c * h + row[2], d * h + row[3]
         _write(columns[0, r], a, b, c, d)
 
@@ -320,7 +319,7 @@ def expand_columns(flight, at):
     source_terms(flight.sources, flight, at)
     inputs = sized(flight.inputs, 4)
     sums = sized(flight.sums, 4)
-    for block in range(uint64(flight.columns.shape[0])):
+    for block in range(flight.columns.shape[0]):
         columns = sized(flight.columns[block], 4)
         if columns.shape[1] == 4:
             _expand_block(flight, sized(flight.matrix, 4), sized(flight.rows, 4), block, columns, inputs, sums)
@@ -331,7 +330,7 @@ def expand_columns(flight, at):
 @shared("none", loops="short")
 def advance_columns(columns, h):
     """columns[:, 0] = the polynomials at h."""
-    for block in range(uint64(columns.shape[0])):
+    for block in range(columns.shape[0]):
         _advance_block(sized(columns[block], 4), h)
 
 

@@ -24,6 +24,7 @@ def test_the_compiled_scan_finds_what_python_finds(places, data):
     scratch = np.empty((3, len(places)))
     found = scan_tests(
         np.array(places), np.array(rows), np.arange(tests), 0, limit, int(guard), np.array(zones).reshape(-1, 2),
-        np.array(hidden).reshape(-1, tests), 1e-9, *scratch, np.empty(4, dtype=np.int64),
+        np.array(hidden).reshape(-1, tests), 1e-9, np.empty((tests, 4, 4)), np.zeros(tests, dtype=np.int64), *scratch,
+        np.empty(4, dtype=np.int64),
     )  # fmt: skip
     assert found == expected

@@ -54,9 +54,12 @@ def test_nodes_are_the_nearest_places_that_are_not_too_near(places, data):
 
 def plain_scan(places, rows, tests, zones=(), hidden=(), limit=math.inf, guard=False, floor=1e-9):
     size = len(places)
+    settled = [[[0.0] * 4 for _ in range(8)] for _ in rows[0]], [0 for _ in rows[0]]
     scratch = [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4
     functions = longest_division, may_hide, nodes_around, bends
-    return scan(*functions, places, rows, tests, 0, limit, guard, zones, hidden, floor, *scratch)
+    found = scan(*functions, places, rows, tests, 0, limit, guard, zones, hidden, floor, *settled, *scratch)
+    assert scan(*functions, places, rows, tests, 0, limit, guard, zones, hidden, floor, *settled, *scratch) == found  # as it is settled
+    return found
 
 
 def test_what_needs_no_look_is_passed_over():
