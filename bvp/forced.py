@@ -31,7 +31,7 @@ from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
 from bvp.kernels.undamped import Renewal, make_renewal, renew_free_flight
 from bvp.multipliers import sort_multipliers
-from bvp.multipoint import NotConverged, Solution, dense_jacobian
+from bvp.multipoint import GROWTH, MOST_PIECES, NotConverged, Solution, dense_jacobian, enough_pieces
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
 from bvp.smooth_flights import why_not_flown
@@ -73,6 +73,9 @@ class ForcedProblem:
         Values of the parameters that replace the defaults.
     keep : sequence of str
         Equations of parameters that hold along the family, such as "F = 0.3*w**2": one less than there are released parameters.
+    pieces : int
+        Number of pieces of equal time in which the flight of a response without impacts is solved, beside smooth forces: see
+        `bvp.multipoint.MultipointProblem`.
 
     Raises
     ------
@@ -96,8 +99,10 @@ class ForcedProblem:
         half: bool = False,
         values: Mapping[str, float] | None = None,
         keep: Sequence[str] = (),
+        pieces: int = 1,
     ):
         self.parametric = parametric
+        self.pieces = pieces
         self.values = parametric.at(values)
         self.system = system = parametric.system(self.values)
         require_system(system, smooth=True)
@@ -255,7 +260,7 @@ class ForcedProblem:
     def _contacts(self, hit: Sequence[int]) -> list[int]:
         """The contact at each node after the first one, then that at the first; -1: none."""
         if not hit:
-            return [-1, -1]
+            return [-1] * (self.pieces + 1)
         # The last impact of the segment is the first of the orbit, or its mirror image.
         return [*hit[1:], int(self.modes.contact_opposite[hit[0]]) if self.half else hit[0], hit[0]]
 
@@ -269,8 +274,9 @@ class ForcedProblem:
 
     def sibling(self, sequence: Sequence[str], **changes: Any) -> ForcedProblem:
         """The problem with another sequence. changes: keywords of the constructor that differ."""
-        options = {"load_periods": self.load_periods, "half": self.half, "values": self.values, "keep": self.keep, **changes}
-        return ForcedProblem(self.parametric, sequence, self.released, **options)
+        options = {"load_periods": self.load_periods, "half": self.half, "values": self.values, "keep": self.keep}
+        options["pieces"] = 1 if sequence else self.pieces
+        return ForcedProblem(self.parametric, sequence, self.released, **{**options, **changes})
 
     def _renewed(self, _: int) -> None:
         """Compute all that depends on masses, dampers and springs anew, at the parameters that the kernels have just evaluated. NaN where
@@ -377,6 +383,41 @@ class ForcedProblem:
     def _rows(self, y: np.ndarray) -> np.ndarray:
         """Each node with its flight time, (k + 1, N + 1), a view of y."""
         return y[: (self.inner + 1) * (self.size + 1)].reshape(self.inner + 1, self.size + 1)
+
+    def cut(self, y: np.ndarray, count: int, part: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A part of an orbit without impacts, from its start, in flights of equal time: states (count, 2 n), fractions and flight times
+        (count,), for `pack`."""
+        nodes, lasting, size = self.nodes(y), self.flight_times(y), 2 * self.degrees_of_freedom
+        time = part * float(np.sum(lasting)) / count
+        states, fractions = np.empty((count, size)), np.empty(count)
+        for k in range(count):
+            flight = min(int(k * part * len(lasting) / count + 1e-9), len(lasting) - 1)
+            ahead = k * time - flight * lasting[0]
+            near = abs(ahead) <= 1e-9 * lasting[0]
+            states[k], fractions[k] = (nodes[flight, :size], nodes[flight, size]) if near else self.fly(nodes[flight], ahead, flight)
+        return states, fractions, np.full(count, time)
+
+    def in_pieces(self, pieces: int, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
+        """The problem with another number of pieces, and the unknowns y (u,) there."""
+        if pieces == self.pieces:
+            return self, np.array(y, float)
+        other = self.sibling(self.sequence, pieces=pieces)
+        states, fractions, times = self.cut(y, pieces)
+        return other, other.pack(states, fractions, self.nodes(y)[0, 2 * self.degrees_of_freedom + 1 :], times)
+
+    @property
+    def most_pieces(self) -> int:
+        """Most pieces of a flight, which is a period of loads, or half of it."""
+        return 8 * MOST_PIECES
+
+    def enough_pieces(self, y: np.ndarray, limit: float = GROWTH) -> int:
+        """How many pieces the flights from y need for perturbations to grow by less than a limit along each, `most_pieces` at most."""
+        return enough_pieces(self.growth(y), self.pieces, self.most_pieces, limit) if self.can_be_cut else self.pieces
+
+    @property
+    def can_be_cut(self) -> bool:
+        """Whether flights can be solved in pieces: those of a response, from impact to impact, cannot."""
+        return self.is_smooth and not self.sequence
 
     def fly(self, node: np.ndarray, time: float, flight: int = 0) -> tuple[np.ndarray, float]:
         """The state (u, v) and the fraction of the period to which a node (N,) flies as in a flight of the orbit."""

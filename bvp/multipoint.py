@@ -480,11 +480,11 @@ class MultipointProblem:
         return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
 
 
-def enough_pieces(growth: float, pieces: int) -> int:
-    """How many pieces flights need, `MOST_PIECES` at most, of which the given ones grow by `growth`."""
-    if not GROWTH < growth < math.inf:
+def enough_pieces(growth: float, pieces: int, most: int = MOST_PIECES, limit: float = GROWTH) -> int:
+    """How many pieces flights need, `most` at most, of which the given ones grow by `growth`, to grow by less than a limit."""
+    if not limit < growth < math.inf:
         return pieces
-    return min(math.ceil(math.log(growth) / math.log(0.01 * GROWTH)) * pieces, MOST_PIECES)
+    return min(math.ceil(math.log(growth) / math.log(0.01 * GROWTH)) * pieces, most)
 
 
 def lost_digits(problem: Any, y: np.ndarray) -> str:

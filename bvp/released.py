@@ -22,7 +22,7 @@ from bvp.kernels.loads import LoadedFlight
 from bvp.kernels.monodromy import ClosedOrbit
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, UNFOLDED
 from bvp.multipliers import SystemData, floquet_multipliers, formed, sort_multipliers, system_data
-from bvp.multipoint import MultipointProblem, enough_pieces
+from bvp.multipoint import MOST_PIECES, MultipointProblem
 from bvp.parameters import ParametricSystem
 from bvp.smooth_cycles import nearest_maximum, nearest_rise, states_at
 from bvp.stability import half_map_multipliers
@@ -87,9 +87,8 @@ class ReleasedProblem(ForcedProblem):
         system = parametric.system(values)
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence, pieces)
-        self.pieces = pieces
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters
-        super().__init__(parametric, sequence, released, keep=keep, values=values)
+        super().__init__(parametric, sequence, released, keep=keep, values=values, pieces=pieces)
         if not self.structure.periodic:
             self.segment.contact[self.inner :, 1] = -1
         self.starts_rising = self.structure.periodic and not self.sequence
@@ -232,9 +231,15 @@ class ReleasedProblem(ForcedProblem):
         other, (plain, at) = self.sibling(self.sequence, pieces=pieces), self._plain(y)
         return other, other._unknowns_of(plain, at, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
 
-    def enough_pieces(self, y: np.ndarray) -> int:
-        """See `MultipointProblem.in_enough_pieces`."""
-        return enough_pieces(self.growth(y), self.pieces) if self.is_smooth else self.pieces
+    @property
+    def most_pieces(self) -> int:
+        """See `ForcedProblem.most_pieces`."""
+        return MOST_PIECES
+
+    @property
+    def can_be_cut(self) -> bool:
+        """See `ForcedProblem.can_be_cut`."""
+        return self.is_smooth
 
     def orbit_problem(self, y: np.ndarray) -> tuple[MultipointProblem, np.ndarray]:
         """The problem of the system at the parameters of y, with the orbit in its unknowns.

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["ReleasedForces", "released_forces", "released_flight"]
 
 SINGLE = 2048
-"""Most steps of a flight that is a whole period of loads."""
+"""Most steps of a flight that is a whole period of loads. Pieces of it share twice as many."""
 
 
 class ReleasedForces(NamedTuple):
@@ -53,7 +53,7 @@ def released_flight(
     """The flights of smooth forces under loads. Arrays as in `bvp.kernels.loads.LoadedFlight`, in (u, v); flights: rows of nodes."""
     count, n = forces.directions.shape
     push, slope = np.zeros((n, count)), np.zeros((len(change), n, count))
-    steps = SINGLE if flights == 2 else STEPS
+    steps = max(STEPS, 2 * SINGLE // flights)
     taylor = make_smooth_flight(
         matrix, forces.rows, push, forces.program, forces.energy, flights + 1, make_load_sources(loads, change, slope), steps
     )

@@ -155,8 +155,9 @@ def plane_of(problem: ForcedProblem, y: np.ndarray, names: Sequence[str], keep: 
         made = ReleasedProblem(problem.parametric, problem.ends, problem.sequence, released, kept, values=values, energy=energy)
     else:
         made = ForcedProblem(
-            problem.parametric, problem.sequence, released, load_periods=problem.load_periods, half=problem.half, values=values, keep=kept
-        )
+            problem.parametric, problem.sequence, released, load_periods=problem.load_periods, half=problem.half, values=values, keep=kept,
+            pieces=problem.pieces,
+        )  # fmt: skip
     size = 2 * problem.degrees_of_freedom
     nodes = problem.nodes(y)
     unknowns = made.pack(nodes[:, :size], nodes[:, size], [values[name] for name in released], problem.flight_times(y))

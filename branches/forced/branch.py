@@ -236,9 +236,9 @@ class ForcedBranch:
         The error is what rounding of the unknowns makes of the largest modulus."""
         largest = self.largest_multiplier
         rounded = np.array([largest_multiplier(self.problem, self.problem.multipliers(y * (1.0 + _ROUNDING))) for y in self.unknowns])
-        error = _SAFETY * np.abs(rounded - largest) + _LEAST_ERROR
         found = np.full(len(self), -1, dtype=np.int64)
         with np.errstate(invalid="ignore"):
+            error = np.where(np.isinf(largest), 0.0, _SAFETY * np.abs(rounded - largest) + _LEAST_ERROR)
             found[largest < 1.0 - error] = 1
             found[largest > 1.0 + error] = 0
         # At a bifurcation a multiplier is on the circle, whatever rounding says.

@@ -115,9 +115,8 @@ def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
 
 def _root_mean_squares(problem: ForcedProblem, y: np.ndarray) -> list[float]:
     """Of the displacements and the velocities, at each half period of the loads. Images of an orbit exchange these states."""
-    p, n, node = problem.load_periods, problem.degrees_of_freedom, problem.nodes(y)[0]
-    later = [problem.fly(node, k * problem.period(y) / (2 * p))[0] for k in range(1, p if problem.half else 2 * p)]
-    states = np.array([node[: 2 * n], *later])
+    n = problem.degrees_of_freedom
+    states = problem.cut(y, problem.load_periods * (1 if problem.half else 2))[0]
     return [float(np.sqrt(np.mean(part**2))) for part in (states[:, :n], states[:, n:])]
 
 

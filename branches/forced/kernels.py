@@ -12,7 +12,7 @@ from branches.kernels.brackets import narrow
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.forced import LoadedSegment
-from bvp.kernels.stroboscopic import Stroboscopic, stroboscopic_tests
+from bvp.kernels.stroboscopic import Stroboscopic, is_in_pieces, stroboscopic_tests
 
 __all__ = ["PLAIN", "ForcedWork", "advance_forced_block", "forced_tests", "narrow_forced_bracket"]
 
@@ -71,7 +71,7 @@ def forced_tests(segment, y, ends, work, result, targets, out):
     out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
     out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
     stroboscopic_tests(segment, work.flights, ends, result[entry.SPEEDS], work.map, out[7:PLAIN])
-    if work.neutral == 1 or _is_rounding(work.map, ends, result[entry.SPEED]):
+    if work.neutral == 1 or (not is_in_pieces(segment) and _is_rounding(work.map, ends, result[entry.SPEED])):
         out[8] = math.nan
     for i in range(targets.shape[0]):
         out[PLAIN + i] = value - targets[i]

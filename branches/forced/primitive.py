@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from branches.released.presentation import primitive_free_orbit
@@ -18,21 +21,26 @@ _SAME = 1e-6
 
 def twice(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit, traversed twice, as a solution of the problem with twice the period."""
-    wide = problem.sibling(problem.sequence * 2, load_periods=2 * problem.load_periods)
+    wide = _twice_as_long(problem, problem.sequence * 2, load_periods=2 * problem.load_periods)
     return wide, _repeated(problem, wide, y, np.eye(2 * problem.degrees_of_freedom), 0.5)
 
 
 def full_period(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
     """An orbit whose half period was solved, as a solution of the problem of its full period."""
-    wide = problem.sibling([*problem.sequence, *map(problem.mirrored, problem.sequence)], half=False)
+    wide = _twice_as_long(problem, [*problem.sequence, *map(problem.mirrored, problem.sequence)], half=False)
     return wide, _repeated(problem, wide, y, -np.eye(2 * problem.degrees_of_freedom), 1.0)
+
+
+def _twice_as_long(problem: ForcedProblem, sequence: Sequence[str], **changes: Any) -> ForcedProblem:
+    """The problem of a segment of twice the duration, in twice as many pieces if there are some."""
+    return problem.sibling(sequence, **changes, **({"pieces": 2 * problem.pieces} if problem.pieces > 1 else {}))
 
 
 def _repeated(problem: ForcedProblem, wide: ForcedProblem, y: np.ndarray, image: np.ndarray, part: float) -> np.ndarray:
     """The unknowns of the wide problem: those of the narrow one, and their image. part: its period over that of the wide one. Linear in y
     but for a constant."""
     size = 2 * problem.degrees_of_freedom
-    if not problem.sequence:
+    if wide.inner == problem.inner:
         out = np.array(y)
         wide.flight_times(out)[:] *= 2.0
         return out
@@ -79,16 +87,25 @@ def half_of(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, Solut
             half=True,
             values=problem.parameters(y),
             keep=problem.keep,
+            pieces=1 if count else -(-problem.pieces // 2),
         )
     except EndsError:
         return None
-    kept, size = max(count, 1), 2 * problem.degrees_of_freedom
-    nodes, flights = problem.nodes(y)[:kept], problem.flight_times(y)[:kept] / (1.0 if count else 2.0)
-    begun = half.pack(nodes[:, :size], nodes[:, size], nodes[0, size + 1 :], flights)
+    begun = _first_part(problem, y, half, 2)
     if count and problem.sequence != full_period(half, begun)[0].sequence:
         return None
     solution = half.step(begun, np.zeros(2 * half.unknowns), 0.0)
     return None if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max() else (half, solution)
+
+
+def _first_part(problem: ForcedProblem, y: np.ndarray, part: ForcedProblem, times: int) -> np.ndarray:
+    """The unknowns of the problem of a part of an orbit, which is so many times as long as the part."""
+    kept, size, nodes = len(part.sequence), 2 * problem.degrees_of_freedom, problem.nodes(y)
+    if kept:
+        states, fractions, flights = nodes[:kept, :size], nodes[:kept, size], problem.flight_times(y)[:kept]
+    else:
+        states, fractions, flights = problem.cut(y, part.pieces, 1.0 / times)
+    return part.pack(states, fractions * problem.load_periods / part.load_periods, nodes[0, size + 1 :], flights)
 
 
 def primitive_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray]:
@@ -117,13 +134,14 @@ def _part(problem: ForcedProblem, y: np.ndarray, times: int) -> tuple[ForcedProb
     count, rest = divmod(len(problem.sequence), times)
     if rest or problem.sequence != problem.sequence[:count] * times:
         return None
-    part = problem.sibling(problem.sequence[:count], load_periods=problem.load_periods // times)
-    size, nodes, flights = 2 * problem.degrees_of_freedom, problem.nodes(y), problem.flight_times(y)
-    kept = max(count, 1)
-    begun = part.pack(nodes[:kept, :size], nodes[:kept, size] * times, nodes[0, size + 1 :], flights[:kept] / (1 if count else times))
+    pieces = 1 if count else -(-problem.pieces // times)
+    part = problem.sibling(problem.sequence[:count], load_periods=problem.load_periods // times, pieces=pieces)
+    begun = _first_part(problem, y, part, times)
     solution = part.step(begun, np.zeros(2 * part.unknowns), 0.0)
     if solution is None or np.abs(solution.y - begun).max() > _SAME * np.abs(begun).max():
         return None
     # Only the first of its repetitions was taken: the others must be the same.
-    repeated = np.abs(nodes[:, :size] - np.tile(nodes[:kept, :size], (max(len(nodes) // kept, 1), 1))).max()
-    return (part, solution.y) if repeated <= _SAME * np.abs(nodes[:, :size]).max() else None
+    size = 2 * problem.degrees_of_freedom
+    states = problem.nodes(y)[:, :size] if count else problem.cut(y, times * pieces)[0]
+    repeated = np.abs(states - np.tile(part.nodes(begun)[:, :size], (times, 1))).max()
+    return (part, solution.y) if repeated <= _SAME * np.abs(states).max() else None

@@ -57,7 +57,9 @@ def problem_record(problem: ForcedProblem) -> dict[str, Any]:
     """A problem without its system, as plain data."""
     free: dict[str, Any] = {}
     if isinstance(problem, ReleasedProblem):
-        free = {"ends": list(problem.ends), "energy": problem.energy, **({"pieces": problem.pieces} if problem.pieces > 1 else {})}
+        free = {"ends": list(problem.ends), "energy": problem.energy}
+    if problem.pieces > 1:
+        free["pieces"] = problem.pieces
     return free | {
         "solved": list(problem.sequence), "load_periods": problem.load_periods, "half": problem.half, "values": dict(problem.values),
         "released": list(problem.released), "keep": list(problem.keep),
@@ -70,7 +72,7 @@ def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> Forc
         ends = given["ends"][0], given["ends"][1]
         own = {name: given[name] for name in ("values", "energy", "pieces") if name in given}
         return ReleasedProblem(parametric, ends, given["solved"], given["released"], given["keep"], **own)
-    options = {name: given[name] for name in ("load_periods", "half", "values", "keep")}
+    options = {name: given[name] for name in ("load_periods", "half", "values", "keep", "pieces") if name in given}
     return ForcedProblem(parametric, given["solved"], given["released"], **options)
 
 

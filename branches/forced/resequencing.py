@@ -34,7 +34,8 @@ def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProble
     state[n:] -= row * (row @ state[n:]) / (row @ row)
     letter = modes.contact_letters[contact]
     if not problem.sequence:
-        return resequenced(problem, [letter], state[None], np.array([fraction % 1.0]), problem.flight_times(y), y)
+        lasting = np.sum(problem.flight_times(y), keepdims=True)
+        return resequenced(problem, [letter], state[None], np.array([fraction % 1.0]), lasting, y)
     sequence = [*problem.sequence[: flight + 1], letter, *problem.sequence[flight + 1 :]]
     times = np.insert(problem.flight_times(y), flight, time)
     times[flight + 1] -= time

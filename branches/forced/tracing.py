@@ -28,7 +28,7 @@ from branches.tracing import GROWTH_EVERY, event_along
 from bvp.contact_sequence import joined_sequence
 from bvp.criticality import NORMAL_FORMS, Criticality, criticality
 from bvp.forced import ForcedProblem
-from bvp.multipoint import NotConverged
+from bvp.multipoint import GROWTH, NotConverged
 from bvp.released import ReleasedProblem
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
@@ -49,6 +49,9 @@ _SIGNS = {"both": 1, "up": 1, "down": -1, "along": 0}
 _BESIDE = 1e-3
 """Largest arclength between a branch point and the fold of a family that turns there. Its cube bounds the difference of the parameter,
 which has a turning point between them."""
+
+_FAILED = 0.1
+"""Part of the growth of perturbations that flights can have, from which on it can make steps fail."""
 
 _BEYOND = (4.0 * SETTINGS.minimum_step, 1e-6)
 """Arclengths from an end at which the system is looked at: steps to it fail earlier than the system does."""
@@ -140,7 +143,8 @@ def follow_response(
         if finer is not problem:
             problem, start = finer, _start_in(problem, finer, start)
         run, known = follow(problem, start, known)
-        finer = _in_enough_pieces(problem, [run.points[i].step.y for i in (*range(0, len(run.points), GROWTH_EVERY), -1) if run.points])
+        looked_at = [run.points[i].step.y for i in (*range(0, len(run.points), GROWTH_EVERY), -1) if run.points]
+        finer = _in_enough_pieces(problem, looked_at, any(end.reason is EndReason.MINIMUM_STEP for end in run.ends))
         if finer is problem:
             break
     if not run.points:
@@ -148,23 +152,22 @@ def follow_response(
     return _branch_of(problem, run, interval, origin)
 
 
-def _in_enough_pieces(problem: ForcedProblem, unknowns: Sequence[np.ndarray]) -> ForcedProblem:
-    """The problem in as many pieces as some orbits need: see `branches.tracing.follow_family`."""
-    if not isinstance(problem, ReleasedProblem) or not problem.is_smooth:
-        return problem
-    pieces = max((problem.enough_pieces(y) for y in unknowns), default=problem.pieces)
+def _in_enough_pieces(problem: ForcedProblem, unknowns: Sequence[np.ndarray], failed: bool = False) -> ForcedProblem:
+    """The problem in as many pieces as some orbits need: see `branches.tracing.follow_family`. failed: whether steps failed, as rounding
+    that grows can make them."""
+    limit = GROWTH * (_FAILED if failed else 1.0)
+    pieces = max((problem.enough_pieces(y, limit) for y in unknowns), default=problem.pieces)
     return problem.sibling(problem.sequence, pieces=pieces) if pieces > problem.pieces else problem
 
 
 def _start_in(problem: ForcedProblem, other: ForcedProblem, start: np.ndarray | Step) -> np.ndarray | Step:
     """The start of a run in another number of pieces."""
-    assert isinstance(problem, ReleasedProblem) and isinstance(other, ReleasedProblem)
     if not isinstance(start, Step):
         return problem.in_pieces(other.pieces, np.asarray(start, dtype=float))[1]
     return _begun_in(problem, other, start.y, start.tangent)
 
 
-def _begun_in(problem: ReleasedProblem, other: ReleasedProblem, y: np.ndarray, tangent: np.ndarray) -> Step:
+def _begun_in(problem: ForcedProblem, other: ForcedProblem, y: np.ndarray, tangent: np.ndarray) -> Step:
     """An orbit in another number of pieces, with its tangent (at least (u,)) turned like the one given."""
     scale = problem.scales(y)[: problem.size]
     return begun_along(parameter_family(other), problem.in_pieces(other.pieces, y)[1], tangent, np.where(scale > 0.0, scale, 1.0))
@@ -211,7 +214,7 @@ def go_on(
 def _in_pieces_of(branch: ForcedBranch, other: ForcedBranch) -> ForcedBranch:
     """A branch in the pieces of another one, which has more."""
     problem, finer = branch.problem, other.problem
-    if not isinstance(problem, ReleasedProblem) or not isinstance(finer, ReleasedProblem) or finer.pieces == problem.pieces:
+    if finer.pieces == problem.pieces:
         return branch
     found = []
     for k, (y, tangent) in enumerate(zip(branch.unknowns, branch.tangents, strict=True)):

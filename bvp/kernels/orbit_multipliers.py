@@ -42,7 +42,8 @@ def orbit_multipliers(found, y, factor, slowest, values):
     """values (2, 2 n): real and imaginary parts of the multipliers, in no order, of the orbit y that was evaluated last.
 
     The saltation matrices are right left^-1 (`bvp.kernels.stroboscopic.saltation_frames`). slowest: the impact speed, over the size of the
-    velocities, below which an impact grazes. Returns whether they are found: no impact grazes, and the iteration converges."""
+    velocities, below which an impact grazes. Returns whether they are found: no impact grazes, and the iteration converges. What
+    is too large for a number is infinite."""
     segment, chain, scale, right = found.segment, found.chain, found.scale, found.right
     size = scale.shape[0]
     n = size // 2
@@ -75,6 +76,6 @@ def orbit_multipliers(found, y, factor, slowest, values):
     if product_eigenvalues(chain, found.inverse, found.corner, found.product, values) < 1:
         return False
     for r in range(size):
-        if not math.isfinite(values[0, r]) or not math.isfinite(values[1, r]):
+        if math.isnan(values[0, r]) or math.isnan(values[1, r]):
             return False
     return True

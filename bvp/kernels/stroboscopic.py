@@ -15,11 +15,13 @@ import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import apply_impact
+from bvp.kernels.cuts import is_cut
 from bvp.kernels.dense import determinant, eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.forced_sticking import orbit_flight
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
+from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.summed_chatter import chatter_frame, is_summed, take_impact
 
 
@@ -31,12 +33,18 @@ class Stroboscopic(NamedTuple):
     values: np.ndarray  # (2, 2 n) real and imaginary parts of the multipliers
     lines: np.ndarray  # (4, N) scratch
     late: np.ndarray  # (N,) scratch
+    chain: np.ndarray  # (k + 1, 2 n, 2 n) scratch
+    inverse: np.ndarray  # (k + 1,) int64 zeros
+    corner: np.ndarray  # (3, 3) scratch
 
 
 def make_stroboscopic(segment):
     """Arrays for a forced problem."""
-    size, width = segment.flight.enter.shape[0], segment.gap.shape[1]
-    return Stroboscopic(np.empty((size, size)), np.empty((size, size)), np.empty((2, size)), np.empty((4, width)), np.empty(width))
+    size, width, flights = segment.flight.enter.shape[0], segment.gap.shape[1], int(segment.shape[0]) + 1
+    return Stroboscopic(
+        np.empty((size, size)), np.empty((size, size)), np.empty((2, size)), np.empty((4, width)), np.empty(width),
+        np.empty((flights, size, size)), np.zeros(flights, dtype=np.int64), np.empty((3, 3)),
+    )  # fmt: skip
 
 
 @inlined
@@ -51,7 +59,7 @@ def rates_at(segment, i, before, after, coming, going):
 @kernel
 def stroboscopic_map(segment, flights, ends, found):
     """Fill found.matrix for an orbit. flights (k + 1, N, N), ends (k + 1, N): of `bvp.kernels.multipoint.evaluate`."""
-    matrix, work, _, lines, _ = found
+    matrix, work, lines = found.matrix, found.work, found.lines
     size = matrix.shape[0]
     after, going, coming, column = lines[0], lines[1], lines[2], lines[3]
     set_2(matrix, 0.0)
@@ -90,13 +98,63 @@ def stroboscopic_map(segment, flights, ends, found):
             matrix[r, c] *= segment.closing[0]
 
 
+@inlined
+def is_in_pieces(segment):
+    """Whether an orbit without impacts is solved in pieces (`bvp.kernels.cuts`)."""
+    return segment.shape[0] > 0 and is_cut(segment.flight, segment.side, 0)
+
+
+@inlined
+def _times(product, factor):
+    """A product of real numbers and conjugate pairs, times one of its factors over sqrt(1 + |factor|^2)."""
+    length = math.hypot(1.0, math.hypot(factor.real, factor.imag))
+    return product * (factor / length if length < math.inf else complex(math.copysign(1.0, factor.real), 0.0))
+
+
+@kernel
+def _tests_of_pieces(segment, flights, ends, found, out):
+    """See `stroboscopic_tests`: the map of an orbit in pieces is not formed, and the factors 1 + mu and 1 - mu_i mu_j are bounded."""
+    chain, values = found.chain, found.values
+    size = values.shape[1]
+    n = size // 2
+    displacement = 0.0
+    velocity = 0.0
+    for i in range(ends.shape[0]):
+        for r in range(n):
+            displacement = max(displacement, abs(ends[i, r]))
+            velocity = max(velocity, abs(ends[i, n + r]))
+    unit = velocity / displacement if displacement > 0.0 and velocity > 0.0 else 1.0
+    for i in range(ends.shape[0]):
+        sign = segment.closing[0] if i == ends.shape[0] - 1 else 1.0
+        for r in range(size):
+            for c in range(size):
+                factor = 1.0 if (r < n) == (c < n) else unit if r < n else 1.0 / unit
+                chain[i, r, c] = sign * factor * flights[i, r, c]
+    out[:] = math.nan
+    if product_eigenvalues(chain, found.inverse, found.corner, found.matrix, values) < 1:
+        values[:] = math.nan
+        return
+    doubled = complex(1.0, 0.0)
+    paired = complex(1.0, 0.0)
+    for i in range(size):
+        own = complex(values[0, i], values[1, i])
+        doubled = _times(doubled, 1.0 + own)
+        for j in range(i):
+            paired = _times(paired, 1.0 - own * complex(values[0, j], values[1, j]))
+    out[0] = doubled.real
+    out[1] = paired.real
+
+
 @kernel
 def stroboscopic_tests(segment, flights, ends, speeds, found, out):
     """out[0] = det(M + 1), out[1] = the product of 1 - mu_i mu_j over the pairs i < j of multipliers, made smooth at grazings: times the
     product of the impact speeds, and times its power 2 n - 1. Without a clock one multiplier is 1 for all orbits, and has no part in the
     pairs. The multipliers go to found.values."""
+    if is_in_pieces(segment):
+        _tests_of_pieces(segment, flights, ends, found, out)
+        return
     stroboscopic_map(segment, flights, ends, found)
-    matrix, work, values, _, _ = found
+    matrix, work, values = found.matrix, found.work, found.values
     size = matrix.shape[0]
     for r in range(size):
         for c in range(size):

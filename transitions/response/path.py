@@ -120,6 +120,6 @@ class ParameterPath:
             if abs(value - values[name]) > _HOLDS * max(abs(value), abs(values[name])):
                 where = f"at the orbit, which has {here.name} = {values[here.name]:.10g} and {name} = {values[name]:.10g}"
                 raise ValueError(f"{' and '.join(self.keep)} does not hold {where}; expected {name} = {value:.10g}, or another equation")
-        made = here.problem(problem.sequence, load_periods=problem.load_periods, half=problem.half)
+        made = here.problem(problem.sequence, load_periods=problem.load_periods, half=problem.half, pieces=problem.pieces)
         nodes, size = problem.nodes(y), 2 * problem.degrees_of_freedom
         return made, made.pack(nodes[:, :size], nodes[:, size], here.start, problem.flight_times(y))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +14,7 @@ from branches.forced.primitive import half_of
 from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
-from bvp.multipoint import NotConverged, Solution
+from bvp.multipoint import NotConverged, Solution, enough_pieces
 from transitions.response.path import ParameterPath
 from transitions.response.recognition import nodes_of
 from transitions.sweep.settle import Settled, SettledKind
@@ -25,6 +27,9 @@ _SAME = 1e-6
 _RESONANT = 1e-9
 """Distance of a multiplier of free motion from 1 below which the response is unbounded."""
 
+
+_LARGEST = 700.0
+"""Largest exponent of a growth that is a number."""
 
 _PERIODS = (1, 3, 10, 30, 100, 300, 1000)
 """Periods of the motion from rest after which Newton's method begins."""
@@ -61,9 +66,9 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
         problem = path.problem((), half=True)
     except EndsError:
         problem = path.problem(())
-    start = problem.pack(np.zeros((1, 2 * problem.degrees_of_freedom)), [0.0], path.start)
+    start = _linear_start(path, problem)
     if problem.is_smooth:
-        solution = _smooth_response(path, problem, start)
+        problem, solution = _smooth_response(path, problem)
         return problem, solution.y, unphysical(problem, solution)
     free = problem.multipliers(start)
     where = f"at {path.name} = {path.values[path.name]:.10g}"
@@ -79,24 +84,50 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     return problem, solution.y, unphysical(problem, solution)
 
 
-def _smooth_response(path: ParameterPath, problem: ForcedProblem, start: np.ndarray) -> Solution:
-    """A response without impacts beside smooth forces: the one to which Newton's method leads from that of the linear system, or from
-    the motion that begins at rest, after some periods."""
-    y, passed = start, 0
+def _linear_start(path: ParameterPath, problem: ForcedProblem) -> np.ndarray:
+    """The unknowns of the linear system's response without impacts, in the pieces of a problem. A single flight begins with zeros: Newton's
+    first step leads to that response."""
+    system, layout, entries = problem.system, path.parametric.layout, path.parametric.entries(problem.values)
+    n, fractions = problem.degrees_of_freedom, np.arange(problem.pieces) * problem.segment.closing[1] / problem.pieces
+    states = np.zeros((problem.pieces, 2 * n))
+    loads = entries[layout.cosine].reshape(-1, n) - 1j * entries[layout.sine].reshape(-1, n)
+    for k, load in zip((0.0, *layout.harmonics), (entries[layout.constant], *loads), strict=True) if problem.pieces > 1 else ():
+        rate = 1j * k * entries[layout.frequency][0]
+        shape = np.linalg.lstsq(system.stiffness + rate * system.damping + rate * rate * system.mass, load, rcond=1e-12)[0]
+        turned = np.exp(2j * math.pi * problem.load_periods * k * fractions)[:, None] * shape
+        states += np.hstack([turned, rate * turned]).real
+    return problem.pack(states, fractions, path.start)
+
+
+def _smooth_response(path: ParameterPath, problem: ForcedProblem) -> tuple[ForcedProblem, Solution]:
+    """A response without impacts beside smooth forces, with its problem: the one to which Newton's method leads from that of the linear
+    system, or from the motion that begins at rest, after some periods."""
+    for cut in _cut_problems(problem, path):
+        with suppress(NotConverged):
+            return cut, cut.solve(_linear_start(path, cut))
+    start, (sign, part), passed = _linear_start(path, problem), problem.segment.closing, 0
+    node = problem.nodes(start)[0]
     for periods in _PERIODS:
-        try:
-            return problem.solve(y)
-        except NotConverged:
-            node, (sign, part) = problem.nodes(y)[0].copy(), problem.segment.closing
-            while passed < periods:
-                state, _ = problem.fly(node, part * problem.period(start))
-                node[: len(state)] = sign * state
-                passed += 1
-            y = start.copy()
-            problem.nodes(y)[0] = node
+        while passed < periods:
+            state, _ = problem.fly(node, part * problem.period(start))
+            node[: len(state)] = sign * state
+            passed += 1
+        with suppress(NotConverged):
+            return problem, problem.solve(start)
     where = f"at {path.name} = {path.values[path.name]:.10g}"
     words = "neither from the linear system's response nor from the motion that begins at rest"
     raise Unbounded(f"no response without impacts was found {where}, {words} in {passed} periods")
+
+
+def _cut_problems(problem: ForcedProblem, path: ParameterPath) -> Iterator[ForcedProblem]:
+    """The problem, and where the linear system is unstable also in more and more pieces: the motion from the state 0 leaves it then."""
+    rate = float(np.linalg.eigvals(problem.modes.flight.matrix).real.max())
+    exponent = rate * problem.segment.closing[1] * problem.period(_linear_start(path, problem))
+    pieces = enough_pieces(math.exp(min(exponent, _LARGEST)), 1, problem.most_pieces)
+    yield problem.sibling((), pieces=pieces)
+    while exponent > 1.0 and pieces < problem.most_pieces:
+        pieces = min(2 * pieces, problem.most_pieces)
+        yield problem.sibling((), pieces=pieces)
 
 
 @dataclass(frozen=True)
