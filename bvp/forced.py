@@ -74,7 +74,7 @@ class ForcedProblem:
     keep : sequence of str
         Equations of parameters that hold along the family, such as "F = 0.3*w**2": one less than there are released parameters.
     pieces : int
-        Number of pieces of equal time in which the flight of a response without impacts is solved, beside smooth forces: see
+        Number of pieces of equal time in which the flight of a response without impacts is solved: see
         `bvp.multipoint.MultipointProblem`.
 
     Raises
@@ -417,7 +417,7 @@ class ForcedProblem:
     @property
     def can_be_cut(self) -> bool:
         """Whether flights can be solved in pieces: those of a response, from impact to impact, cannot."""
-        return self.is_smooth and not self.sequence
+        return not self.sequence
 
     def fly(self, node: np.ndarray, time: float, flight: int = 0) -> tuple[np.ndarray, float]:
         """The state (u, v) and the fraction of the period to which a node (N,) flies as in a flight of the orbit."""

@@ -489,7 +489,7 @@ def enough_pieces(growth: float, pieces: int, most: int = MOST_PIECES, limit: fl
 
 def lost_digits(problem: Any, y: np.ndarray) -> str:
     """How perturbations of an orbit y grow, in words, where that leaves too few digits; empty where it does not. problem: of any orbits."""
-    growth = problem.growth(y) if problem.is_smooth else 0.0
+    growth = problem.growth(y) if problem.is_smooth or problem.ends is None else 0.0
     return f"perturbations of the orbit, and rounding, grow by a factor {growth:.2g} in one flight" if growth > GROWTH else ""
 
 

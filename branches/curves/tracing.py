@@ -19,6 +19,7 @@ from branches.events import Ended, event_ids
 from branches.family import SETTINGS
 from branches.forced.tracing import OUT_OF_DOMAIN
 from branches.interrupted import with_computed
+from bvp.multipoint import lost_digits
 from continuation.control import Settings
 from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
@@ -242,6 +243,9 @@ def _why_no_start(curve: Curve, start: CurveStart) -> str:
     u = start.plane.size
     scale = start.plane.scales(start.y[:u])
     names = " and ".join(start.plane.names)
+    lost = lost_digits(start.plane.problem, start.y[:u])
+    if lost:
+        return f"no point of a curve {start.code} in {names} was found there: {lost}"
     try:
         at = start.plane.linearised(start.y[:u])
         first = curve.condition.first(at, start.y[u:], scale)

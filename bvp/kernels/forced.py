@@ -20,11 +20,10 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import call_at, inlined, kernel
-from bvp.kernels.cuts import is_cut
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
 from bvp.kernels.flights import velocity_unit
-from bvp.kernels.forced_sticking import AnyFlight, contact_gap, load_modes, modal_load, orbit_flight
+from bvp.kernels.forced_sticking import AnyFlight, contact_gap, load_modes, modal_load, mode_count, orbit_flight
 from bvp.kernels.free_closure import (
     ends_residuals,
     fill_ends,
@@ -94,6 +93,12 @@ def unpack_loaded(segment):
 
 
 @inlined
+def is_loaded_cut(segment, i):
+    """Whether node i is a cut (`bvp.kernels.cuts`), where no side of a stop is hit: without sticking no stop opens there."""
+    return mode_count(segment.sticking) == 0 and segment.side[i] == 0.0
+
+
+@inlined
 def refresh(segment, node):
     """Compute all that depends on the released parameters, at their values in a node."""
     released, loads = segment.released, segment.flight.loads
@@ -153,7 +158,7 @@ def evaluate_loaded(segment, y, before, flights, z, residual):
             for r in range(width):
                 residual[row + r] -= y[at + r]
             residual[row + width], _ = contact_gap(segment.sticking, segment, i, y[at : at + width])
-            if is_cut(segment.flight, segment.side, i):
+            if is_loaded_cut(segment, i):
                 residual[row + width] = y[at - 1] - y[at + width]  # equation (45)
         elif segment.shape[3] != PERIODIC:
             copy_1(residual[row : row + width], z[:width])
@@ -215,7 +220,7 @@ def fill_loaded(segment, y, factor):
             _, gradient = contact_gap(segment.sticking, segment, i, y[after : after + width])
             for c in range(width):
                 column[after - base + c] = gradient[c] * scale[after + c]
-            if is_cut(segment.flight, segment.side, i):
+            if is_loaded_cut(segment, i):
                 column[at - base + width] = scale[at + width]
                 column[after - base + width] = -scale[after + width]
         elif segment.shape[3] != PERIODIC:
@@ -316,7 +321,7 @@ def scaled_loaded_residual(segment, residual, before, displacement, velocity, lo
             for c in range(n):
                 total += abs(segment.end_map[r, c])
             value /= displacement if total > 0.0 else unit
-        elif r == width and row < closing and is_cut(segment.flight, segment.side, row // (width + 1)):
+        elif r == width and row < closing and is_loaded_cut(segment, row // (width + 1)):
             value = 0.0  # each update fulfils equation (45), which is linear
         elif r < n or r == width:
             value /= displacement

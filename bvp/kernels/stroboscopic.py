@@ -15,9 +15,9 @@ import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.contact_mode import apply_impact
-from bvp.kernels.cuts import is_cut
 from bvp.kernels.dense import determinant, eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
+from bvp.kernels.forced import is_loaded_cut
 from bvp.kernels.forced_sticking import orbit_flight
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
@@ -101,7 +101,7 @@ def stroboscopic_map(segment, flights, ends, found):
 @inlined
 def is_in_pieces(segment):
     """Whether an orbit without impacts is solved in pieces (`bvp.kernels.cuts`)."""
-    return segment.shape[0] > 0 and is_cut(segment.flight, segment.side, 0)
+    return segment.shape[0] > 0 and is_loaded_cut(segment, 0)
 
 
 @inlined

@@ -66,22 +66,22 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
         problem = path.problem((), half=True)
     except EndsError:
         problem = path.problem(())
-    start = _linear_start(path, problem)
     if problem.is_smooth:
         problem, solution = _smooth_response(path, problem)
         return problem, solution.y, unphysical(problem, solution)
-    free = problem.multipliers(start)
+    cuts = list(_cut_problems(problem, path))
+    start = _linear_start(path, cuts[0])
     where = f"at {path.name} = {path.values[path.name]:.10g}"
     words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
-    if np.abs(free - 1.0).min() < _RESONANT:
+    if np.abs(cuts[0].multipliers(start) - 1.0).min() < _RESONANT:
         if not is_driven(problem, 2.0 * math.pi * problem.load_periods / problem.period(start)):
             words = f"the response without impacts is not isolated {where}: free motion of an undamped mode repeats in its period"
         raise Unbounded(words)
-    try:
-        solution = problem.solve(start)
-    except NotConverged as error:
-        raise Unbounded(words) from error
-    return problem, solution.y, unphysical(problem, solution)
+    for cut in cuts:
+        with suppress(NotConverged):
+            solution = cut.solve(_linear_start(path, cut))
+            return cut, solution.y, unphysical(cut, solution)
+    raise Unbounded(words)
 
 
 def _linear_start(path: ParameterPath, problem: ForcedProblem) -> np.ndarray:
