@@ -64,6 +64,9 @@ GROWTH = 1e4
 MOST_PIECES = 32
 """Most pieces of a flight. Near a saddle of the potential, where it falls off, perturbations grow without bound along a family."""
 
+LARGEST = 700.0
+"""Largest exponent of a growth that is a number."""
+
 _COMPILED: dict[tuple[bool, bool, int], tuple[Any, int]] = {}
 """Each kernel with its address in memory."""
 
@@ -270,7 +273,17 @@ class MultipointProblem:
         """The unknowns y (u,) of this problem in those of another one, which differs in its pieces."""
         if self.pieces == other.pieces:
             return np.array(y, float)
-        return other.pack(self.start(y), self.impact_states(y), self.whole_flight_times(y))
+        if self.pieces == 1:
+            return other.pack(self.start(y), self.impact_states(y), self.whole_flight_times(y))
+        # From one cut to the next rounding grows less than along the whole flight.
+        begins, times, states = np.vstack([self.start(y), self.nodes(y)]), self.flight_times(y).tolist(), []
+        for first in range(0, self.inner + 1, self.pieces):
+            for k in range(other.pieces):
+                piece, rest = divmod(k * self.pieces, other.pieces)
+                states.append(begins[first + piece].copy())
+                if rest:
+                    state_at(self.segment.flight, begins[first + piece], rest / other.pieces * times[first + piece], states[-1])
+        return other.pack(states[0], states[1:], np.repeat(self.whole_flight_times(y) / other.pieces, other.pieces))
 
     def in_enough_pieces(self, y: np.ndarray) -> MultipointProblem:
         """The problem in as many pieces as the flights from y need for perturbations to grow by less than `GROWTH` along each, or

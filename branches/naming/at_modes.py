@@ -23,7 +23,7 @@ from branches.orbit import Orbit
 from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
 from bvp.kernels.taylor import fly_smooth
-from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.multipoint import LARGEST, MultipointProblem, NotConverged, Solution, enough_pieces
 from bvp.saddles import REACHED, approached
 from bvp.smooth_flights import smooth_flight
 
@@ -196,6 +196,7 @@ def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, flo
         searched = len(frequencies) == 2 and system.has_odd_symmetry
         expected = which or ("a family that saltus discover finds" if searched else "a system with a mode that oscillates")
         raise NameNotFound(f"mode:{name.number}: {reason} without the smooth forces; expected {expected}")
+    problem = MultipointProblem(system, ends, (), _pieces_beside(problem, k))
     tried, last = lowest, NotConverged("nothing was tried")
     for _ in range(ATTEMPTS):
         try:
@@ -228,13 +229,24 @@ def _through_origin(problem: MultipointProblem, energy: float) -> Solution:
         raise NameNotFound(f"mode:1: no motion of h = {energy:g} comes to rest ({error}); expected other energies") from error
 
 
+def _pieces_beside(problem: MultipointProblem, k: int) -> int:
+    """How many pieces the flight of linear mode k needs beside other modes that grow."""
+    modes = problem.system.modes
+    rate = math.sqrt(max(0.0, -float(modes.squares.min())))
+    lasting = (1.0 if problem.ends[0] == "origin" else 2.0) * 0.5 * math.pi / float(modes.frequencies[k])
+    return enough_pieces(math.exp(min(rate * lasting, LARGEST)), 1)
+
+
 def _beside_mode(problem: MultipointProblem, k: int, energy: float) -> Solution:
     """The orbit of an energy beside linear mode k. NotConverged if what the mode leads to is not near it, and may be of another family."""
     w, n, origin = float(problem.system.modes.frequencies[k]), problem.system.degrees_of_freedom, problem.ends[0] == "origin"
-    start, place = np.zeros(2 * n), n + k if origin else k
-    start[place] = math.sqrt(2.0 * energy) * (1.0 if origin else 1.0 / w)
-    quarter = 0.5 * math.pi / w
-    solution = problem.solve(problem.pack(start, None, [quarter if origin else 2.0 * quarter]), energy=energy)
+    quarter, pieces = 0.5 * math.pi / w, problem.pieces
+    lasting = quarter if origin else 2.0 * quarter
+    angles = w * lasting * np.arange(pieces) / pieces - (0.5 * math.pi if origin else 0.0)
+    states = np.zeros((pieces, 2 * n))
+    states[:, k], states[:, n + k] = math.sqrt(2.0 * energy) * np.cos(angles) / w, -math.sqrt(2.0 * energy) * np.sin(angles)
+    start = states[0]
+    solution = problem.solve(problem.pack(start, states[1:], np.full(pieces, lasting / pieces)), energy=energy)
     if abs(problem.quarter_period(solution.y) / quarter - 1.0) > NEAR:
         raise NotConverged(f"the orbit of h = {energy:g} has another period than the mode")
     if np.linalg.norm(problem.start(solution.y) - start) > math.sqrt(NEAR) * np.linalg.norm(start):

@@ -137,6 +137,19 @@ def require_pieces_keep_the_digits_of_strongly_unstable_orbits(rate):
             assert one.quality["reliable"] and not one.stable
 
 
+def test_a_family_begins_at_a_mode_beside_one_that_grows():
+    """Oracle: the orbit and its multiplier, 5.9e46, in 80 digits. Along the quarter period perturbations grow by 10^13. In other pieces the
+    orbit is as good as its cuts."""
+    begun = orbit_at_mode("mode:2", saddle(20.0), (1e-3, 1.0))
+    orbit = follow_family(begun.problem, begun.solution.y, energy=(1e-3, 1.1)).orbit_at(energy=1.0)
+    with mp.workdps(80):
+        time, multiplier = exact(20.0, 1.0, orbit)
+        assert multiplier > 1e46 and abs(orbit.alpha / time - 1) < 1e-14
+        assert abs(orbit.multipliers[0] / multiplier - 1) < 1e-11 and not orbit.stable
+    other = MultipointProblem(orbit.system, orbit.ends, (), 2 * orbit.problem.pieces + 1)
+    assert np.abs(other.residual(orbit.problem.in_pieces_of(other, orbit.solution.y))).max() < 1e-11
+
+
 def test_a_family_that_grows_unstable_is_followed_again_in_pieces():
     """Oracle: the family ends at the energy asked for; points and events are reported once, as those of the branch; its file keeps the
     pieces."""

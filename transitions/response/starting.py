@@ -14,7 +14,7 @@ from branches.forced.primitive import half_of
 from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
 from bvp.forced import ForcedProblem
-from bvp.multipoint import NotConverged, Solution, enough_pieces
+from bvp.multipoint import LARGEST, NotConverged, Solution, enough_pieces
 from transitions.response.path import ParameterPath
 from transitions.response.recognition import nodes_of
 from transitions.sweep.settle import Settled, SettledKind
@@ -27,9 +27,6 @@ _SAME = 1e-6
 _RESONANT = 1e-9
 """Distance of a multiplier of free motion from 1 below which the response is unbounded."""
 
-
-_LARGEST = 700.0
-"""Largest exponent of a growth that is a number."""
 
 _PERIODS = (1, 3, 10, 30, 100, 300, 1000)
 """Periods of the motion from rest after which Newton's method begins."""
@@ -123,7 +120,7 @@ def _cut_problems(problem: ForcedProblem, path: ParameterPath) -> Iterator[Force
     """The problem, and where the linear system is unstable also in more and more pieces: the motion from the state 0 leaves it then."""
     rate = float(np.linalg.eigvals(problem.modes.flight.matrix).real.max())
     exponent = rate * problem.segment.closing[1] * problem.period(_linear_start(path, problem))
-    pieces = enough_pieces(math.exp(min(exponent, _LARGEST)), 1, problem.most_pieces)
+    pieces = enough_pieces(math.exp(min(exponent, LARGEST)), 1, problem.most_pieces)
     yield problem.sibling((), pieces=pieces)
     while exponent > 1.0 and pieces < problem.most_pieces:
         pieces = min(2 * pieces, problem.most_pieces)
