@@ -208,7 +208,8 @@ class Locator:
         if found.interrupted and not guard:
             line = self._polished(index, found)
             if line.root != found.root and math.isnan(float(self.step(line.root).tests[index])):
-                found = line._replace(interrupted="")  # undefined for being rounding: a zero, and the bracket is its error bar
+                # undefined for being rounding: a zero, and the bracket is its error bar
+                found = self._bent(index, line)._replace(interrupted="")
         if found.interrupted and found.high - found.low > coincidence and not size:
             raise StepRefused(found.interrupted)
         if guard and found.value < 0.0:
@@ -280,6 +281,20 @@ class Locator:
         most = 2.0 * wanted if valid and found.value < 0.0 else abs(found.value)
         better = abs(value) < most and (not valid or value > 0.0)
         return found._replace(root=s, value=value) if better else found
+
+    def _bent(self, index: int, found: RootBracket) -> RootBracket:
+        """The root by inverse interpolation through the ends of a bracket inside which the function is undefined, and through values as far
+        outside on both sides: such a bracket can be wide, and the function bends."""
+        width = found.high - found.low
+        try:
+            steps = [found.low - width, found.low, found.high, found.high + width]
+            values = [self.value(index, s) for s in steps]
+        except StepRefused:
+            return found
+        if sorted(values) not in (values, values[::-1]) or len(set(values)) < len(values):
+            return found
+        root = sum(s * math.prod(b / (b - a) for b in values if b != a) for s, a in zip(steps, values, strict=True))
+        return found._replace(root=root) if found.low < root < found.high else found
 
     def _within(self, index: int, found: RootBracket) -> RootBracket:
         """The root of a guard moved to the nearest step tried where its value is not negative, inside the same bracket."""
