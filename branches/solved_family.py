@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
-from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, Known, Samples, Sought, make_samples, scan_tests
+from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, Departure, Known, Samples, Sought, make_samples, scan_tests
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.step import CompiledProblem
 from bvp.multipoint import RESULT_INDEX, Solution
 from continuation.control import Control
 from continuation.problem import Advance, Goal, Recent, Step, TestFunction
+from continuation.resolution import Sampled
 from continuation.switching import refine_branch_point
 
 __all__ = ["AdvancedSteps", "FAILED", "MOST_ITERATIONS", "SINGULAR", "SolvedFamily", "begun_along", "step_of"]
@@ -126,10 +127,8 @@ class SolvedFamily:
     def _narrow(self, before: Step, low: Place, high: Place, sought: Sought, samples: Samples, rows: int) -> tuple[Block, int, int]:
         """See `branches.kernels.brackets.narrow`."""
         y, tangent = _contiguous(before.y, before.tangent)
-        block = self._block(rows)
-        count, answer = self._narrow_bracket(
-            self._compiled, MOST_ITERATIONS, self._watched, y, tangent, _known(*low), _known(*high), sought, samples, self._scratch, block
-        )
+        departure, block = Departure(self._compiled, MOST_ITERATIONS, self._watched, y, tangent, self._scratch), self._block(rows)
+        count, answer = self._narrow_bracket(departure, _known(*low), _known(*high), sought, samples, block)
         return self._watched_part(block), count, answer
 
     @cached_property
@@ -141,15 +140,10 @@ class SolvedFamily:
         return np.empty((5, self.problem.coordinates))
 
     def scan(
-        self, places: np.ndarray, rows: np.ndarray, tests: Sequence[int], begin: int, limit: float, guard: bool, zones: Any, hidden: Any,
-        floor: float, settled: np.ndarray, count_settled: np.ndarray,
-    ) -> tuple[int, float, float, float]:  # fmt: skip
+        self, sampled: Sampled, tests: Sequence[int], begin: int, limit: float, guard: bool, floor: float
+    ) -> tuple[int, float, float, float]:
         """See `continuation.resolution.scan`."""
-        ends, hides = np.array(zones, dtype=float).reshape(-1, 2), np.array(hidden, dtype=float).reshape(-1, len(self.tests))
-        scratch, chosen = np.empty((3, len(places))), np.empty(4, dtype=np.int64)
-        found: tuple[int, float, float, float] = scan_tests(
-            places, rows, np.array(tests), begin, float(limit), int(guard), ends, hides, floor, settled, count_settled, *scratch, chosen
-        )
+        found: tuple[int, float, float, float] = scan_tests(sampled, np.array(tests), begin, float(limit), int(guard), floor)
         return found
 
     def _block(self, rows: int) -> Block:

@@ -18,7 +18,7 @@ from continuation.control import NEAR_BRANCH_POINT, may_hide
 from continuation.location import Locator
 from continuation.problem import Step, TestFunction
 
-__all__ = ["Resolution", "Zone", "bends", "longest_division", "nodes_around", "scan"]
+__all__ = ["Resolution", "Sampled", "Zone", "bends", "longest_division", "nodes_around", "scan"]
 
 _MOST = 256  # corrected points inside a step; a step that needs more is refused and halved
 _CORES = 2.0  # samples approach a place where a test function is undefined to within this many times its width
@@ -45,6 +45,21 @@ class Zone(NamedTuple):
         return test is self.test or test.code in self.test.absorbs
 
 
+class Sampled(NamedTuple):
+    """The P samples of T test functions in one step, as sequences or as arrays."""
+
+    places: Any  # (P,) in order
+    rows: Any  # (P, T) the values of all test functions there
+    zones: Any  # (Z, 2) ends of the zones
+    hidden: Any  # (Z, T) 1 where a test function has no certain sign in a zone
+    settled: Any  # (T, S, 4) intervals of each test function that need no division, each between the places next to it
+    counts: Any  # (T,) int: how many of these there are
+    kept: Any  # (P,) scratch: the places where one test function is to be trusted,
+    values: Any  # (P,) its values there,
+    gaps: Any  # (P,) and the other places
+    chosen: Any  # (4,) int, scratch
+
+
 @dataclass(eq=False)
 class Resolution:
     """The test functions of one step.
@@ -62,6 +77,7 @@ class Resolution:
     _samples: int = 0
     _places: Any = ()
     _rows: Any = ()  # the values of all test functions at each place
+    _scratch: Any = ()
 
     def __post_init__(self) -> None:
         self._compiled: Callable[..., tuple[int, float, float, float]] | None = getattr(self.locator.problem, "scan", None)
@@ -117,18 +133,22 @@ class Resolution:
             # Lists have floats already; items of arrays are slower.
             rows = [*(values for _, values in history), *(step.tests for _, step in taken)]
             self._rows = [row if type(row) is list else list(map(float, row)) for row in rows]
+            size = len(self._places)
+            self._scratch = [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4
             if self._compiled is not None:
                 self._places, self._rows = np.array(self._places), np.array(self._rows)
-        zones = [(zone.low, zone.high) for zone in self.zones]
-        hidden = [[float(zone.hides(test)) for test in self.tests] for zone in self.zones]
+                self._scratch = *np.empty((3, size)), np.empty(4, dtype=np.int64)
+        zones: Any = [(zone.low, zone.high) for zone in self.zones]
+        hidden: Any = [[float(zone.hides(test)) for test in self.tests] for zone in self.zones]
         if self._compiled is not None:
-            return self._compiled(self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor, *self._settled)
-        size = len(self._places)
-        scratch = [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4
-        functions = longest_division, may_hide, nodes_around, bends
-        return scan(  # type: ignore[call-arg]
-            *functions, self._places, self._rows, tests, begin, limit, guard, zones, hidden, self.floor, *self._settled, *scratch
+            zones, hidden = np.array(zones).reshape(-1, 2), np.array(hidden).reshape(-1, len(self.tests))
+        sampled = Sampled(self._places, self._rows, zones, hidden, *self._settled, *self._scratch)
+        if self._compiled is not None:
+            return self._compiled(sampled, tests, begin, limit, guard, self.floor)
+        found: tuple[int, float, float, float] = scan(
+            longest_division, may_hide, nodes_around, bends, sampled, tests, begin, limit, guard, self.floor
         )
+        return found
 
     def absorbed(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> bool:
         """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code.
@@ -186,39 +206,26 @@ class Resolution:
         return beyond
 
 
-def scan(
-    divide: Any, hides: Any, nodes: Any, bend: Any, places: Any, rows: Any, tests: Any, begin: Any, limit: Any, guard: Any, zones: Any,
-    hidden: Any, floor: Any, settled: Any, count_settled: Any, kept: Any, values: Any, gaps: Any, chosen: Any,
-) -> Any:  # fmt: skip
+def scan(divide: Any, hides: Any, nodes: Any, bend: Any, sampled: Any, tests: Any, begin: Any, limit: Any, guard: Any, floor: Any) -> Any:
     """The first of some test functions, from number `begin` on, that changes its sign or has an interval to be divided.
 
     Parameters
     ----------
     divide, hides, nodes, bend : functions
         `longest_division`, `continuation.control.may_hide`, `nodes_around` and `bends`.
-    places : (P,) float
-        Of the samples, in order.
-    rows : (P, T) float
-        The values of all test functions there.
+    sampled : Sampled
+        Settled intervals are added to it.
     tests : (K,) int
     limit, guard
         Of `Resolution.changes`.
-    zones : (Z, 2) float
-        Ends of the zones.
-    hidden : (Z, T) float
-        1 where a test function has no certain sign in a zone.
     floor : float
-    settled, count_settled : (T, S, 4) float, (T,) int
-        The intervals of each test function that were found to need no division, with the places next to them, and how many there are.
-        More are added.
-    kept, values, gaps, chosen
-        Scratch: (P,) three times, and (4,) int.
 
     Returns
     -------
     int, float, float, float
         Its number among `tests`, or K; and the interval that is to be divided and where. Without one, its ends are in the wrong order.
     """
+    places, rows, zones, hidden, _, _, kept, values, gaps, _ = sampled
     for k in range(begin, len(tests)):
         index = tests[k]
         count = 0
@@ -242,24 +249,18 @@ def scan(
             kept[count] = s
             values[count] = value
             count += 1
-        low, high, part, known = divide(
-            hides, nodes, bend, kept, values, count, gaps, between, floor, guard, settled[index], count_settled[index], chosen
-        )
-        count_settled[index] = known
+        low, high, part = divide(hides, nodes, bend, sampled, index, count, between, floor, guard)
         if changes or high > low:
             return k, low, high, part
     return len(tests), 0.0, -1.0, 0.5
 
 
-def longest_division(
-    hides: Any, nodes: Any, bend: Any, places: Any, values: Any, count: Any, gaps: Any, between: Any, floor: Any, guard: Any, settled: Any,
-    known: Any, chosen: Any,
-) -> Any:  # fmt: skip
-    """The longest interval that is to be divided, and where; its ends are in the wrong order where there is none. And the number `known` of
-    settled intervals, to which those that are found are added.
+def longest_division(hides: Any, nodes: Any, bend: Any, sampled: Any, index: Any, count: Any, between: Any, floor: Any, guard: Any) -> Any:
+    """The longest interval of a test function that is to be divided, and where; its ends are in the wrong order where there is none.
 
-    The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. gaps: the places where
-    the test function is not to be trusted, `between` in number. The other arguments are those of `scan`."""
+    The longest comes first: near a pole, the estimate for an interval much longer than its neighbour is meaningless. It is known at
+    `count` places, and not to be trusted at `between` others, which are the gaps. The other arguments are those of `scan`."""
+    _, _, _, _, settled, counts, places, values, gaps, chosen = sampled
     longest = floor
     found_low = 0.0
     found_high = -1.0
@@ -292,8 +293,8 @@ def longest_division(
         before = places[j - 1] if j > 0 else -math.inf
         after = places[j + 2] if j + 2 < count else math.inf
         is_settled = False
-        for i in range(known):
-            interval = settled[i]
+        for i in range(counts[index]):
+            interval = settled[index][i]
             if interval[1] == low and interval[2] == high and interval[0] == before and interval[3] == after:
                 is_settled = True
         if is_settled:
@@ -302,10 +303,10 @@ def longest_division(
         if nodes(places, count, j, chosen) == 4:
             bend_first, bend_last = bend(places, values, chosen)
             if not hides(a, b, length, bend_first, bend_last):
-                if known < len(settled):
-                    interval = settled[known]
+                if counts[index] < len(settled[index]):
+                    interval = settled[index][counts[index]]
                     interval[0], interval[1], interval[2], interval[3] = before, low, high, after
-                    known += 1
+                    counts[index] += 1
                 continue
             sign = 1.0 if a > 0.0 else -1.0
             most = max(sign * bend_first, sign * bend_last) * length * length
@@ -315,7 +316,7 @@ def longest_division(
                 part = 0.5
         longest = length
         found_low, found_high, found_part = low, high, part
-    return found_low, found_high, found_part, known
+    return found_low, found_high, found_part
 
 
 def nodes_around(places: Any, count: Any, j: Any, chosen: Any) -> Any:

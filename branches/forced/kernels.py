@@ -90,6 +90,6 @@ def advance_forced_block(compiled, most, control, watched, beginning, goal, ds, 
 
 
 @kernel
-def narrow_forced_bracket(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block):
+def narrow_forced_bracket(departure, low, high, sought, samples, block):
     """See `branches.kernels.brackets.narrow`."""
-    return narrow(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block)
+    return narrow(departure, low, high, sought, samples, block)

@@ -6,11 +6,11 @@ here - a step that is refused, a value that is not known - is left to that funct
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from branches.kernels.blocks import TestedPoint, land_tested
+from branches.kernels.blocks import TestedPoint, WatchedTests, land_tested
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel, short_loops
 from bvp.kernels.flight import copy_1
@@ -19,7 +19,9 @@ from continuation.bracketing import MOST_INTERPOLATED, inverse_interpolation, is
 from continuation.control import may_hide
 from continuation.resolution import bends, longest_division, nodes_around, scan
 
-__all__ = ["MOST", "PASSED_OVER", "REFUSED", "Known", "Samples", "Sought", "make_samples", "narrow", "narrow_bracket", "scan_tests"]
+__all__ = [
+    "MOST", "PASSED_OVER", "REFUSED", "Departure", "Known", "Samples", "Sought", "make_samples", "narrow", "narrow_bracket", "scan_tests",
+]  # fmt: skip
 
 MOST = 40
 """Steps that close in on a zero in one call."""
@@ -37,6 +39,17 @@ _scan = inlined(scan)
 
 LANDED, REFUSED, TURNED, PASSED_OVER = range(4)
 """Where a step leads: to an orbit; to none; to one whose tangent is rotated too far; to one of another family."""
+
+
+class Departure(NamedTuple):
+    """An orbit that steps are taken from, and what takes them."""
+
+    compiled: Any  # `CompiledProblem`
+    most: int  # iterations of a correction
+    watched: WatchedTests
+    y: np.ndarray  # (u,)
+    tangent: np.ndarray  # (u,) at least
+    metric: np.ndarray  # (4, N + 2) scratch, at least
 
 
 class Known(NamedTuple):
@@ -91,10 +104,11 @@ def _put(known, end, samples):
 
 
 @inlined
-def _land_between(compiled, most, watched, y, tangent, low, high, s, least_turn, samples, metric, point):
+def _land_between(departure, low, high, s, least_turn, samples, point):
     """Fill the `TestedPoint` of the step of length s, between the ends of the bracket at `low` and `high`.
 
     Returns LANDED, REFUSED, TURNED or PASSED_OVER."""
+    compiled, most, watched, y, tangent, metric = departure
     guess, along, slope = samples.work, samples.along, samples.work
     unknowns = y.shape[0]
     _cubic_between(samples.near[0], samples.slopes[0], samples.near[1], samples.slopes[1], low, high, s, guess)
@@ -115,7 +129,7 @@ def _land_between(compiled, most, watched, y, tangent, low, high, s, least_turn,
 
 
 @inlined
-def narrow(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block):
+def narrow(departure, low, high, sought, samples, block):
     """Take one step between two known steps from an orbit, or close in on a zero of a test function: these are the ends of the bracket.
 
     Returns the number of steps taken, in the rows of the block; and LANDED, or why the row after them holds none. The search ends with a
@@ -138,7 +152,7 @@ def narrow(compiled, most, watched, y, tangent, low, high, sought, samples, metr
                 return row, LANDED
             s = first + part * (last - first)
         point = TestedPoint(block.y[row], block.tangent[row], block.position[row], block.ends[row], block.result[row], block.tests[row])
-        answer = _land_between(compiled, most, watched, y, tangent, first, last, s, sought.least_turn, samples, metric, point)
+        answer = _land_between(departure, first, last, s, sought.least_turn, samples, point)
         if answer != LANDED:
             return row, answer
         block.lengths[row, 0] = s
@@ -165,15 +179,12 @@ def narrow(compiled, most, watched, y, tangent, low, high, sought, samples, metr
 
 
 @short_loops
-def narrow_bracket(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block):
+def narrow_bracket(departure, low, high, sought, samples, block):
     """See `narrow`."""
-    return narrow(compiled, most, watched, y, tangent, low, high, sought, samples, metric, block)
+    return narrow(departure, low, high, sought, samples, block)
 
 
 @kernel
-def scan_tests(places, rows, tests, begin, limit, guard, zones, hidden, floor, settled, count_settled, kept, values, gaps, chosen):
+def scan_tests(sampled, tests, begin, limit, guard, floor):
     """See `continuation.resolution.scan`."""
-    return _scan(
-        _longest_division, _may_hide, _nodes_around, _bends, places, rows, tests, begin, limit, guard, zones, hidden, floor,
-        settled, count_settled, kept, values, gaps, chosen,
-    )  # fmt: skip
+    return _scan(_longest_division, _may_hide, _nodes_around, _bends, sampled, tests, begin, limit, guard, floor)

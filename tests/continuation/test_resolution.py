@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from continuation.between import cubic_between, goes_aside
 from continuation.control import may_hide
-from continuation.resolution import bends, longest_division, nodes_around, scan
+from continuation.resolution import Sampled, bends, longest_division, nodes_around, scan
 
 NUMBERS = st.floats(-3.0, 3.0)
 
@@ -55,10 +55,10 @@ def test_nodes_are_the_nearest_places_that_are_not_too_near(places, data):
 def plain_scan(places, rows, tests, zones=(), hidden=(), limit=math.inf, guard=False, floor=1e-9):
     size = len(places)
     settled = [[[0.0] * 4 for _ in range(8)] for _ in rows[0]], [0 for _ in rows[0]]
-    scratch = [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4
+    sampled = Sampled(places, rows, zones, hidden, *settled, [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4)
     functions = longest_division, may_hide, nodes_around, bends
-    found = scan(*functions, places, rows, tests, 0, limit, guard, zones, hidden, floor, *settled, *scratch)
-    assert scan(*functions, places, rows, tests, 0, limit, guard, zones, hidden, floor, *settled, *scratch) == found  # as it is settled
+    found = scan(*functions, sampled, tests, 0, limit, guard, floor)
+    assert scan(*functions, sampled, tests, 0, limit, guard, floor) == found  # as it is settled
     return found
 
 
