@@ -110,6 +110,12 @@ class SolvedFamily:
         """See `continuation.Problem`; the tangent carries higher derivatives behind it (`bvp.multipoint.Solution`)."""
         return self._step(self.problem.step(y, tangent, ds))
 
+    def step_near(self, y: np.ndarray, tangent: np.ndarray, ds: float, guess: np.ndarray) -> Step:
+        """See `continuation.Problem`."""
+        along = tangent[: y.size]
+        # the prediction is y + ds (tangent + ds/2 curvature)
+        return self.step(y, np.concatenate([along, 2.0 * (guess - y - ds * along) / (ds * ds)]), ds)
+
     def step_between(self, before: Step, s: float, low: Place, high: Place, least_turn: float) -> tuple[Step, bool]:
         """See `continuation.Problem`."""
         block, _, answer = self._narrow(before, low, high, Sought(float(s), 0, 0.0, least_turn, 0, 0), self._no_samples, 1)
