@@ -520,6 +520,11 @@ class ForcedProblem:
         With ds = 0, y itself is corrected (least norm) and its tangent turned like the one given (all zero: as it comes)."""
         return self._take(y, tangent, Request(ds, math.nan, maximum))
 
+    def scaled_residual(self, y: np.ndarray) -> float:
+        """The largest residual at y, each in its own unit: of a solution below 1e-12."""
+        landing, _ = self._stepped(y, np.zeros(2 * self.unknowns), Request(0.0, math.nan, 0))
+        return float(landing.result[RESULT.index("residual")])
+
     def compiled(self, *, full: bool = True) -> CompiledProblem:
         """The problem for a compiled function that takes steps of its own."""
         metric, result = np.empty((4, self.size)), np.empty(len(RESULT))

@@ -105,10 +105,8 @@ def without_chatter(problem: ForcedProblem, y: np.ndarray) -> ForcedProblem:
 
 
 def largest_residual(problem: ForcedProblem, y: np.ndarray) -> float:
-    """The largest residual of an orbit, in units of its unknowns, also at the end of a family where a moment vanishes."""
-    scales = problem.scales(y)[: problem.unknowns - 1]
-    residual = without_chatter(problem, y).residual(y)
-    return float(np.abs(residual / np.where(scales > 0.0, scales, 1.0)).max())
+    """The largest residual of an orbit, as the solver scales it, also at the end of a family where a moment vanishes."""
+    return without_chatter(problem, y).scaled_residual(y)
 
 
 def _closed_for_ever(problem: ForcedProblem, moment: _Moment) -> bool:

@@ -68,6 +68,8 @@ def problem_record(problem: ForcedProblem) -> dict[str, Any]:
 
 def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> ForcedProblem:
     """The inverse of `problem_record`."""
+    if given.get("pieces", 1) < 1:
+        raise RecordError(f"pieces is {given['pieces']}, expected 1 or more")
     if "ends" in given:
         ends = given["ends"][0], given["ends"][1]
         own = {name: given[name] for name in ("values", "energy", "pieces") if name in given}

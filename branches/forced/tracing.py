@@ -41,6 +41,9 @@ SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 _ON_BOUND = 1e-12
 """Distance from a bound of the parameter, in units of its default, within which it is on the bound."""
 
+_SOLVED = 1e-12
+"""Scaled residual of a solution, at most."""
+
 OUT_OF_DOMAIN = "DOMAIN"
 """Reason of an end behind which the system cannot have the values of its parameters."""
 
@@ -51,7 +54,7 @@ _BESIDE = 1e-3
 which has a turning point between them."""
 
 _FAILED = 0.1
-"""Part of the growth of perturbations that flights can have, from which on it can make steps fail."""
+"""Where steps failed, flights are cut so that perturbations grow in each by no more than this part of `GROWTH`."""
 
 _BEYOND = (4.0 * SETTINGS.minimum_step, 1e-6)
 """Arclengths from an end at which the system is looked at: steps to it fail earlier than the system does."""
@@ -258,13 +261,17 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
 
 
 def _put_on_bounds(problem: ForcedProblem, run: Run, interval: tuple[float, float]) -> None:
-    """Give the first and the last orbit of a run the bound of the parameter from which rounding sets them apart: 0, not 1e-15."""
+    """Give the first and the last orbit of a run the bound of the parameter from which rounding sets them apart: 0, not 1e-15. Where
+    perturbations grow so much that the orbit would be no solution there, it stays as it is."""
     place = 2 * problem.degrees_of_freedom + 1
     rounding = _ON_BOUND * (abs(problem.values[problem.released[0]]) or 1.0)
     for point in (run.points[0], run.points[-1]):
         for bound in parameter_bounds(problem, interval)[0]:
             if abs(point.step.y[place] - bound) <= rounding:
-                point.step.y[place] = bound
+                moved = point.step.y.copy()
+                moved[place] = bound
+                if problem.scaled_residual(moved) < _SOLVED:
+                    point.step.y[place] = bound
 
 
 def _with_normal_form(problem: ForcedProblem, y: np.ndarray, event: ForcedEvent) -> ForcedEvent:

@@ -57,8 +57,8 @@ TANGENT_NOISE = 2e-13
 steepness is the change of the scaled unknowns for a unit of arclength."""
 
 SMOOTH_TANGENT_NOISE = 6e-14
-"""The same for smooth flights. Long sequences of impacts, which magnify rounding, are rare among them. Measured: 2e-16 as a rule, 2.4e-14 at
-most, beside a branch point of closed orbits."""
+"""The same for smooth flights. Long sequences of impacts, which magnify rounding, are rare among them. Measured: 2e-16 as a rule, at most
+2.4e-14, beside a branch point of closed orbits."""
 
 CONDITION_NOISE = 5e-17
 """Noise of the slope, as a part of the energy, times the square of the conditioning over the steepness, at most."""

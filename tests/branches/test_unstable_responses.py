@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from branches.forced.branch import ForcedBranch
+from branches.forced.closing import largest_residual
 from branches.forced.record import problem_from, problem_record
 from branches.forced.tracing import follow_response, go_on, switch_response
+from branches.reading import RecordError
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from transitions.response.tracing import trace_response
@@ -155,3 +157,18 @@ def test_a_response_goes_on_in_more_pieces():
     assert max(np.abs(branch.problem.residual(y)).max() for y in branch.unknowns) < 1e-12
     exact, _ = harmonic_balance([[-1.0]], 0.1, 0.05, 24)
     assert np.abs(slowest(branch)[0] - exact).max() < 1e-12 * LOAD
+
+
+def test_points_in_pieces_are_checked_as_they_were_solved():
+    """Oracle: the solver's own residual. Where velocities are small, they have the rounding of displacements times the rate of growth."""
+    (branch,) = trace_response(pendulums([[-1.0]]), "w", (0.02, 1.0), start="rest")
+    assert branch.problem.pieces > 8
+    assert max(largest_residual(branch.problem, y) for y in branch.unknowns) < 1e-12
+
+
+@pytest.mark.parametrize("pieces", [0, -1])
+def test_a_number_of_pieces_is_refused(pieces):
+    (branch,) = trace_response(pendulums([[-1.0]]), "w", (0.6, 1.0), start="rest")
+    record = problem_record(branch.problem) | {"pieces": pieces}
+    with pytest.raises(RecordError, match=f"pieces is {pieces}, expected 1 or more"):
+        problem_from(pendulums([[-1.0]]), record)

@@ -239,8 +239,9 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
     found = find_period(record.states, frequency, growth, elapsed, frequency * float(peaks.max())) if complete else 0
     carried = motion.carried if complete else None
     exponent = growth / motion.period
-    if found:
-        exponent = largest_exponent(np.linalg.eigvals(motion.monodromy(found)), found * motion.period)
+    monodromy = motion.monodromy(found) if found else np.full((1, 1), math.nan)
+    if np.isfinite(monodromy).all():
+        exponent = largest_exponent(np.linalg.eigvals(monodromy), found * motion.period)
     blank = 1.0 if complete else math.nan
     made = Sweep(
         coordinates=system.coordinates,
