@@ -141,7 +141,7 @@ def test_a_response_does_not_see_its_cuts(pieces):
     for one, other in zip(whole.events, cut.events, strict=True):
         assert one.type == other.type and one.values["w"] == pytest.approx(other.values["w"], rel=1e-11)
         assert one.coefficient == (None if one.coefficient is None else pytest.approx(other.coefficient, rel=1e-9))
-    broken = [follow_response(*switch_response(branch, branch.events[1])[0], (0.9, 2.5), points=150) for branch in (whole, cut)]
+    broken = [follow_response(*switch_response(branch, branch.events[1])[0], (0.9, 2.5), points=400) for branch in (whole, cut)]
     assert broken[0].problem.pieces == 1 and broken[1].problem.pieces == 2 * pieces
     folds = [next(event for event in branch.events if event.type == "SN") for branch in broken]
     assert folds[0].values["w"] == pytest.approx(folds[1].values["w"], rel=1e-11) and broken[0].id == broken[1].id
