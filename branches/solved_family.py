@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from branches.kernels.blocks import Beginning, Block, GoalPlane, WatchedTests
-from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, Departure, Known, Samples, Sought, make_samples, scan_tests
+from branches.kernels.brackets import MOST, PASSED_OVER, REFUSED, BracketWork, Departure, Known, Sought, make_bracket, scan_tests
 from bvp.kernels.multipoint import CONTRACTION, ENERGY, ITERATIONS, RESIDUAL, SLOPE, TURN
 from bvp.kernels.step import CompiledProblem
 from bvp.multipoint import RESULT_INDEX, Solution
@@ -127,10 +127,10 @@ class SolvedFamily:
         """See `continuation.Problem`."""
         at = next(place for place, (s, _) in enumerate(known) if s == high[0])
         sought = Sought(math.nan, index, tolerance, least_turn, len(known), at)
-        block, count, _ = self._narrow(before, low, high, sought, make_samples(known, self.problem.unknowns), MOST)
+        block, count, _ = self._narrow(before, low, high, sought, make_bracket(known, self.problem.unknowns), MOST)
         return [(float(block.lengths[k, 0]), step) for k, step in enumerate(AdvancedSteps(block)[:count])]
 
-    def _narrow(self, before: Step, low: Place, high: Place, sought: Sought, samples: Samples, rows: int) -> tuple[Block, int, int]:
+    def _narrow(self, before: Step, low: Place, high: Place, sought: Sought, samples: BracketWork, rows: int) -> tuple[Block, int, int]:
         """See `branches.kernels.brackets.narrow`."""
         y, tangent = _contiguous(before.y, before.tangent)
         departure, block = Departure(self._compiled, MOST_ITERATIONS, self._watched, y, tangent, self._scratch), self._block(rows)
@@ -138,8 +138,8 @@ class SolvedFamily:
         return self._watched_part(block), count, answer
 
     @cached_property
-    def _no_samples(self) -> Samples:
-        return make_samples([], self.problem.unknowns)
+    def _no_samples(self) -> BracketWork:
+        return make_bracket([], self.problem.unknowns)
 
     @cached_property
     def _scratch(self) -> np.ndarray:

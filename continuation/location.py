@@ -86,6 +86,8 @@ class Locator:
 
     Attributes
     ----------
+    problem : Problem
+    history : History
     taken : list of (float, Step)
         The steps known so far and their lengths, in order.
     ends : list of (float, float)

@@ -18,7 +18,7 @@ from continuation.control import NEAR_BRANCH_POINT, may_hide
 from continuation.location import Locator
 from continuation.problem import Step, TestFunction
 
-__all__ = ["Resolution", "Sampled", "Zone", "bends", "longest_division", "nodes_around", "scan"]
+__all__ = ["Resolution", "Sampled", "Zone", "longest_division", "nodes_around", "scan", "second_differences"]
 
 _MOST = 256  # corrected points inside a step; a step that needs more is refused and halved
 _CORES = 2.0  # samples approach a place where a test function is undefined to within this many times its width
@@ -84,11 +84,11 @@ class Resolution:
         settled = np.empty((len(self.tests), _SETTLED, 4)), np.zeros(len(self.tests), dtype=np.int64)
         self._settled: Any = settled if self._compiled is not None else [part.tolist() for part in settled]
 
-    def unsettled(self, tests: Sequence[int], limit: float, *, guard: bool = False) -> Iterator[int]:
+    def unsettled(self, tests: Sequence[int], limit: float) -> Iterator[int]:
         """Those of some test functions, in order, that can have a change of sign, seen when it is their turn."""
         place = 0
         while True:
-            place, *_ = self._scan(tests, place, limit, guard)
+            place, *_ = self._scan(tests, place, limit, False)
             if place == len(tests):
                 return
             yield tests[place]
@@ -146,7 +146,7 @@ class Resolution:
         if self._compiled is not None:
             return self._compiled(sampled, tests, begin, limit, guard, self.floor)
         found: tuple[int, float, float, float] = scan(
-            longest_division, may_hide, nodes_around, bends, sampled, tests, begin, limit, guard, self.floor
+            longest_division, may_hide, nodes_around, second_differences, sampled, tests, begin, limit, guard, self.floor
         )
         return found
 
@@ -212,7 +212,7 @@ def scan(divide: Any, hides: Any, nodes: Any, bend: Any, sampled: Any, tests: An
     Parameters
     ----------
     divide, hides, nodes, bend : functions
-        `longest_division`, `continuation.control.may_hide`, `nodes_around` and `bends`.
+        `longest_division`, `continuation.control.may_hide`, `nodes_around` and `second_differences`.
     sampled : Sampled
         Settled intervals are added to it.
     tests : (K,) int
@@ -354,7 +354,7 @@ def nodes_around(places: Any, count: Any, j: Any, chosen: Any) -> Any:
     return size
 
 
-def bends(places: Any, values: Any, chosen: Any) -> Any:
+def second_differences(places: Any, values: Any, chosen: Any) -> Any:
     """The two second divided differences of the values at four nodes; 0 where a value is infinite."""
     p, q, r, s = places[chosen[0]], places[chosen[1]], places[chosen[2]], places[chosen[3]]
     middle = (values[chosen[2]] - values[chosen[1]]) / (r - q)

@@ -41,9 +41,6 @@ SWITCHES = ("PD", "SB", "BP", "GR", "LB")
 _ON_BOUND = 1e-12
 """Distance from a bound of the parameter, in units of its default, within which it is on the bound."""
 
-_SOLVED = 1e-12
-"""Scaled residual of a solution, at most."""
-
 OUT_OF_DOMAIN = "DOMAIN"
 """Reason of an end behind which the system cannot have the values of its parameters."""
 
@@ -270,7 +267,7 @@ def _put_on_bounds(problem: ForcedProblem, run: Run, interval: tuple[float, floa
             if abs(point.step.y[place] - bound) <= rounding:
                 moved = point.step.y.copy()
                 moved[place] = bound
-                if problem.scaled_residual(moved) < _SOLVED:
+                if problem.step(moved, np.zeros(2 * problem.unknowns), 0.0, maximum=0) is not None:
                     point.step.y[place] = bound
 
 

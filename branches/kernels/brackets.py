@@ -17,10 +17,11 @@ from bvp.kernels.flight import copy_1
 from continuation.between import cubic_between, goes_aside
 from continuation.bracketing import MOST_INTERPOLATED, inverse_interpolation, is_slow, next_place
 from continuation.control import may_hide
-from continuation.resolution import bends, longest_division, nodes_around, scan
+from continuation.resolution import longest_division, nodes_around, scan, second_differences
 
 __all__ = [
-    "MOST", "PASSED_OVER", "REFUSED", "Departure", "Known", "Samples", "Sought", "make_samples", "narrow", "narrow_bracket", "scan_tests",
+    "MOST", "PASSED_OVER", "REFUSED", "BracketWork", "Departure", "Known", "Sought", "make_bracket", "narrow", "narrow_bracket",
+    "scan_tests",
 ]  # fmt: skip
 
 MOST = 40
@@ -32,7 +33,7 @@ _is_slow = inlined(is_slow)
 _cubic_between = inlined(cubic_between)
 _goes_aside = inlined(goes_aside)
 _may_hide = inlined(may_hide)
-_bends = inlined(bends)
+_second_differences = inlined(second_differences)
 _nodes_around = inlined(nodes_around)
 _longest_division = inlined(longest_division)
 _scan = inlined(scan)
@@ -61,7 +62,7 @@ class Known(NamedTuple):
     turn: float
 
 
-class Samples(NamedTuple):
+class BracketWork(NamedTuple):
     """Values of a test function in order of their places, and scratch for u unknowns."""
 
     places: np.ndarray  # (room,)
@@ -73,13 +74,13 @@ class Samples(NamedTuple):
     interpolated: np.ndarray  # (2, MOST_INTERPOLATED)
 
 
-def make_samples(samples, unknowns):
-    """A `Samples` from pairs of place and value, with room for `MOST` more."""
+def make_bracket(samples, unknowns):
+    """A `BracketWork` from pairs of place and value, with room for `MOST` more."""
     places, values = np.zeros((2, len(samples) + MOST))
     if samples:
         places[: len(samples)], values[: len(samples)] = zip(*samples, strict=True)
     square = (2, unknowns)
-    return Samples(
+    return BracketWork(
         places, values, np.zeros(square), np.zeros(square), np.zeros(2 * unknowns), np.zeros(unknowns), np.zeros((2, MOST_INTERPOLATED))
     )
 
@@ -187,4 +188,4 @@ def narrow_bracket(departure, low, high, sought, samples, block):
 @kernel
 def scan_tests(sampled, tests, begin, limit, guard, floor):
     """See `continuation.resolution.scan`."""
-    return _scan(_longest_division, _may_hide, _nodes_around, _bends, sampled, tests, begin, limit, guard, floor)
+    return _scan(_longest_division, _may_hide, _nodes_around, _second_differences, sampled, tests, begin, limit, guard, floor)

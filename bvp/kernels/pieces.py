@@ -37,8 +37,9 @@ from bvp.kernels.taylor import SmoothFlight, evaluate_energy, fly_smooth, horner
 PIECE = 8
 """Most steps of a flight: where an impact ends it early, the rest was computed in vain."""
 
-ROOM = 3 * PIECE
-"""Steps that are kept of a flight. One that is computed again for a time of its own can have other steps."""
+ROOM = 32 * PIECE
+"""Steps that are kept of a flight, at most. From its begin to an event, or to the end of a period, it is computed again at once, with the
+derivatives: in a slow load's period that takes many steps."""
 
 MARGIN = 1.0 + 1e-12
 """Bounds are widened by this, more than their own rounding."""

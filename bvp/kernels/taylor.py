@@ -26,9 +26,9 @@ from bvp.kernels.sources import (
     ORDER,
     Unforced,
     begin_sources,
-    blocks_of,
     column_source,
     expand_sources,
+    fours_of,
     is_enough,
     keep_step,
     plus_source,
@@ -117,7 +117,7 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
     stages = make_stages(size // 2, columns, program.registers - inputs, program.called.address != 0)
     return SmoothFlight(
         matrix, rows, push, program, sources, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
-        np.zeros((ORDER + 1, size)), np.zeros((blocks_of(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
+        np.zeros((ORDER + 1, size)), np.zeros((fours_of(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
         np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.int64),
         np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
         np.zeros(size),

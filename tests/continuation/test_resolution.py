@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from continuation.between import cubic_between, goes_aside
 from continuation.control import may_hide
-from continuation.resolution import Sampled, bends, longest_division, nodes_around, scan
+from continuation.resolution import Sampled, longest_division, nodes_around, scan, second_differences
 
 NUMBERS = st.floats(-3.0, 3.0)
 
@@ -49,14 +49,14 @@ def test_nodes_are_the_nearest_places_that_are_not_too_near(places, data):
     assert (not before or before[-1] in chosen[:size]) and (not after or after[0] in chosen[:size])
     if size == 4 and min(apart) > 1e-3:
         values = [3.0 + 2.0 * s - 5.0 * s * s for s in places]
-        assert bends(places, values, chosen) == pytest.approx((-5.0, -5.0), abs=1e-6)
+        assert second_differences(places, values, chosen) == pytest.approx((-5.0, -5.0), abs=1e-6)
 
 
 def plain_scan(places, rows, tests, zones=(), hidden=(), limit=math.inf, guard=False, floor=1e-9):
     size = len(places)
     settled = [[[0.0] * 4 for _ in range(8)] for _ in rows[0]], [0 for _ in rows[0]]
     sampled = Sampled(places, rows, zones, hidden, *settled, [0.0] * size, [0.0] * size, [0.0] * size, [0] * 4)
-    functions = longest_division, may_hide, nodes_around, bends
+    functions = longest_division, may_hide, nodes_around, second_differences
     found = scan(*functions, sampled, tests, 0, limit, guard, floor)
     assert scan(*functions, sampled, tests, 0, limit, guard, floor) == found  # as it is settled
     return found

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bvp.forcing import Harmonic
 from bvp.springs import Damper, Spring
 from bvp.system import ImpactSystem
 from saltus import load_scene
 from tests.transitions.test_sweep_tangents import compared_period, random_chain
+from transitions.sweep.forced import Carried, ForcedMotion
 from transitions.sweep.settle import SettledKind, settle
+from transitions.sweep.sweep import SweepSettings, sweep
 
 
 def smooth_chain(rng):
@@ -54,3 +57,19 @@ def test_the_exponent_of_ueda_attractor():
     assert found.kind is SettledKind.CHAOS
     assert abs(found.exponent - 0.103) < 4.0 * found.growth_error / found.period_of_loads
     assert found.growth_error / found.period_of_loads < 0.005
+
+
+@pytest.mark.parametrize("w", [0.05, 0.005])
+def test_a_slow_load_has_the_exponent_of_its_damper(w):
+    """Oracle: half the damping, as the multipliers of an oscillation in one of two wells are complex. A period takes many Taylor steps."""
+    well = ImpactSystem([[1.0]], [[0.1]], [[-1.0]], (), springs=[Spring((1.0,), stiffness=1.0, power=3)])
+    found, _ = sweep(lambda rate: (well, [Harmonic(rate, [0.1])]), [w], u=[1.0], settings=SweepSettings(4, 8))
+    assert found.exponents[0] == pytest.approx(-0.05, rel=1e-9)
+
+
+def test_a_tangent_vector_that_is_lost_has_no_growth():
+    """Oracle: contract. It did not vanish, which would be a growth of -inf."""
+    well = ImpactSystem([[1.0]], [[0.1]], [[-1.0]], (), springs=[Spring((1.0,), stiffness=1.0, power=3)])
+    motion = ForcedMotion(well, [Harmonic(1.0, [0.1])], Carried(np.array([1.0, 0.0])))
+    motion._forced.tangent[:] = math.nan
+    assert math.isnan(motion.advance(1).growths[0])

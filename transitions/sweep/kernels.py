@@ -211,8 +211,10 @@ def end_period(modes, carry, period, forced, strobes, work):
         strobes.growths[row] = math.log(size)
         for r in range(2 * n):
             tangent[r] /= size
-    else:
+    elif size == 0.0:
         strobes.growths[row] = -math.inf
+    else:
+        strobes.growths[row] = math.nan  # the tangent vector could not be carried
     # The loads begin again at phase 0, exactly.
     set_2(motion.angles, 0.0)
     renew_clock(clock)

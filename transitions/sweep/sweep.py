@@ -239,8 +239,7 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
     found = find_period(record.states, frequency, growth, elapsed, frequency * float(peaks.max())) if complete else 0
     carried = motion.carried if complete else None
     exponent = growth / motion.period
-    monodromy = motion.monodromy(found) if found else np.full((1, 1), math.nan)
-    if np.isfinite(monodromy).all():
+    if found and np.isfinite(monodromy := motion.monodromy(found)).all():
         exponent = largest_exponent(np.linalg.eigvals(monodromy), found * motion.period)
     blank = 1.0 if complete else math.nan
     made = Sweep(
