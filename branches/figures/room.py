@@ -27,7 +27,7 @@ __all__ = ["Named", "Room", "even_points", "names_of", "short_name", "thinned", 
 
 _CELL, _COARSE = 1.0, 3.0  # points of a curve in one cell count once; names need coarser cells only
 _EDGE = 3.0  # names keep off the ticks inside the frame
-_GAPS = (2.0, 20.0, 40.0)  # least distances of names from their points; leaders may cross at the larger ones
+_GAPS = (2.0, 20.0, 40.0, 30.0, 10.0, 24.0)  # least distances of names from their points, as tried; leaders may cross but at the first
 
 
 def even_points(curve: np.ndarray, spacing: float) -> np.ndarray:

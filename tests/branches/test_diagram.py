@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks import backbone
@@ -536,8 +536,12 @@ coordinates = st.floats(5, 195, allow_nan=False)
 spots = st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=14)
 
 
+CROWDED = [(5, 5), (14, 35), (5, 152), (5, 166), (13, 54), (22, 5), (155, 136), (5, 21), (38, 5), (5, 44), (5, 92)]
+
+
 @settings(max_examples=10, deadline=None)
 @given(spots, st.booleans())
+@example(CROWDED, True)
 def test_names_overlap_nothing(points, squeezed):
     """Oracle: the renderer's boxes, on random points; squeezed: all of them in one corner. Nearer points share a text (`crowds`), so that
     here, as in a figure, every name has room."""
