@@ -136,3 +136,19 @@ and its parts. The array is contiguous, and has that length: it is not looked at
 
 square: Any = Intrinsic("square", lambda vector, n: vector[: n * n].reshape(n, n))
 """square(vector, n): the first n^2 entries of a contiguous vector as a matrix (n, n). It has so many entries: it is not looked at."""
+
+four_of: Any = Intrinsic("four_of", np.array)
+"""four_of(row): the four numbers of a contiguous row, as one register of the processor. It has so many: it is not looked at. A sum in an
+array would wait for each addition to be written and read again."""
+
+write_four: Any = Intrinsic("write_four", np.copyto)
+"""write_four(row, four): row = four."""
+
+spread: Any = Intrinsic("spread", lambda number: np.full(4, number))
+"""spread(number): the same number four times."""
+
+times: Any = Intrinsic("times", lambda factor, four: factor * four)
+"""times(factor, four): factor four."""
+
+plus_times: Any = Intrinsic("plus_times", lambda total, factor, four: total + factor * four)
+"""plus_times(total, factor, four): total + factor four, for two fours."""

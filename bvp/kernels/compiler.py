@@ -32,6 +32,7 @@ from numba.np.arrayobj import populate_array
 
 from bvp.kernels.declared import Chosen, Declared, Intrinsic
 from bvp.kernels.entry_point import MEMORY, add_entry_points
+from bvp.kernels.fours import four_of, plus_times, spread, times, write_four  # noqa: F401  named by `Intrinsic`
 from bvp.kernels.indexing import IndexingContext, types_from_first
 from bvp.kernels.lent import MODELS, keep_lent
 from bvp.kernels.passes import Options, Pipeline

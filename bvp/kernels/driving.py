@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import int64
 
-from bvp.kernels.compiled import inlined
+from bvp.kernels.compiled import inlined, spread
 from bvp.kernels.flight import row_dot
 from bvp.kernels.jets import extend_jets
 from bvp.kernels.sources import (
@@ -108,9 +108,9 @@ def no_driven_terms(sources, flight, at):
 
 @column_source.of(DrivingSources)
 @inlined
-def no_driven_column_source(sources, block, k, r, e):
+def no_driven_column_source(sources, block, k, r):
     """See `column_source`."""
-    return 0.0
+    return spread(0.0)
 
 
 @is_enough.of(DrivingSources)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bvp.kernels.compiled import chosen, inlined
+from bvp.kernels.compiled import chosen, four_of, inlined, spread
 from bvp.kernels.flight import copy_1
 from bvp.kernels.loads import Loads
 
@@ -268,19 +268,19 @@ def load_terms(sources, flight, at):
 
 
 @chosen
-def column_source(sources, block, k, r, e):
-    """The coefficient of order k of the source of coordinate r, for column e of a block of four."""
+def column_source(sources, block, k, r):
+    """The coefficients of order k of the sources of coordinate r, for a block of four columns."""
 
 
 @column_source.of(Unforced)
 @inlined
-def no_column_source(sources, block, k, r, e):
+def no_column_source(sources, block, k, r):
     """See `column_source`."""
-    return 0.0
+    return spread(0.0)
 
 
 @column_source.of(LoadSources)
 @inlined
-def load_column_source(sources, block, k, r, e):
+def load_column_source(sources, block, k, r):
     """See `column_source`."""
-    return sources.terms[block, k, r, e]
+    return four_of(sources.terms[block, k, r])

@@ -32,7 +32,7 @@ _ROOM = 8_000_000
 """Bytes that all kernels take, about."""
 
 _SOURCES = Path(__file__).resolve().parents[2]
-_COMPILER = [Path(__file__).with_name(name) for name in ("compiler.py", "entry_point.py", "indexing.py", "lent.py", "passes.py")]
+_COMPILER = [Path(__file__).with_name(f"{name}.py") for name in ("compiler", "entry_point", "fours", "indexing", "lent", "passes")]
 _IMPORT = re.compile(rb"^from ((?:bvp|branches|continuation|transitions)\.[\w.]+) import \(?\s*(\w+)", re.MULTILINE)
 
 # -- the cache folder ---------------------------------------------------------------------------------------------------------------

@@ -18,7 +18,8 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels import driving  # noqa: F401  a kind of sources
-from bvp.kernels.compiled import call_at, inlined, kernel, shared, sized
+from bvp.kernels.columns import advance_columns, column_room, expand_columns
+from bvp.kernels.compiled import call_at, inlined, kernel, shared
 from bvp.kernels.expressions import Program, run
 from bvp.kernels.flight import copy_1, set_2
 from bvp.kernels.jets import JetProgram, call_forces, extend_jets
@@ -26,14 +27,12 @@ from bvp.kernels.sources import (
     ORDER,
     Unforced,
     begin_sources,
-    column_source,
     expand_sources,
     fours_of,
     is_enough,
     keep_step,
     plus_source,
     plus_source_now,
-    source_terms,
     sources_at,
 )
 from bvp.kernels.stages import Stages, make_stages
@@ -217,124 +216,6 @@ def expand(flight, at, least):
 
 
 @inlined
-def _plus(a, b, c, d, factor, row):
-    """Four numbers and a multiple of a row of four.
-
-    They are one register of the processor. A sum that is kept in an array would wait for each addition to be written and read again."""
-    return a + factor * row[0], b + factor * row[1], c + factor * row[2], d + factor * row[3]
-
-
-@inlined
-def _write(row, a, b, c, d):
-    """row = (a, b, c, d). All four are known before the first is written: the compiler does not know what else is there."""
-    row[0] = a
-    row[1] = b
-    row[2] = c
-    row[3] = d
-
-
-@inlined
-def _sum_pairs(flight, inputs, k, sums):
-    """sums (D, 2, 4) = the parts of the orders k and k + 1 of the products of slopes and inputs that follow from the inputs below k. Of two
-    orders at once they do not wait for each other."""
-    slopes, jets = flight.program.slopes, flight.jets
-    for line in range(slopes.shape[0]):
-        i = slopes[line, 1]
-        slope = jets[slopes[line, 2]]
-        a, b, c, d = 0.0, 0.0, 0.0, 0.0
-        a_next, b_next, c_next, d_next = 0.0, 0.0, 0.0, 0.0
-        for j in range(k):
-            a, b, c, d = _plus(a, b, c, d, slope[k - j], inputs[j, i])
-            a_next, b_next, c_next, d_next = _plus(a_next, b_next, c_next, d_next, slope[k + 1 - j], inputs[j, i])
-        _write(sums[line, 0], a, b, c, d)
-        _write(sums[line, 1], a_next, b_next, c_next, d_next)
-
-
-@inlined
-def _expand_block(flight, matrix, rows, block, columns, inputs, sums):
-    """The Taylor coefficients of four columns (ORDER + 1, N, 4), about columns[0], from the jets of the derivatives of the forces. inputs
-    (ORDER + 1, I, 4), sums (D, 2, 4): scratch."""
-    push, slopes, jets, places, sources = flight.push, flight.program.slopes, flight.jets, flight.places, flight.sources
-    states = rows.shape[1]
-    n = states // 2
-    for k in range(ORDER):
-        odd = k & 1
-        if odd == 0:
-            _sum_pairs(flight, inputs, k, sums)
-        after = k + 1
-        part = 1.0 / (k + 1.0)
-        for r in range(n):
-            v = n + r
-            a, b, c, d = _plus(0.0, 0.0, 0.0, 0.0, part, columns[k, v])
-            _write(columns[after, r], a, b, c, d)
-            a = part * column_source(sources, block, k, r, 0)
-            b = part * column_source(sources, block, k, r, 1)
-            c = part * column_source(sources, block, k, r, 2)
-            d = part * column_source(sources, block, k, r, 3)
-            s = places[r, 0]
-            while s < states:
-                a, b, c, d = _plus(a, b, c, d, part * matrix[v, s], columns[k, s])
-                s = places[r, s + 1]
-            _write(columns[after, v], a, b, c, d)
-        line = 0
-        for i in range(rows.shape[0]):
-            a, b, c, d = 0.0, 0.0, 0.0, 0.0
-            s = places[n + i, 0]
-            while s < states:
-                a, b, c, d = _plus(a, b, c, d, rows[i, s], columns[k, s])
-                s = places[n + i, s + 1]
-            _write(inputs[k, i], a, b, c, d)
-            while line < slopes.shape[0] and slopes[line, 1] == i:
-                slope = jets[slopes[line, 2]]
-                force = slopes[line, 0]
-                total = sums[line, odd]
-                # The input that is known last comes last.
-                e, f, g, h = total[0], total[1], total[2], total[3]
-                if odd == 1:
-                    e, f, g, h = _plus(e, f, g, h, slope[1], inputs[k - 1, i])
-                e, f, g, h = e + slope[0] * a, f + slope[0] * b, g + slope[0] * c, h + slope[0] * d
-                for r in range(n):
-                    factor = part * push[r, force]
-                    if factor != 0.0:
-                        row = columns[after, n + r]
-                        _write(row, row[0] + factor * e, row[1] + factor * f, row[2] + factor * g, row[3] + factor * h)
-                line += 1
-
-
-@inlined
-def _advance_block(columns, h):
-    """columns[0] = the polynomials (ORDER + 1, N, 4) at h."""
-    for r in range(columns.shape[1]):
-        row = columns[ORDER, r]
-        a, b, c, d = row[0], row[1], row[2], row[3]
-        for lower in range(ORDER):
-            row = columns[ORDER - 1 - lower, r]
-            a, b, c, d = a * h + row[0], b * h + row[1], c * h + row[2], d * h + row[3]
-        _write(columns[0, r], a, b, c, d)
-
-
-@shared("none", loops="short")
-def expand_columns(flight, at):
-    """The Taylor coefficients of the columns about columns[0]; those of the state are known, and the places in its matrix."""
-    source_terms(flight.sources, flight, at)
-    inputs = sized(flight.inputs, 4)
-    sums = sized(flight.sums, 4)
-    for block in range(flight.columns.shape[0]):
-        columns = sized(flight.columns[block], 4)
-        if columns.shape[1] == 4:
-            _expand_block(flight, sized(flight.matrix, 4), sized(flight.rows, 4), block, columns, inputs, sums)
-        else:
-            _expand_block(flight, flight.matrix, flight.rows, block, columns, inputs, sums)
-
-
-@shared("none", loops="short")
-def advance_columns(columns, h):
-    """columns[:, 0] = the polynomials at h."""
-    for block in range(columns.shape[0]):
-        _advance_block(sized(columns[block], 4), h)
-
-
-@inlined
 def horner(coefficients, t, out):
     """The polynomial (ORDER + 1, 2 n) at t."""
     n = coefficients.shape[1] // 2
@@ -403,25 +284,6 @@ def _defect(flight, at, h, least, state, change, slope):
     return worst
 
 
-@inlined
-def _column_room(columns, length):
-    """The least ratio of a column's velocities in a step of some length to their coefficients of order ORDER - 1."""
-    size = columns.shape[2]
-    least = math.inf
-    for block in range(columns.shape[0]):
-        for e in range(4):
-            first = 0.0
-            last = 0.0
-            for r in range(size // 2, size):
-                first = max(first, abs(columns[block, 0, r, e]), abs(columns[block, 1, r, e]) * length)
-                last = max(last, abs(columns[block, ORDER - 1, r, e]))
-                if 4 * block + e >= size:  # it is zero at the begin of the flight
-                    first = max(first, abs(columns[block, 2, r, e]) * length**2, abs(columns[block, 3, r, e]) * length**3)
-            if first > 0.0 and first < least * last:
-                least = first / last
-    return least
-
-
 @kernel
 def _step_length(states, columns, with_columns, left):
     """The length at which the last two terms of the velocities are below TRUNCATION, and of the columns' velocities the last but one."""
@@ -441,7 +303,7 @@ def _step_length(states, columns, with_columns, left):
                 reached = max(reached, abs(states[k, r]) * power)
         if reached == 0.0:
             return left, 0.0
-        room = _column_room(columns, length) if with_columns and attempt == 1 else math.inf
+        room = column_room(columns, length) if with_columns and attempt == 1 else math.inf
         length = left
         for k in range(ORDER - 1, ORDER + 1):
             last = 0.0

@@ -51,6 +51,33 @@ def test_flights_of_any_size_are_symplectic(n):
         assert np.abs((ends[0] - ends[1]) / (2.0 * step) - known[:, c]).max() < 1e-6 * np.abs(known).max()
 
 
+@pytest.mark.parametrize("inputs", [1, 2])
+@pytest.mark.parametrize("forces", [1, 2])
+@pytest.mark.parametrize("damped", [False, True])
+def test_two_coordinates_move_as_they_do_beside_a_third_one_at_rest(inputs, forces, damped):
+    """Oracle: the code for any number of coordinates; two have their own."""
+    w = sympy.symbols(f"w0:{inputs}", real=True)
+    program = jet_program([w[-1] ** 3, w[0] ** 2 * w[-1] + w[-1]][:forces], list(w))[0]
+    potential = program_of([sympy.Integer(0)], list(w))
+    maps = []
+    for n in (2, 3):
+        linear, rows, push = np.zeros((2 * n, 2 * n)), np.zeros((inputs, 2 * n)), np.zeros((n, forces))
+        linear[:n, n:] = np.eye(n)
+        linear[n : n + 2, :2] = [[-10.0, 10.0], [1.0, -2.0]]
+        rows[:, :2] = [[1.0, -1.0], [0.2, 0.7]][:inputs]
+        push[:2] = np.array([[-10.0, 0.5], [1.0, -0.3]])[:, :forces]
+        if damped:
+            linear[n : n + 2, n : n + 2] = [[-0.3, 0.1], [0.2, -0.4]]
+            rows[:, n : n + 2] = [[0.05, 0.02], [0.0, 0.1]][:inputs]
+        flight = make_smooth_flight(linear, rows, push, program, potential, 1)
+        moving = [0, 1, n, n + 1]
+        start = np.zeros(2 * n)
+        start[moving] = [0.3, -0.2, 0.5, 1.0]
+        assert fly_smooth(flight, 0, start, 1.5, True)
+        maps.append(np.column_stack([flight.paths.ends[0], flight.paths.maps[0]])[moving][:, [0, *(1 + k for k in moving)]])
+    assert np.abs(maps[0] - maps[1]).max() < 1e-14 * np.linalg.norm(maps[0])
+
+
 @pytest.mark.parametrize("amplitude", [0.1, 1.0, 10.0, 1000.0])
 @pytest.mark.parametrize("part", [0.3, 1.0, 4.0])
 def test_duffing_is_elliptic(amplitude, part):
