@@ -12,7 +12,7 @@ import math
 
 from numpy import int64
 
-from bvp.kernels.compiled import inlined, kernel
+from bvp.kernels.compiled import inlined, kernel, write_four
 from bvp.kernels.jets import call_forces
 from bvp.kernels.linear import factorise
 from bvp.kernels.sources import ORDER, column_source, expand_sources, plus_source_now, source_terms, sources_at
@@ -271,8 +271,9 @@ def _carry_columns(flight, at, h):
         expand_sources(sources, at + h * stages.points[i])
         source_terms(sources, flight, at + h * stages.points[i])
         for r in range(n):
+            for block in range(flight.columns.shape[0]):
+                write_four(terms[i, r, 4 * block : 4 * block + 4], column_source(sources, block, 0, r))
             for c in range(columns):
-                terms[i, r, c] = column_source(sources, c // 4, 0, r, c % 4)
                 begin = flight.columns[c // 4, 0]
                 moved[i, n + r, c] = begin[n + r, c % 4]
                 moved[i, r, c] = begin[r, c % 4] + h * stages.points[i] * begin[n + r, c % 4]

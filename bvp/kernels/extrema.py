@@ -155,7 +155,8 @@ def next_sign_change(track, floor, inside, first, last, sign, before, f_before, 
     """Go on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
 
     (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or up to `first` and `last` at the ends of
-    the flight, has no sign. Steps are at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value,
+    the flight, has no sign. Where one of these is infinite, f is zero at that end, and has the sign there that it has beside it. Steps are
+    at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value,
     time of the next one, steps made), or (False, ...) at the end, where the next time is infinite, and after STEP_LIMIT steps."""
     found = False
     here = before
@@ -166,10 +167,13 @@ def next_sign_change(track, floor, inside, first, last, sign, before, f_before, 
         here = t
         f, slope, bend = look(track, here)
         steps += 1
-        least = first if here == 0.0 else last if here >= track.duration else inside
-        found = abs(f) > least and (sign == 0 or (f > 0.0) != (sign > 0))
         curvature, jerk, until = bounds_at(track, here)
         step = safe_step(f, slope, bend, curvature, jerk)
+        least = first if here == 0.0 else last if here >= track.duration else inside
+        if least == math.inf:
+            f = slope if here == 0.0 else -slope
+            least = 0.0
+        found = abs(f) > least and (sign == 0 or (f > 0.0) != (sign > 0))
         if step * step * curvature < ROUNDING * track.level:
             # Beside a tangency: f and its changes in this time are rounding.
             step = math.sqrt(ROUNDING * track.level / curvature)
@@ -223,7 +227,8 @@ def mark_changes(track, floor, inside, first, last, sign, upwards, tolerance, ti
 @inlined
 def sign_changes(flight, value, rate, second, z, duration, sign, begins_at_zero, ends_at_zero, work):
     """Sign changes of value . z(t) for 0 < t < duration after an earlier `sign` (0: none yet). Returns (changes, last sign),
-    changes < 0 when the search gave up. Values within rounding of zero have no sign, nor have ends that are known to be zero."""
+    changes < 0 when the search gave up. Values within rounding of zero have no sign. Ends that are known to be zero have the sign of the
+    values beside them: a change that is nearer to such an end than rounding shows is counted."""
     track = track_of(flight, value, rate, second, z, duration, work)
     level = 1e-13 * (track.level + 1e-300)
     first = math.inf if begins_at_zero else level

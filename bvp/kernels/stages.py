@@ -30,7 +30,7 @@ class Stages(NamedTuple):
     pivots: np.ndarray  # (S n,) int64
     right: np.ndarray  # (S n, C) right sides and solutions
     moved: np.ndarray  # (S, 2 n, C) columns at the points, but for those of the accelerations
-    terms: np.ndarray  # (S, n, C) sources of the columns at the points
+    terms: np.ndarray  # (S, n, C) sources of the columns at the points; C up to the next multiple of four
 
 
 def make_stages(n, columns, results, collocates):
@@ -42,7 +42,7 @@ def make_stages(n, columns, results, collocates):
         0, points, integrals, integrals @ integrals, legendre, powers, others, values, areas, np.zeros(3),
         np.zeros((count, n)), np.zeros((count, n)), np.zeros((count, 2 * n)),
         np.zeros((results if collocates else 0, count)), np.zeros((rows, rows)), np.zeros(rows, dtype=np.int64), np.zeros((rows, right)),
-        np.zeros((count, 2 * n, right)), np.zeros((count, n, right)),
+        np.zeros((count, 2 * n, right)), np.zeros((count, n, right + -right % 4)),
     )  # fmt: skip
 
 

@@ -3,7 +3,9 @@
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from branches.between_events import missed_events
 from branches.naming.families import trace_named
@@ -12,6 +14,7 @@ from branches.tracing import SETTINGS, follow_family
 from bvp.many_digits import orbit_in_digits
 from bvp.system import vibro_impact_nes
 from tests.branches.building.pieces import differences
+from tests.branches.test_smooth_agreement import family as smooth_family
 
 SYSTEM = vibro_impact_nes(mu=0.1, sigma=0.1)
 RESONANCES = [2.591576, 2.592445, 2.594166, 2.595702, 2.600394, 2.601768, 2.603223, 2.603926]
@@ -48,6 +51,31 @@ def test_events_do_not_depend_on_the_start_or_the_steps(family, part, longest):
     settings = replace(SETTINGS, maximum_step=longest, initial_step=0.3 * longest, target_turn=2.0 * longest)
     run = follow_family(family.problem, family.unknowns(start), energy=(2.0, 3.8), settings=settings)
     assert differences(family, start, run) == ([], [])
+
+
+def forces_at_rest(branch, event, h):
+    """Those of the springs (n,) on the orbit at an energy that is next to an event."""
+    orbit = min(branch.orbits_at(energy=h), key=lambda orbit: abs(orbit.alpha - event.alpha))
+    u = orbit.sample(np.array([orbit.alpha]))[0][0]
+    forces = branch.system.stiffness @ u
+    for spring in branch.system.describe().get("springs", []):
+        c = np.array(spring["c"])
+        forces += c * spring["stiffness"] * (c @ u) ** spring["power"]
+    return forces
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_label_changes_where_a_coordinate_at_rest_has_no_force(smooth):
+    """Oracle: the zeros of the forces, by Brent's method. A half-wave that begins at rest is lower than rounding for long: its height grows
+    with the power 3/2 of the distance from there."""
+    family = smooth_family("smooth_wall", "mode:1", 0.3, 0.8, n=20) if smooth else trace_named("S11E11+@h=30", SYSTEM, energy=(2.0, 40.0))
+    events = [event for event in family.events if event.type == "LB"]
+    assert len(events) == (1 if smooth else 2)
+    for event in events:
+        k = int(np.argmin(np.abs(forces_at_rest(family, event, event.h))))
+        around = event.h * (1.0 - 1e-4), event.h * (1.0 + 1e-4)
+        zero = brentq(lambda h, k=k, event=event: forces_at_rest(family, event, h)[k], *around, rtol=1e-14)
+        assert abs(event.h / zero - 1.0) < 1e-10
 
 
 def test_a_family_whose_trace_is_2_or_more_has_no_doubling_and_no_resonance():
