@@ -40,6 +40,9 @@ from bvp.kernels.stages import Stages, make_stages
 TRUNCATION = 1e-16
 """Largest last term, as a part of the speed in a step: rounding. The terms that are left out are smaller."""
 
+COLUMN_TRUNCATION = 1e-15
+"""The same of columns, for their last term but one. The terms that are left out are below rounding: derivatives at 1e-16 are no better."""
+
 DEFECT = 4e-16
 """Largest change of the velocity by the defect, as a part of that speed: rounding."""
 
@@ -286,7 +289,8 @@ def _defect(flight, at, h, least, state, change, slope):
 
 @kernel
 def _step_length(states, columns, with_columns, left):
-    """The length at which the last two terms of the velocities are below TRUNCATION, and of the columns' velocities the last but one."""
+    """The length at which the last two terms of the velocities are below TRUNCATION, and of the columns' velocities the last but one below
+    COLUMN_TRUNCATION."""
     size = states.shape[1]
     n = size // 2
     speed = 0.0
@@ -303,7 +307,9 @@ def _step_length(states, columns, with_columns, left):
                 reached = max(reached, abs(states[k, r]) * power)
         if reached == 0.0:
             return left, 0.0
-        room = column_room(columns, length) if with_columns and attempt == 1 else math.inf
+        room = math.inf
+        if with_columns and attempt == 1:
+            room = COLUMN_TRUNCATION / TRUNCATION * column_room(columns, length)
         length = left
         for k in range(ORDER - 1, ORDER + 1):
             last = 0.0

@@ -25,7 +25,7 @@ from bvp.springs import Spring
 from bvp.system import ImpactSystem
 from saltus.scene import load_scene
 
-STEPS = 9
+STEPS = 8
 """Taylor steps that the flights of S11- take between its two folds, and a little above."""
 
 
