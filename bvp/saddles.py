@@ -26,7 +26,7 @@ _DOUBLINGS = 30
 """So often a displacement is doubled where the potential's limit is sought: farther out energies are rounding."""
 
 _LEVEL = 1e-6
-"""Relative change of the potential, as its displacement is doubled, below which it has its limit."""
+"""Relative change of the potential, as its displacement is doubled, below which it has its limit, to five digits."""
 
 _ROUNDS = 30
 _STEP = 1e-6
@@ -123,7 +123,7 @@ def farther_out(problem: MultipointProblem, y: np.ndarray) -> str:
             levels = np.array([system.energy(2.0**k * u, rest) for k in range(_DOUBLINGS)])
             level = int(np.argmax(np.append(np.diff(levels), 0.0) <= _LEVEL * h))  # the first that rises no more
             if 0.0 <= levels[level] - levels[0] < NEAR * h and 0.0 <= levels[level] - h < NEAR * h and level < _DOUBLINGS - 1:
-                return f"its orbits approach the energy h = {levels[level]:.6g}, at which the potential levels off beyond {place(u)}"
+                return f"its orbits approach the energy h = {levels[level]:.5g}, at which the potential levels off beyond {place(u)}"
     return ""
 
 

@@ -21,7 +21,7 @@ from bvp.kernels import driving  # noqa: F401  a kind of sources
 from bvp.kernels.columns import advance_columns, column_room, expand_columns
 from bvp.kernels.compiled import call_at, inlined, kernel, shared
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight import copy_1, set_2
+from bvp.kernels.flight import copy_1, row_dot, set_2
 from bvp.kernels.jets import JetProgram, call_forces, extend_jets
 from bvp.kernels.sources import (
     ORDER,
@@ -99,6 +99,7 @@ class SmoothFlight(NamedTuple):
     parts: np.ndarray  # its arguments
     value: np.ndarray  # what it writes
     slope: np.ndarray  # (N,) scratch
+    rates: np.ndarray  # (I, 2) scratch
     projected: np.ndarray  # (S, ORDER + 1) scratch
     bounds: np.ndarray  # (S, 2) scratch
     stages: Stages  # of steps by collocation
@@ -122,7 +123,7 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
         np.zeros((ORDER + 1, size)), np.zeros((fours_of(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
         np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.int64),
         np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
-        np.zeros(size),
+        np.zeros(size), np.zeros((inputs, 2)),
         np.zeros((steps, ORDER + 1)), np.zeros((steps, 2)), stages, paths,
     )  # fmt: skip
 
@@ -287,6 +288,49 @@ def _defect(flight, at, h, least, state, change, slope):
     return worst
 
 
+@inlined
+def _turning_time(input, low, rate_low, high, rate_high):
+    """Where an input turns in a step, by its coefficients: its rate has other signs at low and high. To a thousandth between these."""
+    enough = 1e-3 * abs(high - low)
+    turn = low
+    while abs(high - low) > enough:
+        before = turn
+        turn = low + rate_low / (rate_low - rate_high) * (high - low)
+        rate = 0.0
+        for k in range(ORDER - 1, 0, -1):
+            rate = rate * turn + k * input[k]
+        if rate == 0.0 or abs(turn - before) < enough:
+            break
+        # The other end counts half, so that it moves, too (the Illinois method).
+        if (rate > 0.0) == (rate_low > 0.0):
+            low, rate_low, rate_high = turn, rate, 0.5 * rate_high
+        else:
+            high, rate_high, rate_low = turn, rate, 0.5 * rate_low
+    return turn
+
+
+@kernel
+def _is_confirmed(flight, at, length, least, limit, state, change, slope):
+    """Whether the defect of a step changes the velocities by no more than a limit. It is looked at in three places, and where an input
+    turns between them: the force of a near contact, which a step could jump over, is largest there."""
+    rates = flight.rates
+    for i in range(rates.shape[0]):
+        rates[i, 0] = flight.jets[i, 1]
+    for part in range(1, 4):
+        h = length * part / 3.0
+        if not _defect(flight, at, h, least, state, change, slope) * abs(h) <= limit:
+            return False
+        for i in range(rates.shape[0]):
+            rates[i, 1] = row_dot(flight.rows, i, change)
+        for i in range(rates.shape[0]):
+            if rates[i, 0] * rates[i, 1] < 0.0:
+                turn = _turning_time(flight.jets[i], length * (part - 1) / 3.0, rates[i, 0], h, rates[i, 1])
+                if not _defect(flight, at, turn, least, state, change, slope) * abs(turn) <= limit:
+                    return False
+            rates[i, 0] = rates[i, 1]
+    return True
+
+
 @kernel
 def _step_length(states, columns, with_columns, left):
     """The length at which the last two terms of the velocities are below TRUNCATION, and of the columns' velocities the last but one below
@@ -394,18 +438,11 @@ def fly_smooth(flight, slot, z, t, with_columns):
             length, speed = _step_length(states, columns, with_columns, abs(t) - at)
             if not (length > SHORTEST * abs(t) or length == abs(t) - at):
                 return False
-            confirmed = False
-            while not confirmed:
-                confirmed = True
-                for part in range(1, 4):
-                    h = length * part / 3.0
-                    if not _defect(flight, here, direction * h, least, state, change, slope) * h <= ORDER * DEFECT * speed:
-                        confirmed = False
-                        break
-                if not confirmed:
-                    length *= 0.8
-                    if not length > SHORTEST * abs(t):
-                        return False
+            limit = ORDER * DEFECT * speed
+            while not _is_confirmed(flight, here, direction * length, least, limit, state, change, slope):
+                length *= 0.8
+                if not length > SHORTEST * abs(t):
+                    return False
         keep_step(flight.sources, flight, least, paths.coefficients[slot, count])
         at += length
         count += 1

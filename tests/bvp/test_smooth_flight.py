@@ -134,6 +134,22 @@ def test_a_force_that_begins_with_a_high_power_is_not_missed():
     assert flight.paths.ends[1, 2] < 0.0
 
 
+@pytest.mark.parametrize("scale", np.linspace(0.9, 1.02, 25))
+def test_no_step_jumps_over_a_near_contact(scale):
+    """Oracle: the same flight in eighty parts. The gap turns inside it where w^201 begins to count, and at both ends of a long step it
+    does not count at all."""
+    flight, time = _sink(201), 1.64
+    start = scale * np.array([0.0, 0.0, 3.3117, 5.2784])
+    state, growth = start, np.eye(4)
+    for _ in range(80):
+        assert fly_smooth(flight, 1, state, time / 80, True)
+        state, growth = flight.paths.ends[1].copy(), flight.paths.maps[1] @ growth
+    for with_columns in (False, True):
+        assert fly_smooth(flight, 0, start, time, with_columns)
+        assert np.abs(flight.paths.ends[0] - state).max() < 1e-13 * np.linalg.norm(growth)
+    assert np.abs(flight.paths.maps[0] - growth).max() < 1e-10 * np.linalg.norm(growth)
+
+
 def test_the_derivative_is_that_of_the_flight():
     """Oracle: central differences of two lengths, extrapolated."""
     flight = _sink(7)
