@@ -155,9 +155,11 @@ def next_sign_change(track, floor, inside, first, last, sign, before, f_before, 
     """Go on to the next sample at which f has another sign than `sign` (0: any sign), in steps that hold one zero at most.
 
     (before, f_before) is the last sample and t the time of the next one. A value up to `inside`, or up to `first` and `last` at the ends of
-    the flight, has no sign. Where one of these is infinite, f is zero at that end, and has the sign there that it has beside it. Steps are
-    at least `floor` long. Returns (True, last sample before, its value, sample with the sign, its value,
-    time of the next one, steps made), or (False, ...) at the end, where the next time is infinite, and after STEP_LIMIT steps."""
+    the flight, has no sign. Where one of these is infinite, f is zero at that end, and has the sign there that it has beside it: what is
+    returned as its value has this sign alone. Steps are at least `floor` long.
+
+    Returns (True, last sample before, its value, sample with the sign, its value, time of the next one, steps made), or (False, ...) at the
+    end, where the next time is infinite, and after STEP_LIMIT steps."""
     found = False
     here = before
     f = f_before

@@ -10,6 +10,8 @@ import sympy
 from scipy.special import ellipj, ellipk
 
 from bvp.jet_programs import jet_program
+from bvp.kernels.loads import Loads
+from bvp.kernels.sources import make_load_sources
 from bvp.kernels.taylor import fly_smooth, make_smooth_flight
 from bvp.programs import program_of
 
@@ -148,6 +150,48 @@ def test_no_step_jumps_over_a_near_contact(scale):
         assert fly_smooth(flight, 0, start, time, with_columns)
         assert np.abs(flight.paths.ends[0] - state).max() < 1e-13 * np.linalg.norm(growth)
     assert np.abs(flight.paths.maps[0] - growth).max() < 1e-10 * np.linalg.norm(growth)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-5, -1e-5])
+@pytest.mark.parametrize(("turn", "size"), [(0.35, 1200.0), (0.3, 2500.0), (0.2, 12000.0)])
+def test_no_step_jumps_over_a_near_contact_after_rest(speed, turn, size):
+    """Oracle: the same flight in eighty parts. An input that begins at rest, or nearly, turns in the first third of a long step."""
+    program, potential = jet_program([sympy.exp(200 * (W - 1))], [W])[0], program_of([sympy.exp(200 * (W - 1)) / 200], [W])
+    linear = np.zeros((6, 6))
+    linear[:3, 3:] = np.eye(3)
+    linear[3, 0], linear[4, 1] = -1.0, -0.25
+    slow = 4.0 * math.cos(0.5 * turn)
+    highest = size * (slow * math.cos(0.5 * turn) - math.cos(turn))
+    flight = make_smooth_flight(
+        linear, np.array([[-size, size, 1.0, 0.0, 0.0, 0.0]]), np.array([[0.0], [0.0], [-1.0]]), program, potential, 2
+    )
+    start = np.array([1.0, slow, 1.0 - highest, 0.0, 0.0, speed])
+    state = start
+    for _ in range(80):
+        assert fly_smooth(flight, 1, state, 1.5 / 80, False)
+        state = flight.paths.ends[1].copy()
+    assert fly_smooth(flight, 0, start, 1.5, False)
+    assert abs(state[5]) > 0.01 and np.abs(flight.paths.ends[0] - state).max() < 1e-9
+
+
+def test_a_load_beside_a_near_contact_leaves_no_trace():
+    """Oracle: the same flight without a load. Derivatives of an earlier flight decide nothing."""
+    load = Loads(np.array([1.0]), np.zeros((1, 1, 2, 4)), np.array([1.0]), 1.0)
+    plain = _sink(201)
+    loaded = make_smooth_flight(
+        plain.matrix,
+        plain.rows,
+        plain.push,
+        plain.program,
+        plain.potential,
+        2,
+        make_load_sources(load, np.zeros((0, 4, 4)), np.zeros((0, 2, 1))),
+    )
+    loaded.paths.maps[:] = math.nan
+    for scale in np.linspace(0.9, 1.02, 25):
+        start = scale * np.array([0.0, 0.0, 3.3117, 5.2784])
+        assert fly_smooth(plain, 0, start, 1.64, False) and fly_smooth(loaded, 0, np.append(start, 0.0), 1.64, False)
+        assert np.array_equal(plain.paths.ends[0], loaded.paths.ends[0])
 
 
 def test_the_derivative_is_that_of_the_flight():
