@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 from bvp.jet_programs import jet_program
 from bvp.kernels.loads import Loads
 from bvp.kernels.sources import make_load_sources
-from bvp.kernels.taylor import fly_smooth, make_smooth_flight
+from bvp.kernels.taylor import ROUNDING, fly_smooth, make_smooth_flight
 from bvp.programs import program_of
 
 W = sympy.Symbol("w", real=True)
@@ -117,7 +117,7 @@ def test_energy_and_volume_are_kept_and_time_can_be_reversed(exponent, energy):
     start = np.array([0.0, 0.0, 0.5, 1.0])
     start *= math.sqrt(energy / _energy(start, exponent))
     assert fly_smooth(flight, 0, start, 1.5, True)
-    end, rounding = flight.paths.ends[0].copy(), 1e-15 * flight.paths.steps[0, 0] * np.linalg.norm(flight.paths.maps[0])
+    end, rounding = flight.paths.ends[0].copy(), ROUNDING * flight.paths.steps[0, 0] * np.linalg.norm(flight.paths.maps[0])
     assert abs(_energy(end, exponent) / energy - 1.0) < 1e-13
     assert abs(np.linalg.det(flight.paths.maps[0]) - 1.0) < rounding
     assert fly_smooth(flight, 1, end, -1.5, False)
