@@ -41,7 +41,7 @@ class LoadSources(NamedTuple):
     now: np.ndarray  # (n,) scratch: g at a time
 
 
-def fours_of(columns):
+def number_of_fours(columns):
     """How many blocks of four contain so many columns."""
     return (columns + 3) // 4
 
@@ -50,7 +50,7 @@ def make_load_sources(loads, change, push_slope):
     """A `LoadSources`, with its scratch."""
     m, n = len(loads.clock) - 1, loads.modal.shape[-1] // 2
     room = np.zeros((ORDER + 1, n)), np.zeros((ORDER + 1, n)), np.zeros((m, ORDER + 1, n))
-    terms = np.zeros((fours_of(2 * n + 1 + m), ORDER, n, 4))
+    terms = np.zeros((number_of_fours(2 * n + 1 + m), ORDER, n, 4))
     return LoadSources(1 + m, loads, change, push_slope, np.zeros(1), *room, terms, np.zeros(n))
 
 

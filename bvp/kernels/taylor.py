@@ -21,16 +21,16 @@ from bvp.kernels import driving  # noqa: F401  a kind of sources
 from bvp.kernels.columns import advance_columns, column_room, expand_columns
 from bvp.kernels.compiled import call_at, inlined, kernel, shared
 from bvp.kernels.expressions import Program, run
-from bvp.kernels.flight import copy_1, set_2
+from bvp.kernels.flight import copy_1, inner, set_2
 from bvp.kernels.jets import JetProgram, call_forces, extend_jets
 from bvp.kernels.sources import (
     ORDER,
     Unforced,
     begin_sources,
     expand_sources,
-    fours_of,
     is_enough,
     keep_step,
+    number_of_fours,
     plus_source,
     plus_source_now,
     sources_at,
@@ -124,7 +124,7 @@ def make_smooth_flight(matrix, rows, push, program, potential, flights, sources=
     stages = make_stages(size // 2, columns, program.registers - inputs, program.called.address != 0)
     return SmoothFlight(
         matrix, rows, push, program, sources, potential, np.zeros((program.registers, ORDER + 1)), np.zeros((program.registers, 1)),
-        np.zeros((ORDER + 1, size)), np.zeros((fours_of(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
+        np.zeros((ORDER + 1, size)), np.zeros((number_of_fours(columns), ORDER + 1, size, 4)), np.zeros((ORDER + 1, inputs, 4)),
         np.zeros((len(program.slopes), 2, 4)), np.zeros((size // 2 + inputs, size + 1), dtype=np.int64),
         np.zeros(arguments + len(potential.constants) + len(potential.code)), np.zeros(arguments), np.zeros(len(potential.outputs)),
         np.zeros(size), np.zeros((inputs, 2)),
@@ -329,9 +329,7 @@ def _is_confirmed(flight, at, length, least, limit, state, change, slope):
         if not _defect(flight, at, h, least, state, change, slope) * abs(h) <= limit:
             return False
         for i in range(rows.shape[0]):
-            rates[i, 1] = 0.0
-            for r in range(rows.shape[1]):
-                rates[i, 1] += rows[i, r] * change[r]
+            rates[i, 1] = inner(rows[i], change)
         for i in range(rows.shape[0]):
             if rates[i, 0] * rates[i, 1] < 0.0:
                 turn = _turning_time(flight, i, before, rates[i, 0], h, rates[i, 1])
