@@ -1,4 +1,4 @@
-"""Delay of an interrupt (Ctrl-C) until a complete result is ready and written."""
+"""Delay of an interrupt (Ctrl-C, or a signal that ends a process) until a complete result is ready and written."""
 
 from __future__ import annotations
 
@@ -11,7 +11,23 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
-__all__ = ["InterruptHandler", "Pace", "defer_interrupts"]
+__all__ = ["SIGNALS", "InterruptHandler", "Pace", "defer_interrupts", "end_by", "ended_by"]
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that interrupt: Ctrl-C; those of batch systems and `timeout`; that of a terminal that closes."""
+
+_received: list[int] = []
+
+
+def end_by(number: int, frame: object) -> None:
+    """Handle a signal that ends a process as an interrupt: `KeyboardInterrupt`."""
+    _received.append(number)
+    raise KeyboardInterrupt
+
+
+def ended_by() -> int:
+    """Return the first signal other than Ctrl-C that interrupted this process; else that of Ctrl-C."""
+    return next((number for number in _received if number != signal.SIGINT), signal.SIGINT)
 
 
 @dataclass(eq=False)
@@ -29,6 +45,7 @@ class InterruptHandler:
     _inside: InterruptHandler | None = None
 
     def __call__(self, number: int, frame: object) -> None:
+        _received.append(number)
         if self._inside is not None:
             self._inside(number, frame)
         elif self._raises or self.came:
@@ -72,9 +89,10 @@ def defer_interrupts() -> Iterator[InterruptHandler]:
     >>> interrupt.came
     True
     """
-    before = signal.getsignal(signal.SIGINT)
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
     handler = InterruptHandler()
-    if isinstance(before, InterruptHandler):
+    before = next((found for found in handlers.values() if isinstance(found, InterruptHandler)), None)
+    if before is not None:
         if not before._raises or before._inside is not None:
             yield handler
             return
@@ -84,14 +102,16 @@ def defer_interrupts() -> Iterator[InterruptHandler]:
         finally:
             before._inside = None
         return
-    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
-        yield handler
-        return
-    signal.signal(signal.SIGINT, handler)
+    handlers = {number: found for number, found in handlers.items() if found in (signal.default_int_handler, end_by)}
+    if threading.current_thread() is not threading.main_thread():
+        handlers = {}
+    for number in handlers:
+        signal.signal(number, handler)
     try:
         yield handler
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, found in handlers.items():
+            signal.signal(number, found)
 
 
 SHORT, LONG = 0.05, 0.2

@@ -8,12 +8,12 @@ import importlib
 import os
 import signal
 import sys
-import warnings
 from collections.abc import Sequence
 from typing import Any, NoReturn, cast
 
+from bvp.interrupts import SIGNALS, end_by, ended_by
 from saltus import __version__
-from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, one_line, say
+from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, one_line, plain_warnings, say
 from saltus.options import SHELLS, OneLineParser, completion_script
 from saltus.outputs import GuardedStream
 from saltus.processes import one_thread
@@ -57,10 +57,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     -------
     int
         0 done; 1 a numerical failure, or an answer that is no (`check`, `path`); 2 bad input, nothing started, or a place that cannot be
-        written; 130 interrupted.
+        written; 130 interrupted, 143 and 129 ended by SIGTERM and SIGHUP.
     """
     one_thread()
-    warnings.formatwarning = lambda message, *place: f"saltus: {message}\n"
+    plain_warnings()
     # Where standard error is None, `print` would write to standard output instead. What is opened to read cannot be written.
     output = GuardedStream(sys.stdout or open(os.devnull, encoding="utf-8"))  # noqa: SIM115
     errors = GuardedStream(sys.stderr or open(os.devnull, "w", encoding="utf-8"), outlasts=True)  # noqa: SIM115
@@ -88,21 +88,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         if output.failure is not None:
             say(output.failure)
             code = max(code, BAD_INPUT)
-    return code
+    return 128 + ended_by() if code == INTERRUPTED else code
 
 
 def program() -> NoReturn:
-    """Run the command line as a process. Its exit code stays, whatever comes after the work; an interrupt ends the process with 130."""
+    """Run the command line as a process. Its exit code stays, whatever comes after the work. Ctrl-C ends the process with 130, SIGTERM with
+    143 and SIGHUP with 129; a signal that the caller ignores, as `nohup` does, changes nothing."""
     codes: list[int] = []
     # Registered first, this is called last: other libraries have done their work at exit. Python's own end is left out. It takes
     # a tenth of a second, and an interrupt would change the exit code or print a traceback.
     atexit.register(_leave, codes)
+    for number in SIGNALS:
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, end_by)
     try:
         codes.append(main())
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+        for number in SIGNALS:
+            if signal.getsignal(number) in (signal.default_int_handler, end_by):
+                signal.signal(number, lambda number, _: os._exit(128 + number))
     except KeyboardInterrupt:
-        codes[:] = [INTERRUPTED]
+        codes[:] = [128 + ended_by()]
     sys.exit(codes[0])
 
 

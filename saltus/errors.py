@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import difflib
 import sys
+import warnings
 from collections.abc import Iterable
 
 from branches.files import WriteFailure, one_line
 
-__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "say"]
+__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "plain_warnings", "say"]
 
 DONE = 0
 FAILED = 1
@@ -43,6 +44,12 @@ def say(message: str) -> None:
     if len(message) > LONGEST:
         message = f"{message[: LONGEST // 2]} [{len(message) - LONGEST} characters] {message[-LONGEST // 2 :]}"
     print(f"saltus: {message}", file=sys.stderr, flush=True)
+
+
+def plain_warnings() -> None:
+    """Print a warning as one line. Those of the arithmetic are left out: what is not finite is checked where it is used."""
+    warnings.formatwarning = lambda message, *place: f"saltus: {message}\n"
+    warnings.filterwarnings("ignore", r".* encountered in ", RuntimeWarning)
 
 
 def exit_code(error: Exception) -> int | None:

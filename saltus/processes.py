@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from branches.files import reason
-from saltus.errors import BadInput, one_line
+from bvp.interrupts import SIGNALS
+from saltus.errors import BadInput, one_line, plain_warnings
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -49,6 +50,7 @@ _PATIENCE = 10.0
 def open_executor(workers: int | None = None, dask: str | None = None) -> Iterator[tuple[Executor, int]]:
     """An executor and its number of workers: processes (by default one for each core), or the Dask cluster whose scheduler has the address
     `dask`. `BadInput` if both are given or no cluster answers; `RuntimeError` if the cluster or a process is lost while it works."""
+    import multiprocessing
     from concurrent.futures import CancelledError, ProcessPoolExecutor, ThreadPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
 
@@ -60,10 +62,14 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
 
         class Pool(ProcessPoolExecutor):
             def submit(self, /, *call: Any, **options: Any) -> Any:
-                return beginner.submit(super().submit, *call, **options).result()
+                future = beginner.submit(super().submit, *call, **options).result()
+                for process in multiprocessing.active_children():
+                    process.terminate = process.kill  # type: ignore[method-assign]  # workers ignore what `terminate` sends
+                return future
 
         # An interrupt is raised in the main thread. A process that is begun in another one is begun completely, before the pool ends.
         beginner = ThreadPoolExecutor(1, initializer=_hold_interrupts)
+        beginner.submit(int).result()
         pool = Pool(workers, mp_context=new_processes(), initializer=_begin_worker)
         before = gc.get_threshold()
         gc.set_threshold(*_SELDOM)
@@ -142,19 +148,26 @@ def _version() -> str:
 
 
 def _hold_interrupts() -> None:
-    """Keep Ctrl-C from this thread, and from the processes that it begins: they would print tracebacks until `_begin_worker` is called."""
+    """Keep interrupts from this thread, and from the processes that it begins: they would end, or print tracebacks, until `_begin_worker`
+    is called."""
+    from multiprocessing import resource_tracker
+
     if sys.platform != "win32":
-        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+        resource_tracker.ensure_running()  # a process of its own; when it begins, this thread is released from the signals
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
 
 
 def _begin_worker() -> None:
     """Prepare a worker process.
 
-    Ctrl-C reaches every process of a terminal: the parent ends the work, and the workers say nothing. A parent that is killed cannot
-    end them: they would wait for work for ever, so that each ends by itself.
+    Ctrl-C reaches every process of a terminal, and SIGTERM every process of a batch job: the parent ends the work, and the workers say
+    nothing. A parent that is killed cannot end them: they would wait for work for ever, so that each ends by itself.
     """
     gc.set_threshold(*_SELDOM)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    plain_warnings()
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     threading.Thread(target=end_with_the_parent, daemon=True).start()
 
 
