@@ -175,6 +175,20 @@ def test_a_damaged_block_is_reported_and_done_again(finished, tmp_path, capsys):
     assert_same(out, finished[1])
 
 
+@pytest.mark.parametrize("key", ["axes", "fixed", "system", "block", "runs", "title", "until", "units"])
+@pytest.mark.parametrize("value", ["text", ["a", 1], None, {"a": None}, 1e300])
+def test_a_plan_of_other_kinds_of_values_is_damaged(finished, tmp_path, capsys, key, value):
+    """Oracle: one line and exit code 2, whatever the entry is."""
+    out = tmp_path / "copy"
+    shutil.copytree(finished[1], out)
+    about = json.loads((out / "study.json").read_text())
+    about["plan"][key] = value
+    if key == "title" and value == "text":
+        return
+    (out / "study.json").write_text(json.dumps(about))
+    refused(run(capsys, "plot", out, "--csv", tmp_path / "a.csv"), "study.json is damaged")
+
+
 def test_another_study_s_folder_is_refused(finished, tmp_path, capsys):
     """Oracle: exit code 2, and every file as it was; so without its plan."""
     other, out = written(tmp_path, SMALL.replace("seed = 4", "seed = 5")), tmp_path / "copy"

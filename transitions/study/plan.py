@@ -168,14 +168,19 @@ class StudyPlan:
     @property
     def digest(self) -> str:
         """A hash of the plan without its title. It identifies the study."""
-        plain = {key: value for key, value in self.plain().items() if key != "title"}
-        return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:16]
+        return digest_of(self.plain())
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> StudyPlan:
         """The inverse of `plain`, without the loads: a plan that is read back is not run."""
         known = {**plain, "axes": tuple(map(Axis.from_plain, plain["axes"])), "forces": ()}
         return cls(**{**known, "nes": tuple(plain["nes"]), "lo": tuple(plain["lo"])})
+
+
+def digest_of(plain: Mapping[str, Any]) -> str:
+    """Return the hash of a plan as plain data, without its title."""
+    content = {key: value for key, value in plain.items() if key != "title"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 @lru_cache(maxsize=1)

@@ -21,11 +21,12 @@ import numpy as np
 
 from branches.files import one_line, reason, replacing, write_text
 from bvp.texts import brief, listed, shown
-from transitions.study.plan import Axis, StudyPlan
+from transitions.study.plan import Axis, StudyPlan, digest_of
 from transitions.study.runs import Ending, block_columns, results_of
 
 PLAN = "study.json"
 SCHEMA = 1
+FORMATS = ("npz", "parquet")
 _ABOUT = "about"
 
 
@@ -52,12 +53,15 @@ def read_plan(folder: Path) -> tuple[StudyPlan, str, str]:
     """(plan, digest, format) of a study's folder; NoStudy if it holds none."""
     try:
         about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
-        return StudyPlan.from_plain(about["plan"]), str(about["digest"]), str(about["format"])
+        plan, digest, kind = about["plan"], about["digest"], about["format"]
+        if digest_of(plan) != digest or not isinstance(plan["title"], str) or kind not in FORMATS:
+            raise ValueError("it differs from the plan that was written")
+        return StudyPlan.from_plain(plan), digest, kind
     except FileNotFoundError:
         raise NoStudy(f"{folder} is not a study; expected a folder that saltus study has made, with {PLAN} in it") from None
     except OSError as error:
         raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise NoStudy(f"{folder / PLAN} is damaged: {one_line(error)}; the same saltus study command writes it again") from error
 
 
