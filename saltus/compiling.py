@@ -96,27 +96,20 @@ def prepare_with(module: str, name: str, types: Any) -> None:
     if groups:
         prepare(min(groups, key=lambda group: sum(call[0] for call in missing(group))))
     else:  # it is compiled alone, in this process
-        announce([[max((call[0] for call in listed["kernels"] if call[1:3] == [module, name]), default=_UNLISTED), module, name, types]])
+        announce([[0.0, module, name, types]])
 
 
 def announce(calls: list[list[Any]]) -> None:
-    """Say on standard error how many kernels are compiled, about how long it takes, and why they are not kept where that is so."""
+    """Say on standard error how many kernels are compiled, and why they are not kept where that is so."""
     reason = unkept(calls)
-    seconds = sum(call[0] for call in calls) / (1 if reason else workers_for(calls)) + _START
     runs = "at each run" if reason else "at the first run only"
     if sys.stderr is not None:
-        text = f"saltus: compiling {counted(len(calls), 'kernel')}, {runs}: about {seconds:.0f} s"
+        text = f"saltus: compiling {counted(len(calls), 'kernel')}, {runs}"
         print(f"{text}; they are not kept: {reason}" if reason else text, file=sys.stderr, flush=True)
 
 
 _MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(1 << 29), "MALLOC_MMAP_THRESHOLD_": str(1 << 29), "MALLOC_TOP_PAD_": str(1 << 26)}
 """Lets a process that compiles keep its memory. To give it back to the system and ask for it again takes a tenth of the time (glibc)."""
-
-_UNLISTED = 2.0
-"""Seconds that most kernels take which are on no list."""
-
-_START = 3.0
-"""Seconds that a process takes until it can compile."""
 
 
 def workers_for(calls: list[list[Any]]) -> int:
@@ -131,6 +124,8 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
     for call in sorted(calls, key=lambda call: -call[0]):
         waiting.put(call)
     done: list[list[Any]] = []
+    listed: list[float] = []
+    total = sum(call[0] for call in calls)
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     processes: list[subprocess.Popen[str]] = []
     with ProgressBar(len(calls), "kernels") as bar:
@@ -148,7 +143,10 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
                 if not seconds:
                     break
                 done.append([float(seconds), *call[1:]])
-                bar.update(len(done))
+                listed.append(call[0])
+                # The list has the times of another machine: their ratio to the times here is that of what is left, too.
+                left = max(total - sum(listed), 0.0) * sum(call[0] for call in done) / max(sum(listed), 1e-9) / len(processes)
+                bar.update(len(done), f"about {left:.0f} s left")
 
         try:
             for _ in range(workers or workers_for(calls)):
