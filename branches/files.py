@@ -77,7 +77,7 @@ def one_line(error: BaseException) -> str:
     >>> one_line(OSError(errno.EMFILE, "Too many open files", "branch.json"))
     'too many files are open (ulimit -n): branch.json'
     """
-    text = str(error)
+    text = "the memory is too small for this" if isinstance(error, MemoryError) else str(error)
     if isinstance(error, OSError) and error.errno is not None:
         text = reason(error) + ("" if error.filename is None else f": {error.filename}")
     return " ".join(text.split()) or type(error).__name__
@@ -153,10 +153,12 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
             raise OSError("it is a device, expected a file")
         if stat.S_ISFIFO(mode):
             _await_writer(file.fileno())
-        content = file.read(MOST_BYTES + 1)
+        content = bytearray()
+        while len(content) <= MOST_BYTES and (part := file.read(1 << 20)):
+            content += part
     if len(content) > MOST_BYTES:
         raise OSError(f"it is larger than {MOST_BYTES >> 20} MB")
-    return content
+    return bytes(content)
 
 
 def _await_writer(pipe: int) -> None:

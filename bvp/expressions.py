@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 import sys
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["FUNCTIONS", "ExpressionError", "is_plain", "not_too_deep", "parsed", "require_small"]
+__all__ = ["FUNCTIONS", "ExpressionError", "is_plain", "normalised", "not_too_deep", "parsed", "require_small"]
 
 FUNCTIONS = ("sqrt", "exp", "log", "sin", "cos", "tan", "sinh", "cosh", "tanh", "Abs", "abs")
 """Functions that an expression given as text may use (of parameters: they are nonlinear in a coordinate)."""
@@ -46,8 +48,19 @@ def not_too_deep(what: str) -> Iterator[None]:
 
 
 def is_plain(name: str) -> bool:
-    """Whether text may be the name of a symbol."""
-    return name.isidentifier() and "__" not in name
+    """Whether text may be the name of a symbol: letters, digits and _."""
+    return name.isidentifier() and "__" not in name and re.fullmatch(r"\w+", normalised(name)) is not None
+
+
+def normalised(text: str) -> str:
+    """Return text in the one form that equal letters have (NFKC). Systems type a letter with an accent as one character or as two.
+
+    Examples
+    --------
+    >>> normalised("u\u0301") == "\u00fa", normalised("\u00b5") == "\u03bc"
+    (True, True)
+    """
+    return unicodedata.normalize("NFKC", text)
 
 
 def parsed(
@@ -100,12 +113,17 @@ def _parsed(text: str, what: str, exact: bool, largest_power: int) -> Any:
         raise ExpressionError(f"{unread}: not an expression at character {error.offset or 1}") from None
     except (ValueError, RecursionError, MemoryError):
         raise ExpressionError(f"{unread}: too long, or no text") from None
+    text = normalised(text)  # as the names of the syntax tree
     for node in parts:
         refused = _refused(node, largest_power)
         if refused:
             raise ExpressionError(f"{unread}: {refused}")
     names = {node.id: sympy.Symbol(node.id) for node in parts if isinstance(node, ast.Name)}
-    called = {node.func.id for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)}
+    functions = [node.func for node in parts if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+    called = {node.id for node in functions}
+    alone = [node.id for node in parts if isinstance(node, ast.Name) and node.id in called and node not in functions]
+    if alone:
+        raise ExpressionError(f"{unread}: {alone[0]} is a function, expected {alone[0]}(...)")
     names |= {name: getattr(sympy, "Abs" if name == "abs" else name) for name in called}
     numbers = {"Integer": sympy.Integer, "Float": sympy.Rational if exact else sympy.Float, "__builtins__": {}}
     try:

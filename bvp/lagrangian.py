@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from bvp.checks import is_finite, real
-from bvp.expressions import ExpressionError, is_plain, not_too_deep, parsed, require_small
+from bvp.expressions import ExpressionError, is_plain, normalised, not_too_deep, parsed, require_small
 from bvp.springs import Spring
 from bvp.texts import shown
 
@@ -321,7 +321,7 @@ def _name(item: Any, what: str) -> str:
     name = item.name if isinstance(item, sympy.Symbol) else item
     if not isinstance(name, str) or (isinstance(item, str) and not is_plain(name)):
         raise LagrangianError(f"{what} {shown(item)} is neither a name nor a symbol")
-    return name
+    return normalised(name) if isinstance(item, str) else name
 
 
 def _exact(value: Any, what: str) -> Any:

@@ -339,6 +339,8 @@ class _Collected:
         used = [k for k, moves in enumerate(on) if moves or {self.input(self.unit(k)), self.input(self.unit(k), 1)} & seen]
         rows = [element.row] if local else [self.unit(k) for k in used]
         symbols = [self.input(row, order) for row in rows]
+        if not element.row and not used:
+            raise InvalidSystem(f"the {'potential' if isinstance(element, Spring) else 'force'} of {place} has no coordinate: {expression}")
         if isinstance(element, Spring) and element.potential:
             _require_at_rest([expression.diff(symbol) for symbol in symbols], [], place)
             parts = {tuple(rows): expression} if local else self._along_rows(expression, rows)

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from bvp.expressions import normalised
 from saltus.errors import BadInput, nearest
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ number = ValueType(float, lambda value: not math.isnan(value), "a number")
 finite = ValueType(float, math.isfinite, "a finite number")
 positive = ValueType(float, lambda value: 0.0 < value < math.inf, "a number above 0")
 whole_above_zero = ValueType(int, lambda value: 1 <= value <= MOST, "an integer above 0, up to 1e15")
+processes = ValueType(int, lambda value: 1 <= value <= 1024, "an integer from 1 to 1024")
 periods = ValueType(int, lambda value: 1 <= value <= 10**9, "an integer above 0, up to 1e9")
 energy_range = ValueType(
     lambda text: tuple(float(part) for part in text.split(":")),
@@ -137,12 +139,13 @@ finite_list = ValueType(
     lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"
 )
 marks = ValueType(
-    lambda text: (text.rpartition("=")[0].strip() or None, tuple(float(part) for part in text.rpartition("=")[2].split(","))),
+    lambda text: (normalised(text.rpartition("=")[0]).strip() or None, tuple(float(part) for part in text.rpartition("=")[2].split(","))),
     lambda pair: all(map(math.isfinite, pair[1])),
     "values X1,X2,.. of the parameter, or COLUMN=X1,X2,..",
 )
 names = ValueType(
-    lambda text: tuple(part.strip() for part in text.split(",")), lambda found: all(found), "names of parameters, NAME1,NAME2,.."
+    lambda text: tuple(part.strip() for part in normalised(text).split(",")), lambda found: all(found),
+    "names of parameters, NAME1,NAME2,..",
 )
 _impacts = ValueType(
     lambda text: tuple(float(part) for part in (text.split(":") * 2)[: max(2, text.count(":") + 1)]),
@@ -151,7 +154,7 @@ _impacts = ValueType(
 )
 
 _assignment = ValueType(
-    lambda text: (text.partition("=")[0], float(text.partition("=")[2])),
+    lambda text: (normalised(text.partition("=")[0]), float(text.partition("=")[2])),
     lambda pair: pair[0] != "" and math.isfinite(pair[1]),
     "NAME=VALUE, the name of a parameter and a finite number",
 )
@@ -168,7 +171,7 @@ _FILTERS = ("label", "energy", "stable", "ends", "impacts")
 _SHARED: dict[str, dict[str, Any]] = {
     "max-quarter-period": {"metavar": "A", "type": positive, "help": "longest quarter period alpha (default: the scene's)"},
     "max-impacts": {"metavar": "K", "type": whole_above_zero, "help": "most impacts in half a period (default: any number)"},
-    "workers": {"metavar": "N", "type": whole_above_zero, "help": "number of processes (default: one for each core)"},
+    "workers": {"metavar": "N", "type": processes, "help": "number of processes (default: one for each core)"},
     "dask": {"metavar": "ADDRESS", "help": "use a Dask cluster instead of processes"},
     "frequency": {
         "metavar": "AXIS",

@@ -138,7 +138,8 @@ def check_writable(path: str, *, database: bool = False, figure: bool = False) -
         if target.is_dir():
             raise BadInput(f"cannot write {path}: it is a directory, expected a file")
         if not target.parent.is_dir():
-            raise BadInput(f"cannot write {path}: the directory {Path(path).parent} does not exist")
+            parent = target.parent if os.path.islink(path) else Path(path).parent
+            raise BadInput(f"cannot write {path}: the directory {parent} does not exist")
         if target.exists() and not os.access(target, os.W_OK):
             raise BadInput(f"cannot write {path}: permission is denied")
         if not special:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from bvp.expressions import normalised
 from saltus import compiling, curves, inputs, options
 from saltus.errors import BadInput, nearest, one_line
 
@@ -64,7 +65,8 @@ def add_start_arguments(parser: argparse.ArgumentParser) -> None:
         "several, with one --keep less for a response, the first one is reported",
     )  # fmt: skip
     parser.add_argument(
-        "--keep", metavar="EQUATION", action="append", help='with --in: equation that holds, such as energy=0.8, "F = 0.3*w**2"; repeatable'
+        "--keep", metavar="EQUATION", action="append", type=normalised,
+        help='with --in: equation that holds, such as energy=0.8, "F = 0.3*w**2"; repeatable'
     )
     parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="with --in: range of the parameter")
     parser.add_argument(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.expressions import normalised
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
@@ -57,9 +58,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--through", metavar="TYPES", type=options.names, help="with --in: go on with the families that begin at these events: GR,SB,PD,BP"
     )
     parser.add_argument("--branches", metavar="N", type=options.whole_above_zero, help="with --through: most families (default: 50)")
-    parser.add_argument("--x", metavar="COLUMN", help="with --in: another horizontal axis of the figure than the parameter")
+    parser.add_argument(
+        "--x", metavar="COLUMN", type=normalised,
+        help="with --in: another horizontal axis of the figure than the parameter",
+    )
     add_harmonics(parser)
-    parser.add_argument("--y", metavar="COLUMN", help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...")
+    parser.add_argument(
+        "--y", metavar="COLUMN", type=normalised,
+        help="with --in: what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., h, ...",
+    )
 
 
 def add_harmonics(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.expressions import normalised
 from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
 from saltus.options import ValueType, finite
@@ -51,7 +52,7 @@ _grid = ValueType(
     "NXxNY, two integers above 1, such as 200x200",
 )
 _fixed = ValueType(
-    lambda text: (text.partition("=")[0], float(text.partition("=")[2])),
+    lambda text: (normalised(text.partition("=")[0]), float(text.partition("=")[2])),
     lambda pair: pair[0] != "" and math.isfinite(pair[1]),
     "NAME=VALUE, the name of a state coordinate and a finite number",
 )

@@ -7,6 +7,7 @@ import os
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
+from bvp.expressions import normalised
 from saltus import compiling, options, outputs, processes
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
 from saltus.options import ValueType, whole_above_zero
@@ -48,7 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--range", metavar="LO:HI,LO:HI", type=_windows,
         help="ranges of the two parameters (default: that of the branch; of the other one a factor of 4 around its value)",
     )  # fmt: skip
-    parser.add_argument("--keep", metavar="EQUATION", action="append", help='equation that holds in the plane, "c = 0.1*w"; repeatable')
+    parser.add_argument(
+        "--keep", metavar="EQUATION", action="append", type=normalised, help='equation that holds in the plane, "c = 0.1*w"; repeatable'
+    )  # fmt: skip
     parser.add_argument("--levels", metavar="N", type=_levels, help="levels of P2 on which responses are followed in P1 (default: 3)")
     parser.add_argument("--grid", metavar="NXxNY", type=_grid, help="cells in which attractors are simulated (default: 24x16; 0x0: none)")
     parser.add_argument("--curves", metavar="N", type=whole_above_zero, help="most curves (default: 60)")

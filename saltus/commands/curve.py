@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bvp.description import RESERVED
+from bvp.expressions import normalised
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, curves, inputs, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
@@ -56,7 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the two parameters; of a free family one can be energy or quarter_period; further ones need as many --keep",
     )  # fmt: skip
     parser.add_argument("--range", metavar="LO:HI,LO:HI", type=_windows, help="ranges of the two parameters")
-    parser.add_argument("--keep", metavar="EQUATION", action="append", help='equation that holds along the curve, "c = 0.1*w"; repeatable')
+    parser.add_argument(
+        "--keep", metavar="EQUATION", action="append", type=normalised, help='equation that holds along the curve, "c = 0.1*w"; repeatable'
+    )  # fmt: skip
     parser.add_argument(
         "--to", metavar="TYPE", choices=("SN", "PD", "SB", "NS", "GR"), help="at an event of a curve: the curve of this type"
     )

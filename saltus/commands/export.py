@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bvp.expressions import normalised
 from saltus import catalogues, compiling, curves, options, outputs
 from saltus.errors import BadInput, nearest
 from saltus.options import whole_above_zero
@@ -88,7 +89,10 @@ def _add_response_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", metavar="ID", nargs="*", help="ids of families (default: all)")
     outputs.add_arguments(parser, "plot", "json", "csv", "npz", "mat")
     parser.add_argument("--branches", metavar="FILE", nargs="+", default=[], help="responses, as `saltus continue --in --json` writes them")
-    parser.add_argument("--y", metavar="COLUMN", help="what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., ...")
+    parser.add_argument(
+        "--y", metavar="COLUMN", type=normalised,
+        help="what the figure shows: max:u1, rms:u1, speed, phase:1, share:.., ...",
+    )
     parser.add_argument("--range", metavar="LO:HI", type=options.value_range, help="range of the parameter that the figure shows")
     options.add_filters(parser)
     catalogues.add_arguments(parser)

@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
+from bvp.expressions import normalised
 from saltus import inputs, outputs, responses
 from saltus.errors import BadInput, nearest
 from saltus.terminal import table_lines, terminal_width
@@ -31,8 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--best", metavar="NAME", default="nes_share", help="the best run has the largest value of this result (default: nes_share)"
     )
-    parser.add_argument("--x", metavar="COLUMN", help="of responses: another horizontal axis than the parameter")
-    parser.add_argument("--y", metavar="COLUMN", help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...")
+    parser.add_argument("--x", metavar="COLUMN", type=normalised, help="of responses: another horizontal axis than the parameter")
+    parser.add_argument(
+        "--y", metavar="COLUMN", type=normalised,
+        help="of responses: what is drawn over the parameter: max:u1, rms:u1, speed, ...",
+    )
     responses.add_harmonics(parser)
     parser.add_argument(
         "--beside", metavar="STUDY", action="append",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.expressions import normalised
 from bvp.texts import listed, shown
 from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
@@ -30,7 +31,7 @@ _recorded = ValueType(int, lambda value: 1 <= value <= 10**7, "an integer above 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("--in", dest="parameter", metavar="NAME", help="the parameter that changes")
+    parser.add_argument("--in", dest="parameter", metavar="NAME", type=normalised, help="the parameter that changes")
     parser.add_argument("--range", metavar="LO:HI", type=value_range, help="its range")
     parser.add_argument(
         "--points", metavar="N", type=whole_above_zero, default=POINTS, help=f"number of values in the range (default: {POINTS})"
@@ -48,7 +49,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="start with these displacements, then velocities (default: rest); can be repeated, each start is a sweep",
     )
-    parser.add_argument("--y", metavar="WHAT", help="measure of the figure: speed (default with stops), strobe:u1, max:u1, ...")
+    parser.add_argument(
+        "--y", metavar="WHAT", type=normalised,
+        help="measure of the figure: speed (default with stops), strobe:u1, max:u1, ...",
+    )
     parser.add_argument("--over", metavar="RESPONSE", help="draw the branches of this JSON file of saltus continue --in NAME --json on top")
     options.add_shared(parser, "workers", "dask")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")

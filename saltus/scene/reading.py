@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.files import read_input
+from bvp.expressions import normalised
 from bvp.texts import shown
 from saltus.errors import BadInput, nearest, one_line
 
@@ -141,7 +142,7 @@ def read_toml(path: Path, where: str, names: Iterable[str] = (), expected: str =
         The end of the message if nothing is near.
     """
     try:
-        return TomlTable(tomllib.loads(read_input(path).decode("utf-8")), where)
+        return TomlTable(_with_plain_names(tomllib.loads(read_input(path).decode("utf-8"))), where)
     except FileNotFoundError as error:
         beside = [str(entry) for entry in path.parent.glob("*.toml")]
         raise BadInput(f"{where} does not exist{nearest(str(path), [*beside, *names]) or expected}") from error
@@ -149,6 +150,15 @@ def read_toml(path: Path, where: str, names: Iterable[str] = (), expected: str =
         raise BadInput(f"cannot read {where}: its values are nested too deeply") from error
     except (OSError, ValueError) as error:
         raise BadInput(f"cannot read {where} as TOML: {one_line(error)}") from error
+
+
+def _with_plain_names(content: Any) -> Any:
+    """The content of a file with each name, and each text that can be one, as expressions have it."""
+    if isinstance(content, dict):
+        return {normalised(key): _with_plain_names(value) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_with_plain_names(value) for value in content]
+    return normalised(content) if isinstance(content, str) and content.isidentifier() else content
 
 
 _EXPRESSION = Kind("a finite number or an expression of parameters", lambda value: FINITE.fits(value) or isinstance(value, str))

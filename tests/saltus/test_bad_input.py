@@ -170,6 +170,8 @@ CASES = [
     ("export fep --plot {here}/a.png --scene {forced}", ["saltus export", "[[forces]]"]),
     ("export points --csv {here}/a.csv --scene {forced}", ["there is no catalogue", "forced.sqlite"]),
     ("section --energy 1 --scene {shaken}", ["saltus section", "[ground]"]),
+    ("run --scene {flat} --state 0,1 --duration 1", ["the potential of the spring of all coordinates has no coordinate: pi"]),
+    ("run --scene {marked} --state 0,1,0,0 --duration 1", ["parameter 'x\u0303' cannot be named", "letters, digits and _"]),
     ("continue S13O00+ --scene {extreme}", ["entry (1, 1) of mass", "too small", "1e-300"]),
     ("continue S13O00+ --scene {twice}", ["coordinates have different names", "('x', 'x')"]),
     # discovery
@@ -229,7 +231,8 @@ CASES = [
     ("continue --from {taken}", ["cannot read", "taken"]),
     # build
     ("build --energy 5:1 --catalogue a.sqlite", ["'5:1'", "LO < HI"]),
-    ("build --workers 0 --catalogue a.sqlite", ["'0'", "above 0"]),
+    ("build --workers 0 --catalogue a.sqlite", ["'0'", "from 1 to 1024"]),
+    ("build --workers 99999999999 --catalogue a.sqlite", ["'99999999999'", "from 1 to 1024"]),
     ("build --catalogue none/a.sqlite", ["none", "does not exist"]),
     ("build --rho 0.7 --catalogue a.sqlite", ["restitution 0.7"]),
     (
@@ -433,6 +436,8 @@ def places(tmp_path_factory, catalogue):
         "softening": SOFTENING,
         "curl": CURL,
         "bent": CURL.replace('force = "y**3"', "polynomial = [0.0, 0.5]") + ONE_SIDED[ONE_SIDED.index("[bounds]") :],
+        "flat": SOFTENING.replace('on = "x"\nstiffness = -1.0\npower = 3', 'potential = "pi"'),
+        "marked": PUSHED.replace("f = 0.5", '"x\u0303" = 0.5').replace('"f"', '"x\u0303"'),
         "outside": SOFTENING + "[[stops]]\nc = [1.0]\nlower = 0.3\nupper = 0.5\n",
         "damped": DAMPED,
         "uneven": UNEVEN,

@@ -1,6 +1,7 @@
 """Scenes: what ships is cited and complete, what is wrong is refused with its place and the nearest thing that exists."""
 
 import tomllib
+import unicodedata
 from importlib import resources
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from branches.naming.labels import parse
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from saltus import load_scene
+from tests.saltus.running import run
 
 MATRICES = """
 title = "two masses"
@@ -31,6 +33,25 @@ impacts = 6
 "S13+" = { h = 1.5 }
 """
 
+LETTERS = """
+[parameters]
+"µ" = 1.5
+"ú" = 0.25
+[system]
+mass = [["µ*µ/µ"]]
+damping = [["ú"]]
+stiffness = [[1.0]]
+[[stops]]
+c = [1.0]
+upper = 1.0
+[coordinates]
+names = ["å"]
+[[forces]]
+on = "å"
+amplitude = "ú"
+frequency = 1.0
+"""
+
 MODEL = """
 [system]
 model = "vibro_impact_nes"
@@ -47,6 +68,19 @@ def written(tmp_path, text):
     path = tmp_path / "scene.toml"
     path.write_text(text)
     return path
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD", "NFKC", "NFKD"])
+def test_letters_are_equal_however_they_are_typed(tmp_path, capsys, form):
+    """Oracle: the numbers. A letter with an accent is one character or two, and a Greek letter can be the sign of a unit."""
+    place = tmp_path / "letters.toml"
+    place.write_text(unicodedata.normalize(form, LETTERS), encoding="utf-8")
+    scene = load_scene(place)
+    assert scene.system.mass.tolist() == [[1.5]] and scene.system.damping.tolist() == [[0.25]]
+    assert load_scene(place, **{unicodedata.normalize("NFKC", "µ"): 2.0}).system.mass.tolist() == [[2.0]]
+    words = f"sweep --scene {place} --set µ=2 --in ú --range 0.2:0.3 --points 2 --transient 2 --record 2 --y max:å"
+    code, out, err = run(capsys, *unicodedata.normalize(form, words).split())
+    assert (code, err) == (0, "") and "0.3" in out
 
 
 def test_the_default_scene_is_the_reference_system(tmp_path, monkeypatch):
