@@ -300,6 +300,19 @@ def test_a_period_is_found_within_the_distance_that_convergence_leaves():
     assert LOOSEST > 1e-5
 
 
+@pytest.mark.parametrize(("period", "turns"), [(1, 5), (2, 10), (1, 2), (3, 12)])
+def test_a_slow_spiral_has_the_period_of_what_it_tends_to(period, turns):
+    """Oracle: its formula, limit + 0.1 (rate exp(i angle))^k with an angle near 2 pi/turns: it returns after `turns` periods first."""
+    k = np.arange(2000)
+    rate = -0.008
+    spiral = 0.1 * np.exp(rate * k + 1j * (2.0 * np.pi / turns + 1e-4) * k)
+    states = np.column_stack([2.0 + k % period + spiral.real, spiral.imag])
+    for stop in (800, 1200, 1900):
+        assert find_period(states[stop - 80 : stop], 1.0, rate, stop) == period
+    limit = np.column_stack([2.0 + k % turns, np.zeros(len(k))]) + 1e-3 * np.exp(2.0 * rate * k)[:, None]
+    assert find_period(limit[1800:1880], 1.0, rate, 1880) == turns
+
+
 def test_the_mean_growth_of_a_turning_tangent_vector_converges_fast():
     """Oracle: a rotation by an irrational angle in an ellipse, times 0.9: the plain mean is wrong by 1/P."""
     angle, stretch = 2.0, np.diag([1.0, 4.0])

@@ -8,7 +8,7 @@ import numpy as np
 
 from transitions.averages import weighted_mean
 
-__all__ = ["LOOSEST", "RETURN", "SLACK", "distance_scale", "find_period", "largest_exponent", "mean_growth"]
+__all__ = ["LOOSEST", "RETURN", "SLACK", "distance_scale", "find_period", "largest_exponent", "mean_growth", "shortest_period"]
 
 RETURN = 1e-9
 """Distance of two states, relative to the largest state of the motion, that counts as a return in any case."""
@@ -55,6 +55,9 @@ def distance_scale(states: np.ndarray, frequency: float) -> np.ndarray:
 def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: int, size: float = 0.0) -> int:
     """The period of stroboscopic states, in periods of the loads: the smallest p with which the last p states return; 0 if there is none.
 
+    A slow spiral with an angle near 2 pi/5 returns after five periods first. Then its distances after one period shrink as fast as the
+    motion converges, and the period is 1.
+
     Parameters
     ----------
     states : (P, 2n) ndarray
@@ -64,8 +67,8 @@ def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: in
     growth : float
         Mean logarithmic growth of a tangent vector in a period.
     elapsed : int
-        Periods since the motion began. A motion that converges by exp(growth) in each period is still at a distance exp(growth elapsed)
-        from its end. `SLACK` times this counts as a return, as `RETURN` does, up to `LOOSEST`.
+        Periods since the motion began; infinite: only `RETURN` counts. A motion that converges by exp(growth) in each period is still at
+        a distance exp(growth elapsed) from its end. `SLACK` times this counts as a return, as `RETURN` does, up to `LOOSEST`.
     size : float
         Largest distance from 0 between the states, of (w u, v). At phase 0 a motion can be close to 0.
     """
@@ -78,5 +81,16 @@ def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: in
     back = np.linalg.norm(points[-1:] - points[::-1][1 : len(points) // 2 + 1], axis=1)
     for p in (np.flatnonzero(back <= level) + 1).tolist():
         if np.linalg.norm(points[-p:] - points[-2 * p : -p], axis=1).max() <= level:
-            return int(p)
+            return shortest_period(points, p, growth, size)
     return 0
+
+
+def shortest_period(points: np.ndarray, p: int, growth: float, size: float) -> int:
+    """Return the smallest divisor q of a period p such that the distances of points (P, 2n) after q periods shrink as exp(growth) in each
+    period, by the slope of their logarithms; else p. If q is not a period of the motion, they tend to a constant."""
+    for q in (q for q in range(1, p) if p % q == 0):
+        back = np.linalg.norm(points[q:] - points[:-q], axis=1)
+        slope = np.polyfit(np.arange(len(back)), np.log(np.maximum(back, np.finfo(float).eps * size)), 1)[0]
+        if slope <= 0.5 * growth < 0.0:
+            return q
+    return p

@@ -14,7 +14,7 @@ from bvp.checks import is_finite, is_whole
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
-from transitions.sweep.returns import RETURN, SLACK, distance_scale, find_period, largest_exponent, mean_growth
+from transitions.sweep.returns import RETURN, SLACK, distance_scale, find_period, largest_exponent, mean_growth, shortest_period
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -54,6 +54,7 @@ class SettledKind(Enum):
     AT_REST = "rest: it sticks to its stops for ever"
     TORUS = "probably quasiperiodic motion (a torus): it does not return, and a tangent vector neither grows nor shrinks"
     CHAOS = "chaotic motion: a tangent vector grows"
+    LONG_PERIOD = "it has settled"
     NOT_CONVERGED = "it has not settled yet; allow more periods"
     FAILED = "the simulation ended before it settled"
 
@@ -94,6 +95,8 @@ class Settled:
         How the simulation ended, for FAILED.
     remaining : float
         For NOT_CONVERGED the periods after which the motion is expected to return, from its rate; NaN if it does not certainly decay.
+    longest : int
+        For LONG_PERIOD the largest period that was sought: that of the motion is above.
     """
 
     kind: SettledKind
@@ -111,6 +114,7 @@ class Settled:
     elapsed: int
     status: MotionStatus
     remaining: float = math.nan
+    longest: int = 0
 
     @property
     def exponent(self) -> float:
@@ -141,7 +145,8 @@ class Settled:
             near = f"; near period {self.period}, {self.distance:.1e} from closing" if self.period else ""
             more = f"; about {float(f'{self.remaining:.2g}'):.7g} more are expected" if self.remaining > 0.0 else ""
             return f"{self.kind.value} ({after}{near}; {rate}{more})"
-        return f"{self.kind.value} ({after}; {rate})"
+        long = f", but its period is above {self.longest}" if self.longest else ""
+        return f"{self.kind.value}{long} ({after}; {rate})"
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         return f"Settled: {self.text}", []
@@ -220,7 +225,7 @@ def settle(
         if record.status is not MotionStatus.DURATION_REACHED:
             return _settled(SettledKind.FAILED, 0, motion, record, elapsed)
         size = _size(record, frequency)
-        p = find_period(states, frequency, -math.inf, elapsed, size)
+        p = find_period(states, frequency, mean_growth(record.growths), math.inf, size)
         if p:
             distance = _return(states, p, frequency, size)
             # Rounding ends the convergence. A motion that keeps its distance has come as close as it will.
@@ -240,6 +245,8 @@ def settle(
     # Weighted means leave out what only turns, whose size hides a slow decay. On a torus a tangent vector keeps its size.
     error = min(error, _growth(record.growths, mean_growth)[1])
     decays = math.isfinite(growth) and growth < -max(SIGMAS * error, DECAY)
+    if not p and decays and SLACK * math.exp(growth * len(record.growths)) < RETURN:  # it would have returned
+        return replace(_settled(SettledKind.LONG_PERIOD, 0, motion, record, elapsed), growth_error=error, longest=longest)
     torus = not p and elapsed >= CERTAIN and max(halves) <= NEUTRAL and not decays
     found = _settled(SettledKind.TORUS if torus else SettledKind.NOT_CONVERGED, p, motion, record, elapsed)
     return replace(found, growth_error=error, remaining=_remaining(record, frequency, size, growth, longest) if decays else math.nan)
@@ -249,7 +256,9 @@ def _remaining(record: PeriodRecord, frequency: float, size: float, growth: floa
     """Periods after which the closest return is as close as one that counts, if its distance decays by exp(growth) in each. NaN if it has
     not decayed so in the periods whose growths count."""
     count = min(longest, len(record.states) // 2)
-    nearest = min((_return(record.states, p, frequency, size) for p in range(1, count + 1)), default=0.0)
+    p = min(range(1, count + 1), key=lambda p: _return(record.states, p, frequency, size), default=0)
+    p = shortest_period(distance_scale(record.states, frequency), p, growth, size)
+    nearest = _return(record.states, p, frequency, size) if p else 0.0
     decayed = RETURN < nearest <= SLACK * math.exp(growth * len(record.growths))
     return math.log(nearest / RETURN) / -growth if decayed else math.nan
 
