@@ -16,6 +16,7 @@ from bvp.system import ImpactSystem, Stop
 from saltus.scene import load_scene
 from tests.transitions.test_sweep import impact_oscillator, one_impact, oscillator, pressed_chain
 from transitions.sweep.settle import SettledKind, settle
+from transitions.sweep.sweep import SweepSettings, sweep
 
 
 def test_a_periodic_motion_with_its_impacts_and_multipliers():
@@ -104,6 +105,22 @@ def test_a_settled_motion_of_a_longer_period_is_reported():
 
 
     assert settle(scene.system, scene.forces, longest=1000).period == 773
+
+
+def test_gears_that_turn_return_relative_to_each_other():
+    """Oracle: the mean torque 10 turns both by 10/0.1 in a unit of time, 4 pi in a period 2 pi/50. `simulate` gives the multiplier of their
+    common speed; the teeth close for a while, so no other difference of two motions is left."""
+    teeth = Stop((1.0, -1.0), lower=-0.001, upper=0.001, restitution=0.3)
+    gears = ImpactSystem(np.diag([0.01, 0.02]), np.diag([0.0, 0.1]), np.zeros((2, 2)), [teeth])
+    loads = [Constant([10.0, 0.0]), Harmonic(50.0, [20.0, 0.0])]
+    found = settle(gears, loads)
+    assert found.kind is SettledKind.PERIODIC and found.period == 1 and "drifting by 12.5664, 12.5664" in found.text
+    np.testing.assert_allclose(found.drift, 4.0 * math.pi, rtol=1e-9)
+    u, v, period = found.states[0][:2], found.states[0][2:], 2.0 * math.pi / 50.0
+    ends = [simulate(gears, u, v + change, period, forces=loads).final[2:] for change in (1e-3, -1e-3)]
+    np.testing.assert_allclose(found.multipliers, [(ends[0] - ends[1])[0] / 2e-3, 0.0, 0.0], atol=1e-6)
+    swept, _ = sweep(lambda load: (gears, [loads[0], Harmonic(50.0, [load, 0.0])]), [20.0], settings=SweepSettings(300, 20))
+    assert swept.periods[0] == 1 and swept.exponents[0] == pytest.approx(found.growth / period, rel=1e-9)
 
 
 def test_a_linear_oscillator_without_damping_is_quasiperiodic():

@@ -12,7 +12,7 @@ from bvp.forcing import Constant
 from bvp.motion import EventKind, Motion, MotionStatus, StopEvents
 from bvp.simulate import Simulator
 from transitions.sweep.forced import ImpactRecord
-from transitions.sweep.returns import RETURN, distance_scale
+from transitions.sweep.returns import RETURN, distance_scale, without_drift
 from transitions.sweep.settle import CLOSED, Settled, SettledKind
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _nearest_return(motion: Motion, frequency: float) -> tuple[int, float, float
     """Number k of impacts in the period that the last impacts suggest, the distance of the return relative to the largest state, and the
     logarithm of its growth in a return."""
     events = _impacts(motion)
-    points = distance_scale(events.after, frequency)
+    points = distance_scale(without_drift(motion.system, events.after), frequency)
     sizes = np.linalg.norm(points, axis=1)
     half = len(points) // 2
     if sizes[-1] > _DOUBLED * sizes[half] > 0.0:

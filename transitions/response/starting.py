@@ -156,6 +156,8 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         raise NoOrbit(settled.text)
     if settled.sticking:
         raise NoOrbit(f"{settled.text}; orbits with a sticking contact are not followed")
+    if np.any(settled.drift):
+        raise NoOrbit(f"{settled.text}; orbits that drift are not followed: expected coordinates between the bodies, as of a gap")
     try:
         nodes = nodes_of(path, settled)
     except EndsError as error:

@@ -1,14 +1,25 @@
-"""Stroboscopic returns: the mean growth of a tangent vector, and the period of a motion."""
+"""Stroboscopic returns: the mean growth of a tangent vector, and the period of a motion.
+
+Displacements along which no spring and no stop acts, such as the angle of a gear train, do not count: a motion that drifts along them
+returns if the rest of it does."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.closures import free_motions
 from transitions.averages import weighted_mean
 
-__all__ = ["LOOSEST", "RETURN", "SLACK", "distance_scale", "find_period", "largest_exponent", "mean_growth", "shortest_period"]
+if TYPE_CHECKING:
+    from bvp.system import ImpactSystem
+
+__all__ = [
+    "LOOSEST", "RETURN", "SLACK", "distance_scale", "drift_directions", "find_period", "largest_exponent", "mean_growth", "multipliers_of",
+    "shortest_period", "without_drift",
+]  # fmt: skip
 
 RETURN = 1e-9
 """Distance of two states, relative to the largest state of the motion, that counts as a return in any case."""
@@ -46,13 +57,33 @@ def largest_exponent(multipliers: np.ndarray, time: float) -> float:
     return math.log(largest) / time if largest > 0.0 else -math.inf
 
 
+def drift_directions(system: ImpactSystem) -> np.ndarray:
+    """Return orthonormal columns (n, f): the displacements along which no spring and no stop acts."""
+    return np.linalg.qr(system.modes.shapes @ free_motions(system).T)[0]
+
+
+def without_drift(system: ImpactSystem, states: np.ndarray) -> np.ndarray:
+    """States (P, 2n) without their displacements along `drift_directions`."""
+    free = drift_directions(system)
+    n = len(free)
+    return np.concatenate([states[:, :n] - states[:, :n] @ free @ free.T, states[:, n:]], axis=1) if free.size else states
+
+
+def multipliers_of(system: ImpactSystem, monodromy: np.ndarray) -> np.ndarray:
+    """Return the eigenvalues (2n - f,) of a monodromy matrix, without the multiplier 1 of each drift."""
+    free = drift_directions(system)
+    columns = np.concatenate([free, np.zeros_like(free)])
+    others = np.linalg.qr(columns, mode="complete")[0][:, free.shape[1] :] if free.size else np.eye(len(monodromy))
+    return np.linalg.eigvals(others.T @ monodromy @ others).astype(complex)
+
+
 def distance_scale(states: np.ndarray, frequency: float) -> np.ndarray:
     """States (P, 2n) as (w u, v), whose differences are distances."""
     n = states.shape[1] // 2
     return np.concatenate([frequency * states[:, :n], states[:, n:]], axis=1)
 
 
-def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: int, size: float = 0.0) -> int:
+def find_period(states: np.ndarray, frequency: float, growth: float, elapsed: float, size: float = 0.0) -> int:
     """The period of stroboscopic states, in periods of the loads: the smallest p with which the last p states return; 0 if there is none.
 
     A slow spiral with an angle near 2 pi/5 returns after five periods first. Then its distances after one period shrink as fast as the

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,18 @@ from bvp.checks import is_finite, is_whole
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord, PeriodRecord, carried_into, require_inside
-from transitions.sweep.returns import RETURN, SLACK, distance_scale, find_period, largest_exponent, mean_growth, shortest_period
+from transitions.sweep.returns import (
+    RETURN,
+    SLACK,
+    distance_scale,
+    drift_directions,
+    find_period,
+    largest_exponent,
+    mean_growth,
+    multipliers_of,
+    shortest_period,
+    without_drift,
+)
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -81,8 +92,10 @@ class Settled:
         Time with a sticking contact, in the same periods as `impacts`.
     period_of_loads : float
         2 pi/w.
-    multipliers : (2n,) complex ndarray
-        Of p stroboscopic maps, by descending modulus; empty if the motion is not periodic.
+    multipliers : (2n - f,) complex ndarray
+        Of p stroboscopic maps, by descending modulus, without those of f directions of drift; empty if the motion is not periodic.
+    drift : (n,) ndarray
+        Growth of the displacements in p periods; not 0 where no spring and no stop acts along it.
     growth : float
         Mean growth of a tangent vector in a period of the loads; for a periodic motion the logarithm of its largest multiplier over p.
     growth_error : float
@@ -115,6 +128,7 @@ class Settled:
     status: MotionStatus
     remaining: float = math.nan
     longest: int = 0
+    drift: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def exponent(self) -> float:
@@ -140,7 +154,8 @@ class Settled:
         rate = f"growth {self.growth:.4g}{self.growth_error and f' +- {self.growth_error:.1g}' or ''} in a period"
         if self.kind is SettledKind.PERIODIC:
             stuck = f", {' and '.join(self.sticking)} sticking all the time" if self.sticking else ""
-            return f"{self.kind.value} of period {self.period} with {len(self.impacts)} impacts{stuck}, {after}; {rate}"
+            drift = f", drifting by {', '.join(f'{part:.6g}' for part in self.drift)} in its period" if np.any(self.drift) else ""
+            return f"{self.kind.value} of period {self.period} with {len(self.impacts)} impacts{stuck}{drift}, {after}; {rate}"
         if self.kind is SettledKind.NOT_CONVERGED:
             near = f"; near period {self.period}, {self.distance:.1e} from closing" if self.period else ""
             more = f"; about {float(f'{self.remaining:.2g}'):.7g} more are expected" if self.remaining > 0.0 else ""
@@ -220,8 +235,9 @@ def settle(
         elapsed += len(record.states)
         # Of the growths the later half counts: the tangent vector has turned by then.
         growths = np.concatenate([growths, record.growths])
-        states = np.concatenate([states, record.states])[-2 * longest :]
-        record = replace(record, growths=growths[len(growths) // 2 :], states=states)
+        states = np.concatenate([states, without_drift(system, record.states)])[-2 * longest :]
+        peaks = None if drift_directions(system).size else record.peaks
+        record = replace(record, growths=growths[len(growths) // 2 :], states=states, peaks=peaks)
         if record.status is not MotionStatus.DURATION_REACHED:
             return _settled(SettledKind.FAILED, 0, motion, record, elapsed)
         size = _size(record, frequency)
@@ -298,11 +314,14 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         monodromy = motion.monodromy(p)
         if not np.isfinite(monodromy).all():
             raise RuntimeError("the derivatives of the settled motion are no numbers: a force has none, as |w|^p can at w = 0")
-        values = np.linalg.eigvals(monodromy).astype(complex)
+        values = multipliers_of(motion.system, monodromy)
         multipliers = values[np.lexsort((np.angle(values), -np.abs(values)))]
         growth, error = largest_exponent(multipliers, float(p)), 0.0
     kept = motion.named(int(np.bitwise_and.reduce(orbit.kept))) if len(orbit.kept) else ()
     n = motion.system.degrees_of_freedom
+    free = drift_directions(motion.system)
+    drift = free @ (free.T @ (orbit.states[-1] - start)[:n]) if kind is SettledKind.PERIODIC else np.zeros(n)
+    drift[np.abs(drift) <= CLOSED * np.abs(start[:n]).max(initial=0.0)] = 0.0
     if kind is SettledKind.PERIODIC and kept and not (orbit.count or np.any(states[:, n:]) or np.any(orbit.states[:, n:])):
         kind = SettledKind.AT_REST
     frequency = 2.0 * math.pi / motion.period
@@ -322,4 +341,5 @@ def _settled(kind: SettledKind, p: int, motion: ForcedMotion, record: PeriodReco
         distance=_return(record.states, p, frequency, _size(record, frequency)) if p else math.nan,
         elapsed=elapsed,
         status=record.status,
+        drift=drift,
     )

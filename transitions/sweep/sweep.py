@@ -17,7 +17,7 @@ from bvp.checks import finite_numbers, is_whole
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
 from transitions.sweep.forced import Carried, ForcedMotion, PeriodRecord, carried_into, require_inside
-from transitions.sweep.returns import find_period, largest_exponent, mean_growth
+from transitions.sweep.returns import drift_directions, find_period, largest_exponent, mean_growth, multipliers_of, without_drift
 
 if TYPE_CHECKING:
     from bvp.forcing import Force
@@ -236,11 +236,12 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
     states = np.full((1, settings.record, 2 * system.degrees_of_freedom), math.nan)
     states[0, : len(record.states)] = record.states
     peaks = _row(record, system.degrees_of_freedom)
-    found = find_period(record.states, frequency, growth, elapsed, frequency * float(peaks.max())) if complete else 0
+    size = 0.0 if drift_directions(system).size else frequency * float(peaks.max())
+    found = find_period(without_drift(system, record.states), frequency, growth, elapsed, size) if complete else 0
     carried = motion.carried if complete else None
     exponent = growth / motion.period
     if found and np.isfinite(monodromy := motion.monodromy(found)).all():
-        exponent = largest_exponent(np.linalg.eigvals(monodromy), found * motion.period)
+        exponent = largest_exponent(multipliers_of(system, monodromy), found * motion.period)
     blank = 1.0 if complete else math.nan
     made = Sweep(
         coordinates=system.coordinates,
