@@ -370,6 +370,11 @@ class ParametricSystem:
     def layout(self) -> EntryLayout:
         return self._entries[0]
 
+    @property
+    def entry_expressions(self) -> list[Any]:
+        """The entries (E), as `layout` places them, each a number or an expression of the parameters."""
+        return self._entries[1]
+
     def _run(self, released: Released, values: Mapping[str, float] | None) -> np.ndarray:
         from bvp.programs import evaluate_program
 

@@ -342,11 +342,11 @@ class _Collected:
         if not element.row and not used:
             raise InvalidSystem(f"the {'potential' if isinstance(element, Spring) else 'force'} of {place} has no coordinate: {expression}")
         if isinstance(element, Spring) and element.potential:
-            _require_at_rest([expression.diff(symbol) for symbol in symbols], [], place)
             parts = {tuple(rows): expression} if local else self._along_rows(expression, rows)
             return np.asarray(sum(self._add_potential(part, key, place) for key, part in parts.items()))
         forces = [expression] if local else [exact(element.row[k]) * expression for k in used]
-        _require_at_rest(forces, symbols if order else [], place)
+        if order:
+            _require_at_rest(forces, symbols, place)
         rests, linear = self._split(forces, symbols, rows, place, damper=bool(order))
         if order:
             if any(rest != 0 for rest in rests):
@@ -487,7 +487,8 @@ class _Collected:
         if not forces:
             return None
         why = self._integrate_coupled() or self.unknown
-        seen = set().union(*(force.free_symbols for force in forces.values()))
+        # A constant force has no input; its potential has one.
+        seen = self.potential.free_symbols.union(*(force.free_symbols for force in forces.values()))
         inputs = {row: symbol for row, symbol in self.symbols.items() if symbol in seen}
         return SmoothForces(
             tuple(inputs.values()),
@@ -523,14 +524,14 @@ def _at_rest(expression: Any, place: str) -> Any:
 
 
 def _require_at_rest(forces: Sequence[Any], rates: Sequence[Any], place: str) -> None:
-    """Refuse forces at rest, and those of dampers that do not move."""
+    """Refuse dampers with a force at rest, or without speed."""
     import sympy
 
     for force in forces:
         value = _at_rest(force, place)
         if not _vanishes(value):
             raise InvalidSystem(f"the force of {place} is {value} at rest, expected 0: a constant load is a table [[forces]]")
-        if rates and not _vanishes(force.xreplace({rate: sympy.Integer(0) for rate in rates})):
+        if not _vanishes(force.xreplace({rate: sympy.Integer(0) for rate in rates})):
             raise InvalidSystem(f"the force of {place} is not 0 without speed, expected a force that a table [[springs]] adds")
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
     from saltus.scene import Scene
 
-__all__ = ["free_start", "limit_lines", "wants_free_family"]
+__all__ = ["free_start", "limit_lines", "settles_nowhere", "wants_free_family"]
 
 _FIXED = re.compile(r"\s*(energy|quarter_period)\s*=\s*([-+.\deE]+)\s*")
 _NEAR = 0.01
@@ -40,8 +40,18 @@ def wants_free_family(arguments: argparse.Namespace) -> bool:
         return curves.read(source)[0].plane.problem.ends is not None
     if arguments.parameter is None and not _free_branches(start):
         return False
+    if start == "simulate":
+        return settles_nowhere(arguments)
     path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start
     return arguments.name is not None or start.startswith("mode:") or bool(_free_branches(start)) or _is_file_of_free_orbits(path)
+
+
+def settles_nowhere(arguments: argparse.Namespace) -> bool:
+    """Whether the scene is conservative, under constant loads at most, so that its orbits are free ones."""
+    from saltus.scene import load_scene
+
+    scene = load_scene(arguments.scene, **options.parameters_of(arguments)).about_rest
+    return scene.system.is_conservative and not scene.loads
 
 
 def _free_branches(start: str) -> list[ReleasedBranch]:
@@ -75,7 +85,7 @@ def free_start(
     if is_curve_file(file_and_event(arguments.start or "")[0]):
         return _from_curve(arguments, report)
     arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
-    scene = options.scene_of(arguments)
+    scene = options.about_rest(options.scene_of(arguments))
     what = arguments.name or f"--from {arguments.start}"
     if scene.loads:
         from saltus.scene import LOADS

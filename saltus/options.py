@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from bvp.expressions import normalised
-from saltus.errors import BadInput, nearest
+from saltus.errors import BadInput, nearest, say
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
@@ -21,6 +21,7 @@ __all__ = [
     "OneLineParser",
     "Units",
     "ValueType",
+    "about_rest",
     "add_filters",
     "add_scene",
     "add_set",
@@ -216,12 +217,25 @@ def add_set(parser: argparse.ArgumentParser) -> None:
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
-    """The scene of the command line. A scene with loads is refused if the command does not use loads."""
+    """The scene of the command line. A scene with loads is refused if the command does not use loads, unless they are constant and the
+    system is conservative: then they are part of its energy."""
     from saltus.scene import load_scene
 
     scene = load_scene(arguments.scene, **parameters_of(arguments))
+    if "forces" not in arguments.scene_uses:
+        scene = about_rest(scene)
     scene.require_used(f"saltus {arguments.command}", arguments.scene_uses)
     return scene
+
+
+def about_rest(scene: Scene) -> Scene:
+    """The scene with its constant loads in its potential energy, where it is conservative; a note says from where displacements count."""
+    found = scene.about_rest
+    if found is not scene and found.rest is not None and found.rest.place.any():
+        places = zip(found.system.coordinates, found.rest.place.tolist(), strict=True)
+        place = ", ".join(f"{name} = {value:.10g}" for name, value in places)
+        say(f"note: displacements and energies count from the position at rest, {place}, where the potential is {found.rest.energy:.10g}")
+    return found
 
 
 def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:

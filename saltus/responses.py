@@ -85,11 +85,17 @@ def check_harmonics(arguments: argparse.Namespace, files: outputs.Outputs) -> No
 
 def wants_parameter(arguments: argparse.Namespace) -> bool:
     """Whether the command line asks for a response. What then does not fit is refused."""
+    from saltus import free_families
+
     start = arguments.start or ""
-    wanted = arguments.parameter is not None or start in ("rest", "simulate") or is_response_file(file_and_event(start)[0])
+    wanted = arguments.parameter is not None or start == "rest" or is_response_file(file_and_event(start)[0])
+    free_state = not wanted and start == "simulate" and free_families.settles_nowhere(arguments)
+    wanted = wanted or (start == "simulate" and not free_state)
     if not wanted and is_curve_file(file_and_event(start)[0]):
         raise BadInput(f"--in NAME is required: the parameter in which the family through {start} is followed")
     given = [f"--{name.replace('_', '-').replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
+    if free_state and "--start" in given:
+        given.remove("--start")
     if not wanted and given:
         source = file_and_event(start)[0]
         if source.endswith(".json") and not os.path.exists(source):
@@ -98,8 +104,6 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
     if not wanted and arguments.stop_at == "UZ":
         raise BadInput("--stop-at UZ: values are marked along a response; expected --in NAME, or another event")
     if wanted:
-        from saltus import free_families
-
         free = free_families.wants_free_family(arguments)
         for name in _OTHERS:
             if getattr(arguments, name) and name not in ("save", "catalogue") and not (free and name == "name"):
@@ -109,6 +113,8 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
         if arguments.stop_at not in (None, *stops):
             raise BadInput(f"--stop-at {arguments.stop_at}: {what} has no such event; expected one of {', '.join(stops)}")
         for name in ("begin", "phase", "transient") if free else ():
+            if name == "begin" and start == "simulate":
+                continue
             if getattr(arguments, name) is not None:
                 option = {"begin": "--start"}.get(name, f"--{name}")
                 raise BadInput(f"{option} is where a simulation starts; expected --from simulate")

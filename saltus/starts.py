@@ -1,4 +1,4 @@
-"""Where `saltus continue` starts: a name, a family that begins at a linear mode, or an orbit of a file."""
+"""Where `saltus continue` starts: a name, a family that begins at a linear mode, an orbit near a state, or an orbit of a file."""
 
 from __future__ import annotations
 
@@ -42,6 +42,14 @@ def name_or_orbit(arguments: argparse.Namespace, scene: Scene) -> str | Orbit:
         from branches.naming.at_modes import orbit_at_mode
 
         return orbit_at_mode(start, scene.system, energy)
+    if start == "simulate":
+        from branches.naming.at_states import orbit_near
+
+        if arguments.begin is None:
+            raise BadInput("--from simulate needs --start U1,..,V1,..: without losses a motion settles nowhere; expected a state at rest")
+        options.require_state("--start", arguments.begin, scene.system.coordinates)
+        n = scene.system.degrees_of_freedom
+        return orbit_near(scene.system, arguments.begin[:n], arguments.begin[n:])
     orbit = _orbit_of_file(start)
     if orbit.system.describe() != scene.system.describe():
         given = arguments.scene is not None or options.parameters_of(arguments)

@@ -4,6 +4,7 @@
 the mode: one in half a period between equal gaps, one in a period where one side is touched. `cover=N` means the families with the period
 of the N-fold cover. What follows without a key is the beginning of a family's id, and selects one of them.
 With smooth forces `mode:K` means the family without impacts that begins at the mode.
+In one degree of freedom, where a constant load presses the system onto a stop, `mode:1` means the family that begins at rest there.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from branches.full_family import risen
 from branches.linear_modes import beginnings, linear_modes, resonant_modes
+from branches.naming.at_states import orbit_near
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
@@ -24,12 +26,15 @@ from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
 from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import LARGEST, MultipointProblem, NotConverged, Solution, enough_pieces
+from bvp.parameters import ParametricSystem
+from bvp.resting import about_rest, has_constant_force
 from bvp.saddles import REACHED, approached
 from bvp.smooth_flights import smooth_flight
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
     from branches.linear_modes import LinearMode
+    from bvp.resting import Rest
     from bvp.system import ImpactSystem
 
 __all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
@@ -112,7 +117,7 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     text : str
         As `parse_mode` reads it.
     system : ImpactSystem
-        Conservative.
+        Conservative. Under a constant load the orbit is that of the system about its position at rest (`bvp.resting`).
     energy : (float, float), optional
         The mode has to touch the stops inside.
 
@@ -130,6 +135,11 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     ('S13O00+', 'S11O00-')
     """
     name = parse_mode(text)
+    if has_constant_force(system):
+        plain, rest = about_rest(ParametricSystem.of(system))
+        system = plain.system()
+        if rest.pressed:
+            return _above_rest(name, system, rest, energy)
     outside = system.why_not_inside()
     if outside is not None:
         raise NameNotFound(f"{text}: {outside}, so no linear mode exists; expected an orbit, as NAME or from a file")
@@ -177,6 +187,17 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     beside = chosen[0].beside
     assert beside is not None
     return Orbit(beside.problem, beside.problem.solve(beside.y, energy=beside.problem.energy(beside.y)))
+
+
+def _above_rest(name: ModeName, system: ImpactSystem, rest: Rest, energy: tuple[float, float]) -> Orbit:
+    """The orbit of lowest energy of a system that a constant load presses onto a stop, in one degree of freedom: it falls onto the stop."""
+    if system.degrees_of_freedom > 1 or name != ModeName(1):
+        stops = " and ".join(f"stop {system.stops[k].name}" for k, _ in rest.pressed)
+        expected = "mode:1" if system.degrees_of_freedom == 1 else "--from simulate --start U1,..,V1,.. with a state at rest"
+        raise NameNotFound(f"mode:{name.number}: at rest the system lies on {stops}, so no linear mode exists; expected {expected}")
+    lowest = energy[0] if energy[0] > 0.0 else LOWEST
+    orbit = orbit_near(system, [lowest / float(rest.force[0])], [0.0])
+    return Orbit(orbit.problem, orbit.problem.solve(orbit.solution.y, energy=lowest))
 
 
 def _smooth_orbit(name: ModeName, system: ImpactSystem, energy: tuple[float, float]) -> Orbit:

@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     responses.check_harmonics(arguments, files)
     arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
-    scene = options.scene_of(arguments)
+    scene = options.about_rest(options.scene_of(arguments))
     responses.require_no_loads(scene)
     name = starts.name_or_orbit(arguments, scene)
     if arguments.model:

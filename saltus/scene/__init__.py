@@ -20,6 +20,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +35,7 @@ from saltus.scene.reading import INTEGER, NUMBERS, POSITIVE, TEXT, TEXTS, Kind, 
 if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.parameters import ParametricSystem
+    from bvp.resting import Rest
     from bvp.system import ImpactSystem
 
 __all__ = ["DEFAULT", "LOADS", "SHIPPED", "Scene", "load_scene"]
@@ -111,6 +113,8 @@ class Scene:
         The tables, of `LOADS`, that they were read from.
     parametric : bvp.parameters.ParametricSystem, optional
         The system and the loads as functions of the scene's parameters, or of those of its model, whose values are those of the scene.
+    rest : bvp.resting.Rest, optional
+        Where the system rests under its constant loads, in a scene that `about_rest` made.
     """
 
     system: ImpactSystem
@@ -129,6 +133,7 @@ class Scene:
     forces: tuple[Force, ...] = ()
     loads: tuple[str, ...] = ()
     parametric: ParametricSystem | None = field(default=None, repr=False)
+    rest: Rest | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         reference_points = {name: Frozen(point) for name, point in self.reference_points.items()}
@@ -143,7 +148,7 @@ class Scene:
         forces = [
             (type(force), {item.name: np.asarray(getattr(force, item.name)).tolist() for item in fields(force)}) for force in self.forces
         ]
-        content = {item.name: getattr(self, item.name) for item in fields(self)}
+        content = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "rest"}
         parametric = self.parametric and self.parametric.describe()
         return content | {"system": self.system.describe(), "forces": forces, "parametric": parametric}
 
@@ -156,6 +161,24 @@ class Scene:
 
         system = self.system.underlying
         return replace(self, system=system, forces=(), loads=(), parametric=ParametricSystem.of(system))
+
+    @cached_property
+    def about_rest(self) -> Scene:
+        """The scene in which constant loads are part of the potential energy, and displacements are counted from the position at rest
+        (`bvp.resting`). The scene itself where there are none, where other loads act, and where energy is lost."""
+        from bvp.forcing import Constant
+        from bvp.parameters import ParametricSystem
+        from bvp.resting import about_rest, has_constant_force
+
+        constant = all(isinstance(force, Constant) for force in self.forces)
+        if not (constant and self.system.is_conservative and (self.forces or has_constant_force(self.system))):
+            return self
+        try:
+            plain, rest = about_rest(ParametricSystem.of(self.system, self.forces))
+            parametric = self.parametric and about_rest(self.parametric)[0]
+        except ValueError as error:
+            raise BadInput(one_line(error)) from error
+        return replace(self, system=plain.system(), parametric=parametric, forces=(), loads=(), rest=rest)
 
     @property
     def parameters(self) -> dict[str, float]:
