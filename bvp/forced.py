@@ -104,7 +104,7 @@ class ForcedProblem:
         self.parametric = parametric
         self.pieces = pieces
         self.values = parametric.at(values)
-        self.system = system = parametric.system(self.values)
+        self.system = system = parametric.system_along(self.values, released)
         require_system(system, smooth=True)
         for a, b, bound in system.repeated_stops() if len(system.stops) > 1 else ():
             raise EndsError(

@@ -56,8 +56,8 @@ def parts_from_lagrangian(
     Parameters
     ----------
     kinetic, potential
-        T, quadratic in the velocities with constant coefficients, and V, smooth in the coordinates, at rest where they are 0. Constants
-        are ignored.
+        T, quadratic in the velocities with constant coefficients, and V, smooth in the coordinates. Its linear terms are constant loads.
+        Constants are ignored.
     coordinates
         n names, sympy symbols, or functions of time such as those of `sympy.physics.mechanics.dynamicsymbols`.
     gaps
@@ -242,7 +242,8 @@ def _split(names: _Names, expression: Any, what: str) -> tuple[Any, list[Any]]:
         if any(value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo, sympy.I) for value in rest):
             raise LagrangianError(f"{what} has the term {term}, whose force is not finite where all coordinates are 0")
         others.append(term)
-    if others:  # a linear term can balance these at rest
+    forces = [sum(sympy.expand(names.substitute(term)).diff(symbol).xreplace(at_rest) for term, _ in low) for symbol in symbols]
+    if others or any(force != 0 for force in forces):  # a linear term can balance others at rest, or is a constant load
         others += [term for term, pulls in low if pulls]
         low = [(term, pulls) for term, pulls in low if not pulls]
     return sympy.Add(*(term for term, _ in low)), others
@@ -299,8 +300,7 @@ def _coefficients(names: _Names, expression: Any, what: str, kind: str, degree: 
             continue
         if sum(powers) not in ((0, 1) if degree == "linear" else (0, 2)):
             term = coefficient * sympy.Mul(*(symbol**power for symbol, power in zip(symbols, powers, strict=True)))
-            load = ", a constant load" if kind == "coordinates" and sum(powers) == 1 else ""
-            raise LagrangianError(f"{what} has the term {term}{load}, which is not {degree} in the {kind}")
+            raise LagrangianError(f"{what} has the term {term}, which is not {degree} in the {kind}")
         found.append((powers, value))
     return found
 

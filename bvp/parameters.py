@@ -263,16 +263,28 @@ class ParametricSystem:
         """The loads at values of the parameters; errors as for `system`."""
         return self._defaults[1] if not values else self._made(values)[1]
 
+    def system_along(self, values: Mapping[str, float], released: Sequence[str]) -> ImpactSystem:
+        """The system at values of the parameters, also with smooth forces that vanish there, but not at other values of released ones."""
+        system = self.system(values)
+        if system.smooth_forces is not None or not (system.springs or system.dampers):
+            return system
+        forces = self._smooth_forces(values, released)
+        return system if forces is None else self.system(self.at(values), forces)
+
     def smooth_forces(self, values: Mapping[str, float] | None = None, released: Sequence[str] = ()) -> SmoothForces:
         """The forces of springs and dampers that are not linear, in which released parameters are symbols."""
+        found = self._smooth_forces(values, released)
+        assert found is not None
+        return found
+
+    def _smooth_forces(self, values: Mapping[str, float] | None, released: Sequence[str]) -> SmoothForces | None:
         from bvp.description import elements_from
         from bvp.smooth_forces import smooth_forces
 
         description, symbols = self.description_in(released, values)
         coordinates, at = self.system().coordinates, self.at(values)
         found = smooth_forces(**elements_from(description, coordinates), coordinates=coordinates)
-        assert found is not None
-        return replace(found, parameters=tuple(symbols), numbers=tuple(at[name] for name in released))
+        return found and replace(found, parameters=tuple(symbols), numbers=tuple(at[name] for name in released))
 
     def description_in(self, released: Sequence[str], values: Mapping[str, float] | None = None) -> tuple[dict[str, Any], list[Any]]:
         """The description of the system at values of the parameters, in which released ones are symbols; and these symbols."""

@@ -84,7 +84,7 @@ class ReleasedProblem(ForcedProblem):
     ):
         self.ends: tuple[str, str] = str(ends[0]), str(ends[1])
         self.energy = energy
-        system = parametric.system(values)
+        system = parametric.system_along(parametric.at(values), released)
         # What the ends need is refused by the problem of the system.
         self.structure = MultipointProblem(system, self.ends, sequence, pieces)
         self.kinds, self.quarters = self.structure.kinds, self.structure.quarters

@@ -189,8 +189,9 @@ def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> li
     system, layout, n = parametric.system(), parametric.layout, len(place)
     expressions, forces = parametric.entry_expressions, system.smooth_forces
     moving = [getattr(entry, "free_symbols", set()) for part in (layout.stiffness, layout.constant) for entry in expressions[part]]
+    pressing = [{"c": rest.force.tolist(), "potential": "w"}] if rest.force.any() else []
     if forces is None and not any(moving):
-        return [{"c": rest.force.tolist(), "potential": "w"}] if rest.force.any() else []
+        return pressing
     import sympy
 
     from bvp.entries import exact
@@ -219,7 +220,9 @@ def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> li
         # What rounding leaves at these values of the parameters is taken out.
         left = float(sympy.sympify(pull).xreplace(at) + slope) - force
         potential += (pull - _number(left)) * x
-    return [{"potential": str(potential)}]
+    potential = sympy.expand(potential) if potential.is_polynomial(*symbols) else potential
+    # Of numbers, what is linear is known without its rounding.
+    return pressing if all(potential.diff(x).is_number for x in symbols) else [{"potential": str(potential)}]
 
 
 _TRIGONOMETRIC = ("sin", "cos", "tan", "sinh", "cosh", "tanh")
