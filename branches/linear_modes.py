@@ -27,6 +27,7 @@ from branches.grazing.touching import EVERY, Touching, candidate, mode_label, mo
 from branches.sequences import PERIODIC
 from branches.tracing import follow_family
 from bvp.checks import checked_energy_range, require_system
+from bvp.resting import resting_system
 from bvp.texts import brief, shown, span, takes_options_of
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     """The modes that move, come to rest and reach a stop: all but rigid-body modes and those that leave every gap unchanged.
 
     Beside smooth forces there are none: no orbit of finite size is that of a mode. There are none either where the rest position lies at or
-    beyond a stop.
+    beyond a stop. Those of a system with constant forces are the modes about its position at rest (`bvp.resting`).
 
     Parameters
     ----------
@@ -147,6 +148,7 @@ def linear_modes(system: ImpactSystem) -> list[LinearMode]:
     reason = system.why_not_conservative()
     if reason is not None:
         raise ValueError(f"families of periodic orbits need a conservative system: {reason}")
+    system = resting_system(system)
     if system.smooth_forces is not None or system.why_not_inside() is not None:
         return []
     modes = system.modes

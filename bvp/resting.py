@@ -17,12 +17,13 @@ import numpy as np
 
 from bvp.checks import InvalidSystem
 from bvp.expressions import is_plain
+from bvp.forcing import Constant
 
 if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
     from bvp.system import ImpactSystem
 
-__all__ = ["Rest", "about_rest", "has_constant_force", "rest_position"]
+__all__ = ["Rest", "about_rest", "has_constant_force", "rest_position", "resting_system", "with_loads_in_potential"]
 
 ROUNDS = 50
 """Most steps of Newton's method for a rest position."""
@@ -58,9 +59,10 @@ class Rest:
 
 def has_constant_force(system: ImpactSystem) -> bool:
     """Whether a force acts at u = 0: a constant load, or a spring with a linear potential."""
-    forces, zero = system.smooth_forces, np.zeros(system.degrees_of_freedom)
+    forces = getattr(system, "smooth_forces", None)  # what is no system is refused elsewhere
     if forces is None or not system.is_conservative:
         return False
+    zero = np.zeros(system.degrees_of_freedom)
     values = forces.values(zero, zero)
     return bool(np.any(np.abs(values @ forces.directions) > BALANCED * (np.abs(values) @ np.abs(forces.directions))))
 
@@ -130,6 +132,30 @@ def _balanced(system: ImpactSystem, load: np.ndarray, rows: np.ndarray, bounds: 
     if not (np.all(np.abs(left) <= BALANCED * size) and np.all(closed)):
         return None
     return np.where(np.abs(u) <= 1e-14 * np.max(np.abs(u)), 0.0, u), pressing
+
+
+def with_loads_in_potential(parametric: ParametricSystem) -> ParametricSystem:
+    """The system about its position at rest (`about_rest`) where it is conservative and its loads are constant; else the system itself."""
+    system, forces = parametric.system(), parametric.forces()
+    constant = all(isinstance(force, Constant) for force in forces)
+    wanted = constant and system.is_conservative and (forces or has_constant_force(system))
+    return about_rest(parametric)[0] if wanted else parametric
+
+
+def resting_system(system: ImpactSystem) -> ImpactSystem:
+    """A system with constant forces about its position at rest; any other one as it is.
+
+    Examples
+    --------
+    >>> from bvp.system import ImpactSystem
+    >>> hanging = ImpactSystem.from_lagrangian("y_dot**2/2", "2*y**2 + y", ["y"], gaps=[("y", -1, None)])
+    >>> system = resting_system(hanging)
+    >>> system.stops[0].lower, system.smooth_forces
+    (-0.75, None)
+    """
+    from bvp.parameters import ParametricSystem
+
+    return about_rest(ParametricSystem.of(system))[0].system() if has_constant_force(system) else system
 
 
 def about_rest(parametric: ParametricSystem) -> tuple[ParametricSystem, Rest]:

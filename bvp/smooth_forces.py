@@ -345,8 +345,8 @@ class _Collected:
             parts = {tuple(rows): expression} if local else self._along_rows(expression, rows)
             return np.asarray(sum(self._add_potential(part, key, place) for key, part in parts.items()))
         forces = [expression] if local else [exact(element.row[k]) * expression for k in used]
-        if order:
-            _require_at_rest(forces, symbols, place)
+        if order or element.called is not None:
+            _require_at_rest(forces, symbols if order else [], place)
         rests, linear = self._split(forces, symbols, rows, place, damper=bool(order))
         if order:
             if any(rest != 0 for rest in rests):
@@ -524,14 +524,14 @@ def _at_rest(expression: Any, place: str) -> Any:
 
 
 def _require_at_rest(forces: Sequence[Any], rates: Sequence[Any], place: str) -> None:
-    """Refuse dampers with a force at rest, or without speed."""
+    """Refuse forces at rest, and those of dampers without speed."""
     import sympy
 
     for force in forces:
         value = _at_rest(force, place)
         if not _vanishes(value):
             raise InvalidSystem(f"the force of {place} is {value} at rest, expected 0: a constant load is a table [[forces]]")
-        if not _vanishes(force.xreplace({rate: sympy.Integer(0) for rate in rates})):
+        if rates and not _vanishes(force.xreplace({rate: sympy.Integer(0) for rate in rates})):
             raise InvalidSystem(f"the force of {place} is not 0 without speed, expected a force that a table [[springs]] adds")
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from bvp.checks import checked_energy_range, require_system
+from bvp.resting import resting_system
 from bvp.texts import shown
 from saltus import catalogues, compiling
 from saltus.errors import BadInput
@@ -135,11 +136,13 @@ def trace(
     from branches.naming.families import trace_named
 
     if system is None:
+        scene = scene.about_rest
         scene.require_used("saltus.trace", ("springs",))
         system = scene.system
     for option, value in (("reference_points", reference_points), ("bounds", bounds)):
         if not isinstance(value, Mapping | None):
             raise BadInput(f"{option} = {shown(value)}: expected a mapping")
+    system = resting_system(system)
     reference_points = {**scene.reference_points_for(system), **(reference_points or {})}
     bounds = {**scene.bounds, **(bounds or {})}
     if catalogue is not None:
@@ -232,6 +235,7 @@ def discover(
 
     if impacts == 0:
         raise BadInput("at most 0 impacts in half a period: no orbit with impacts has so few, expected 1 or more")
+    system = resting_system(system)
     if catalogue is not None:
         catalogue.require_system(system.describe())
     found = discover_orbits(system, energy, quarter_period=quarter_period, impacts=impacts, ends=ends, budget=budget)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bvp.forcing import Constant
 from saltus import curves, options
 from saltus.errors import BadInput, one_line
 from saltus.inputs import is_curve_file, is_response_file, responses_in
@@ -40,7 +41,7 @@ def wants_free_family(arguments: argparse.Namespace) -> bool:
         return curves.read(source)[0].plane.problem.ends is not None
     if arguments.parameter is None and not _free_branches(start):
         return False
-    if start == "simulate":
+    if start == "simulate" and arguments.name is None:
         return settles_nowhere(arguments)
     path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start
     return arguments.name is not None or start.startswith("mode:") or bool(_free_branches(start)) or _is_file_of_free_orbits(path)
@@ -85,9 +86,9 @@ def free_start(
     if is_curve_file(file_and_event(arguments.start or "")[0]):
         return _from_curve(arguments, report)
     arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
-    scene = options.about_rest(options.scene_of(arguments))
+    scene = options.scene_of(arguments).about_rest
     what = arguments.name or f"--from {arguments.start}"
-    if scene.loads:
+    if any(not isinstance(force, Constant) for force in scene.forces):
         from saltus.scene import LOADS
 
         instead = "expected --from rest or --from simulate with --in"
@@ -106,6 +107,7 @@ def free_start(
     check_range(names[0], parametric.values[names[0]], arguments.range)
     interval = _until_limit(parametric, names[0], arguments.range)
     orbit = _orbit(arguments, scene, parametric, names, keep, report)
+    report(options.rest_lines(scene))
     title = f"{orbit.label or '-'.join(orbit.ends)}, {' and '.join(keep)}"
     return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], interval, title
 

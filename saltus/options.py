@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from bvp.expressions import normalised
-from saltus.errors import BadInput, nearest, say
+from saltus.errors import BadInput, nearest
 
 if TYPE_CHECKING:
     from saltus.scene import Scene
@@ -21,7 +21,6 @@ __all__ = [
     "OneLineParser",
     "Units",
     "ValueType",
-    "about_rest",
     "add_filters",
     "add_scene",
     "add_set",
@@ -40,6 +39,7 @@ __all__ = [
     "periods",
     "positive",
     "require_state",
+    "rest_lines",
     "scene_of",
     "value_range",
     "whole_above_zero",
@@ -223,19 +223,17 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
 
     scene = load_scene(arguments.scene, **parameters_of(arguments))
     if "forces" not in arguments.scene_uses:
-        scene = about_rest(scene)
+        scene = scene.about_rest
     scene.require_used(f"saltus {arguments.command}", arguments.scene_uses)
     return scene
 
 
-def about_rest(scene: Scene) -> Scene:
-    """The scene with its constant loads in its potential energy, where it is conservative; a note says from where displacements count."""
-    found = scene.about_rest
-    if found is not scene and found.rest is not None and found.rest.place.any():
-        places = zip(found.system.coordinates, found.rest.place.tolist(), strict=True)
-        place = ", ".join(f"{name} = {value:.10g}" for name, value in places)
-        say(f"note: displacements and energies count from the position at rest, {place}, where the potential is {found.rest.energy:.10g}")
-    return found
+def rest_lines(scene: Scene) -> list[str]:
+    """The line that says from where displacements and energies count, if it is not the origin of the scene's coordinates."""
+    if scene.rest is None or not scene.rest.place.any():
+        return []
+    place = ", ".join(f"{name} = {value:.10g}" for name, value in zip(scene.system.coordinates, scene.rest.place.tolist(), strict=True))
+    return [f"rest   {place}: displacements count from there, and energies from the potential there, {scene.rest.energy:.10g}"]
 
 
 def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:

@@ -244,8 +244,6 @@ def _check_system(parametric: ParametricSystem, start: str) -> None:
     instead = "a NAME or --from mode:K, with --keep energy=H" if conservative else "--from simulate"
     if start == "rest":
         raise BadInput(f"--from rest is the response to periodic loads, and {loads}; expected a load with amplitude, or {instead}")
-    if conservative:
-        raise BadInput(f"--from simulate needs periodic loads or losses, and {loads} and no loss; expected {instead}")
     if not parametric.system().stops:
         motion = ", or saltus run" if parametric.system().has_potential else ""
         expected = f"expected [[stops]], or a load with amplitude{motion}"

@@ -125,13 +125,16 @@ def require_no_loads(scene: Scene) -> None:
     """Refuse a scene whose loads or losses a family in the energy cannot have; say how its response is followed."""
     motion = ", or saltus run" if scene.system.has_potential else ""
     how = f"expected --in NAME, which follows the response to the loads in a parameter{motion}"
-    if scene.loads:
+    from bvp.forcing import Constant
+
+    if any(not isinstance(force, Constant) for force in scene.forces):
         from saltus.scene import LOADS
 
         raise BadInput(f"saltus continue computes motion without loads, and the scene has {LOADS[scene.loads[0]]}; {how}")
     why = scene.system.why_not_conservative()
     if why is not None:
-        raise BadInput(f"families in the energy need a conservative system: {why}; expected loads and --in NAME{motion}")
+        instead = "--from simulate with --in NAME" if scene.forces and scene.system.stops else "loads and --in NAME"
+        raise BadInput(f"families in the energy need a conservative system: {why}; expected {instead}{motion}")
 
 
 def follow_free(arguments: argparse.Namespace) -> int:

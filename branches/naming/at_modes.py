@@ -18,7 +18,7 @@ import numpy as np
 
 from branches.full_family import risen
 from branches.linear_modes import beginnings, linear_modes, resonant_modes
-from branches.naming.at_states import orbit_near
+from branches.naming.at_states import FROM_STATE, orbit_near
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
@@ -26,15 +26,13 @@ from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
 from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import LARGEST, MultipointProblem, NotConverged, Solution, enough_pieces
-from bvp.parameters import ParametricSystem
-from bvp.resting import about_rest, has_constant_force
+from bvp.resting import has_constant_force, rest_position, resting_system
 from bvp.saddles import REACHED, approached
 from bvp.smooth_flights import smooth_flight
 
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
     from branches.linear_modes import LinearMode
-    from bvp.resting import Rest
     from bvp.system import ImpactSystem
 
 __all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
@@ -136,10 +134,9 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     """
     name = parse_mode(text)
     if has_constant_force(system):
-        plain, rest = about_rest(ParametricSystem.of(system))
-        system = plain.system()
-        if rest.pressed:
-            return _above_rest(name, system, rest, energy)
+        system = resting_system(system)
+        if has_constant_force(system):
+            return _above_rest(name, system, energy)
     outside = system.why_not_inside()
     if outside is not None:
         raise NameNotFound(f"{text}: {outside}, so no linear mode exists; expected an orbit, as NAME or from a file")
@@ -189,11 +186,12 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     return Orbit(beside.problem, beside.problem.solve(beside.y, energy=beside.problem.energy(beside.y)))
 
 
-def _above_rest(name: ModeName, system: ImpactSystem, rest: Rest, energy: tuple[float, float]) -> Orbit:
+def _above_rest(name: ModeName, system: ImpactSystem, energy: tuple[float, float]) -> Orbit:
     """The orbit of lowest energy of a system that a constant load presses onto a stop, in one degree of freedom: it falls onto the stop."""
+    rest = rest_position(system, np.zeros(system.degrees_of_freedom))
     if system.degrees_of_freedom > 1 or name != ModeName(1):
         stops = " and ".join(f"stop {system.stops[k].name}" for k, _ in rest.pressed)
-        expected = "mode:1" if system.degrees_of_freedom == 1 else "--from simulate --start U1,..,V1,.. with a state at rest"
+        expected = "mode:1" if system.degrees_of_freedom == 1 else FROM_STATE
         raise NameNotFound(f"mode:{name.number}: at rest the system lies on {stops}, so no linear mode exists; expected {expected}")
     lowest = energy[0] if energy[0] > 0.0 else LOWEST
     orbit = orbit_near(system, [lowest / float(rest.force[0])], [0.0])

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
     from bvp.system import ImpactSystem
 
-__all__ = ["orbit_near"]
+__all__ = ["FROM_STATE", "orbit_near"]
+
+FROM_STATE = "--from simulate --start U1,..,V1,.. with a state at rest"
+"""Advice where no linear mode exists."""
 
 MOST_IMPACTS = 24
 """Most impacts up to which the far end of an orbit is sought."""

@@ -32,7 +32,10 @@ __all__ = [
     "MOST_IMPACTS", "Path", "QUADRATIC", "FROM_LINEAR_MODES", "Sampler", "ScannedSegment", "StartCurve", "curve_over_energy", "curves",
 ]  # fmt: skip
 
-FROM_LINEAR_MODES = "saltus continue --from mode:K and saltus build follow the families that begin at its linear modes"
+FROM_LINEAR_MODES = (
+    "saltus continue --from mode:K and saltus build follow the families that begin at its linear modes, and "
+    "--from simulate --start U1,..,V1,.. the family near a state at rest"
+)
 """Advice if no scan can find them."""
 
 TRIGONOMETRIC, LINEAR, HYPERBOLIC, QUADRATIC = 0, 1, 2, 3

@@ -80,9 +80,10 @@ def run(arguments: argparse.Namespace) -> int:
     files = outputs.outputs_of(arguments)
     responses.check_harmonics(arguments, files)
     arguments.scene_uses = ("ground", "forces", "springs")  # loads are refused below, with what to do
-    scene = options.about_rest(options.scene_of(arguments))
+    scene = options.scene_of(arguments).about_rest
     responses.require_no_loads(scene)
     name = starts.name_or_orbit(arguments, scene)
+    files.report(options.rest_lines(scene))
     if arguments.model:
         from saltus.scene.model import explain
 

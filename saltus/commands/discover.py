@@ -63,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         with ProgressBar(more="" if bounded else "with any number of impacts; --max-impacts bounds the search"):
             found = discover(scene.system, arguments.energy, catalogue=catalogue, **within)
     families, code = _families(found, files.words)
+    files.report(options.rest_lines(scene))
     files.report(_table(found, families, terminal_width(files.words)))
     files.report(wrapped(summary(found), terminal_width(files.words), 9))
 

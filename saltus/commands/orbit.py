@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         files.report(f"model  {line}" for line in explain(scene.system, text))
     branch = family_named(text, scene, energy, arguments)
     orbit = select(branch, name, energy, alpha)
+    files.report(options.rest_lines(scene))
     files.report(orbit_lines(orbit, orbit.label or branch.id))
 
     from branches.record import orbit_to_csv, orbit_to_json

@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
         # The kernels are compiled before time is measured.
         compiling.prepare_for(scene.system, "section")
         follow_crossings(planes[0], planes[0].starts(1), 2)
-        files.report([HEADER])
+        files.report([*options.rest_lines(scene), HEADER])
         views: list[SectionView] = []
         interrupted = False
         for plane in planes:

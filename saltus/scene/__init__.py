@@ -166,16 +166,15 @@ class Scene:
     def about_rest(self) -> Scene:
         """The scene in which constant loads are part of the potential energy, and displacements are counted from the position at rest
         (`bvp.resting`). The scene itself where there are none, where other loads act, and where energy is lost."""
-        from bvp.forcing import Constant
         from bvp.parameters import ParametricSystem
-        from bvp.resting import about_rest, has_constant_force
+        from bvp.resting import about_rest, with_loads_in_potential
 
-        constant = all(isinstance(force, Constant) for force in self.forces)
-        if not (constant and self.system.is_conservative and (self.forces or has_constant_force(self.system))):
-            return self
+        given = ParametricSystem.of(self.system, self.forces)
         try:
-            plain, rest = about_rest(ParametricSystem.of(self.system, self.forces))
-            parametric = self.parametric and about_rest(self.parametric)[0]
+            if with_loads_in_potential(given) is given:
+                return self
+            plain, rest = about_rest(given)
+            parametric = self.parametric and with_loads_in_potential(self.parametric)
         except ValueError as error:
             raise BadInput(one_line(error)) from error
         return replace(self, system=plain.system(), parametric=parametric, forces=(), loads=(), rest=rest)

@@ -13,7 +13,9 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import saltus
 from bvp.lagrangian import LagrangianError
+from bvp.resting import has_constant_force
 from bvp.system import ImpactSystem, InvalidSystem, vibro_impact_nes
 
 KINETIC = "mu*u1_dot**2/2 + u2_dot**2/2"
@@ -205,7 +207,6 @@ REFUSED = [
     ({"potential": POTENTIAL + " + mu*abs(u1)**3"}, "the term mu*Abs(u1)**3, which is not smooth in Abs(u1); expected a smooth"),
     ({"potential": sympy.Max(0, U1) ** 2}, "which is not smooth in Max(0, u1)"),
     ({"potential": "log(u1**2 + u2**2)*u2"}, "has the term u2*log(u1**2 + u2**2), whose force is not finite where all coordinates are 0"),
-    ({"potential": POTENTIAL + " - mu*u1"}, "has the term -mu*u1, a constant load, which is not quadratic"),
     ({"potential": POTENTIAL + " + u1*u1_dot"}, "the potential energy has the velocity u1_dot in the term u1*u1_dot"),
     ({"kinetic": KINETIC + " + u1**2*u1_dot**2"}, "the kinetic energy has the coordinate u1 in the term u1**2*u1_dot**2"),
     ({"kinetic": KINETIC + " + u1_dot"}, "the kinetic energy has the term u1_dot, which is not quadratic in the velocities"),
@@ -317,8 +318,18 @@ def test_functions_of_two_times_are_refused():
 
 
 def test_linear_terms_can_balance_at_rest():
-    """Oracle: exp(q) - q has no force at q = 0; with exp(q) alone there is one."""
+    """Oracle: exp(q) - q has no force at q = 0; with exp(q) alone there is one, a constant load. Terms that cancel leave a linear system."""
     system = ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) - q", ["q"])
-    assert system.stiffness.tolist() == [[1.0]]
-    with pytest.raises(InvalidSystem, match=r"the force of the spring of all coordinates is 1 at rest, expected 0: a constant load is"):
-        ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) + q**2", ["q"])
+    assert system.stiffness.tolist() == [[1.0]] and not has_constant_force(system)
+    loaded = ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) + q**2", ["q"])
+    assert loaded.stiffness.tolist() == [[3.0]] and has_constant_force(loaded)
+    plain = ImpactSystem.from_lagrangian("q_dot**2/2", "(q - 1)**2/2 + q", ["q"], gaps=[("q", -1, 1)])
+    assert plain.stiffness.tolist() == [[1.0]] and plain.springs == ()
+
+
+def test_a_linear_term_is_a_constant_load():
+    """Oracle: the energy m g y at rest; y'' = -g from the motion, y = y0 - g t^2/2."""
+    ball = ImpactSystem.from_lagrangian("m*y_dot**2/2", "m*g*y", ["y"], gaps=[("y", 0, None)], parameters={"m": 2.0, "g": 9.81})
+    assert ball.energy([3.0], [0.0]) == pytest.approx(3.0 * 2.0 * 9.81, rel=1e-15) and ball.is_conservative
+    motion = saltus.simulate(ball, [3.0], [0.0], 0.7)
+    assert motion.final[0] == pytest.approx(3.0 - 9.81 * 0.7**2 / 2, rel=1e-14)

@@ -5,9 +5,12 @@ import csv
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 
+import saltus
 from benchmarks.backbone import Backbone
+from branches.naming.at_modes import orbit_at_mode
 from tests.saltus.running import read_json, refused, run
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -145,3 +148,197 @@ def test_bad_input_with_a_file(capsys):
     refused(run(capsys, "continue", "--from", "a.json", "--keep", "energy=1"), "needs --in NAME")
     refused(run(capsys, "continue", "--from", "a.json", "--set", "mu=0.2"), "has a system of its own")
     refused(run(capsys, "continue", "--from", "a.json", "--in", "sigma", "--keep", "energy=1"), "--range LO:HI is required")
+
+
+def scene_under_gravity(path, mass, stiffness, stops, loads, parameters, springs=""):
+    """Write a scene under constant loads."""
+    names = [f"y{k + 1}" for k in range(len(mass))]
+    tables = "".join(f"[[stops]]\nc = {c}\nlower = {lower!r}\n" for c, lower in stops)
+    tables += "".join(f'[[forces]]\non = "{name}"\nconstant = "{load}"\n' for name, load in zip(names, loads, strict=True))
+    values = "".join(f"{name} = {value!r}\n" for name, value in parameters.items())
+    bounds = "[bounds]\nenergy = [0.01, 50.0]\nquarter_period = 8.0\nimpacts = 4\n"
+    system = f"[system]\nmass = {mass}\nstiffness = {stiffness}\n"
+    path.write_text(f"[parameters]\n{values}{system}{springs}{tables}[coordinates]\nnames = {names}\n{bounds}".replace("'", '"'))
+    return path
+
+
+def ball(path):
+    return scene_under_gravity(path / "ball.toml", [["m"]], [[0.0]], [([1.0], 0.0)], ["-m*g"], {"m": 1.0, "g": 1.0})
+
+
+def test_a_ball_on_a_floor(capsys, tmp_path):
+    """Oracle: T = 2 sqrt(2 H/m)/g; from rest on the floor, from a state, from a file; and in g and m at an energy."""
+    scene = ball(tmp_path)
+    for number, start in enumerate((["mode:1"], ["simulate", "--start", "2,0"], ["simulate", "--start", "0,2"], ["1.json"])):
+        path = f"{number}.json"
+        code, out, err = run(capsys, "continue", "--scene", scene, "--from", *start, "--json", path, "--plot", "a.png")
+        assert code == 0 and "rest" in out and "wrote  a.png" in out, err
+        points = read_json(path)["points"]
+        h, alpha = (np.array([point[key] for point in points]) for key in ("h", "alpha"))
+        assert h.min() == pytest.approx(0.01) and h.max() == pytest.approx(50.0)
+        np.testing.assert_allclose(4.0 * alpha, 2.0 * np.sqrt(2.0 * h), rtol=1e-12)
+        assert all(point["stable"] for point in points)
+    for name in "gm":
+        words = ("--from", "mode:1", "--in", name, "--range", "0.25:4", "--keep", "energy=2")
+        assert run(capsys, "continue", "--scene", scene, *words, "--csv", "a.csv")[0] == 0
+        rows = rows_of("a.csv")
+        value, alpha = (np.array([float(row[key]) for row in rows]) for key in (name, "alpha"))
+        assert value.min() == pytest.approx(0.25) and value.max() == pytest.approx(4.0)
+        np.testing.assert_allclose(4.0 * alpha, 4.0 / value ** {"g": 1.0, "m": 0.5}[name], rtol=1e-12)
+
+
+@pytest.mark.parametrize("lower", [-1.5, -0.4])
+def test_a_mass_on_a_spring_under_gravity_over_a_stop(capsys, tmp_path, lower):
+    """Oracle: x'' = -(k/m)(x - x_e) falls from its highest place onto the stop at x = b in T/2 = arccos((b - x_e)/A)/w. x counts from the
+    position at rest, y = -m g/k or on the stop above it; A^2 = 2 h/k + x_e^2, and x_e is the equilibrium of the spring alone."""
+    m, g, k = 2.0, 1.5, 3.0
+    system = scene_under_gravity(tmp_path / "s.toml", [["m"]], [["k"]], [([1.0], lower)], ["-m*g"], {"m": m, "g": g, "k": k})
+    rest = max(lower, -m * g / k)
+
+    def require(h, alpha, m, g, k):
+        centre = -m * g / k - rest
+        size = np.sqrt(2.0 * h / k + centre**2)
+        if rest == lower:  # at the scene's values the stop holds the mass at x = 0, where the energy is zero
+            assert rest > -m * g / k
+        np.testing.assert_allclose(2.0 * alpha, np.arccos((lower - rest - centre) / size) * np.sqrt(m / k), rtol=1e-10)
+
+    code, out, err = run(capsys, "continue", "--scene", system, "--from", "mode:1", "--json", "a.json")
+    assert code == 0 and (f"rest   y1 = {rest:g}: displacements count from there" in out), err
+    points = read_json("a.json")["points"]
+    assert len(points) > 100 and max(point["h"] for point in points) == pytest.approx(50.0)
+    for point in points[2:]:
+        require(point["h"], point["alpha"], m, g, k)
+    if rest != lower:  # the mode grazes the stop
+        (grazing,) = (event for event in read_json("a.json")["events"] if event["type"] == "GR")
+        assert grazing["h"] == pytest.approx(k * (lower - rest) ** 2 / 2, rel=1e-10)
+    for name, interval in (("g", "1:2"), ("m", "1.5:2.5"), ("k", "2:4")):
+        words = ("--from", "mode:1", "--in", name, "--range", interval, "--keep", "energy=2", "--csv", "a.csv")
+        assert run(capsys, "continue", "--scene", system, *words)[0] == 0
+        rows = rows_of("a.csv")
+        assert len(rows) > 10
+        for row in rows[::5]:
+            require(2.0, float(row["alpha"]), **({"m": m, "g": g, "k": k} | {name: float(row[name])}))
+
+
+def test_a_spring_that_is_not_linear_under_gravity(capsys, tmp_path):
+    """Oracle: T of y'' = -y - y^3/2 - g by quadrature between its turning points; near rest 2 pi/w of the slope there."""
+    springs = '[[springs]]\non = "y1"\nstiffness = 0.5\npower = 3\n'
+    system = scene_under_gravity(tmp_path / "s.toml", [[1.0]], [[1.0]], [], ["-g"], {"g": 1.0}, springs)
+    assert run(capsys, "continue", "--scene", system, "--from", "mode:1", "--energy", "1e-8:5", "--json", "a.json")[0] == 0
+    points = read_json("a.json")["points"]
+    rest = float(np.roots([0.5, 0.0, 1.0, 1.0])[np.isreal(np.roots([0.5, 0.0, 1.0, 1.0]))][0].real)
+    assert min(points, key=lambda point: point["h"])["alpha"] == pytest.approx(0.5 * np.pi / np.sqrt(1.0 + 1.5 * rest**2), rel=1e-7)
+
+    def quarter(h, g):
+        at = mp.mpf(rest)
+        energy = at**2 / 2 + at**4 / 8 + at + h  # of the load at rest, g = 1; x = y - rest has zero energy at x = 0
+        roots = sorted(
+            mp.re(root) for root in mp.polyroots([mp.mpf(1) / 8, 0, mp.mpf(1) / 2, g, -energy - (g - 1) * at]) if abs(mp.im(root)) < 1e-15
+        )
+        low, high = roots
+
+        def slope(t):  # y = middle + half-width sin t
+            y = (low + high) / 2 + (high - low) / 2 * mp.sin(t)
+            return (high - low) / 2 * mp.cos(t) / mp.sqrt(2 * (energy + (g - 1) * at - y**2 / 2 - y**4 / 8 - g * y))
+
+        return float(mp.quad(slope, [-mp.pi / 2, 0, mp.pi / 2]) / 2)
+
+    with mp.workdps(25):
+        for point in points[:: len(points) // 4]:
+            if point["h"] > 1e-3:
+                assert point["alpha"] == pytest.approx(quarter(mp.mpf(point["h"]), mp.mpf(1)), rel=1e-10)
+        words = ("--from", "mode:1", "--in", "g", "--range", "0:2", "--keep", "energy=0.5", "--csv", "a.csv")
+        assert run(capsys, "continue", "--scene", system, *words)[0] == 0
+        for row in rows_of("a.csv")[::40]:
+            assert float(row["alpha"]) == pytest.approx(quarter(mp.mpf("0.5"), mp.mpf(float(row["g"]))), rel=1e-10)
+
+
+def test_a_hopper(capsys, tmp_path):
+    """Oracle: scipy integrates two masses, a spring and gravity from the orbit's start; after a period, with impacts at the floor, it is
+    there again. The energy is that of the masses and of the spring, and m g y, less its value at rest."""
+    g, k = 1.0, 20.0
+    loads = {"g": g, "k": k}
+    system = scene_under_gravity(
+        tmp_path / "s.toml", [[1.0, 0.0], [0.0, 1.5]], [["k", "-k"], ["-k", "k"]], [([1.0, 0.0], 0.0)], ["-g", "-1.5*g"], loads
+    )
+    words = ("continue", "--scene", system, "--from", "simulate", "--start", "0,0.3,1,0")
+    assert run(capsys, *words, "--json", "a.json")[0] == 0
+    points = read_json("a.json")["points"]
+    rest = np.array([0.0, -1.5 * g / k])
+
+    def energy(u, v):
+        return v @ np.diag([1.0, 1.5]) @ v / 2 + k * (u[0] - u[1]) ** 2 / 2 + g * (u[0] + 1.5 * u[1])
+
+    for point in points[:: len(points) // 3]:
+        u, v = (np.array(point["start"][key]) for key in "uv")
+        assert point["h"] == pytest.approx(energy(u + rest, v) - energy(rest, np.zeros(2)), rel=1e-10)
+        y = moved(np.concatenate([u + rest, v]), 4.0 * point["alpha"], g, k)
+        # An orbit that starts on the floor is back there before its impact.
+        y[2] = abs(y[2]) if abs(y[0]) < 1e-8 else y[2]
+        np.testing.assert_allclose(y, [*(u + rest), *v], atol=1e-7 * np.sqrt(point["h"]))
+
+
+def moved(y, duration, g, k):
+    """The state of the hopper after a time, without an impact at its end."""
+
+    def rates(t, y):
+        pull = k * (y[1] - y[0])
+        return [y[2], y[3], pull - g, -pull / 1.5 - g]
+
+    def floor(t, y):
+        return y[0]
+
+    floor.terminal, floor.direction = True, -1.0
+    begin = 0.0
+    while duration - begin > 1e-9:
+        found = solve_ivp(rates, (begin, duration), y, method="DOP853", rtol=1e-12, atol=1e-13, events=floor)
+        begin, y = found.t[-1], found.y[:, -1]
+        if found.status == 1 and duration - begin > 1e-9:
+            y = y * [1.0, 1.0, -1.0, 1.0]
+    return y
+
+
+def test_a_rod_rocks_between_its_ends(capsys, tmp_path):
+    """Oracle: a uniform rod of mass m hits the floor with one end, then with the other: M^-1 c of an end is (4, -2)/m, and
+    T = 4 sqrt(H/(5 m))/g. Its impacts interact; they never come at one instant."""
+    m, g = 1.5, 2.0
+    mass = [["m/3", "m/6"], ["m/6", "m/3"]]
+    stops = [([1.0, 0.0], 0.0), ([0.0, 1.0], 0.0)]
+    system = scene_under_gravity(tmp_path / "s.toml", mass, [[0.0, 0.0]] * 2, stops, ["-m*g/2"] * 2, {"m": m, "g": g})
+    start = f"0,{6.0 / g!r},4,-2"  # the first end at the floor, the other one where it falls from
+    assert run(capsys, "continue", "--scene", system, "--from", "simulate", "--start", start, "--json", "a.json")[0] == 0
+    branch = read_json("a.json")
+    assert branch["branch"]["ends"] == ["stopa-", "stopb-"] and len(branch["points"]) > 100
+    for point in branch["points"]:
+        assert 4.0 * point["alpha"] == pytest.approx(4.0 * np.sqrt(point["h"] / (5.0 * m)) / g, rel=1e-11)
+    words = ("--from", "mode:1", "--scene", system)
+    refused(run(capsys, "continue", *words), "at rest the system lies on stop a and stop b", "--from simulate --start")
+
+
+def test_constant_loads_in_python(tmp_path):
+    """Oracle: the closed form of the ball, T = 2 sqrt(2 H/m)/g; the linear mode of a hanging mass about its position at rest."""
+    scene = saltus.load_scene(ball(tmp_path))
+    orbit = orbit_at_mode("mode:1", scene.about_rest.system, (0.5, 2.0))
+    branch = saltus.trace_in_parameter(orbit, "g", (0.5, 2.0), keep="energy = 0.5", system=scene.parametric)
+    np.testing.assert_allclose(4.0 * branch.columns["alpha"], 2.0 / branch.parameter, rtol=1e-12)
+    hanging = saltus.ImpactSystem.from_lagrangian("y_dot**2/2", "2*y**2 + y", ["y"], gaps=[("y", -1, None)])
+    (mode,) = saltus.linear_modes(hanging)
+    assert mode.frequency == pytest.approx(2.0) and mode.energies[1] == pytest.approx(2.0 * 0.75**2)
+
+
+def test_losses_under_a_constant_load_are_refused_without_a_circle(capsys, tmp_path):
+    scene = ball(tmp_path)
+    scene.write_text(scene.read_text().replace("lower = 0.0", "lower = 0.0\nrestitution = 0.5"))
+    words = ("--scene", scene, "--in", "g", "--range", "0.5:2")
+    why = "restitution 0.5 of stop a loses energy"
+    refused(run(capsys, "continue", *words, "--from", "mode:1", "--keep", "energy=1"), why, "--from simulate with --in")
+    refused(run(capsys, "continue", "--scene", scene, "--from", "mode:1"), why, "--from simulate with --in")
+    refused(run(capsys, "continue", *words, "--from", "rest"), "the scene's loads are constant", "or --from simulate")
+
+
+def test_what_hangs_nowhere_is_refused(capsys, tmp_path):
+    system = scene_under_gravity(tmp_path / "s.toml", [[1.0]], [[0.0]], [([-1.0], 0.0)], ["-g"], {"g": 1.0})
+    refused(run(capsys, "continue", "--scene", system, "--from", "mode:1"), "the system rests nowhere", "y1 against the constant load")
+    words = ("--scene", ball(tmp_path), "--from", "simulate")
+    refused(run(capsys, "continue", *words), "--from simulate needs --start", "expected a state at rest")
+    refused(run(capsys, "continue", *words, "--start", "1,1"), "at rest, with all velocities 0, or on a stop")

@@ -17,6 +17,7 @@ from branches.released.switching import switch_released
 from bvp.multipoint import NotConverged
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
+from bvp.resting import with_loads_in_potential
 from transitions.response.free import settle_free
 from transitions.response.path import ParameterPath
 from transitions.response.starting import Periodic, Unbounded, linear_response, settled_orbit
@@ -217,7 +218,9 @@ def trace_in_parameter(
         Equations of parameters, ``energy`` and ``quarter_period`` that hold along the family, such as "energy = 0.8": as many as there are
         parameters.
     system : ParametricSystem, optional
-        The orbit's system with its parameters, such as the `parametric` of a scene; by default the parameters are those of its model.
+        The orbit's system with its parameters, such as the `parametric` of a scene. Its constant loads are part of its potential energy,
+        and displacements count from its position at rest. By default
+        the parameters are those of its model.
     marks : sequence of float
         Values of the first parameter at which events UZ are wanted.
     points : int, optional
@@ -249,7 +252,7 @@ def trace_in_parameter(
     ('mu', 0.1, 0.1)
     """
     names, keep = ([given] if isinstance(given, str) else [*given] for given in (names, keep))
-    system = ParametricSystem.of(orbit.system) if system is None else system
+    system = ParametricSystem.of(orbit.system) if system is None else with_loads_in_potential(system)
     for what, own, at in zip(("mass", "damping", "stiffness", "stops"), _parts(orbit.system), _parts(system.system()), strict=True):
         if not np.array_equal(own, at):
             raise ValueError(f"the orbit belongs to another system: its {what} differ from the defaults; expected system.replaced(..)")
