@@ -62,9 +62,9 @@ def has_constant_force(system: ImpactSystem) -> bool:
     forces = getattr(system, "smooth_forces", None)  # what is no system is refused elsewhere
     if forces is None or not system.is_conservative:
         return False
-    zero = np.zeros(system.degrees_of_freedom)
-    values = forces.values(zero, zero)
-    return bool(np.any(np.abs(values @ forces.directions) > BALANCED * (np.abs(values) @ np.abs(forces.directions))))
+    terms = forces.terms_at_rest()
+    total, size = ([sum(map(of, row)) for row in terms] for of in (float, abs))
+    return bool(np.any(np.abs(total @ forces.directions) > BALANCED * (np.array(size) @ np.abs(forces.directions))))
 
 
 def rest_position(system: ImpactSystem, load: np.ndarray) -> Rest:
@@ -244,8 +244,8 @@ def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> li
     slopes = [potential.diff(x).xreplace(dict.fromkeys(symbols, sympy.Integer(0))).xreplace(at) for x in symbols]
     for x, pull, slope, force in zip(symbols, pulls, slopes, rest.force.tolist(), strict=True):
         # What rounding leaves at these values of the parameters is taken out.
-        left = float(sympy.sympify(pull).xreplace(at) + slope) - force
-        potential += (pull - _number(left)) * x
+        left = sympy.sympify(pull).xreplace(at) + slope - _number(force)
+        potential += (pull - (left if left.is_Rational else _number(float(left)))) * x
     potential = sympy.expand(potential) if potential.is_polynomial(*symbols) else potential
     # Of numbers, what is linear is known without its rounding.
     return pressing if all(potential.diff(x).is_number for x in symbols) else [{"potential": str(potential)}]

@@ -173,6 +173,14 @@ class SmoothForces:
         inputs = np.moveaxis(np.concatenate([u, v], axis=-1) @ self.inputs.T, -1, 0)
         return np.stack([force(*inputs, *self.numbers) + np.zeros(u.shape[:-1]) for force in self._functions], axis=-1)
 
+    def terms_at_rest(self) -> list[list[float]]:
+        """The terms of each force where all inputs are 0: what is left of those that balance is small beside them."""
+        import sympy
+
+        at = dict(zip(self.parameters, self.numbers, strict=True)) | dict.fromkeys(self.symbols, 0)
+        called = {part: 0 for force in self.forces for part in force.atoms(sympy.Function) if hasattr(part.func, "called")}
+        return [[float(term.xreplace(called).xreplace(at)) for term in sympy.Add.make_args(force)] for force in self.forces]
+
     @property
     def _potential(self) -> Any:
         if self.potential is None:

@@ -33,6 +33,7 @@ from bvp.smooth_flights import smooth_flight
 if TYPE_CHECKING:
     from branches.grazing.following import Neighbour
     from branches.linear_modes import LinearMode
+    from bvp.resting import Rest
     from bvp.system import ImpactSystem
 
 __all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
@@ -135,8 +136,9 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     name = parse_mode(text)
     if has_constant_force(system):
         system = resting_system(system)
-        if has_constant_force(system):
-            return _above_rest(name, system, energy)
+        rest = rest_position(system, np.zeros(system.degrees_of_freedom))
+        if rest.pressed:
+            return _above_rest(name, system, rest, energy)
     outside = system.why_not_inside()
     if outside is not None:
         raise NameNotFound(f"{text}: {outside}, so no linear mode exists; expected an orbit, as NAME or from a file")
@@ -186,9 +188,8 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
     return Orbit(beside.problem, beside.problem.solve(beside.y, energy=beside.problem.energy(beside.y)))
 
 
-def _above_rest(name: ModeName, system: ImpactSystem, energy: tuple[float, float]) -> Orbit:
+def _above_rest(name: ModeName, system: ImpactSystem, rest: Rest, energy: tuple[float, float]) -> Orbit:
     """The orbit of lowest energy of a system that a constant load presses onto a stop, in one degree of freedom: it falls onto the stop."""
-    rest = rest_position(system, np.zeros(system.degrees_of_freedom))
     if system.degrees_of_freedom > 1 or name != ModeName(1):
         stops = " and ".join(f"stop {system.stops[k].name}" for k, _ in rest.pressed)
         expected = "mode:1" if system.degrees_of_freedom == 1 else FROM_STATE

@@ -77,9 +77,7 @@ def systems(draw):
         a = draw(square)
         form = [[a[i][j] + a[j][i] for j in range(n)] for i in range(n)]
         if k == 0:  # diagonally dominant: positive definite
-            form = [
-                [form[i][j] + (2 + sum(map(abs, form[i])) + abs(form[i][i])) * (i == j) for j in range(n)] for i in range(n)
-            ]
+            form = [[form[i][j] + (2 + sum(map(abs, form[i])) + abs(form[i][i])) * (i == j) for j in range(n)] for i in range(n)]
         forms.append(form)
     row = draw(st.lists(RATIONAL, min_size=n, max_size=n).filter(any))
     return n, forms, row, draw(RATIONAL), draw(st.fractions(0, 5, max_denominator=8).filter(bool))
@@ -318,7 +316,7 @@ def test_functions_of_two_times_are_refused():
 
 
 def test_linear_terms_can_balance_at_rest():
-    """Oracle: exp(q) - q has no force at q = 0; with exp(q) alone there is one, a constant load. Terms that cancel leave a linear system."""
+    """Oracle: exp(q) - q has no force at q = 0; with exp(q) alone there is one, a constant load. Terms that cancel leave none."""
     system = ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) - q", ["q"])
     assert system.stiffness.tolist() == [[1.0]] and not has_constant_force(system)
     loaded = ImpactSystem.from_lagrangian("q_dot**2/2", "exp(q) + q**2", ["q"])

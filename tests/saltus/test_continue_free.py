@@ -232,14 +232,12 @@ def test_a_spring_that_is_not_linear_under_gravity(capsys, tmp_path):
     def quarter(h, g):
         at = mp.mpf(rest)
         energy = at**2 / 2 + at**4 / 8 + at + h  # of the load at rest, g = 1; x = y - rest has zero energy at x = 0
-        roots = sorted(
-            mp.re(root) for root in mp.polyroots([mp.mpf(1) / 8, 0, mp.mpf(1) / 2, g, -energy - (g - 1) * at]) if abs(mp.im(root)) < 1e-15
-        )
-        low, high = roots
+        roots = mp.polyroots([1, 0, 4, 8 * g, -8 * (energy + (g - 1) * at)])
+        low, high = sorted(mp.re(root) for root in roots if abs(mp.im(root)) < 1e-15)
 
-        def slope(t):  # y = middle + half-width sin t
+        def slope(t):  # y = middle + half-width sin t; 8 (V - E) = (y - low) (y - high) (y^2 + (low + high) y + ..)
             y = (low + high) / 2 + (high - low) / 2 * mp.sin(t)
-            return (high - low) / 2 * mp.cos(t) / mp.sqrt(2 * (energy + (g - 1) * at - y**2 / 2 - y**4 / 8 - g * y))
+            return 2 / mp.sqrt(y**2 + (low + high) * y + 4 - low * high + (low + high) ** 2)
 
         return float(mp.quad(slope, [-mp.pi / 2, 0, mp.pi / 2]) / 2)
 
