@@ -75,7 +75,7 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
     from branches.catalogue import Catalogue
 
     parameters = options.parameters_of(arguments)
-    scene = options.scene_of(arguments) if arguments.scene is not None or parameters else None
+    scene = options.scene_of(arguments).about_rest if arguments.scene is not None or parameters else None
     if scene is not None and not scene.loads:
         from bvp.checks import require_system
 

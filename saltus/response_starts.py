@@ -151,6 +151,7 @@ def require_same_scene(arguments: argparse.Namespace, source: str, parametric: P
 
     arguments.scene_uses = ("ground", "forces", "springs")
     scene = options.scene_of(arguments)
+    scene = scene if parametric.forces() else scene.about_rest  # loads are part of the energy of free families
     given, values = _parametric(scene), parametric.values
     same = given.names == parametric.names and plain(given.replaced(values).describe()) == plain(parametric.describe())
     asked = options.parameters_of(arguments) if same else {}

@@ -40,6 +40,7 @@ from branches.linear_modes import MOST_COVERS, linear_modes
 from branches.presentation import presentations
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem
+from bvp.resting import has_constant_force
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -224,6 +225,8 @@ class _Build:
             covers = [(mode.index, cover) for mode, last in zip(modes, most, strict=True) for cover in range(1, last + 1)]
             if self.system.smooth_forces is not None:
                 covers = [(k, 1) for k, frequency in enumerate(self.system.modes.frequencies) if frequency > 0.0]
+                if self.system.why_not_inside() is not None:  # no mode, but motion from rest on a stop in one degree of freedom
+                    covers = [(0, 1)] if self.system.degrees_of_freedom == 1 and has_constant_force(self.system) else []
             self._extend([Seed("name", name, plan) for name in plan.names] + [Seed("mode", cover, plan) for cover in covers] + saved)
 
     def _take_up(self) -> bool:

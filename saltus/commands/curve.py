@@ -285,7 +285,7 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
     _require_equations(arguments, True)
     parametric = None
     if arguments.scene is not None or options.parameters_of(arguments):
-        scene = options.scene_of(arguments)
+        scene = options.scene_of(arguments).about_rest
         parametric = scene.parametric or ParametricSystem.of(scene.system)
         if scene.system.describe() != branch.system.describe():
             name = arguments.scene or "lee2009"
