@@ -63,8 +63,8 @@ def has_constant_force(system: ImpactSystem) -> bool:
     if forces is None or not system.is_conservative:
         return False
     terms = forces.terms_at_rest()
-    total, size = ([sum(map(of, row)) for row in terms] for of in (float, abs))
-    return bool(np.any(np.abs(total @ forces.directions) > BALANCED * (np.array(size) @ np.abs(forces.directions))))
+    total, size = (np.array([sum(row) for row in rows]) for rows in (terms, [list(map(abs, row)) for row in terms]))
+    return bool(np.any(np.abs(total @ forces.directions) > BALANCED * (size @ np.abs(forces.directions))))
 
 
 def rest_position(system: ImpactSystem, load: np.ndarray) -> Rest:
@@ -202,10 +202,9 @@ def about_rest(parametric: ParametricSystem) -> tuple[ParametricSystem, Rest]:
     springs = _potential(parametric, rest, place)
     if springs or not stops:
         description["springs"] = springs or [{"c": np.eye(n)[0].tolist(), "stiffness": 0.0}]
-    texts = " ".join(_texts(description))
     from bvp.description import names_in
 
-    used = {name for text in _texts(description) for name in names_in(text)} if texts else set()
+    used = {name for text in _texts(description) for name in names_in(text)}
     parameters = {name: value for name, value in parametric.values.items() if name in used}
     return type(parametric)({"parameters": parameters, "system": description}), rest
 
@@ -214,9 +213,9 @@ def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> li
     """The springs whose potential is what is left of springs and loads, as a list of one table; empty where nothing is left."""
     system, layout, n = parametric.system(), parametric.layout, len(place)
     expressions, forces = parametric.entry_expressions, system.smooth_forces
-    moving = [getattr(entry, "free_symbols", set()) for part in (layout.stiffness, layout.constant) for entry in expressions[part]]
+    loading = [*expressions[layout.stiffness], *expressions[layout.constant]]
     pressing = [{"c": rest.force.tolist(), "potential": "w"}] if rest.force.any() else []
-    if forces is None and not any(moving):
+    if forces is None and not any(getattr(entry, "free_symbols", None) for entry in loading):
         return pressing
     import sympy
 
@@ -233,7 +232,7 @@ def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> li
     if forces is not None:
         released = parametric.smooth_forces(None, parametric.names)
         rows = released.inputs[:, :n]
-        moved = {
+        moved: dict[Any, Any] = {
             symbol: sum(_number(c) * (x + u) for c, x, u in zip(row.tolist(), symbols, place, strict=True) if c)
             for symbol, row in zip(released.symbols, rows, strict=True)
         }
