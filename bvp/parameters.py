@@ -268,16 +268,17 @@ class ParametricSystem:
         system = self.system(values)
         if system.smooth_forces is not None or not (system.springs or system.dampers):
             return system
-        forces = self._smooth_forces(values, released)
+        forces = self.smooth_forces_along(values, released)
         return system if forces is None else self.system(self.at(values), forces)
 
     def smooth_forces(self, values: Mapping[str, float] | None = None, released: Sequence[str] = ()) -> SmoothForces:
         """The forces of springs and dampers that are not linear, in which released parameters are symbols."""
-        found = self._smooth_forces(values, released)
+        found = self.smooth_forces_along(values, released)
         assert found is not None
         return found
 
-    def _smooth_forces(self, values: Mapping[str, float] | None, released: Sequence[str]) -> SmoothForces | None:
+    def smooth_forces_along(self, values: Mapping[str, float] | None, released: Sequence[str]) -> SmoothForces | None:
+        """The same; None if all are linear at all values of the released parameters."""
         from bvp.description import elements_from
         from bvp.smooth_forces import smooth_forces
 

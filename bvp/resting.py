@@ -177,8 +177,8 @@ def about_rest(parametric: ParametricSystem) -> tuple[ParametricSystem, Rest]:
     """
     system, layout = parametric.system(), parametric.layout
     entries, expressions = parametric.entries(), parametric.entry_expressions
-    n, forces = system.degrees_of_freedom, system.smooth_forces
-    if forces is not None and forces.is_called:
+    n = system.degrees_of_freedom
+    if system.smooth_forces is not None and system.smooth_forces.is_called:
         raise InvalidSystem("a constant load goes with springs that are formulas; received a Python function")
     rest = rest_position(system, entries[layout.constant])
     if not rest.place.any() and not parametric.forces():
@@ -212,7 +212,8 @@ def about_rest(parametric: ParametricSystem) -> tuple[ParametricSystem, Rest]:
 def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> list[dict[str, Any]]:
     """The springs whose potential is what is left of springs and loads, as a list of one table; empty where nothing is left."""
     system, layout, n = parametric.system(), parametric.layout, len(place)
-    expressions, forces = parametric.entry_expressions, system.smooth_forces
+    expressions = parametric.entry_expressions
+    forces = parametric.smooth_forces_along(None, parametric.names) if system.springs or system.dampers else None
     loading = [*expressions[layout.stiffness], *expressions[layout.constant]]
     pressing = [{"c": rest.force.tolist(), "potential": "w"}] if rest.force.any() else []
     if forces is None and not any(getattr(entry, "free_symbols", None) for entry in loading):
@@ -230,13 +231,12 @@ def _potential(parametric: ParametricSystem, rest: Rest, place: list[Any]) -> li
     at = {sympy.Symbol(name, real=True): exact(value) for name, value in parametric.values.items()}
     potential: Any = sympy.Integer(0)
     if forces is not None:
-        released = parametric.smooth_forces(None, parametric.names)
-        rows = released.inputs[:, :n]
+        rows = forces.inputs[:, :n]
         moved: dict[Any, Any] = {
             symbol: sum(_number(c) * (x + u) for c, x, u in zip(row.tolist(), symbols, place, strict=True) if c)
-            for symbol, row in zip(released.symbols, rows, strict=True)
+            for symbol, row in zip(forces.symbols, rows, strict=True)
         }
-        potential = released.potential.xreplace(moved)
+        potential = forces.potential.xreplace(moved)
         unknown = [part for part in potential.atoms(sympy.Function) if part.func.__name__ not in ("exp", "log", *_TRIGONOMETRIC)]
         if unknown:
             raise InvalidSystem("a power that is no integer cannot be written about the rest position under a constant load")

@@ -340,3 +340,60 @@ def test_what_hangs_nowhere_is_refused(capsys, tmp_path):
     words = ("--scene", ball(tmp_path), "--from", "simulate")
     refused(run(capsys, "continue", *words), "--from simulate needs --start", "expected a state at rest")
     refused(run(capsys, "continue", *words, "--start", "1,1"), "at rest, with all velocities 0, or on a stop")
+
+
+def test_the_grazing_of_one_degree_of_freedom(capsys, tmp_path):
+    """Oracle: the impact at x = b vanishes where the potential there is h: (g - 1) b + b^2/2 = 0.5 at b = -1/2 from rest at y = -1, so
+    g = 1/4; k b^2/2 + a b^4/4 = h. Beyond it the family has no impact, T = 2 pi/sqrt(k/m). A coefficient can be 0 at the start."""
+    system = scene_under_gravity(tmp_path / "s.toml", [["m"]], [["k"]], [([1.0], -1.5)], ["-m*g"], {"m": 1.0, "g": 1.0, "k": 1.0})
+    words = ("--from", "mode:1", "--in", "g", "--range", "0.1:1.4", "--keep", "energy=0.5", "--json", "g.json")
+    assert run(capsys, "continue", "--scene", system, *words)[0] == 0
+    (grazing,) = (event for event in read_json("g.json")["branches"][0]["events"] if event["type"] == "GR")
+    assert grazing["values"]["g"] == pytest.approx(0.25, rel=1e-10)
+    assert run(capsys, "continue", "--from", "g.json:GR1", "--range", "0.1:1.4", "--csv", "a.csv")[0] == 0
+    rows = rows_of("a.csv")
+    assert min(float(row["g"]) for row in rows) == pytest.approx(0.1)
+    np.testing.assert_allclose([float(row["alpha"]) for row in rows], np.pi / 2, rtol=1e-9)
+    assert run(capsys, "continue", "--from", "g.json", "--range", "0.2:1.6", "--csv", "a.csv")[0] == 0
+    assert max(float(row["g"]) for row in rows_of("a.csv")) == pytest.approx(1.6)
+    assert run(capsys, "curve", "g.json:GR1", "--in", "g,energy", "--range", "0.2:1.2,0.01:1", "--csv", "a.csv")[0] == 0
+    for row in rows_of("a.csv"):
+        assert float(row["energy"]) == pytest.approx(0.125 - 0.5 * (float(row["g"]) - 1.0), rel=1e-9)
+    springs = '[[springs]]\non = "y1"\nstiffness = "a"\npower = 3\n'
+    plain = scene_under_gravity(tmp_path / "p.toml", [[1.0]], [["k"]], [([1.0], -0.5)], ["0*k"], {"k": 1.0, "a": 0.0}, springs)
+    for name, expected in (("k", 8 * 0.2), ("a", (0.2 - 0.125) * 64)):
+        words = (
+            "--from",
+            "mode:1",
+            "--in",
+            name,
+            "--range",
+            f"{-0.1 if name == 'a' else 0.5}:6",
+            "--keep",
+            "energy=0.2",
+            "--json",
+            "a.json",
+        )
+        assert run(capsys, "continue", "--scene", plain, *words)[0] == 0
+        (grazing,) = (event for event in read_json("a.json")["branches"][0]["events"] if event["type"] == "GR")
+        assert grazing["values"][name] == pytest.approx(expected, rel=1e-10)
+
+
+def test_two_masses_under_a_constant_load(capsys, tmp_path):
+    """Oracle: equality of paths: the system with its stop moved by c K^-1 f, as a scene without loads."""
+    mass, stiffness, load = np.diag([1.0, 0.5]), np.array([[2.0, -1.0], [-1.0, 1.0]]), np.array([-0.3, -0.15])
+    stop = ([1.0, -1.0], -1.0)
+    loaded = scene_under_gravity(tmp_path / "a.toml", mass.tolist(), stiffness.tolist(), [stop], ["-g", "-g/2"], {"g": 0.3})
+    moved = [(stop[0], stop[1] - float(np.array(stop[0]) @ np.linalg.solve(stiffness, load)))]
+    plain = scene_under_gravity(tmp_path / "b.toml", mass.tolist(), stiffness.tolist(), moved, ["0*g", "0*g"], {"g": 0.3})
+    words = ("--energy", "1", "--max-impacts", "3", "--max-quarter-period", "5", "--json", "a.json")
+    found = []
+    for scene in (loaded, plain):
+        code, out, err = run(capsys, "discover", "--scene", scene, *words)
+        assert code == 0 and ("rest   y1 = -0.45, y2 = -0.6" in out) == (scene == loaded), err
+        found.append([(orbit["alpha"], orbit["sequence"]) for orbit in read_json("a.json")["orbits"]])
+    assert len(found[0]) > 1 and [sequence for _, sequence in found[0]] == [sequence for _, sequence in found[1]]
+    np.testing.assert_allclose(*([alpha for alpha, _ in orbits] for orbits in found), rtol=1e-11)
+    assert run(capsys, "build", "--scene", loaded, "--catalogue", "c.sqlite", "--energy", "1:2", *words[2:6])[0] == 0
+    code, out, err = run(capsys, "list", "--scene", loaded, "--catalogue", "c.sqlite")
+    assert code == 0 and "stop" in out, err
