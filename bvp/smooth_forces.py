@@ -175,11 +175,8 @@ class SmoothForces:
 
     def terms_at_rest(self) -> list[list[float]]:
         """The terms of each force where all inputs are 0: what is left of those that balance is small beside them."""
-        import sympy
-
-        at = dict(zip(self.parameters, self.numbers, strict=True)) | dict.fromkeys(self.symbols, 0)
-        called = {part: 0 for force in self.forces for part in force.atoms(sympy.Function) if hasattr(part.func, "called")}
-        return [[float(term.xreplace(called).xreplace(at)) for term in sympy.Add.make_args(force)] for force in self.forces]
+        known, at = (*self.symbols, *self.parameters), (*(0.0 for _ in self.symbols), *self.numbers)
+        return [[float(_function(known, term)(*at)) for term in force.as_ordered_terms()] for force in self.forces]
 
     @property
     def _potential(self) -> Any:
