@@ -166,6 +166,8 @@ class Scene:
     def about_rest(self) -> Scene:
         """The scene in which constant loads are part of the potential energy, and displacements are counted from the position at rest
         (`bvp.resting`). The scene itself where there are none, where other loads act, and where energy is lost."""
+        if not self.forces and self.system.smooth_forces is None:
+            return self
         from bvp.parameters import ParametricSystem
         from bvp.resting import about_rest, with_loads_in_potential
 
