@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bvp.forcing import Constant
-from saltus import curves, options
+from saltus import curves, options, starts
 from saltus.errors import BadInput, one_line
 from saltus.inputs import is_curve_file, is_response_file, responses_in
 from saltus.response_starts import check_range, event_named, file_and_event, further, in_names
@@ -98,6 +98,8 @@ def free_start(
         settles = scene.system.stops and scene.system.has_potential
         instead = "--from simulate with --in" if settles else "loads, and --from rest with --in"
         raise BadInput(f"families of free orbits need a conservative system: {why}; expected {instead}")
+    if arguments.start == "simulate" and (arguments.begin is None or not arguments.keep):
+        raise BadInput(starts.NO_STATE)
     names, keep = _names(arguments, scene)
     if arguments.range is None:
         raise BadInput("--range LO:HI is required: the range of the parameter")
@@ -243,7 +245,7 @@ def _orbit(
     """The orbit of the family in the energy, at the scene's parameters, that fulfils the first equation for energy or quarter period."""
     from branches.naming.labels import Name, parse_name
     from bvp.description import RESERVED
-    from saltus import catalogues, starts
+    from saltus import catalogues
     from saltus.families import family_named, list_orbits, orbits_of, select, trace
 
     try:

@@ -18,6 +18,11 @@ __all__ = ["name_or_orbit"]
 
 _MODE = "mode:"
 
+NO_STATE = (
+    "--from simulate needs periodic loads or losses, without which no motion settles; expected --start U1,..,V1,.. with a state at rest, "
+    "and with --in also --keep energy=H"
+)
+
 
 def name_or_orbit(arguments: argparse.Namespace, scene: Scene) -> str | Orbit:
     """The name of the command line, in full, or the orbit of its ``--from``.
@@ -46,7 +51,7 @@ def name_or_orbit(arguments: argparse.Namespace, scene: Scene) -> str | Orbit:
         from branches.naming.at_states import orbit_near
 
         if arguments.begin is None:
-            raise BadInput("--from simulate needs --start U1,..,V1,..: without losses a motion settles nowhere; expected a state at rest")
+            raise BadInput(NO_STATE)
         options.require_state("--start", arguments.begin, scene.system.coordinates)
         n = scene.system.degrees_of_freedom
         return orbit_near(scene.system, arguments.begin[:n], arguments.begin[n:])
