@@ -42,8 +42,8 @@ def closed_toward_impacts(toward_impacts):
     return trace_in_parameter(closed, "1/n", (NEAREST, 0.1), keep="energy = 5", system=parametric.replaced({"1/n": 0.1}))
 
 
-def scaled_quarter_period(system, n: float, h: float) -> float:
-    """alpha_infinity(h/d^2), with d of the impact speed there, both from the closed form of one impact a half period."""
+def scaled_orbit(system, n: float, h: float) -> tuple[float, float]:
+    """d and alpha_infinity(h/d^2), with d of the impact speed there, both from the closed form of one impact a half period."""
 
     def at(energy):
         alpha = brentq(lambda alpha: float(backbone.energy(system, alpha)) / energy - 1.0, 1.641, 1.70, xtol=1e-15)
@@ -57,7 +57,7 @@ def scaled_quarter_period(system, n: float, h: float) -> float:
     for _ in range(60):
         alpha, speed = at(h / d**2)
         d = effective_clearance(2.0 * n + 1.0, 1.0, MU / (1.0 + MU), d * speed)
-    return alpha
+    return d, alpha
 
 
 @pytest.mark.parametrize("family", ["toward_impacts", "closed_toward_impacts"])
@@ -70,8 +70,8 @@ def test_quarter_periods_approach_those_at_the_effective_clearance(family, reque
         i = int(np.argmin(np.abs(branch.parameter - 1.0 / n)))
         n = 1.0 / branch.parameter[i]
         alpha = branch.columns["alpha"][i]
-        plain.append(n * (alpha - scaled_quarter_period(system, 1e9, 5.0)))
-        scaled.append(n * n * (alpha - scaled_quarter_period(system, n, 5.0)))
+        plain.append(n * (alpha - scaled_orbit(system, 1e9, 5.0)[1]))
+        scaled.append(n * n * (alpha - scaled_orbit(system, n, 5.0)[1]))
     scaled = np.array(scaled)
     # The next order is a part of log n/n of this one.
     assert np.all(np.abs(scaled / scaled[-1] - 1.0) < 0.2) and abs(scaled[-1]) < 0.01

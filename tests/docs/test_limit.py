@@ -18,6 +18,7 @@ from benchmarks import backbone
 from branches.orbit import Orbit
 from branches.released.impact_limit import impact_limit
 from bvp.multipoint import MultipointProblem
+from tests.branches.test_impact_limit import scaled_orbit
 from tests.branches.test_smooth_agreement import family, second
 from transitions.response.tracing import trace_in_parameter
 
@@ -42,7 +43,8 @@ def along_mode(mode: int, n: float, energy: tuple[float, float]):
 
 
 def test_quarter_periods_and_clearances():
-    """All rows, from one family in 1/n, which is stable, as is its limit."""
+    """All rows, from one family in 1/n, which is stable, as is its limit. Oracle of the clearances and of what they leave: equation (48)
+    of the theory, whose speed and quarter period have closed forms."""
     scene = saltus.load_scene("smooth_wall")
     parametric = scene.parametric.in_reciprocal("n")
     problem = MultipointProblem(scene.system, ("origin", "rest"), ())
@@ -56,6 +58,8 @@ def test_quarter_periods_and_clearances():
         n, point = int(row[0]), at[int(row[0])]
         limit = impact_limit(parametric, "1/n", branch.orbit(point), branch.problem.parameters(branch.unknowns[point]))
         alpha = limit.smooth.alpha
+        clearance, scaled = scaled_orbit(limit.orbit.system, n, 5.0)
+        assert abs(limit.clearance / clearance - 1.0) < 1e-12 and abs(limit.scaled.alpha / scaled - 1.0) < 1e-12
         found = (limit.clearance, alpha, alpha - limit.orbit.alpha, alpha - limit.scaled.alpha, n * n * (alpha - limit.scaled.alpha))
         for text, value in zip(row[1:], found, strict=True):
             mantissa, _, exponent = text.partition("e")
