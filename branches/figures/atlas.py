@@ -44,7 +44,7 @@ MOST_NAMES, MOST_VELOCITY_NAMES = 60, 30
 """Largest number of families named in the frequency-energy plot, and in a panel of start velocities."""
 
 _INSET_NAMES, _INSET_FAR = 12, 26.0
-_INSET_WIDTH, _INSET_HEIGHT, _LARGER = 0.5, 1.4, 1.2  # of the plot's width, at least; in inches, at least; than what it shows
+_INSET_WIDTH, _INSET_HEIGHT, _LARGER = 0.5, 1.8, 1.2  # of the plot's width, at least; in inches, at least; than what it shows
 _COLUMNS = 4  # of the legend, at most
 _FINE = 0.6  # size of lines and crosses in a figure of many families, relative to a figure of one
 _SMALLER = 0.7  # markers of special points, likewise
@@ -55,6 +55,8 @@ _NOTHING = "there is nothing to draw: no family, no impulsive orbit has a point 
 _MANIFOLD: dict[str, Any] = {"color": style.GREEN, "marker": ".", "markersize": 1.8, "markeredgewidth": 0.0, "linewidth": 0.35}
 _MODE: dict[str, Any] = {"color": style.BLACK, "linewidth": 0.9, "linestyle": "-"}
 _BULLET: dict[str, Any] = {"color": style.BLACK, "marker": "o", "markersize": 4.5, "linestyle": "none"}
+_STARS_APART = 9.0  # points, least
+_STARS = "periodic impulsive orbits (of those that\noverlap, the one with the shortest period)"
 _STAR: dict[str, Any] = {
     "marker": "*", "markersize": 5.5, "markerfacecolor": style.YELLOW, "markeredgecolor": style.BLACK, "markeredgewidth": 0.4,
     "linestyle": "none",
@@ -123,15 +125,18 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         _draw_bounds(room, atlas)
         for label in labels:
             draw_inset(room, panels[label], label[-1])
-        named = names_of(curves) if curves else _star_names(atlas, stars)
-        known = {name.key for name in named}
-        written = write_names(room, named, most=names, always=of_modes, radius=0.0 if curves else _RADIUS)
+        written: set[str] = set()
         for label in labels:
             inside = _draw(panels[label], *drawn)
             local = names_of(curves, inside)
-            new = [name for name in local if name.key not in written][max(0, names - len(written & known)) :]
+            new = [name for name in local if name.key not in written][max(0, names - len(written)) :]
             local = [name for name in local if name not in new]
             written |= write_names(inside, local, most=_INSET_NAMES, far=_INSET_FAR, over_curves=False)
+        named = names_of(curves) if curves else _star_names(atlas, stars, room)
+        # What is named in an inset needs no name in its frame, where curves are crowded.
+        named = [name for name in named if name.key not in written or not _is_within(name.spots(room), room, ranges)]
+        others = len(written - {name.key for name in named})
+        written |= write_names(room, named, most=names - others, always=of_modes, radius=0.0 if curves else _RADIUS)
         legend.set_title(_count_of_names(figure, written, curves or named))
     return figure
 
@@ -194,7 +199,7 @@ def velocities_figure(atlas: Atlas, *, names: int = MOST_VELOCITY_NAMES) -> Figu
         for axes in panels[:-1]:
             axes.set_xlabel("")
         others = [_entry("impulsive motions", _MANIFOLD, markersize=3.5)] if len(atlas.manifold_h) else []
-        others += [_entry("periodic impulsive orbits", _STAR)] if atlas.impulsive is not None else []
+        others += [_entry(_STARS, _STAR)] if atlas.impulsive is not None else []
         legend = _legend(figure, {code for panel in drawn for code in panel[2]}, drawn[0][1], others)
         written: set[str] = set()
         for panel in drawn:
@@ -312,9 +317,10 @@ def _draw(
     if len(manifold):
         x, y = np.insert(manifold, np.flatnonzero(~joined) + 1, np.nan, axis=0).T
         axes.plot(x, y, zorder=3.5, gid=f"{name}-manifold", **_MANIFOLD)
+    room = Room(axes, [*(curve.path for curve in (*curves, *mode_names(axes.get_xlim()[0], modes))), manifold])
+    stars = stars[_drawn_stars(room, stars)]
     if len(stars):
         axes.plot(*stars.T, zorder=4, gid=f"{name}-impulsive", **_STAR)
-    room = Room(axes, [*(curve.path for curve in (*curves, *mode_names(axes.get_xlim()[0], modes))), manifold])
     room.take(room.to_page(np.array([*((mode.h, mode.frequency) for mode in modes), *stars]).reshape(-1, 2)), _RADIUS)
     _draw_events(room, curves)
     return room
@@ -332,16 +338,26 @@ def _manifold_velocity(atlas: Atlas, k: int) -> np.ndarray:
 
 
 def _stars(atlas: Atlas, column: str, k: int | None = None) -> np.ndarray:
-    """The periodic impulsive orbits (N, 2): energy, and a column or part k of it."""
+    """The periodic impulsive orbits (N, 2): energy, and a column or part k of it. The shortest periods come first."""
     if atlas.impulsive is None:
         return np.zeros((0, 2))
     values = getattr(atlas.impulsive, column)
-    return np.stack([atlas.impulsive.h, values if k is None else values[:, k]], axis=1)
+    points = np.stack([atlas.impulsive.h, values if k is None else values[:, k]], axis=1)
+    return points[np.argsort(atlas.impulsive.alpha, kind="stable")]
 
 
-def _star_names(atlas: Atlas, stars: np.ndarray) -> list[Named]:
-    """The names of the periodic impulsive orbits, for a figure without families."""
-    labels = [] if atlas.impulsive is None else atlas.impulsive.labels.tolist()
+def _drawn_stars(room: Room, stars: np.ndarray) -> np.ndarray:
+    """Which of the periodic impulsive orbits have a star: bool (N,). Of those that would overlap it is the one with the shortest period."""
+    return thinned(room.to_page(stars), _STARS_APART)
+
+
+def _star_names(atlas: Atlas, stars: np.ndarray, room: Room) -> list[Named]:
+    """The names of the periodic impulsive orbits that are drawn, for a figure without families."""
+    shown = _drawn_stars(room, stars)
+    found: list[str] = []
+    if atlas.impulsive is not None:
+        found = atlas.impulsive.labels[np.argsort(atlas.impulsive.alpha, kind="stable")].tolist()
+    labels = [label if on else "" for label, on in zip(found, shown, strict=True)]
     return [
         Named(stars[k : k + 1], text=label, short_id=f"at {stars[k, 0]:.3g}" if labels.count(label) > 1 else "")
         for k, label in enumerate(labels)
@@ -352,9 +368,11 @@ def _star_names(atlas: Atlas, stars: np.ndarray) -> list[Named]:
 def _draw_events(room: Room, curves: Sequence[Named]) -> None:
     """Draw the special points that have room, smaller than for one family. Important families come first, then the order of `EVENTS`.
 
-    An event has room if its surroundings contain no earlier marker, and at most one other curve, which crosses its own.
+    An event has room if its surroundings contain no earlier marker, and at most one other curve, which crosses its own. The folds of a
+    family that the scene names are marked among many curves, too.
     """
     kinds: list[str] = []
+    important: list[bool] = []
     places = [np.empty((0, 2))]
     for curve in sorted((curve for curve in curves if curve.curve is not None), key=lambda curve: curve.importance):
         assert curve.curve is not None
@@ -363,10 +381,12 @@ def _draw_events(room: Room, curves: Sequence[Named]) -> None:
             mine = np.searchsorted(rows, np.flatnonzero(curve.curve.events == kind))
             mine = mine[np.isfinite(curve.path[mine, 1])]
             kinds += [kind] * len(mine)
+            important += [bool(curve.curve.cited.any()) and kind == "SN"] * len(mine)
             places.append(curve.path[mine])
     points = np.concatenate(places)
     at = room.to_page(points)
-    chosen = np.flatnonzero(room.free(at, 3.0) & (room.crowd(at, _ABOUT) <= _ALONE * 2.0 * _ABOUT))
+    alone = room.free(at, 3.0) & (room.crowd(at, _ABOUT) <= _ALONE * 2.0 * _ABOUT)
+    chosen = np.flatnonzero(alone | (np.array(important, dtype=bool) & room.free(at, 1.0)))
     chosen = chosen[thinned(at[chosen], _APART)]
     for kind in dict.fromkeys(kinds):
         drawn = [i for i in chosen if kinds[i] == kind]
@@ -374,6 +394,12 @@ def _draw_events(room: Room, curves: Sequence[Named]) -> None:
             size = _SMALLER * style.EVENT_LOOKS[kind]["markersize"]
             draw_events(room.axes, [kind] * len(drawn), points[drawn], str(room.axes.get_label()), zorder=3.8, markersize=size)
             room.take(at[drawn], 0.5 * size + 0.5)
+
+
+def _is_within(spots: np.ndarray, room: Room, ranges: Sequence[tuple[tuple[float, float], tuple[float, float]]]) -> bool:
+    """Whether all spots (k, 2) of the page lie in the frames of insets."""
+    corners = [room.to_page(np.array(pair).T) for pair in ranges]
+    return len(spots) > 0 and bool(np.any([((spots >= low) & (spots <= high)).all(axis=1) for low, high in corners], axis=0).all())
 
 
 def _draw_bounds(room: Room, atlas: Atlas) -> None:
@@ -411,7 +437,7 @@ def _other_entries(atlas: Atlas, modes: Sequence[Any], stars: bool, outside: int
         text = f"impulsive motions ({atlas.manifold_window} window, {atlas.manifold_periods} periods{left_out})"
         entries.append(_entry(text, _MANIFOLD, markersize=3.5))
     if stars:
-        entries.append(_entry("periodic impulsive orbits", _STAR))
+        entries.append(_entry(_STARS, _STAR))
     if atlas.bounds:
         text = "regimes (bounds are ours, not the paper's):\n" + "\n".join(f"{b.below}/{b.above}: {b.what}" for b in atlas.bounds)
         entries.append(_entry(text, _BOUND))

@@ -247,4 +247,6 @@ def draw_inset(room: Room, panel: Axes, letter: str) -> None:
     frame.rectangle.set_gid(f"{panel.get_label()}-frame")
     corners = room.to_page(np.array([(left, low), (left, high), (right, high), (right, low), (left, low)]))
     room.take_path(corners)
+    # What lies in the frame is named in the inset.
+    room.take(corners[[0, 2]].mean(axis=0, keepdims=True), np.ptp(corners, axis=0) / 2)
     room.write([f"({letter})"], corners[1:2], beside=_BESIDE, over_curves=True)

@@ -328,8 +328,10 @@ def write_names(
 def _place(room: Room, name: Named, places: list[np.ndarray]) -> np.ndarray | None:
     """The place (2,) on the page that a name belongs to, None if there is none. It is also appended to `places`, which other names fill."""
     spots = name.spots(room)
-    if len(name.path) > 1:  # a curve has other places; one point stays
-        spots = spots[room.free(spots, 1.0)]
+    free = spots[room.free(spots, 1.0)]
+    # A curve has other places. One point stays, and so does a name that the scene cites, at a marker if need be.
+    if len(name.path) > 1 and (len(free) or not name.cited):
+        spots = free
     if not len(spots):
         return None
     crowd = room.crowd(spots, _CROWD).astype(float)
