@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bvp.checks import InvalidSystem
+from bvp.smooth_forces import linear_part, smooth_forces
 from bvp.springs import Spring, element_from
 from bvp.system import ImpactSystem
 
 if TYPE_CHECKING:
     from bvp.parameters import ParametricSystem
 
-__all__ = ["StiffSpring", "effective_clearance", "stiff_limit"]
+__all__ = ["StiffSpring", "effective_clearance", "force_along", "stiff_limit"]
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,22 @@ def effective_clearance(power: float, stiffness: float, mass: float, speed: floa
     n = power + 1.0
     turn = (n * mass * speed * speed / (2.0 * stiffness)) ** (1.0 / n)
     return turn * math.sqrt(math.pi) * math.exp(math.lgamma(1.0 + 1.0 / n) - math.lgamma(0.5 + 1.0 / n))
+
+
+def force_along(spring: Spring, coordinates: Sequence[str], displacements: np.ndarray) -> np.ndarray:
+    """The force (m,) of a spring at displacements (m,) along its row. Its linear part counts, though it may be in K.
+
+    Examples
+    --------
+    >>> force_along(Spring((1.0, -1.0), stiffness=2.0, power=3), ("x", "y"), np.array([-1.0, 0.5])).tolist()
+    [-2.0, 0.25]
+    """
+    spring, row = element_from(Spring, {**spring.describe(), "nonlinear_only": False}, coordinates), np.array(spring.row)
+    u = np.outer(displacements, row / (row @ row))
+    forces = smooth_forces([spring], [], coordinates)
+    acting = u @ linear_part([spring], coordinates) + (0.0 if forces is None else forces.acting(u, np.zeros_like(u)))
+    along: np.ndarray = acting @ row / (row @ row)
+    return along
 
 
 def stiff_limit(

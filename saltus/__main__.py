@@ -39,6 +39,7 @@ COMMANDS = {
     "basin": "draw basins of attraction: to which attractor each start of forced motion leads",
     "gallery": "make the figures of a publication, each with its data",
     "impulsive": "find the orbits that start with the velocity of the oscillator alone",
+    "spring": "draw the force of a spring at values of a parameter, and the stop that it becomes",
     "study": "simulate many damped motions over a grid or a Latin hypercube of parameters",
     "compile": "compile what all commands need, so that no first run waits",
     "plot": "draw the results of a study: maps, lines against each parameter, the best point",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -28,7 +29,10 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
     from continuation.control import Settings
 
-__all__ = ["agreed", "discover", "family_named", "has_label", "list_orbits", "orbits_of", "outside_text", "select", "start_of", "trace"]
+__all__ = [
+    "agreed", "called", "discover", "family_named", "has_label", "impulsive_orbit", "impulsive_place", "list_orbits", "orbits_of",
+    "outside_text", "select", "start_of", "trace",
+]  # fmt: skip
 
 TOLERANCE = 0.01
 """How far, relatively, a selecting value may be from the orbit that it selects."""
@@ -311,12 +315,63 @@ def orbits_of(branch: Branch, name: Name, energy: float | None = None, alpha: fl
     return kept
 
 
+def impulsive_place(branch: Branch, name: Name, energy: float | None, alpha: float | None) -> tuple[float, float]:
+    """Energy and quarter period of a family's impulsive orbit. If there are several, the given values select one.
+
+    A family that folds back on itself passes through the same orbit twice. Both passes count as one orbit."""
+    found = [event for event in branch.events if event.type == "IO"]
+    found = [
+        event
+        for k, event in enumerate(found)
+        if not any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found[:k])
+    ]
+    listed = " ".join(f"@h={event.h:.10g},alpha={event.alpha:.10g}" for event in found)
+    near = [
+        event
+        for event in found
+        if all(wish is None or abs(value / wish - 1.0) <= TOLERANCE for value, wish in ((event.h, energy), (event.alpha, alpha)))
+    ]
+    if len(near) != 1:
+        which = "no impulsive orbit" if not found else f"{len(near)} impulsive orbits"
+        asked = "" if energy is None and alpha is None else " with these values"
+        raise BadInput(f"{name} has {which}{asked}{f', expected one of {listed}' if found else ''}")
+    return near[0].h, near[0].alpha
+
+
+def impulsive_orbit(branch: Branch, name: Name, energy: float | None, alpha: float | None) -> Orbit:
+    """A family's impulsive orbit, begun where the oscillator alone moves, in the positive direction."""
+    import numpy as np
+
+    from branches.orbit import Orbit
+    from branches.presentation import segment_images
+    from bvp.multipoint import MultipointProblem
+
+    h, alpha = impulsive_place(branch, name, energy, alpha)
+    impulsive = (event for event in branch.events if event.type == "IO")
+    orbit = branch.orbit(min(impulsive, key=lambda event: abs(event.h / h - 1.0) + abs(event.alpha / alpha - 1.0)).point)
+    system, n = branch.system, branch.system.degrees_of_freedom
+    start = np.zeros(2 * n)
+    assert system.primary is not None  # or there were no such event
+    start[n + system.primary] = math.sqrt(2.0 * h / system.mass[system.primary, system.primary])
+    images = segment_images(orbit.problem, orbit.solution.y)
+    image = min(images, key=lambda image: float(np.abs(system.modes.to_state @ image.start - start).max()))
+    problem = MultipointProblem(system, image.ends, image.sequence)
+    return Orbit(problem, problem.solve(image.unknowns(problem), energy=h))
+
+
 def has_label(orbit: Orbit, name: Name) -> bool:
     """Whether an orbit has the label of a name."""
     from branches.naming.labels import parse
     from branches.naming.matching import matches
 
     return name.label is not None and bool(orbit.label) and matches(name.label, parse(orbit.label))
+
+
+def called(name: Name, orbit: Orbit) -> str:
+    """The name of the family of an orbit: the label that was asked for, or that of the orbit where an incomplete label or an id was."""
+    if name.label is None or (not name.label.is_complete and has_label(orbit, name)):
+        return orbit.label
+    return str(name.label)
 
 
 def start_of(orbit: Orbit) -> tuple[np.ndarray, np.ndarray, str | None]:

@@ -28,7 +28,7 @@ __all__ = ["add_arguments", "fill_catalogue", "place_of_responses", "record_of",
 
 SCHEMA = 2
 DEPTH = 3
-_OTHERS = {"energy": "--energy", "max_impacts": "--max-impacts", "max_quarter_period": "--max-quarter-period"}
+_OTHERS = {"energy": "--energy", "max_impacts": "--max-impacts", "max_quarter_period": "--max-quarter-period", "named": "--named"}
 """Options of a build of families in the energy."""
 _OWN = {"start": "--from", "begin": "--start"} | {name: f"--{name}" for name in ("keep", "range", "phase", "transient", "depth", "points")}
 """Options of a build of responses."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import string
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from branches.figures.atlas_data import Atlas
+    from transitions.frequencies import IntrinsicModes
     from transitions.record import SampledMotion
     from transitions.stage import Stage, StartFamily
     from transitions.transition import Transition
@@ -124,7 +126,8 @@ _MANY_FOLD = 10.0  # a range of frequencies that rises by more gets a logarithmi
 _FINE = 0.55  # families, thinner than in a figure of their own
 _LETTER_HIGH, _LETTER_FAR = 12.0, 30.0  # points from the upper edge to the place of a letter, and from there to the letter
 _MOST_LETTERS = 12
-_HEIGHT = 6.6  # of the panels, in inches; what is written below comes in addition
+_HEIGHT, _ROW = 6.6, 1.1  # of the panels, and of a row of an empirical mode, in inches; what is written below comes in addition
+_MOST_MODES, _FAINT_MODE = 4, 0.1  # empirical modes that are drawn; frequencies count from this part of their largest amplitude on
 _CAPTION = 150  # letters in a line of the caption
 _MOST_NAMES = 12
 _RADIUS = 3.0  # of the bullets of linear modes, in points
@@ -138,6 +141,8 @@ def draw_transition(
     path_or_file: str | os.PathLike[str] | IO[bytes],
     *,
     caption: str = "",
+    window: tuple[float, float] | None = None,
+    modes: IntrinsicModes | None = None,
     format: str | None = None,
 ) -> None:
     """Write the figure of a motion to a png, pdf or svg file.
@@ -148,18 +153,26 @@ def draw_transition(
     atlas : Atlas or None
         The families that the spectrum is laid over; see `transitions.transition.atlas_behind`.
     path_or_file : path, or binary file open for writing
-    caption : str
-        A text under the panels.
+    caption, window, modes
+        As for `transition_figure`.
     format : "png", "pdf" or "svg"; by default what the file's name ends with
 
     Notes
     -----
     The panels are those of Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 11 to 20.
     """
-    style.write_figure(transition_figure, path_or_file, transition, atlas, caption, format=format)
+    options: dict[str, Any] = {"window": window, "modes": modes}
+    style.write_figure(transition_figure, path_or_file, transition, atlas, caption, format=format, **options)
 
 
-def transition_figure(transition: Transition, atlas: Atlas | None = None, caption: str = "") -> Figure:
+def transition_figure(
+    transition: Transition,
+    atlas: Atlas | None = None,
+    caption: str = "",
+    *,
+    window: tuple[float, float] | None = None,
+    modes: IntrinsicModes | None = None,
+) -> Figure:
     """The figure of a motion as a matplotlib figure.
 
     Parameters
@@ -168,20 +181,25 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
     atlas : Atlas, optional
     caption : str
         A text under the panels.
+    window : (float, float), optional
+        The times that are shown, and the energies at them. The spectrum is that of the full motion.
+    modes : IntrinsicModes, optional
+        Empirical modes of the relative displacement; the strongest have panels of their own.
 
     Returns
     -------
     matplotlib.figure.Figure
-        (a) displacements; (b) share of the sink in the energy of the moment, or, of a system without a sink, the energy in parts of that at
-        the start; (c) shares of the energy at the start that the sink, the oscillator and both have dissipated, without a sink the stops
-        and the rest; (d) wavelet spectrum of the relative displacement, hatched where the edges of the record are felt; (e) the same with
-        the energy of the moment as abscissa (`gradual_energy`), over the families. The stages are lettered, and what each follows is said
-        below.
+        (a) displacements; (b) shares of the sink and the oscillator in the energy of the moment, or, of a system without a sink, the energy
+        in parts of that at the start; (c) the total energy, and what the sink, the oscillator and both have dissipated, in parts of the
+        energy at the start; without a sink the stops and the rest; (d) wavelet spectrum of the relative displacement, hatched where the
+        edges of the record are felt; (e) the same with the energy of the moment as abscissa (`gradual_energy`), over the families; (f),
+        (g), ... an empirical mode and its instantaneous
+        frequency, where its amplitude is a tenth of the largest. The stages are lettered, and what each follows is said below.
 
     Raises
     ------
     ValueError
-        For an atlas in other units or of another system, or a motion without energy.
+        For an atlas in other units or of another system, a motion without energy, or a window without two of its times.
     """
     record = transition.record
     if not record.energy.max() > 0.0:
@@ -193,15 +211,29 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
         if (atlas.clearance, atlas.natural_frequency) != (1.0, 1.0):
             raise ValueError(f"a motion is in natural units; the families have a clearance of {atlas.clearance:g}")
         atlas = _with_name(atlas, transition.start)
-    spectrum = shown_spectrum(transition)
+    times = window or (float(record.times[0]), float(record.times[-1]))
+    inside = (record.times >= times[0]) & (record.times <= times[1])
+    spectrum = _within(shown_spectrum(transition), times)
+    if np.count_nonzero(inside) < 2 or len(spectrum.times) < 2:
+        lasts = f"the motion lasts from {record.times[0]:g} to {record.times[-1]:g}"
+        raise ValueError(f"{lasts}: too little of it is between {times[0]:g} and {times[1]:g}")
+    stages = [
+        (letter, stage)
+        for letter, stage in zip(_letters(len(transition.stages)), transition.stages, strict=True)
+        if stage.end > times[0] and stage.start < times[1]
+    ]
+    chosen = [] if modes is None else _strongest(modes)
+    height = _HEIGHT + _ROW * len(chosen)
     with style.figure_settings():
-        figure = style.new_figure(_HEIGHT)
+        figure = style.new_figure(height)
         begin = "rest" if record.from_rest else rf"energy $h = {record.energy[0]:.6g}$"
         figure.suptitle(f"Motion from {begin}   ({style.system_text(transition.system)})")
+        below: list[Any] = [[f"mode{k}", f"rate{k}"] for k in chosen]
         axes = figure.subplot_mosaic(
-            [["series", "series"], ["share", "lost"], ["spectrum", "families"]], height_ratios=[0.72, 0.8, 1.25], width_ratios=[1.0, 1.0]
-        )
-        _draw_series(axes["series"], transition)
+            [["series", "series"], ["share", "lost"], ["spectrum", "families"], *below],
+            height_ratios=[0.72, 0.8, 1.25, *(0.5 for _ in chosen)], width_ratios=[1.0, 1.0],
+        )  # fmt: skip
+        _draw_series(axes["series"], transition, inside)
         _draw_share(axes["share"], transition)
         _draw_lost(axes["lost"], transition)
         limits = band(spectrum)
@@ -210,31 +242,68 @@ def transition_figure(transition: Transition, atlas: Atlas | None = None, captio
             style.set_axis(axes[name], "y", limits, 7, words, symbol, log=limits[1] > _MANY_FOLD * limits[0])
         mesh = _draw_spectrum(axes["spectrum"], spectrum)
         _draw_over_energy(axes["families"], transition, spectrum)
-        for name, count in (("series", 10), ("share", 5), ("lost", 5), ("spectrum", 5)):
-            style.set_axis(axes[name], "x", (record.times[0], record.times[-1]), count, "time", "t")
+        over_time = [name for name in axes if name != "families"]
+        if modes is not None:
+            _draw_modes(axes, modes, chosen, times, gap)
+        for name in over_time:
+            style.set_axis(axes[name], "x", times, 10 if name == "series" else 5, "time", "t")
+            if window is not None:
+                axes[name].tick_params(axis="x", pad=6.0)  # below the text of a tick of the other axis in the corner
         figure.colorbar(mesh, ax=[axes["spectrum"], axes["families"]], location="right", fraction=0.03, pad=0.01, label="amplitude")
-        for name, letter in zip(axes, "abcde", strict=True):
+        for name, letter in zip(axes, string.ascii_lowercase, strict=False):
             axes[name].set_title(f"({letter})", loc="left", fontsize=style.NORMAL, pad=3)
         curves = [] if atlas is None else [frequency_curve(curve, "index") for curve in atlas.curves]
         if curves:
             axes["families"].legend(handles=legend_entries(runs_of(curves), []), **_ABOVE, ncols=3, handlelength=1.6)
         drawn = [] if atlas is None else [curve.family for curve in atlas.curves]
-        _below(figure, transition, caption, style.short_ids(dict.fromkeys([*drawn, *_followed(transition)])))
-        for name in ("series", "share", "lost", "spectrum"):
-            _mark_stages(axes[name], transition.stages, letters=name in ("series", "spectrum"))
+        short = style.short_ids(dict.fromkeys([*drawn, *_followed(transition)]))
+        _below(figure, transition, stages, caption, short, height, times[0])
+        for name in over_time:
+            _mark_stages(axes[name], stages, times, letters=name in ("series", "spectrum"))
         if atlas is not None:
             _draw_families(axes["families"], atlas, curves, _followed(transition))
     return figure
 
 
-def _draw_series(axes: Axes, transition: Transition) -> None:
+def _within(spectrum: Spectrum, window: tuple[float, float]) -> Spectrum:
+    """The columns of a spectrum at the times of a window."""
+    inside = (spectrum.times >= window[0]) & (spectrum.times <= window[1])
+    if inside.all():
+        return spectrum
+    part = replace(spectrum, times=spectrum.times[inside])
+    vars(part)["amplitudes"] = spectrum.amplitudes[:, inside]  # its rows would be computed for the full record
+    return part
+
+
+def _strongest(modes: IntrinsicModes) -> list[int]:
+    """The numbers of the strongest empirical modes, the fastest first."""
+    order = np.argsort(-np.sum(modes.functions**2, axis=1), kind="stable")
+    return sorted(order[:_MOST_MODES].tolist())
+
+
+def _draw_modes(axes: Mapping[str, Axes], modes: IntrinsicModes, chosen: Sequence[int], times: tuple[float, float], gap: str) -> None:
+    """Draw the empirical modes of the gap coordinate, and their instantaneous frequencies."""
+    inside = (modes.times >= times[0]) & (modes.times <= times[1])
+    for k in chosen:
+        left, right = axes[f"mode{k}"], axes[f"rate{k}"]
+        left.plot(modes.times, modes.functions[k], color=style.LINES[0], linewidth=0.6, gid=f"emd-{k}")
+        style.set_axis(left, "y", style.limits_of(modes.functions[:, inside], 0.06), 3, f"mode {k + 1} of", gap)
+        strong = modes.amplitudes[k] >= _FAINT_MODE * modes.amplitudes[k].max()
+        rate = np.where(strong, modes.frequencies[k], np.nan)
+        right.plot(modes.times, rate, color=style.LINES[1], linewidth=0.6, gid=f"emd-rate-{k}")
+        seen = rate[inside & strong]
+        low, high = np.quantile(seen, (0.02, 0.98)) if len(seen) else (0.0, 1.0)
+        style.set_axis(right, "y", style.limits_of(np.array([low, high]), 0.25), 3, f"frequency of {k + 1}", r"\omega")
+
+
+def _draw_series(axes: Axes, transition: Transition, inside: np.ndarray) -> None:
     record = transition.record
     order = sorted(range(record.degrees_of_freedom), key=lambda i: -float(np.ptp(record.displacements[:, i])))
     for i in order:
         name = transition.system.coordinates[i]
         look: dict[str, Any] = {"color": style.LINES[i % len(style.LINES)], "linewidth": 0.6, "gid": f"series-{name}"}
         axes.plot(record.times, record.displacements[:, i], label=f"${style.symbol_of(name)}$", **look)
-    style.set_axis(axes, "y", style.limits_of(record.displacements, 0.06), 5, "displacement", "u")
+    style.set_axis(axes, "y", style.limits_of(record.displacements[inside], 0.06), 5, "displacement", "u")
     axes.legend(**_ABOVE, ncols=len(order))
 
 
@@ -242,9 +311,11 @@ def _draw_share(axes: Axes, transition: Transition) -> None:
     record = transition.record
     if record.nes_energy.any():
         with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(record.energy > 0.0, 100.0 * record.nes_energy / record.energy, np.nan)
-        axes.plot(record.times, share, color=style.LINES[0], linewidth=0.5, gid="share-nes")
-        style.set_axis(axes, "y", (0.0, 100.0), 5, "energy in the sink, of the present", r"\%")
+            shares = [np.where(record.energy > 0.0, 100.0 * part / record.energy, np.nan) for part in (record.nes_energy, record.lo_energy)]
+        for name, share, colour in zip(("sink", "oscillator"), shares, style.LINES, strict=False):
+            axes.plot(record.times, share, color=colour, linewidth=0.5, label=name, gid=f"share-{name}")
+        axes.legend(**_ABOVE, ncols=2, handlelength=1.4)
+        style.set_axis(axes, "y", (0.0, 100.0), 5, "energy, of the present", r"\%")
     else:
         axes.plot(record.times, 100.0 * record.energy / record.energy.max(), color=style.LINES[0], linewidth=0.8, gid="share-energy")
         style.set_axis(axes, "y", (0.0, 100.0), 5, "energy, of the largest", r"\%")
@@ -258,11 +329,12 @@ def _draw_lost(axes: Axes, transition: Transition) -> None:
     sink = transition.system.absorber is not None or record.nes_energy.any()
     first, second = ("sink", "oscillator") if sink else ("stops", "rest")
     lines = (("both", nes + lo, style.BLACK, 2.4), (first, nes, style.LINES[0], 1.0), (second, lo, style.LINES[1], 1.0))
-    for name, values, colour, width in lines:
-        axes.plot(record.times, 100.0 * values / total, color=colour, linewidth=width, label=name, gid=f"lost-{name}")
+    for name, values, colour, width in (*lines, ("total energy", record.energy, style.GREEN, 1.0)):
+        gid = f"lost-{name}" if values is not record.energy else "total-energy"
+        axes.plot(record.times, 100.0 * values / total, color=colour, linewidth=width, label=name, gid=gid)
     top = max(100.0, 105.0 * float(np.max(nes + lo)) / total if np.max(nes + lo) > total * (1.0 + 1e-9) else 0.0)
-    style.set_axis(axes, "y", (0.0, top), 5, "dissipated, of what came in" if record.from_rest else "dissipated, of the start", r"\%")
-    axes.legend(**_ABOVE, ncols=3, handlelength=1.4)
+    style.set_axis(axes, "y", (0.0, top), 5, f"lost and left, of {'what came in' if record.from_rest else 'the start'}", r"\%")
+    axes.legend(**_ABOVE, ncols=4, handlelength=1.2, columnspacing=1.2)
 
 
 def _shade(axes: Axes, edges: np.ndarray, spectrum: Spectrum, amplitudes: np.ndarray, name: str) -> Any:
@@ -312,19 +384,20 @@ def _draw_families(axes: Axes, atlas: Atlas, curves: Sequence[Named], followed: 
     write_names(room, names, most=_MOST_NAMES, always=of_modes)
 
 
-def _letters(stages: Sequence[Stage]) -> list[str]:
+def _letters(count: int) -> list[str]:
     """A, B, ... for the stages, A1, B1, ... beyond the alphabet."""
-    return [chr(65 + i % 26) + (str(i // 26) if i >= 26 else "") for i in range(len(stages))]
+    return [chr(65 + i % 26) + (str(i // 26) if i >= 26 else "") for i in range(count)]
 
 
-def _mark_stages(axes: Axes, stages: Sequence[Stage], letters: bool) -> None:
-    """Draw lines at the ends of a stage, and its letter near the middle of its upper edge."""
-    for time in sorted({time for stage in stages for time in (stage.start, stage.end)}):
+def _mark_stages(axes: Axes, stages: Sequence[tuple[str, Stage]], shown: tuple[float, float], letters: bool) -> None:
+    """Draw lines at the ends of a stage, and its letter near the middle of the upper edge of what is shown of it."""
+    for time in sorted({time for _, stage in stages for time in (stage.start, stage.end) if shown[0] <= time <= shown[1]}):
         axes.axvline(time, color=style.GREEN, linewidth=0.6, linestyle=(0, (4, 2)), zorder=3)
     if letters:
         room = Room(axes, [])
-        middles = room.to_page(np.array([(0.5 * (stage.start + stage.end), axes.get_ylim()[1]) for stage in stages]).reshape(-1, 2))
-        for text in room.write(_letters(stages), middles - (0.0, _LETTER_HIGH), beside=_LETTER_FAR, far=_LETTER_FAR):
+        spans = [(max(stage.start, shown[0]), min(stage.end, shown[1])) for _, stage in stages]
+        middles = room.to_page(np.array([(0.5 * (begin + end), axes.get_ylim()[1]) for begin, end in spans]).reshape(-1, 2))
+        for text in room.write([letter for letter, _ in stages], middles - (0.0, _LETTER_HIGH), beside=_LETTER_FAR, far=_LETTER_FAR):
             if text is not None:
                 text.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
 
@@ -348,22 +421,29 @@ def _with_name(atlas: Atlas, start: StartFamily | None) -> Atlas:
     return replace(atlas, curves=tuple(named))
 
 
-def _below(figure: Figure, transition: Transition, caption: str, short: Mapping[str, str]) -> None:
+def _below(
+    figure: Figure,
+    transition: Transition,
+    stages: Sequence[tuple[str, Stage]],
+    caption: str,
+    short: Mapping[str, str],
+    height: float,
+    begins: float,
+) -> None:
     """Below the figure: its caption, the family of the start, and what each stage follows."""
     from matplotlib.lines import Line2D
 
-    stages, start = transition.stages, transition.start
-    begin = "" if start is None else f"start  0\N{EN DASH}{start.end:.4g}  {_called(start.family, start.name, short)}, {start.kept}"
-    texts = [
-        f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage, start, short)}"
-        for stage, letter in zip(stages, _letters(stages), strict=True)
-    ]
+    start = transition.start
+    begin = ""
+    if start is not None and start.end >= begins:
+        begin = f"start  0\N{EN DASH}{start.end:.4g}  {_called(start.family, start.name, short)}, {start.kept}"
+    texts = [f"{letter}  {stage.start:.4g}\N{EN DASH}{stage.end:.4g}  {_follows(stage, start, short)}" for letter, stage in stages]
     if len(texts) > _MOST_LETTERS:
         texts = [*texts[: _MOST_LETTERS - 1], f"and {len(texts) - _MOST_LETTERS + 1} more stages"]
     texts = [*filter(None, [begin]), *texts]
     entries = [Line2D([], [], linestyle="none", label=text) for text in texts]
     look: dict[str, Any] = {"title_fontsize": style.SMALL, "handlelength": 0.0, "handletextpad": 0.0}
-    style.legend_below(figure, entries, 2, height=_HEIGHT, title=textwrap.fill(caption, _CAPTION), **look)
+    style.legend_below(figure, entries, 2, height=height, title=textwrap.fill(caption, _CAPTION), **look)
 
 
 def _called(family: str, label: str, short: Mapping[str, str]) -> str:

@@ -177,12 +177,14 @@ _IMPACT: dict[str, Any] = {"marker": "o", "markersize": 3.6, "mfc": "white", "me
 _ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False, "borderaxespad": 0.2}
 
 
-def orbit_figure(orbit: Any) -> Figure:
+def orbit_figure(orbit: Any, *, name: str = "") -> Figure:
     """The figure of an orbit (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 7 and 9).
 
     Parameters
     ----------
     orbit : Orbit
+    name : str
+        The label that its family is called by, if it is not that of the orbit.
 
     Returns
     -------
@@ -198,7 +200,7 @@ def orbit_figure(orbit: Any) -> Figure:
     rows = 1 + len(system.stops)
     with style.figure_settings():
         figure = style.new_figure(1.3 + 1.3 * max(rows, 2))
-        figure.suptitle(_title(orbit))
+        figure.suptitle(_title(orbit, name))
         layout: list[Any] = [["displacement", "plane"], *([f"stop{k}", "plane"] for k in range(len(system.stops)))]
         axes = figure.subplot_mosaic(layout, width_ratios=[1.35, 1.0])
         _draw_displacements(axes["displacement"], orbit, times, u, at)
@@ -216,6 +218,44 @@ def orbit_figure(orbit: Any) -> Figure:
     return figure
 
 
+def orbits_figure(orbits: Sequence[tuple[str, Any]]) -> Figure:
+    """The figure of several orbits (Lee, Nucera, Vakakis, McFarland, Bergman, Physica D 238 (2009) 1868, Figs. 27 to 30).
+
+    Parameters
+    ----------
+    orbits : sequence of (str, Orbit)
+        Each with the name of its family, or "" for its label.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        For each orbit its displacements over a period, and its path in the configuration plane with the walls.
+    """
+    rows = -(-len(orbits) // 2)
+    with style.figure_settings():
+        figure = style.new_figure(0.6 + 1.75 * rows)
+        figure.suptitle(f"Periodic orbits   ({style.system_text(orbits[0][1].system)})")
+        panels = figure.subplots(rows, 4, squeeze=False, width_ratios=[1.5, 1.0, 1.5, 1.0]).reshape(-1, 2)
+        for k, (name, orbit) in enumerate(orbits):
+            series, plane = panels[k]
+            times, u, v = _sampled_orbit(orbit)
+            at = np.array([impact.time for impact in orbit.impacts])
+            _draw_displacements(series, orbit, times, u, at)
+            _draw_plane(plane, orbit.system, u, v, orbit.sample(at)[0], "scales differ")
+            handles = [handle for axes in (series, plane) for handle in axes.get_legend().legend_handles]
+            for axes, kind in ((series, "series"), (plane, "plane")):
+                axes.get_legend().remove()
+                axes.set_label(f"{kind}-{k}")
+                axes.tick_params(axis="x", pad=6.0)  # below the text of a tick of the other axis in the corner
+            style.set_axis(series, "x", (0.0, float(orbit.period)), 4, "time", "t")
+            called, place, stable = _parts(orbit, name)
+            series.set_title(f"({chr(97 + k % 26)})  {called},  {place},  {stable}", loc="left", fontsize=style.SMALL, pad=6)
+        for axes in panels[len(orbits) :].ravel():
+            axes.remove()
+        style.legend_below(figure, handles, 9)
+    return figure
+
+
 def _sampled_orbit(orbit: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (k,), displacements and velocities (k, n) over one period, with both sides of each impact, so kinks are sharp."""
     ends = np.unique([0.0, *(impact.time for impact in orbit.impacts), orbit.period])
@@ -225,12 +265,24 @@ def _sampled_orbit(orbit: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return times, *orbit.sample(times)
 
 
-def _title(orbit: Any) -> str:
+def _title(orbit: Any, name: str = "") -> str:
+    called, place, stable = _parts(orbit, name)
+    return f"{called}:  {place},  {stable}   ({style.system_text(orbit.system)})"
+
+
+def _parts(orbit: Any, name: str) -> tuple[str, str, str]:
+    """What the orbit is called, where it is, and its stability."""
     stable = {1: "stable", 0: "unstable"}.get(orbit.stable, "stability undecided")
     if not orbit.quality.get("reliable", True):
         stable += " (multipliers not reliable)"
     family = style.family_text(orbit.label, orbit.ends, orbit.sequence)
-    return rf"{family}:  $h = {orbit.h:.8g}$,  $\alpha = {orbit.alpha:.8g}$,  {stable}   ({style.system_text(orbit.system)})"
+    if name and name != orbit.label:
+        from branches.naming.labels import parse
+        from branches.naming.matching import matches
+
+        counted = "" if orbit.label and matches(parse(name), parse(orbit.label)) else f" (counted {family})"
+        family = style.family_text(name, orbit.ends, orbit.sequence) + counted
+    return family, rf"$h = {orbit.h:.8g}$,  $\alpha = {orbit.alpha:.8g}$", stable
 
 
 def _mark_impacts(axes: Axes, x: np.ndarray, y: np.ndarray, name: str) -> None:
@@ -281,7 +333,9 @@ def _draw_gap(axes: Axes, stop: Any, system: Any, times: np.ndarray, gap: np.nda
         axes.set_title(f"wall at {walls} is out of view", fontsize=style.SMALL, loc="right", pad=2)
 
 
-def _draw_plane(axes: Axes, system: Any, u: np.ndarray, v: np.ndarray, u_at: np.ndarray) -> None:
+def _draw_plane(
+    axes: Axes, system: Any, u: np.ndarray, v: np.ndarray, u_at: np.ndarray, differ: str = "the scales of both axes differ"
+) -> None:
     n = len(system.coordinates)
     pair = (system.absorber, system.primary)
     i, j = (0, 0) if n == 1 else (0, 1) if None in pair else pair
@@ -307,7 +361,7 @@ def _draw_plane(axes: Axes, system: Any, u: np.ndarray, v: np.ndarray, u_at: np.
         if max(wide / high, high / wide) <= _WIDEN:
             axes.set_aspect("equal", adjustable="datalim")
         else:
-            axes.set_xlabel(axes.get_xlabel() + "\nthe scales of both axes differ")
+            axes.set_xlabel(f"{axes.get_xlabel()}\n{differ}")
 
 
 def _draw_wall(axes: Axes, normal: np.ndarray, bound: float, side: float, limits: Sequence[tuple[float, float]], name: str) -> None:

@@ -26,6 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--max-impacts", metavar="K", type=whole_above_zero, help="most impacts in half a period (default: the scene's)")
+    parser.add_argument(
+        "--named", action="store_true", default=None, help="with other bounds than the scene's: the families that the scene names, too"
+    )
     options.add_shared(parser, "max-quarter-period", "workers", "dask")
     response_catalogues.add_arguments(parser)
     parser.add_argument("--catalogue", metavar="FILE", help="the catalogue (default: that of the scene in the user's data folder)")
@@ -55,10 +58,14 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.max_quarter_period or complete["quarter_period"],
         arguments.max_impacts or complete["impacts"] or least,
     )
-    if not any(given):
-        limits = scene.bounds
+    if arguments.named and not scene.names:
+        raise BadInput("--named: the scene has no table [names]; expected it without --named")
+    if arguments.named or not any(given):
+        limits, points = scene.bounds, scene.reference_points
         named = Bounds(bounds.energy, limits["quarter_period"], limits["impacts"] or least)
-        plan = BuildPlan(bounds, named, scene.names, scene.reference_points)
+        low, high = bounds.energy
+        names = tuple(name for name in scene.names if low <= points.get(name, {}).get("h", low) <= high)
+        plan = BuildPlan(bounds, named, names, points)
     else:
         plan = BuildPlan.within(bounds)
     _check(scene, plan)

@@ -135,7 +135,8 @@ def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
     """Add the options of ``graph``, ``points`` and ``orbits``."""
     names = {"orbits": "orbits: S13O00+@h=1, an id with @h=.."}.get(what, "names of families (default: all)")
     parser.add_argument("names", metavar="NAME", nargs="*", help=names)
-    outputs.add_arguments(parser, *(("json", "graphml", "dot") if what == "graph" else ("json", "csv", "npz", "mat")))
+    kinds = {"graph": ("json", "graphml", "dot"), "orbits": ("json", "csv", "npz", "mat", "plot")}
+    outputs.add_arguments(parser, *kinds.get(what, ("json", "csv", "npz", "mat")))
     if what == "points":
         parser.add_argument("--columns", metavar="A,B", help="columns, in this order (default: all but the states)")
     if what == "orbits":
@@ -146,14 +147,18 @@ def _add_data(parser: argparse.ArgumentParser, what: str) -> None:
 
 def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
     """Write the graph, or a table of points or orbits."""
-    from branches.tables import DEFAULT_COLUMNS, POINT_NAMES, points_table, table_text
+    from branches.tables import DEFAULT_COLUMNS, POINT_NAMES, orbit_rows, orbit_samples, points_table, table_text
 
+    figure: outputs.Drawing | None = None
     with catalogues.open_catalogue(arguments) as catalogue:
         if arguments.what == "graph":
             return _graph(catalogue, _chosen(catalogue, arguments) if len(catalogue) else [], files)
         if arguments.what == "orbits":
             catalogues.require_energies(catalogue, "saltus export orbits")
-            table = _orbits(catalogue, arguments)
+            found = _orbits(catalogue, arguments)
+            rows = [(id, orbit) for id, _, orbit in found]
+            table = orbit_samples(rows, arguments.samples) if arguments.samples else orbit_rows(rows)
+            figure = "branches.figures.single:orbits_figure", [(name, orbit) for _, name, orbit in found], {}
         elif catalogue.scene.parameters:
             table = _response_points(catalogue, arguments)
         else:
@@ -161,7 +166,9 @@ def _data(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
             table = points_table(catalogue, _chosen(catalogue, arguments), columns)
     thing = "samples" if getattr(arguments, "samples", None) else arguments.what
     note = counted(len(next(iter(table.values()))), thing[:-1])
-    return files.write({"json": lambda: table_text(table, "json", thing)}, table=lambda: table, notes=dict.fromkeys(files.places, note))
+    return files.write(
+        {"json": lambda: table_text(table, "json", thing)}, table=lambda: table, figure=figure, notes=dict.fromkeys(files.places, note)
+    )
 
 
 def _columns(arguments: argparse.Namespace, known: Sequence[str]) -> tuple[str, ...]:
@@ -219,11 +226,12 @@ def _graph(catalogue: Catalogue, families: list[FamilyRow], files: outputs.Outpu
     return files.write(texts, notes=dict.fromkeys(files.places, note))
 
 
-def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
-    """The orbits that are named, or those that the families chosen have at an energy."""
-    from branches.tables import orbit_rows, orbit_samples
+def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> list[tuple[str, str, Orbit]]:
+    """The orbits that are named, or those that the families chosen have at an energy: the family's id, its label as given, the orbit."""
+    from branches.naming.labels import parse_name
+    from saltus.families import called
 
-    found: list[tuple[str, Orbit]] = []
+    found: list[tuple[str, str, Orbit]] = []
     filters = options.filters_of(arguments)
     if arguments.names:
         if filters:
@@ -241,15 +249,16 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> Table:
             if not orbits:
                 raise BadInput(f"the orbit {name} could not be solved for; expected one farther from the end of its family")
             distances = [abs(orbit.h / h - 1.0) + abs(orbit.alpha / alpha - 1.0) for orbit in orbits]
-            found.append((match.id, orbits[distances.index(min(distances))]))
+            orbit = orbits[distances.index(min(distances))]
+            found.append((match.id, called(parse_name(name), orbit), orbit))
     elif arguments.energy is None:
         raise BadInput("orbits need names such as S13O00+@h=1, or --energy H for all families that cross it")
     else:
         for row in catalogue.families(**filters):
-            found += [(row.id, orbit) for orbit in catalogue.branch(row.id).orbits_at(energy=arguments.energy)]
+            found += [(row.id, orbit.label, orbit) for orbit in catalogue.branch(row.id).orbits_at(energy=arguments.energy)]
         if not found:
             raise options.nothing_fits(str(catalogue.path), len(catalogue), filters)
-    return orbit_samples(found, arguments.samples) if arguments.samples else orbit_rows(found)
+    return found
 
 
 def _add_figure_options(parser: argparse.ArgumentParser) -> None:
@@ -271,6 +280,7 @@ def _add_figure_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="enlarge a range of energies, and of frequencies; can be repeated",
     )
+    parser.add_argument("--named", action="store_true", help="the families that the scene names, alone")
     parser.add_argument("--names", metavar="N", type=whole_above_zero, help="name at most N families")
     options.add_scene(parser, ("springs",))
 
@@ -307,12 +317,13 @@ def _figure(arguments: argparse.Namespace, files: outputs.Outputs) -> int:
 
 def _atlas(arguments: argparse.Namespace) -> Atlas:
     """The data of the figure: read from `--data`, or collected from the chosen families and, on request, the impulsive motions."""
-    from branches.figures.atlas_data import atlas_of, regime_bounds, rescaled
+    from branches.figures.atlas_data import atlas_of, cited_names, regime_bounds, rescaled
 
     if arguments.data is not None:
         from branches.figures.data import read_atlas
 
-        for option in ("impulsive", "regimes", "energy", "scene", *options.parameters_of(arguments), *options.filters_of(arguments)):
+        chosen = *options.parameters_of(arguments), *options.filters_of(arguments)
+        for option in ("impulsive", "regimes", "named", "energy", "scene", *chosen):
             if getattr(arguments, option) not in (None, False):
                 raise BadInput(f"--{option} chooses what is in the data, and {arguments.data} holds them already; give it without --data")
         atlas = read_atlas(arguments.data)
@@ -323,6 +334,12 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
     scene = options.scene_of(arguments)
     branches, everything = _families(arguments, scene)
     system = branches[0].system
+    points = scene.names_for(system)
+    if arguments.named:
+        named = cited_names(branches, points)
+        branches = [branch for branch in branches if branch.id in named]
+        if not branches:
+            raise BadInput("--named: no family here has a name of the scene; expected saltus build --named, or a scene with [names]")
     curve = periodic = None
     energy = shown = arguments.energy if isinstance(arguments.energy, tuple) else None
     if arguments.impulsive:
@@ -340,7 +357,6 @@ def _atlas(arguments: argparse.Namespace) -> Atlas:
         bounds, missing = regime_bounds(system, everything)
         for text in missing:
             print(f"note   no bound {text}")
-    points = scene.names_for(system)
     atlas = atlas_of(system, branches, reference_points=points, manifold=curve, impulsive=periodic, bounds=bounds, energy=shown)
     return rescaled(atlas, arguments.clearance, arguments.natural_frequency)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from saltus import catalogues, options, outputs
 from saltus.errors import BadInput
-from saltus.families import agreed, family_named, select
+from saltus.families import agreed, called, family_named, has_label, impulsive_orbit, select
 from saltus.options import positive
 from saltus.terminal import stability_word, table_lines
 
@@ -21,6 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", metavar="NAME", help="S13O00+, U8353-, S73O33-@h=7.33,alpha=1.65, a family's id or a part of it")
     parser.add_argument("--energy", metavar="H", type=positive, help="the orbit with this energy h")
     parser.add_argument("--alpha", metavar="A", type=positive, help="the orbit with this quarter period")
+    parser.add_argument(
+        "--impulsive", action="store_true", help="the impulsive orbit of the family: it begins with the oscillator's velocity alone"
+    )
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--catalogue", metavar="FILE", help="take the family from this catalogue, instead of a search")
     options.add_scene(parser, ("springs",))
@@ -37,22 +40,25 @@ def run(arguments: argparse.Namespace) -> int:
     name = parse_name(text)
     energy = agreed(arguments.name, "h", name.h, "--energy", arguments.energy)
     alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
-    if energy is None and alpha is None:
-        raise BadInput(f"an orbit of {name} needs --energy H or --alpha A")
+    if energy is None and alpha is None and not arguments.impulsive:
+        raise BadInput(f"an orbit of {name} needs --energy H, --alpha A or --impulsive")
     if arguments.model:
         from saltus.scene.model import explain
 
         files.report(f"model  {line}" for line in explain(scene.system, text))
     branch = family_named(text, scene, energy, arguments)
-    orbit = select(branch, name, energy, alpha)
+    orbit = (impulsive_orbit if arguments.impulsive else select)(branch, name, energy, alpha)
+    own = called(name, orbit)
+    counted = f" (counted {orbit.label})" if orbit.label and own != orbit.label and not has_label(orbit, name) else ""
     files.report(options.rest_lines(scene))
-    files.report(orbit_lines(orbit, orbit.label or branch.id))
+    files.report(orbit_lines(orbit, (own or branch.id) + counted))
 
     from branches.record import orbit_to_csv, orbit_to_json
     from branches.tables import orbit_rows
 
     texts = {"json": lambda: orbit_to_json(orbit), "csv": lambda: orbit_to_csv(orbit)}
-    return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), figure=("branches.figures.single:orbit_figure", orbit, {}))
+    figure = "branches.figures.single:orbit_figure", orbit, {"name": own}
+    return files.write(texts, table=lambda: orbit_rows([(branch.id, orbit)]), figure=figure)
 
 
 def orbit_lines(orbit: Orbit, name: str) -> list[str]:

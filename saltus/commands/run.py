@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from bvp.interrupts import defer_interrupts
 from saltus import catalogues, compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.motion import simulation
-from saltus.options import positive, whole_above_zero
+from saltus.options import ValueType, positive, whole_above_zero
 from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from transitions.frequencies import IntrinsicModes
 
 SAMPLES = 2000
+_window = ValueType(
+    lambda text: tuple(map(float, text.split(":"))), lambda found: len(found) == 2 and 0.0 <= found[0] < found[1] < math.inf,
+    "T1:T2, two times with 0 <= T1 < T2",
+)  # fmt: skip
 MOST_IMPACTS = 10_000_000
 
 
@@ -48,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--catalogue", metavar="FILE", help="take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text below the figure")
+    parser.add_argument("--window", metavar="T1:T2", type=_window, help="times that the figure shows, a close-up (default: all)")
     options.add_shared(parser, "clearance", "natural-frequency")
     options.add_scene(parser, uses=("ground", "forces", "springs"))
 
@@ -59,6 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput(f"--samples {arguments.samples}: expected 2 at least, the begin and the end of the motion")
     if arguments.caption and arguments.plot is None:
         raise BadInput("--caption needs --plot FILE")
+    if arguments.window is not None and arguments.plot is None:
+        raise BadInput("--window limits the times of a figure; expected it with --plot FILE")
     scene = options.scene_of(arguments)
 
     from bvp.forcing import Record
@@ -179,7 +187,12 @@ def _write(
 
         caption = " ".join([*filter(None, [arguments.caption]), *captions])
         behind = atlas_behind(report.shown, catalogue, [] if start.branch is None else [start.branch])
-        draw_transition(report.shown, behind, path, caption=caption)
+        try:
+            draw_transition(report.shown, behind, path, caption=caption, window=arguments.window, modes=modes)
+        except ValueError as error:
+            if arguments.window is None:
+                raise
+            raise outputs.NotDrawn(f"--window: {error}") from error
         if (scale.length, scale.frequency) != (1.0, 1.0):
             files.report(["note   the figure is in natural units"])
 

@@ -16,13 +16,12 @@ import numpy as np
 
 from saltus import catalogues
 from saltus.errors import BadInput, one_line
-from saltus.families import TOLERANCE, agreed, family_named, has_label, select, start_of
+from saltus.families import agreed, called, family_named, impulsive_place, select, start_of
 from saltus.options import finite, finite_list, positive, require_state
 
 if TYPE_CHECKING:
     from branches.branch import Branch
     from branches.catalogue import Catalogue
-    from branches.naming.labels import Name
     from branches.orbit import Orbit
     from bvp.forcing import Force
     from bvp.motion import Motion
@@ -141,42 +140,12 @@ def _on_a_family(arguments: argparse.Namespace, scene: Scene) -> Start:
         raise BadInput(f"an orbit of {name} needs --energy H, or {arguments.on}@alpha=A")
     branch = family_named(text, scene, energy, arguments)
     if arguments.impulsive:
-        h, alpha = _impulsive_orbit(branch, name, energy)
+        h, alpha = impulsive_place(branch, name, energy, name.alpha)
         on = min(branch.orbits_at(energy=h), key=lambda orbit: abs(orbit.alpha - alpha), default=None)
         rest = np.zeros(scene.system.degrees_of_freedom)
-        return Start("impulsive", rest, _impulsive(scene, h), None, on, branch, "" if on is None else _called(name, on))
+        return Start("impulsive", rest, _impulsive(scene, h), None, on, branch, "" if on is None else called(name, on))
     orbit = select(branch, name, energy, name.alpha)
-    return Start("orbit", *start_of(orbit), orbit, branch, _called(name, orbit))
-
-
-def _called(name: Name, orbit: Orbit) -> str:
-    """The name of the family of a start: the label that was asked for, or the label of the orbit where an incomplete label or an id was."""
-    if name.label is None or (not name.label.is_complete and has_label(orbit, name)):
-        return orbit.label
-    return str(name.label)
-
-
-def _impulsive_orbit(branch: Branch, name: Name, energy: float | None) -> tuple[float, float]:
-    """Energy and quarter period of a family's impulsive orbit. If there are several, the given values select one.
-
-    A family that folds back on itself passes through the same orbit twice. Both passes count as one orbit."""
-    found = [event for event in branch.events if event.type == "IO"]
-    found = [
-        event
-        for k, event in enumerate(found)
-        if not any(abs(event.h / other.h - 1.0) < 1e-9 and abs(event.alpha / other.alpha - 1.0) < 1e-9 for other in found[:k])
-    ]
-    listed = " ".join(f"@h={event.h:.10g},alpha={event.alpha:.10g}" for event in found)
-    near = [
-        event
-        for event in found
-        if all(wish is None or abs(value / wish - 1.0) <= TOLERANCE for value, wish in ((event.h, energy), (event.alpha, name.alpha)))
-    ]
-    if len(near) != 1:
-        which = "no impulsive orbit" if not found else f"{len(near)} impulsive orbits"
-        asked = "" if energy is None and name.alpha is None else " with these values"
-        raise BadInput(f"{name} has {which}{asked}{f', expected one of {listed}' if found else ''}")
-    return near[0].h, near[0].alpha
+    return Start("orbit", *start_of(orbit), orbit, branch, called(name, orbit))
 
 
 ImpactTable = dict[str, np.ndarray]

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import saltus
 from benchmarks.backbone import Backbone
+from branches.catalogue import Catalogue
 from saltus.terminal import ProgressBar
 from tests.saltus.running import reported
 
@@ -31,6 +32,22 @@ def test_a_small_build_is_browsed(tmp_path):
     other = SMALL.replace("impacts 2", "impacts 3")
     code, out, err = reported(f"build {other} --catalogue {path}")
     assert code == 2 and not out and err.count("\n") == 1 and "up to 2 impacts" in err and "up to 3 impacts" in err
+
+
+def test_names_come_with_other_bounds(tmp_path):
+    """Oracle: the same bounds without names; the scene names S95E22-, whose quarter period is 8.2, and at these
+    energies U11+, and the two backbones. A scene without names has none."""
+    plain, named = (tmp_path / f"{name}.sqlite" for name in ("plain", "named"))
+    bounds = "--energy 0.3:0.5 --max-quarter-period 1.75 --max-impacts 1 --workers 1"
+    assert reported(f"build {bounds} --catalogue {plain}")[0] == 0
+    code, out, _ = reported(f"build {bounds} --named --catalogue {named}")
+    assert code == 0 and "and 4 names" in out
+    with Catalogue(plain) as few, Catalogue(named) as more:
+        ids = [{row.id for row in one.families()} for one in (few, more)]
+        assert ids[0] < ids[1] and more.find("S95E22-").id in ids[1] - ids[0]
+        assert all(row.alpha[0] <= 1.75 for row in few.families())
+    code, out, err = reported("build --scene three_mass_chain --named --energy 0.1:1 --max-quarter-period 2 --max-impacts 1")
+    assert code == 2 and not out and "the scene has no table [names]" in err
 
 
 def test_the_summary_says_what_fifty_digits_cost(tmp_path, monkeypatch):

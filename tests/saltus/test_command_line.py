@@ -20,7 +20,7 @@ import pytest
 import saltus
 from saltus.scene.model import explain
 from saltus.terminal import ProgressBar
-from tests.saltus.running import run
+from tests.saltus.running import refused, run
 
 ROOT = Path(__file__).parents[2]
 NUMBER = r"[-+0-9.e]+"
@@ -130,6 +130,37 @@ def test_an_orbit(capsys, tmp_path):
     assert math.isclose(orbit["impacts"][0]["time"], 1.7, rel_tol=1e-12)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "orbit.csv").read_text().splitlines()[0].startswith("label,")
+
+
+@pytest.mark.parametrize(
+    ("words", "h", "counted"),
+    [
+        (("U5231-",), 1.1710685, "U4231-"),  # by its event it ends with the oscillator's velocity alone
+        (("U4122-",), 2.9873673, "U3122-"),
+        (("S31O11-",), 1.6363853, "S13O11+"),
+        (("S13+", "--scene", "smooth_wall"), 1.9605284, ""),
+    ],
+)
+def test_the_impulsive_orbit_of_a_family_is_shown(capsys, tmp_path, words, h, counted):
+    """Oracles: the energies of docs/reference/paper.md; at the start the oscillator alone moves, with all of the energy; the event-driven
+    simulation returns there after a period."""
+    code, out, err = run(capsys, "orbit", *words, "--impulsive", "--json", tmp_path / "a.json", "--plot", tmp_path / "a.png")
+    orbit = json.loads((tmp_path / "a.json").read_text())["orbit"]
+    assert code == 0 and not err and math.isclose(orbit["h"], h, rel_tol=1e-7)
+    start = [*orbit["start"]["u"], *orbit["start"]["v"]]
+    assert start == pytest.approx([0.0, 0.0, 0.0, math.sqrt(2.0 * orbit["h"])], abs=1e-9)
+    if counted:
+        assert f"orbit    {words[0]} (counted {counted})" in out
+        motion = saltus.simulate(saltus.vibro_impact_nes(), [0.0, 0.0], start[2:], 4.0 * orbit["alpha"])
+        (u,), (v,) = motion.sample([motion.duration])
+        assert [*u, *v] == pytest.approx(start, abs=1e-6)
+
+
+def test_a_family_without_an_impulsive_orbit(capsys):
+    """Oracle: both backbones start with a sink that moves, at all energies."""
+    refused(run(capsys, "orbit", "S13O00+", "--impulsive"), "S13O00+ has no impulsive orbit")
+    refused(run(capsys, "orbit", "U4122-", "--impulsive", "--energy", "2"), "0 impulsive orbits with these values", "@h=2.987367315")
+    refused(run(capsys, "orbit", "U4122-"), "needs --energy H, --alpha A or --impulsive")
 
 
 @pytest.mark.parametrize(("energy", "reported"), [("1e11", False), ("1e13", True)])

@@ -14,6 +14,7 @@ from scipy.io import loadmat
 
 from branches.catalogue import Catalogue
 from tests.branches.catalogue.families import real
+from tests.branches.test_diagram import assert_texts_apart
 from tests.saltus.running import run
 
 
@@ -146,6 +147,28 @@ def test_orbits(export):
     np.testing.assert_allclose(energy, data["h"], rtol=1e-12)
     assert data["time"][49] == pytest.approx(6.8, rel=1e-12) and data["h"][0] == pytest.approx(0.588748128566, rel=1e-11)
     assert abs(data["alpha"][50] - 1.6459) < 1e-4
+
+
+def test_a_figure_of_orbits(catalogue, capsys, tmp_path, monkeypatch):
+    """Oracles: the words of the panels, one for each orbit, by the name that was given; the motion itself over a period. Texts do not
+    overlap."""
+    from branches.figures import single
+
+    made = []
+    plain = single.orbits_figure
+    monkeypatch.setattr(single, "orbits_figure", lambda orbits: made.append(plain(orbits)) or made[-1])
+    names, place = ("S13+@h=1", "U1101+@h=0.5", "S73O33-@h=7.3348"), tmp_path / "orbits.png"
+    code, out, err = run(capsys, "export", "orbits", *names, "--plot", place, "--catalogue", catalogue)
+    assert code == 0 and not err and place.read_bytes().startswith(b"\x89PNG") and out.endswith(": 3 orbits\n")
+    (figure,) = made
+    assert_texts_apart(figure, "png")
+    titles = [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
+    assert len(titles) == 3 and all(name in title for name, title in zip(("S13", "U11", "S73"), titles, strict=True))
+    assert "$h = 7.3348$" in titles[2] and "stable" in titles[2]
+    lines = figure.findobj(lambda artist: artist.get_gid() == "displacement-0")
+    for line, orbit in zip(lines, (real()[0].orbits_at(energy=1.0)[0],), strict=False):
+        times, u = line.get_data()
+        np.testing.assert_allclose(u, orbit.sample(times)[0][:, 0], atol=1e-12)
 
 
 def test_a_graph_of_some_families(export):

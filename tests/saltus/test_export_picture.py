@@ -2,8 +2,11 @@
 
 import json
 
+import numpy as np
 import pytest
 
+from branches.figures.atlas import atlas_figure
+from branches.figures.data import read_atlas
 from tests.branches import atlas_families as real
 from tests.branches.catalogue.families import real as families
 from tests.saltus.running import reported
@@ -85,6 +88,44 @@ def test_regimes_are_reported_by_all_families(catalogue, tmp_path):
     code, out, _ = reported(f"export fep --catalogue {catalogue} --csv {tmp_path}/a.csv --label S11- --regimes")
     text = (tmp_path / "a.csv").read_text()
     assert code == 0 and '"what": "SB of S13+"' in text and "S13O00+" not in text and "no bound III/IV" in out
+
+
+def test_named_families_alone(folder, tmp_path):
+    """Oracle: lee2009, which names two of the six families; none of others."""
+    families = " ".join(str(folder / f"{k}.json") for k in range(6))
+    code, _, err = reported(f"export fep --branches {families} --named --json {tmp_path}/a.json")
+    columns = json.loads((tmp_path / "a.json").read_text())["columns"]
+    ids = {f"{folder}/{k}.json": json.loads((folder / f"{k}.json").read_text())["branch"]["id"] for k in range(6)}
+    assert code == 0 and not err and {*columns["family"]} < {*ids.values()}
+    assert {name for name, cited in zip(columns["name"], columns["cited"], strict=True) if cited} >= {"S13+", "S11-"}
+    for id in {*columns["family"]}:
+        assert any(cited for family, cited in zip(columns["family"], columns["cited"], strict=True) if family == id)
+    others = [path for path, id in ids.items() if id not in columns["family"]]
+    code, out, err = reported(f"export fep --branches {' '.join(others)} --named --csv {tmp_path}/b.csv")
+    assert code == 2 and not out and "no family here has a name of the scene" in err and err.count("\n") == 1
+
+
+def test_stars_of_impulsive_orbits_do_not_overlap(folder, tmp_path):
+    """Oracles: the data, which have all of them; on the page the stars are apart, and each that is left out is near one that is drawn,
+    whose period is no longer."""
+    words = f"export fep --branches {folder}/0.json --energy 8:20 --impulsive --json {tmp_path}/a.json"
+    assert reported(words)[0] == 0
+    atlas = read_atlas(tmp_path / "a.json")
+    figure = atlas_figure(atlas)
+    (line,) = figure.findobj(lambda artist: artist.get_gid() == "frequency-impulsive")
+    axes = figure.axes[0]
+
+    def page(points):
+        return axes.transData.transform(np.asarray(points)) * 72.0 / figure.dpi
+
+    drawn, found = page(line.get_xydata()), page(np.stack([atlas.impulsive.h, atlas.impulsive.frequency_index], axis=1))
+    apart = np.hypot(*(drawn[:, None] - drawn[None]).T) + 1e9 * np.eye(len(drawn))
+    assert 10 < len(drawn) < 0.8 * len(found) and apart.min() >= 9.0
+    far = np.hypot(*(found[:, None] - drawn[None]).transpose(2, 0, 1))
+    assert far.min(axis=1).max() < 9.0
+    alpha = atlas.impulsive.alpha
+    own = far.argmin(axis=0)  # the orbit of each star
+    assert all(alpha[own[near]].min() <= alpha[orbit] * (1.0 + 1e-12) for orbit, near in enumerate(far < 9.0))
 
 
 def test_the_names_of_the_scene_come_first(folder, tmp_path):

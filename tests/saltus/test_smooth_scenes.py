@@ -212,6 +212,25 @@ impacts = 0
 """
 
 
+def test_the_force_of_a_spring_and_the_stop_that_it_becomes(capsys, folder):
+    """Oracle: the force w^(2 n + 1) of the scene, also where it is linear, and 2 |w|^p sign w, whose stop is at 1."""
+    words = ("spring", "--scene", "smooth_wall", "--in", "n", "--values", "0,1.5,20", "--range", "-1.1:0.9")
+    code, out, err = run(capsys, *words, "--csv", "a.csv", "--plot", "a.png")
+    assert code == 0 and not err and "limit  n to infinity: a stop at -1 and 1" in out
+    with Path("a.csv").open(encoding="utf-8") as file:
+        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    w = np.array([row["displacement"] for row in rows])
+    assert w[0] == -1.1 and w[-1] == 0.9 and Path("a.png").read_bytes().startswith(b"\x89PNG")
+    for n in (0.0, 1.5, 20.0):
+        np.testing.assert_allclose([row[f"n={n:g}"] for row in rows], np.sign(w) * np.abs(w) ** (2.0 * n + 1.0), rtol=1e-13, atol=1e-300)
+    Path("hardening.toml").write_text(HARDENING, encoding="utf-8")
+    code, out, _ = run(capsys, "spring", "--scene", "hardening.toml", "--in", "p", "--values", "1,3", "--range", "-2:2")
+    assert code == 0 and out.splitlines()[2].split() == ["1", "-4", "4"] and out.splitlines()[3].split() == ["3", "-16", "16"]
+    assert "a stop at -1 and 1" in out
+    refused(run(capsys, "spring", "--scene", "smooth_wall", "--in", "k", "--values", "1"), "--in k: no such parameter")
+    refused(run(capsys, "spring", "--in", "mu", "--values", "1"), "the scene has 0 springs")
+
+
 @pytest.mark.parametrize(("name", "interval"), [("p", "1:1.6"), ("1/p", "0.6:1"), ("p", "0:1.6")])
 def test_a_power_is_followed_to_one(capsys, folder, name, interval):
     """Oracle: with the power 1 the springs are linear: the frequency is the root of (1.3 + 2)/0.7."""

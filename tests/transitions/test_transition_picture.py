@@ -21,6 +21,7 @@ from tests.branches.traced import traced
 from tests.transitions.motions import of_run, synthetic
 from transitions.families import families_of
 from transitions.figure import draw_transition, gradual_energy, over_energy, shown_spectrum, transition_figure
+from transitions.frequencies import decompose
 from transitions.record import SampledMotion, sampled
 from transitions.sharing import sharing_of
 from transitions.spectrum import Wavelet
@@ -97,8 +98,50 @@ def test_lines_show_the_record(drawn):
     parts = [by_gid(figure, f"lost-{name}") for name in ("sink", "oscillator")]
     # Edges of the sum show where one part is all of it.
     assert all(both.get_linewidth() >= 2.0 * part.get_linewidth() and both.get_zorder() <= part.get_zorder() for part in parts)
-    assert by_gid(figure, "share-nes").get_ydata()[0] == pytest.approx(100.0 * record.nes_energy[0] / start)
+    for name, energy in (("sink", record.nes_energy), ("oscillator", record.lo_energy)):
+        np.testing.assert_allclose(by_gid(figure, f"share-{name}").get_ydata(), 100.0 * energy / record.energy, rtol=1e-12)
+    np.testing.assert_allclose(by_gid(figure, "total-energy").get_ydata() + both.get_ydata(), 100.0, atol=1e-9)
     assert by_gid(figure, "families-stable") is not None and by_gid(figure, "spectrum-cone") is not None
+
+
+def test_a_window_shows_its_times_and_their_energies(drawn):
+    """Oracles: the record within the window; the full figure has the same amplitudes at these times. Texts do not overlap."""
+    transition, atlas, figure = drawn
+    record, window = transition.record, (40.0, 90.0)
+    close = transition_figure(transition, atlas, window=window)
+    assert_texts_apart(close, "png")
+    inside = (record.times >= 40.0) & (record.times <= 90.0)
+    times, energies = [axes for axes in close.axes if axes.get_xlabel().startswith("time")], record.energy[inside]
+    assert len(times) == 4 and all(axes.get_xlim() == window for axes in times)
+    (families,) = (axes for axes in close.axes if axes.get_xlabel().startswith("energy"))
+    low, high = families.get_xlim()
+    assert low <= energies.min() and energies.max() <= high and high / low < 1.2 * energies.max() / energies.min()
+    letters = [text for text, stage in zip("ABCDEFGH", transition.stages, strict=False) if stage.end > 40.0 and stage.start < 90.0]
+    below = [text.get_text() for text in close.legends[0].get_texts()]
+    assert [text[0] for text in below] == letters and len(letters) < len(transition.stages)
+    part = shown_spectrum(transition)
+    columns = (part.times >= 40.0) & (part.times <= 90.0)
+    assert by_gid(close, "spectrum").get_clim()[1] == part.amplitudes[:, columns].max() <= by_gid(figure, "spectrum").get_clim()[1]
+    with pytest.raises(ValueError, match="the motion lasts from 0 to 250: too little of it is between 300 and 310"):
+        transition_figure(transition, atlas, window=(300.0, 310.0))
+
+
+def test_empirical_modes_have_panels_of_their_own(drawn):
+    """Oracle: the modes themselves, of which the strongest four are drawn; texts do not overlap."""
+    pytest.importorskip("PyEMD")
+    transition, atlas, _ = drawn
+    record = transition.record
+    modes = decompose(record.times, record.along(GAP)[0])
+    figure = transition_figure(transition, atlas, modes=modes)
+    assert_texts_apart(figure, "png")
+    size = np.sum(modes.functions**2, axis=1)
+    drawn_modes = [k for k in range(len(size)) if figure.findobj(lambda artist, k=k: artist.get_gid() == f"emd-{k}")]
+    assert len(drawn_modes) == min(4, len(size)) and sorted(size)[-len(drawn_modes) :] == sorted(size[drawn_modes])
+    for k in drawn_modes:
+        np.testing.assert_array_equal(by_gid(figure, f"emd-{k}").get_ydata(), modes.functions[k])
+        rate, strong = by_gid(figure, f"emd-rate-{k}").get_ydata(), modes.amplitudes[k] >= 0.1 * modes.amplitudes[k].max()
+        np.testing.assert_array_equal(rate[strong], modes.frequencies[k][strong])
+        assert np.isnan(rate[~strong]).all()
 
 
 def test_the_spectrum_over_the_energy_stands_where_the_motion_is(drawn):
