@@ -123,20 +123,17 @@ def atlas_figure(atlas: Atlas, *, frequency: str = "index", insets: Sequence[Ins
         legend = _legend(figure, drawn[1], curves, _other_entries(atlas, modes, len(stars) > 0, outside))
         room = _draw(axes, *drawn)
         _draw_bounds(room, atlas)
-        for label in labels:
-            draw_inset(room, panels[label], label[-1])
+        small = [ranges[k] for k, label in enumerate(labels) if draw_inset(room, panels[label], label[-1])]
         written: set[str] = set()
         for label in labels:
             inside = _draw(panels[label], *drawn)
             local = names_of(curves, inside)
-            new = [name for name in local if name.key not in written][max(0, names - len(written)) :]
-            local = [name for name in local if name not in new]
-            written |= write_names(inside, local, most=_INSET_NAMES, far=_INSET_FAR, over_curves=False)
+            written |= write_names(inside, _at_most(names, local, written), most=_INSET_NAMES, far=_INSET_FAR, over_curves=False)
         named = names_of(curves) if curves else _star_names(atlas, stars, room)
         # What is named in an inset needs no name in its frame, where curves are crowded.
-        named = [name for name in named if name.key not in written or not _is_within(name.spots(room), room, ranges)]
-        others = len(written - {name.key for name in named})
-        written |= write_names(room, named, most=names - others, always=of_modes, radius=0.0 if curves else _RADIUS)
+        named = [name for name in named if name.key not in written or not _is_within(name.spots(room), room, small)]
+        named = _at_most(names, named, written) if written else named
+        written |= write_names(room, named, most=names, always=of_modes, radius=0.0 if curves else _RADIUS)
         legend.set_title(_count_of_names(figure, written, curves or named))
     return figure
 
@@ -396,10 +393,17 @@ def _draw_events(room: Room, curves: Sequence[Named]) -> None:
             room.take(at[drawn], 0.5 * size + 0.5)
 
 
+def _at_most(count: int, names: Sequence[Named], written: Collection[str]) -> list[Named]:
+    """The first of some names with which no more than `count` families are named; those that are named elsewhere stay."""
+    left_out = [name for name in names if name.key not in written][max(0, count - len(written)) :]
+    return [name for name in names if name not in left_out]
+
+
 def _is_within(spots: np.ndarray, room: Room, ranges: Sequence[tuple[tuple[float, float], tuple[float, float]]]) -> bool:
     """Whether all spots (k, 2) of the page lie in the frames of insets."""
     corners = [room.to_page(np.array(pair).T) for pair in ranges]
-    return len(spots) > 0 and bool(np.any([((spots >= low) & (spots <= high)).all(axis=1) for low, high in corners], axis=0).all())
+    inside = [((spots >= low) & (spots <= high)).all(axis=1) for low, high in corners]
+    return len(spots) > 0 and len(inside) > 0 and bool(np.any(inside, axis=0).all())
 
 
 def _draw_bounds(room: Room, atlas: Atlas) -> None:

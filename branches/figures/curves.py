@@ -40,6 +40,7 @@ _DOTS = {1: ("o", 2.5), 0: ("x", 3.2), -1: (".", 2.5)}
 _CROSS: dict[str, Any] = {"marker": "x", "markersize": 3.2, "markeredgewidth": 0.7}
 _CROSS_SPACING = 9.0  # points (1/72 inch)
 _BELOW = {"EP": 3.9, "LB": 3.92, "RT": 3.94}  # common types are drawn below the others
+_SMALL = 0.25  # part of the axes that the frame of an inset covers
 _BESIDE = 5.0  # points from the corner of a frame to its letter
 PARTS = 16
 """Pieces of a smooth curve between two points."""
@@ -240,13 +241,17 @@ def inset_ranges(inset: Inset, curves: Sequence[np.ndarray], *, log: bool) -> tu
     return inset.energy, inset.frequency or limits_of(heights, log=log)
 
 
-def draw_inset(room: Room, panel: Axes, letter: str) -> None:
-    """Draw a frame around what an inset shows of the axes of a room, with its letter; names keep off both."""
+def draw_inset(room: Room, panel: Axes, letter: str) -> bool:
+    """Draw a frame around what an inset shows of the axes of a room, with its letter; names keep off both, and off a small frame's inside.
+    Return whether the frame is small: what lies in it is named in the inset."""
     (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
     frame = room.axes.indicate_inset((left, low, right - left, high - low), edgecolor=BLACK, linewidth=0.7, alpha=1.0, zorder=2.9)
     frame.rectangle.set_gid(f"{panel.get_label()}-frame")
     corners = room.to_page(np.array([(left, low), (left, high), (right, high), (right, low), (left, low)]))
     room.take_path(corners)
-    # What lies in the frame is named in the inset.
-    room.take(corners[[0, 2]].mean(axis=0, keepdims=True), np.ptp(corners, axis=0) / 2)
+    size = np.ptp(corners, axis=0)
+    small = bool(np.prod(size) < _SMALL * np.prod(room.frame[2:] - room.frame[:2]))
+    if small:
+        room.take(corners[[0, 2]].mean(axis=0, keepdims=True), size / 2)
     room.write([f"({letter})"], corners[1:2], beside=_BESIDE, over_curves=True)
+    return small
