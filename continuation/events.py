@@ -203,8 +203,8 @@ class EventFinder:
             for found in sorted(zeros, key=lambda found: found.s):
                 if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
                     both, noise = self._around(index, apart[-1], found, locator)
-                    low, high = both.between
-                    if not any(abs(float(step.tests[index])) > noise for s, step in locator.taken if low < s < high):
+                    between = (step for s, step in locator.taken if apart[-1].s < s < found.s)
+                    if not any(abs(float(step.tests[index])) > noise for step in between):
                         apart[-1] = both
                         continue
                 apart.append(found)
@@ -246,8 +246,11 @@ class EventFinder:
                         continue
         known = [(s, float(step.tests[index])) for s, step in locator.taken if step.tests[index] == step.tests[index]]
         certain = [s for s, value in known if abs(value) > noise]
-        low = max((s for s in certain if s < first.s), default=known[0][0])
-        high = min((s for s in certain if s > last.s), default=known[-1][0])
+        # The problem's own equations can put a zero outside its bracket, where steps went over to another family: its sign is that of the
+        # bracket's ends.
+        start, end = min(first.s, first.between[0], last.between[0]), max(last.s, first.between[1], last.between[1])
+        low = max((s for s in certain if s <= start), default=known[0][0])
+        high = min((s for s in certain if s >= end), default=known[-1][0])
         best = min(first, last, key=lambda zero: zero.residual)
         return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high)), noise
 
