@@ -99,6 +99,9 @@ def decide_between(
 
     Notes
     -----
+    At a fold the only pair of multipliers of two degrees of freedom passes 1. So an interval beside it in which no orbit is decided, as between
+    a fold and a branch point that nearly coincide, has the opposite stability.
+
     Between two neighbouring points of one interval that differ in fifty digits too an event was missed: `missed_events` reports it.
     """
     stable, arclength = points["stable"].copy(), points["arclength"]
@@ -131,6 +134,14 @@ def decide_between(
             stable[farthest] = solve(int(farthest))
         _fill(stable, members.tolist(), solve)
         _agree(stable, members.tolist(), solve)
+    if problem.half == 2:
+        for fold in (event.point for event in events if event.type == "SN"):
+            number = int(interval[fold])
+            sides = [np.flatnonzero(free & (interval == side)) for side in (number, number + 1)]
+            known = [set(stable[members].tolist()) for members in sides]
+            for members, own, other in zip(sides, known, known[::-1], strict=True):
+                if own == {-1} and other in ({0}, {1}):
+                    stable[members] = 1 - other.pop()
     return stable, DigitWork(len(seconds), sum(seconds))
 
 

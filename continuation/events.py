@@ -14,7 +14,7 @@ from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of
 from continuation.location import JUMP_RATIO, History, Location, Locator
 from continuation.problem import Event, EventDetails, Point, Problem, Step, TestFunction
-from continuation.resolution import Resolution
+from continuation.resolution import Resolution, Zone
 
 _ROUNDING = 1e-12  # part of its largest value in a step up to which a test function is rounding
 _LEFT = 10.0  # a test for branch points may have so many times its `singular` value left where the corrector gets no nearer
@@ -166,14 +166,31 @@ class EventFinder:
 
         The points taken to locate one can show two of another. Signs are compared until none is new."""
         located: list[tuple[int, Location]] = []
+        crossed: list[tuple[int, Location]] = []
         done: dict[int, list[tuple[float, float]]] = {i: [] for i in tests}
+        decided: set[tuple[int, float, float]] = set()
+
+        def belongs(index: int, low: float, high: float, *undecided: Any) -> bool:
+            """Whether a change of sign is that at a branch point, or beside it, and thereby dealt with."""
+            zone = resolution.absorbing(index, low, high, *undecided)
+            if zone is None:
+                return False
+            if (index, zone.low, zone.high) not in decided:
+                decided.add((index, zone.low, zone.high))
+                beside = None if index == self._tests.index(zone.test) else self._beside(index, zone, locator)
+                if beside is not None:
+                    crossed.append((index, beside))
+                elif self._tests[index] is not zone.test and self._tests[index].code not in zone.found:
+                    zone.found.append(self._tests[index].code)
+            return True
+
         searching = True
         while searching:
             searching = False
             for index in resolution.unsettled(tests, limit):
                 test = self._tests[index]
                 for low, high in resolution.changes(index, limit):
-                    if any(first <= low and high <= last for first, last in done[index]) or resolution.absorbed(index, low, high):
+                    if any(first <= low and high <= last for first, last in done[index]) or belongs(index, low, high):
                         continue
                     searching = True
                     # What the problem's own equations locate needs no bracket as narrow as the location.
@@ -185,7 +202,7 @@ class EventFinder:
                     done[index].append(found.between)
                     if locator.is_at_an_end(found):
                         continue
-                    if math.isnan(found.step.tests[index]) and resolution.absorbed(index, low, high, found.step, _LEFT):
+                    if math.isnan(found.step.tests[index]) and belongs(index, low, high, found.step, _LEFT):
                         continue
                     if found.kind == "interrupted" and found.between[1] - found.between[0] > self._settings.coincidence_tolerance:
                         raise StepRefused(found.reason)
@@ -196,7 +213,6 @@ class EventFinder:
         # Neighbouring zeros between which a test function is rounding are one, and a touch if the sign around them is the same.
         # A function that is zero at branch points has large rounding beside them. Its zero is part of the branch point if that lies between
         # the nearest certain signs.
-        crossed: list[tuple[int, Location]] = []
         for index in tests:
             apart: list[Location] = []
             zeros = (found for i, found in located if i == index)
@@ -211,12 +227,29 @@ class EventFinder:
             for found in apart:
                 if self._at_branch_points[index] and not self.singular[index]:
                     found, _ = self._around(index, found, found, locator)
-                    if resolution.absorbed(index, *found.between):
+                    if belongs(index, *found.between):
                         continue
                 low, high = found.between
                 if (locator.value(index, low) > 0.0) is not (locator.value(index, high) > 0.0):
                     crossed.append((index, found))
         return crossed
+
+    def _beside(self, index: int, zone: Zone, locator: Locator) -> Location | None:
+        """The zero of a test function in the zone of a branch point, if it is another event than this one."""
+        if not math.isfinite(zone.high - zone.low):
+            return None
+        beside = locator.zero_beside(index, self._tests.index(zone.test), 0.5 * (zone.low + zone.high))
+        if beside is None:
+            return None
+        s, error = beside
+        margin = max(error, self._settings.location_tolerance)
+        try:
+            step, low, high = (locator.step(place) for place in (s, s - margin, s + margin))
+        except StepRefused:
+            return None
+        residual = abs(float(step.tests[index]))
+        residual = 0.0 if math.isnan(residual) else residual  # rounding
+        return Location("zero", "located", s, step, residual, low, high, between=(s - margin, s + margin))
 
     def _around(self, index: int, first: Location, last: Location, locator: Locator) -> tuple[Location, float]:
         """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding; and the size

@@ -30,6 +30,12 @@ _STEEP = 4.0  # so many times steeper than on average a test function may be in 
 _POLISHED = 1e-5  # a root is not improved that is as near as this part of its bracket to that of a straight line
 _VALID = 1e-3  # a guard is positive at its zero by this part of its value at the valid end of the bracket
 _CHANGES = 16  # of one key in a step; a longer list needs a shorter step
+_AROUND = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)  # samples around a branch point, in units of their distance
+_NEARER = 0.6  # part of this distance that is tried next,
+_CLOSER = 12  # so often at most
+_ROUNDS = 20  # of Newton's method on an interpolant,
+_SAME_PLACE = 1e-15  # until its change is smaller
+_CLEARLY = 10.0  # two zeros are apart by more than this many errors of their distance
 
 History = Sequence[tuple[float, Sequence[float]]]
 """Points before the step: the length of a step to each (a negative number, in order), and the test functions there."""
@@ -255,6 +261,34 @@ class Locator:
             low, value_low, high, value_high = (low, value_low, s, value) if is_beyond else (s, value, high, value_high)
         return (low, value_low, high, value_high), known
 
+    def zero_beside(self, index: int, singular: int, middle: float) -> tuple[float, float] | None:
+        """The zero of a test function that is rounding near a branch point, and its error; None where it is the branch point's own.
+
+        Both test functions are interpolated from samples on both sides, far enough away to be certain, and the zeros of the interpolants are
+        compared. Fewer samples give the error, and so do samples at another distance.
+        `middle`: where the branch point is. `singular`: its test function.
+        """
+        found: list[tuple[float, float, float]] = []
+        near = self._settings.coincidence_tolerance
+        distance = (self.taken[-1][0] - middle) / _AROUND[-2]
+        for _ in range(_CLOSER):
+            steps = [self.problem.step(self._before.y, self._before.tangent, middle + part * distance) for part in _AROUND]
+            if all(step.converged for step in steps):
+                own, other = ([float(step.tests[i]) for step in steps] for i in (index, singular))
+                zeros = [interpolated_zero(_AROUND[k : 6 - k], values[k : 6 - k]) for values in (own, other) for k in (0, 1)]
+                place, coarse, at, roughly = (distance * zero for zero in zeros)
+                error = abs(place - coarse) + abs(at - roughly)
+                if error == error:
+                    found = sorted([*found, (error, place - at, middle + place)])[:2]
+            if len(found) == 2:
+                error = max(found[0][0], abs(found[0][1] - found[1][1]))
+                if abs(found[0][1]) > max(_CLEARLY * error, near):
+                    return found[0][2], error
+                if _CLEARLY * error < near:
+                    break
+            distance *= _NEARER
+        return None
+
     def is_at_an_end(self, location: Location) -> bool:
         """Whether an event is as near to the zero of a guard that was located as brackets are wide: the steps on either side of it then lie
         in rounding, where a pole looks like a zero."""
@@ -348,3 +382,21 @@ class Locator:
                 if len(changes) > _CHANGES:
                     raise StepRefused(f"the key of {test.code} changes more than {_CHANGES} times")
         return changes
+
+
+def interpolated_zero(places: Sequence[float], values: Sequence[float]) -> float:
+    """The zero nearest to 0 of the polynomial through some samples, found by Newton's method from that of the straight line; nan where
+    there is none between the samples."""
+    if not np.isfinite(values).all():
+        return math.nan
+    polynomial = np.polynomial.Polynomial.fit(places, values, len(places) - 1)
+    slope, place = polynomial.deriv(), 0.0
+    for _ in range(_ROUNDS):
+        steep = float(slope(place))
+        change = -float(polynomial(place)) / steep if steep else math.nan
+        place += change
+        if not places[0] < place < places[-1]:
+            return math.nan
+        if abs(change) < _SAME_PLACE:
+            break
+    return place

@@ -150,8 +150,8 @@ class Resolution:
         )
         return found
 
-    def absorbed(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> bool:
-        """Whether a change of sign between two samples belongs to a branch point between them, which then notes its code.
+    def absorbing(self, index: int, low: float, high: float, undecided: Step | None = None, factor: float = 0.0) -> Zone | None:
+        """The zone of a branch point between two samples to which a change of sign between them may belong.
 
         undecided: a step where the value is not known. Then only a branch point counts at which it is rounding: there the test function of
         the branch point is below `factor` times its level `TestFunction.singular`."""
@@ -164,10 +164,8 @@ class Resolution:
             else:
                 belongs = abs(undecided.tests[self.tests.index(zone.test)]) < factor * zone.test.singular
             if belongs:
-                if test is not zone.test and test.code not in zone.found:
-                    zone.found.append(test.code)
-                return True
-        return False
+                return zone
+        return None
 
     def exclude(self, index: int, test: TestFunction, low: float = 0.0, high: float = 0.0) -> None:
         """Make a zone around a branch point between the steps of length low and high, which its test function marked; by default at the
