@@ -99,8 +99,8 @@ def decide_between(
 
     Notes
     -----
-    At a fold the only pair of multipliers of two degrees of freedom passes 1. So an interval beside it in which no orbit is decided, as between
-    a fold and a branch point that nearly coincide, has the opposite stability.
+    At a fold the only pair of multipliers of two degrees of freedom passes 1. So an interval beside it in which no orbit is decided, as
+    between a fold and a branch point that nearly coincide, has the opposite stability.
 
     Between two neighbouring points of one interval that differ in fifty digits too an event was missed: `missed_events` reports it.
     """

@@ -153,6 +153,11 @@ class Branch:
         return found
 
     @property
+    def is_closed(self) -> bool:
+        """Whether it is back at its first orbit, or at the image of it, so that nothing of its family is missing."""
+        return all(end.reason in ("CLOSED", "IMAGE") for end in self.ended)
+
+    @property
     def others(self) -> tuple[Piece, ...]:
         """The other pieces into which the range of energies cuts the family, each with (h, alpha) of its first and last orbit."""
         return self.full_family.others

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
+from branches.images import Image, images_within
 from branches.kernels.blocks import TestedPoint, WatchedTests, advance_block, tested_step
 from branches.kernels.brackets import narrow_bracket
 from branches.kernels.functions import (
@@ -29,11 +30,14 @@ from branches.kernels.functions import (
     two_dof_tests,
 )  # fmt: skip
 from branches.orbit import label_at
+from branches.presentation import starts_of
 from branches.solved_family import FAILED, MOST_ITERATIONS, SINGULAR, SolvedFamily, step_of
+from bvp.closures import cycle_of
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution, lost_digits
 from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
 from continuation.control import Settings, kinds_of
+from continuation.images import Symmetry
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
 if TYPE_CHECKING:
@@ -206,6 +210,16 @@ class Family(SolvedFamily):
         """Where steps fail: the energy and the quarter period reached; why a flight cannot be computed, or not to enough digits."""
         limit = self.why_not_flown(y, tangent, ds) or lost_digits(self.problem, y)
         return f"at h = {self.problem.energy(y):.6g}, alpha = {self.problem.quarter_period(y):.6g}" + (f": {limit}" if limit else "")
+
+    def symmetries(self, y: np.ndarray) -> list[Symmetry]:
+        """See `continuation.Problem`."""
+        problem = self.problem
+        starts = starts_of(cycle_of(problem, y)) if problem.periodic else 1
+        return [partial(image.unknowns, problem) for image in images_within(problem, starts) if image != Image(False, False)]
+
+    def sizes(self, y: np.ndarray) -> np.ndarray:
+        """See `continuation.Problem`."""
+        return self.problem.scales(y)
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is, in the terms of the record."""

@@ -3,7 +3,8 @@
 A branch can be cut by a range of energies, by a number of points, by a condition, or because only one side of a bifurcation was asked
 for. Its family does not depend on that. Through a regular orbit with given ends and impact sequence there is one family only. So one orbit
 identifies the family, if it does not depend on how the family was reached. A family ends where it grazes: its end of lowest energy (of
-several, that with the smallest quarter period) identifies it. A family without an end closes on itself, or its energy has no bound: its
+several, that with the smallest quarter period) identifies it. A family without an end closes on itself or on its image, or its energy has
+no bound: its
 orbit of lowest energy identifies it.
 
 Ends are looked for at energies from 1e-3 to 1e5 times `energy_scale` of the system, of smooth motion up to 1e3 times it, whatever range was
@@ -324,7 +325,7 @@ def risen(problem: MultipointProblem, y: np.ndarray, energy: float) -> tuple[np.
 def _known(branch: Branch, orbit: tuple[float, float], window: tuple[float, float]) -> _Curve | None:
     """The family around an orbit (h, alpha) of a branch that was not cut inside the window. None where it was, and where only the bound of
     the window marks it."""
-    h, alpha, closed = branch.points["h"], branch.points["alpha"], branch.ended[1].reason == "CLOSED"
+    h, alpha, closed = branch.points["h"], branch.points["alpha"], branch.is_closed
     start = int(np.argmin(np.hypot(np.log(h / orbit[0]), np.log(alpha / orbit[1]))))
     outside = np.flatnonzero((h < window[0]) | (h > window[1]))
     if start in outside or (closed and outside.size):
@@ -368,20 +369,21 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
         return _Curve(np.array([problem.energy(y)]), np.array([problem.quarter_period(y)]), [], [], [y], False, 0)
     grazing: list[np.ndarray] = []
     cuts: list[np.ndarray] = []
+    closed = run.closed or all(end.reason is EndReason.IMAGE for end in run.ends)
     for point, end in zip((run.points[0], run.points[-1]), run.ends, strict=True):
-        if not run.closed:
+        if not closed:
             certain = end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"
             (grazing if certain else cuts).append(point.step.y)
     folds = [event.point.y for event in run.events if event.code == "SN"]
     found = solutions_of(run.points).result
     h, alpha = found[:, ENERGY], found[:, QUARTER_PERIOD]
-    if run.closed and not folds:
+    if closed and not folds:
         # It turns around in h at orbits of higher symmetry, and is its own image beyond them.
         met = [event.point.y for event in run.events] or [run.points[int(np.argmin(h))].step.y]
         cuts = [min(met, key=problem.energy)]
     # A run that got stuck was followed again from another orbit.
     start = int(np.argmin(np.hypot(np.log(h / problem.energy(y)), np.log(alpha / problem.quarter_period(y)))))
-    return _Curve(h, alpha, grazing, folds, cuts, run.closed, start)
+    return _Curve(h, alpha, grazing, folds, cuts, closed, start)
 
 
 def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:

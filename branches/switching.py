@@ -21,21 +21,12 @@ import numpy as np
 from branches.branch import Branch, BranchEvent
 from branches.family import Family
 from branches.first_orbits import across_null_space, first_orbits
+from branches.images import Image, images_within
 from branches.orbit import label_at, orbit_columns
-from branches.presentation import (
-    Presentation,
-    canonical_orbit,
-    closed_presentation,
-    embed,
-    presentation_of,
-    run_backwards,
-    solved,
-    starts_of,
-    symmetries,
-)
+from branches.presentation import canonical_orbit, embed, solved, starts_of, symmetries
 from branches.tracing import follow_family
 from bvp.checks import require_branch
-from bvp.closures import Cycle, cycle_of
+from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.stability import stability
 from bvp.texts import takes_options_of
@@ -59,32 +50,6 @@ _TURNED = (*_MIRRORED, "flight_times", "impact_speeds", "label")
 """Columns that an image changes."""
 
 
-class Image(NamedTuple):
-    """What takes one presentation of an orbit to another: mirrored, backwards in time, and (periodic ends) from a later impact on."""
-
-    mirrored: bool
-    backwards: bool
-    first: int = 0
-
-    def of(self, problem: MultipointProblem, y: np.ndarray, cycle: Cycle | None = None) -> Presentation:
-        """The image of an orbit; `cycle`, if it is at hand, is that of the orbit."""
-        if problem.periodic:
-            cycle = cycle_of(problem, y) if cycle is None else cycle
-            return closed_presentation(cycle, first=self.first, backwards=self.backwards, mirrored=self.mirrored)
-        presentation = presentation_of(problem, y)
-        if self.backwards:
-            presentation = run_backwards(problem.system, presentation, problem)
-        return presentation.mirrored() if self.mirrored else presentation
-
-    def is_the_same_orbit(self, problem: MultipointProblem) -> bool:
-        """Whether the image of any orbit of a problem is that orbit itself, started elsewhere."""
-        if problem.periodic:
-            return not self.mirrored and not self.backwards
-        if problem.quarters == 1:
-            return True
-        return self.mirrored is (problem.ends[0] == "origin")
-
-
 def images_between(problem: MultipointProblem, middle: np.ndarray, direction: np.ndarray, known: np.ndarray) -> list[Image]:
     """The symmetries that map an orbit to itself but change a nearby orbit: they map one side of a bifurcation to the other.
 
@@ -101,7 +66,7 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, direction: np
     list of Image
         Those first that give the same orbit started elsewhere, then those that change least.
     """
-    odd, scale = problem.system.has_odd_symmetry, problem.scales(middle)
+    scale = problem.scales(middle)
     side = middle + BESIDE / np.linalg.norm(direction / scale) * direction
     along = known / scale / np.linalg.norm(known / scale)
 
@@ -111,12 +76,9 @@ def images_between(problem: MultipointProblem, middle: np.ndarray, direction: np
 
     cycles = [cycle_of(problem, y) if problem.periodic else None for y in (middle, side)]
     count = min(starts_of(cycle) if cycle else 1 for cycle in cycles)
-    every = [Image(m, b, k) for b in (False, True) for m in (False, True)[: 1 + odd] for k in range(count)]
     found = []
-    for image in every:
+    for image in images_within(problem, count):
         presentation = image.of(problem, middle, cycles[0])
-        if (presentation.ends, presentation.sequence) != (problem.ends, problem.sequence):
-            continue
         kept = float(np.max(np.abs(presentation.unknowns(problem) - middle))) < NEAR * float(np.max(np.abs(middle)))
         # A third of a 3-fold cover keeps the middle and changes the side, but takes it to no other one.
         if kept and across(image.of(problem, side, cycles[1]).unknowns(problem) + side - 2.0 * middle) < 0.5 * across(side - middle):

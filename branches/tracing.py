@@ -244,7 +244,7 @@ def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
         return None
     k = int(np.searchsorted(outside, branch.start))
     first, last = int(outside[k - 1]) + 1 if k else 0, int(outside[k]) - 1 if k < len(outside) else len(h) - 1
-    if branch.ended[1].reason == "CLOSED" and (first == 0 or last == len(h) - 1):
+    if branch.is_closed and (first == 0 or last == len(h) - 1):
         return None
     before = _to_bound(branch, first, -1, energy) if first > 0 else None
     after = _to_bound(branch, last, 1, energy) if last < len(h) - 1 else None

@@ -7,7 +7,7 @@ the `MultipointProblem` of the system there, from which follow multipliers, labe
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -223,6 +223,13 @@ class ReleasedProblem(ForcedProblem):
             at = problem.in_pieces_of(own, y)
             states, times = np.vstack([own.start(at), own.nodes(at)]), own.flight_times(at)
         return self.pack(states @ own.modes.to_state.T, np.zeros(len(states)), parameters, times)
+
+    def changed(self, y: np.ndarray, change: Callable[[MultipointProblem, np.ndarray], np.ndarray | None]) -> np.ndarray | None:
+        """The unknowns of the orbit that a function of problem and unknowns makes of the orbit y of its system; None where that is None. A
+        closed orbit has an impact."""
+        problem, at = self._plain(y)
+        found = change(problem, at)
+        return None if found is None else self._unknowns_of(problem, found, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
 
     def in_pieces(self, pieces: int, y: np.ndarray) -> tuple[ReleasedProblem, np.ndarray]:
         """The problem with another number of pieces, and the unknowns y (u,) there."""

@@ -34,6 +34,7 @@ from continuation.control import (
     watch,
 )  # fmt: skip
 from continuation.events import EventFinder, FoundEvent, arclength_between, make_event
+from continuation.images import Images
 from continuation.location import Locator
 from continuation.problem import Advance, End, EndReason, Event, Goal, PlainPoints, Point, Problem, Recent, Step, Tally
 
@@ -183,12 +184,15 @@ def follow_in_blocks(
     stop_at: Collection[str],
     allowance: Allowance,
     goal: Goal | None = None,
+    *,
+    once: bool = False,
 ) -> Iterator[Point | PlainPoints | Event | End]:
     """The run that `follow` describes, from a corrected and oriented start. Without `stop_when`, the points of a block of steps are
     yielded together.
 
     It yields an `End` with reason POINTS when the allowance is used up. If the caller raises the allowance, the next item continues
-    the run. Every other `End` is the last item. The family is closed when the run returns to the `goal`, by default the start.
+    the run. Every other `End` is the last item. The family is closed when the run returns to the `goal`, by default the start. It ends at
+    an image of the start, and, to be followed `once`, at a branch point with more symmetry, behind which it is its own image.
     """
     advance = getattr(problem, "advance", None)
     finder = EventFinder(problem, settings)
@@ -196,6 +200,7 @@ def follow_in_blocks(
     control = control_of(settings)
     counts = [0] * len(Tally._fields)  # by verdict
     goal = Goal(first) if goal is None else goal
+    images = Images(problem, first)
     point = Point(0, 0.0, first)
     recent = Recent(first, list(map(float, first.tests)), finder.undefined, finder.undefined)
     index, arclength, ds = 0, 0.0, settings.initial_step
@@ -213,7 +218,10 @@ def follow_in_blocks(
         if trial is None and advance is not None:
             taken: Advance = advance(recent, ds, goal, min(allowance.points, BLOCK), control)
             ds, trial = taken.ds, taken.trial
-            count = len(taken.steps)
+            count = images.plain(recent.step, taken.steps)
+            if count < len(taken.steps):
+                ds, trial = float(taken.strides[count]), taken.steps[count]
+                taken = Advance(taken.steps[:count], taken.strides[:count], taken.lengths[:count], ds, trial)
             if count:
                 fallback = 0.0
                 if goal.direction is None:
@@ -237,7 +245,7 @@ def follow_in_blocks(
                 continue
         cause = ""
         found: list[FoundEvent] = []
-        closed = False
+        closed: EndReason | None = None
         tests: Any
         position: Any = recent.step.position
         new = problem.step(recent.step.y, recent.step.tangent, ds) if trial is None else trial
@@ -249,13 +257,18 @@ def follow_in_blocks(
         if verdict != ACCEPTED:
             counts[verdict] += 1
             cause = _CAUSES[verdict].format(contraction=new.contraction, chord=chord, ds=ds)
+        elif images.gains(new.y):
+            counts[JUMPED] += 1
+            cause = f"a step of {ds:.3g} goes over to a family of more symmetry"
         else:
-            if goal.direction is not None and distance(new.position, goal.step.position) <= NEAR_GOAL * chord:
-                landed = landing(problem, settings, goal, point, new, ds)
-                if landed is not None:
-                    ds, new = landed
-                    chord = distance(position, new.position)
-                    closed = True
+            goals = [] if goal.direction is None else [(goal, EndReason.CLOSED), *((g, EndReason.IMAGE) for g in images.goals(recent.step))]
+            for target, reached in goals:
+                if closed is None and distance(new.position, target.step.position) <= NEAR_GOAL * chord:
+                    landed = landing(problem, settings, target, point, new, ds)
+                    if landed is not None:
+                        ds, new = landed
+                        chord = distance(position, new.position)
+                        closed = reached
             length = arclength_of(chord, new.turn)
             tests = new.tests
             if type(tests) is not list:  # comparing array items is far slower
@@ -273,7 +286,7 @@ def follow_in_blocks(
                     if leaping and not any(problem.tests[event.index].singular for event in found):
                         counts[JUMPED] += 1
                         cause = "a leap meets no branch point"
-                    elif not closed:
+                    elif closed is None:
                         # an accepted point on an event, or beside a branch point, would have test functions of undecided sign
                         on_event = any(ds - event.location.s <= tolerance and not event.details.terminal for event in found)
                         sizes = zip(recent.tests, tests, finder.singular, strict=True)
@@ -301,7 +314,7 @@ def follow_in_blocks(
                 return
             found, new = [passed[0]], passed[1]
             crossing = passed[0].location
-            ds, tests, closed = AFTER * shortest, list(map(float, new.tests)), False
+            ds, tests, closed = AFTER * shortest, list(map(float, new.tests)), None
             reach = length = crossing.s + arclength_of(distance(crossing.step.position, new.position), 1.0)
 
         counts[ACCEPTED] += 1
@@ -314,7 +327,7 @@ def follow_in_blocks(
         for stride, at, event in [*places, (reach, new, None)]:
             s = length if at is new else arclength_between(position, at)
             guard = event is not None and problem.tests[event.index].kind == "guard"
-            if event is not None and not guard and (arclength + s <= exact or (closed and length - s <= exact)):
+            if event is not None and not guard and (arclength + s <= exact or (closed is EndReason.CLOSED and length - s <= exact)):
                 continue  # at the start
             while allowance.points <= 0:
                 yield End(EndReason.POINTS, "", Tally(*counts))
@@ -331,6 +344,8 @@ def follow_in_blocks(
                 if problem.tests[special.test].singular:
                     met.append(special.point.parameter)
                     reason = EndReason.REPEATED if sum(abs(value - met[-1]) <= REPEATED * abs(met[-1]) for value in met) > 2 else None
+                    if once and images.gains(special.point.y):
+                        reason = EndReason.IMAGE
                 if special.terminal:
                     reason = EndReason.EVENT
                 elif reason is None and special.code in stop_at:
@@ -342,8 +357,8 @@ def follow_in_blocks(
                 yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", Tally(*counts))
                 return
         arclength += length
-        if closed:
-            yield End(EndReason.CLOSED, f"length {arclength:.9g}", Tally(*counts))
+        if closed is not None:
+            yield End(closed, f"length {arclength:.9g}", Tally(*counts))
             return
         if goal.direction is None:
             goal = Goal(first, np.asarray(new.position) - np.asarray(first.position))

@@ -281,9 +281,9 @@ class EventFinder:
         certain = [s for s, value in known if abs(value) > noise]
         # The problem's own equations can put a zero outside its bracket, where steps went over to another family: its sign is that of the
         # bracket's ends.
-        start, end = min(first.s, first.between[0], last.between[0]), max(last.s, first.between[1], last.between[1])
-        low = max((s for s in certain if s <= start), default=known[0][0])
-        high = min((s for s in certain if s >= end), default=known[-1][0])
+        moved = [zero.between for zero in (first, last) if not zero.between[0] <= zero.s <= zero.between[1]]
+        low = max((s for s in certain if s < first.s and all(s <= ends[0] for ends in moved)), default=known[0][0])
+        high = min((s for s in certain if s > last.s and all(s >= ends[1] for ends in moved)), default=known[-1][0])
         best = min(first, last, key=lambda zero: zero.residual)
         return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high)), noise
 

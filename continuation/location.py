@@ -264,8 +264,8 @@ class Locator:
     def zero_beside(self, index: int, singular: int, middle: float) -> tuple[float, float] | None:
         """The zero of a test function that is rounding near a branch point, and its error; None where it is the branch point's own.
 
-        Both test functions are interpolated from samples on both sides, far enough away to be certain, and the zeros of the interpolants are
-        compared. Fewer samples give the error, and so do samples at another distance.
+        Both test functions are interpolated from samples on both sides, far enough away to be certain. The zeros of the interpolants
+        are compared. Fewer samples give the error, and so do samples at another distance.
         `middle`: where the branch point is. `singular`: its test function.
         """
         found: list[tuple[float, float, float]] = []

@@ -341,6 +341,8 @@ class Problem(Protocol):
       (whose tangent and turn it has); None if that is as near as it gets.
     - ``beyond(at) -> (Step, Step) | None``: the branch point just ahead of the step `at`, and the point of the family as far behind it.
       It is for runs that no step leads past the branch point.
+    - ``symmetries(y) -> list``: functions that take unknowns to those of their image (`continuation.images.Symmetry`), and ``sizes(y)``
+      (n + 1,), of the unknowns: with them a run ends at the image of its start, and goes over to no family of more symmetry.
     - ``second_derivative(y, a, b)`` (n,), F''(y)[a, b], and ``weights`` (n + 1,), the metric as a diagonal, for switching.
     """
 
@@ -362,6 +364,7 @@ class EndReason(Enum):
     """Why a family was followed no further. The value is a text for the user."""
 
     CLOSED = "the family closes on itself: it is back at its first point; nothing is left to follow"
+    IMAGE = "the family is its own image from here on: what follows are images of what was followed; nothing is left to follow"
     REPEATED = "the family repeats itself: it passes one branch point for the third time; what follows are images of what was followed"
     EVENT = "the family ends at this event; to go on, start the neighbouring family from the last point"
     STOP_AT = "an event of a type to stop at was reached; start again from the last point to go on"

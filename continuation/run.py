@@ -99,7 +99,7 @@ def follow_both_ways(
         return Run(Points([[point]], [0]), (), (held, held), 0)
     total = settings.maximum_points
     allowance = Allowance(min(total // 2 + 1, total) if both else total, resume=both)
-    items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance)
+    items = follow_in_blocks(problem, first, settings, stop_when, stop_at, allowance, once=direction == 0 and not both)
     forward = _Half(items, allowance, settings, True, on_points, on_event)
     halves = [forward]
     try:
@@ -122,8 +122,9 @@ def _both_halves(
     forward, total = halves[0], settings.maximum_points
     allowance, on_points, on_event = forward.allowance, forward.on_points, forward.on_event
     forward.go()
-    if not both or forward.closed:
-        return _joined(problem, settings, None, forward)
+    if not both or forward.closed or forward.end.reason is EndReason.IMAGE:
+        run = _joined(problem, settings, None, forward)
+        return replace(run, ends=(forward.end, forward.end)) if both and not run.closed else run
     allowance.points = total - len(forward.points) + 1  # the start is one point, though each half has it
     opposite = problem.step(first.y, -first.tangent, 0.0)
     if not opposite.converged:

@@ -270,7 +270,7 @@ def _follow(system: ImpactSystem, seed: Seed) -> Answer:
 
 def _ends_cut(branch: Branch) -> tuple[int, tuple[str, ...]]:
     """Whether an end is cut because the family continues there as its own image (1 or 0), and texts about its other cut ends."""
-    cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED", "REPEATED")]
+    cut = [i for i, end in enumerate(branch.ended) if end.reason not in ("EVENT", "CLOSED", "IMAGE", "REPEATED")]
     failed = [i for i in cut if not is_half(branch, i)]
     reasons = tuple(f"{branch.id}: {branch.ended[i].reason}: {branch.ended[i].text}" for i in failed)
     return int(len(failed) < len(cut)), reasons

@@ -41,6 +41,11 @@ class AlongParameters:
 
     problem: Any
 
+    def sizes(self, y: np.ndarray) -> np.ndarray:
+        """See `continuation.Problem`."""
+        scale = self.problem.scales(y)
+        return np.where(scale > 0.0, scale, np.maximum(np.abs(y), 1.0))
+
     def second_derivative(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """F''(y)[a, b], for switching."""
         found: np.ndarray = self.problem.second_derivative(y, a, b)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
+from branches.forced.primitive import half_later, image_sign, is_odd
 from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
@@ -28,6 +29,7 @@ from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 from bvp.system import ImpactSystem
 from continuation.control import kinds_of
+from continuation.images import Symmetry
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
 if TYPE_CHECKING:
@@ -115,6 +117,11 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         singular = np.array([test.singular for test in self.tests])
         address = forced_tests.entry(*arguments).address
         return WatchedTests(np.array(kinds_of(self.tests)), singular, self._work.limits, targets, address, self._work)
+
+    def symmetries(self, y: np.ndarray) -> list[Symmetry]:
+        """See `continuation.Problem`: the same orbit half a period later, or its mirror image there, where its impacts are the same."""
+        sign = image_sign(self.problem)
+        return [partial(half_later, self.problem, sign)] if sign > 0.0 or (sign < 0.0 and is_odd(self.problem)) else []
 
     def orbit_of(self, solution: Solution) -> tuple[ForcedProblem, Solution]:
         """The problem that a solution belongs to, with it."""

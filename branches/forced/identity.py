@@ -26,10 +26,9 @@ from branches.family import SETTINGS
 from branches.forced.along_parameters import unbounded
 from branches.forced.closing import with_exact_ends
 from branches.forced.family import parameter_family
-from branches.forced.primitive import primitive_orbit
+from branches.forced.primitive import is_odd, primitive_orbit
 from branches.full_family import FamilyMark, connected_part, digests
 from branches.released.presentation import canonical_names, free_invariants, order_of
-from bvp.closures import EndsError
 from bvp.contact_sequence import OPENS, joined_sequence
 from bvp.description import BASE
 from bvp.forced import ForcedProblem
@@ -84,17 +83,6 @@ def canonical_letters(problem: ForcedProblem) -> str:
     full += [mirror + (sequence if problem.half else [])] if mirror else []
     begins = [(one, k) for one in full for k in range(len(one) or 1) if not one or not one[k].endswith(OPENS)]
     return min(joined_sequence((one[k:] + one[:k])[: len(sequence)]) for one, k in begins)
-
-
-def is_odd(problem: ForcedProblem) -> bool:
-    """Whether the mirror image of a motion, half a period of the loads later, is a motion, too."""
-    if problem.half:
-        return True
-    try:
-        problem.sibling(problem.sequence, half=True, load_periods=1)
-    except EndsError:
-        return False
-    return True
 
 
 def invariants(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 
-__all__ = ["apart_from_image", "full_period", "half_of", "image_sign", "primitive_orbit", "twice"]
+__all__ = ["apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "primitive_orbit", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, with which an orbit repeats itself, or has the symmetry of half a period."""
@@ -64,6 +64,28 @@ def image_sign(problem: ForcedProblem) -> float:
     if problem.load_periods % 2 == 0 and first == second:
         return 1.0
     return -1.0 if second == tuple(map(problem.mirrored, first)) else 0.0
+
+
+def is_odd(problem: ForcedProblem) -> bool:
+    """Whether the mirror image of a motion, half a period of the loads later, is a motion, too."""
+    if problem.half:
+        return True
+    try:
+        problem.sibling(problem.sequence, half=True, load_periods=1)
+    except EndsError:
+        return False
+    return True
+
+
+def half_later(problem: ForcedProblem, sign: float, y: np.ndarray) -> np.ndarray:
+    """An orbit begun half a period later, with its states times `image_sign`."""
+    out, count, size = np.array(y), len(problem.sequence) // 2, 2 * problem.degrees_of_freedom
+    nodes = np.roll(problem.nodes(y), -count, axis=0)
+    nodes[:, :size] *= sign
+    nodes[:, size] += np.where(np.arange(2 * count) < count, -0.5, 0.5) * problem.has_clock
+    problem.nodes(out)[:] = nodes
+    problem.flight_times(out)[:] = np.roll(problem.flight_times(y), -count)
+    return out
 
 
 def apart_from_image(problem: ForcedProblem, y: np.ndarray) -> float:

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from branches.family import Family
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
+from branches.images import Image, images_within
 from branches.kernels.functions import CONDITION_NOISE, TANGENT_NOISE, is_orbit, make_pairs_work
 from branches.solved_family import FAILED, SolvedFamily, step_of
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.released import SLACK, ReleasedProblem
+from continuation.images import Symmetry
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
@@ -85,6 +88,15 @@ class ReleasedFamily(AlongParameters, Family):
         self.tests = (*tests, *(TestFunction("UZ", "crossing", False, f"{name} = {value:g}") for value in values))
 
     step = SolvedFamily.step
+
+    def symmetries(self, y: np.ndarray) -> list[Symmetry]:
+        """See `continuation.Problem`; none of closed orbits without impacts, which begin at another maximum at each value."""
+        released = self.problem
+        if released.starts_rising:
+            return []
+        plain = released.orbit_problem(y)[0]
+        images = images_within(plain, len(plain.sequence))
+        return [partial(released.changed, change=image.unknowns) for image in images if image != Image(False, False)]
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None:

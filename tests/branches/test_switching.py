@@ -11,6 +11,8 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
+from branches.family import Family
+from branches.forced.family import parameter_family
 from branches.naming.labels import parse
 from branches.presentation import embed, same_orbit, symmetries
 from branches.tracing import follow_family
@@ -285,3 +287,41 @@ def test_switching_goes_on_from_what_was_switched_to(name, event, ends, followin
         assert math.isclose(new.points["alpha"][0] / found.alpha, 2.0 if found.type == "PD" else 1.0, rel_tol=1e-3)
         symmetric = symmetries(new.orbit(1).cycle)
         assert symmetric.cover == 1 and bool(symmetric.reversals) is not new.problem.periodic
+
+
+def test_symmetries_take_solutions_to_solutions():
+    """Oracle: the equations, which an image satisfies too, and the group: one of the symmetries takes the image back. Of segments between
+    reversals, of closed orbits, in the energy and in a parameter."""
+    segment = traced("U21@h=0.582963,alpha=1.61731")
+    closed = segment.switch("SB1", points=5)[0]
+    released = saltus.trace_in_parameter(segment.orbit(2), "sigma", (0.099, 0.101), keep="energy = 0.58", points=8)
+    families = [(Family(branch.problem), branch.unknowns(3)) for branch in (segment, closed)]
+    families.append((parameter_family(released.problem), released.unknowns[3]))
+    for family, y in families:
+        found = family.symmetries(y)
+        assert found
+        for symmetry in found:
+            image = symmetry(y)
+            assert np.abs(family.residual(image)).max() < 1e-9 and np.abs(image - y).max() > 1e-3
+            assert min(np.abs(other(image) - y).max() for other in found) < 1e-9
+
+
+@pytest.mark.parametrize(("side", "events", "partner"), [
+    (0, ["SN", "BP"], ("S11+", "the reversal about the start stays")),
+    (1, ["SN", "SN", "BP"], ("S11+", "the reversal about the far end stays")),
+])  # fmt: skip
+def test_a_family_ends_at_the_symmetric_family_where_it_is_its_own_image(side, events, partner):
+    """Oracles: the energies where the symmetry of the other family breaks, zeros of its half map. A step over such a branch point went on
+    along the other family, without an event. Followed both ways the family comes to its image: then what it lists is there twice."""
+    options = {"scene": "cubic_nes", "energy": (1e-3, 30.0)}
+    family = saltus.trace("S11-", **options).switch("PD2", energy=options["energy"])[side]
+    assert [event.type for event in family.events if event.type in ("SN", "BP")] == events
+    assert [end.reason for end in family.ended] == ["NOT_ASKED", "IMAGE"]
+    name, note = partner
+    breaking = [event.h for event in saltus.trace(name + "@h=0.1", **options).events if event.type == "SB" and note in event.note]
+    assert min(abs(h / family.points["h"][-1] - 1.0) for h in breaking) < 1e-9
+    whole = follow_family(family.problem, family.unknowns(len(family) // 2), energy=options["energy"])
+    assert whole.is_closed and {end.reason for end in whole.ended} == {"IMAGE"} and whole.id == family.id
+    folds = sorted(event.h for event in whole.events if event.type == "SN")
+    once = sorted(event.h for event in family.events if event.type == "SN")
+    assert folds == pytest.approx(sorted(2 * once), rel=1e-9)

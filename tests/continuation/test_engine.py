@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import ellipe
 
-from continuation import End, EndReason, Event, Point, Settings, TestFunction, follow
+from continuation import End, EndReason, Event, GenericProblem, Point, Settings, TestFunction, follow, follow_both_ways
 from tests.continuation.curves import Eight, Line, circle, cubic, ellipse, hyperbola, is_close, parallel_lines, parts, root_end
 
 SHORT = Settings(initial_step=0.1, maximum_step=0.1, maximum_points=60)
@@ -216,3 +216,40 @@ def test_a_family_that_repeats_itself_ends_at_the_third_passage_of_a_branch_poin
     points, events, (end,) = parts(follow(wave, np.array([0.3]), settings=Settings(maximum_points=5000)))
     assert end.reason is EndReason.REPEATED
     assert [event.point.y[0] for event in events] == pytest.approx([k * math.pi for k in range(1, 6)], abs=1e-9)
+
+
+def with_symmetry(problem, symmetry):
+    """The problem with a symmetry of its equations, a matrix."""
+    problem.symmetries, problem.sizes = lambda y: [lambda y: symmetry @ y], lambda y: np.ones(y.size)
+    return problem
+
+
+def test_a_closed_family_ends_at_the_image_of_its_start():
+    """Oracle: the circle is its own image after a half turn, in which it has one fold and the length pi."""
+    start = np.array([math.cos(0.4), math.sin(0.4)])
+    run = follow_both_ways(with_symmetry(circle(), -np.eye(2)), start)
+    assert [end.reason for end in run.ends] == [EndReason.IMAGE] * 2 and not run.closed
+    assert [event.code for event in run.events] == ["SN"]
+    assert run.points[-1].arclength == pytest.approx(math.pi, abs=1e-5)
+    assert run.points[-1].step.y == pytest.approx(-start, abs=1e-9)
+    # A reflection takes the start to a point that the run passes the other way round: it goes on.
+    mirrored = follow_both_ways(with_symmetry(circle(), np.diag([1.0, -1.0])), start)
+    assert mirrored.closed and [event.code for event in mirrored.events] == ["SN", "SN"]
+
+
+@pytest.mark.parametrize("once", [False, True])
+def test_a_family_does_not_go_over_to_one_of_more_symmetry(once):
+    """Oracle: a (p - 90 a^2) = 0 branches at p = 0. Without the symmetry a -> -a a long step along the parabola falls onto a = 0."""
+    fork = GenericProblem(lambda y: np.array([y[0] * (y[1] - 90 * y[0] ** 2)]), lambda y: np.array([[y[1] - 270 * y[0] ** 2, y[0]]]))
+    rough = Settings(initial_step=0.1, target_turn=0.39, maximum_step=0.5, target_contraction=0.4)
+    begun = fork.begin(np.array([0.1, 0.9]))
+    begun = begun if begun.slope < 0.0 else fork.step(begun.y, -begun.tangent, 0.0)
+    options = {"stop_when": lambda point: abs(point.step.parameter) > 1.0, "both": False, "direction": 0 if once else -1}
+    fallen = follow_both_ways(fork, begun, rough, **options)
+    assert abs(fallen.points[-1].step.y[0]) < 1e-12
+    run = follow_both_ways(with_symmetry(fork, np.diag([-1.0, 1.0])), begun, rough, **options)
+    a, p = np.array([point.step.y for point in run.points]).T
+    assert np.abs(p - 90.0 * a**2).max() < 1e-9
+    assert [event.code for event in run.events] == ["BP"] and abs(run.events[0].point.parameter) < 1e-9
+    assert run.ends[1].reason is (EndReason.IMAGE if once else EndReason.STOP_WHEN)
+    assert abs(a[-1]) < 1e-6 if once else a[-1] < -0.1
