@@ -46,10 +46,6 @@ OUT_OF_DOMAIN = "DOMAIN"
 
 _SIGNS = {"both": 1, "up": 1, "down": -1, "along": 0}
 
-_BESIDE = 1e-3
-"""Largest arclength between a branch point and the fold of a family that turns there. Its cube bounds the difference of the parameter,
-which has a turning point between them."""
-
 _FAILED = 0.1
 """Where steps failed, flights are cut so that perturbations grow in each by no more than this part of `GROWTH`."""
 
@@ -232,9 +228,7 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
     steps = [point.step for point in run.points]
     unknowns = np.array([step.y for step in steps])
     events = []
-    branch_points = [event for event in run.events if event.code == "BP"]
-    kept = [event for event in run.events if event.code != "SN" or not any(_is_one(event, other) for other in branch_points)]
-    for event, id in zip(kept, event_ids(event.code for event in kept), strict=True):
+    for event, id in zip(run.events, event_ids(event.code for event in run.events), strict=True):
         details, at = event.details, event.point
         if "label" in details:  # its change reads in the order of arclength
             details = details | {"note": event_along(event, event.index < run.start and not (run.closed and event.index == 0))[2]}
@@ -305,12 +299,6 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
     elif end.reason is EndReason.STOP_WHEN:
         text = f"{end.detail}, at {name} = {point.step.parameter:.12g}"
     return Ended(end.reason.name, text)
-
-
-def _is_one(fold: Event, point: Event) -> bool:
-    """Whether a fold is that of a family that turns at a branch point, where it passes through another one."""
-    values = fold.point.parameter, point.point.parameter
-    return abs(fold.arclength - point.arclength) < _BESIDE and abs(values[0] - values[1]) <= _BESIDE**3 * max(1.0, abs(values[0]))
 
 
 def _with_neighbours(branch: ForcedBranch, event: ForcedEvent) -> ForcedEvent:
