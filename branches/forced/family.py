@@ -16,7 +16,7 @@ import numpy as np
 from branches.admissible import GRAZING, describe_grazing
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
-from branches.forced.primitive import half_later, image_sign, is_odd
+from branches.forced.primitive import half_later, later_sign
 from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
@@ -120,8 +120,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
 
     def symmetries(self, y: np.ndarray) -> list[Symmetry]:
         """See `continuation.Problem`: the same orbit half a period later, or its mirror image there, where its impacts are the same."""
-        sign = image_sign(self.problem)
-        return [partial(half_later, self.problem, sign)] if sign > 0.0 or (sign < 0.0 and is_odd(self.problem)) else []
+        sign = later_sign(self.problem)
+        return [partial(half_later, self.problem, sign)] if sign else []
 
     def orbit_of(self, solution: Solution) -> tuple[ForcedProblem, Solution]:
         """The problem that a solution belongs to, with it."""

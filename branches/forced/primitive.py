@@ -13,7 +13,7 @@ from bvp.forced import ForcedProblem
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 
-__all__ = ["apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "primitive_orbit", "twice"]
+__all__ = ["apart_from_image", "full_period", "half_later", "half_of", "image_sign", "is_odd", "later_sign", "primitive_orbit", "twice"]
 
 _SAME = 1e-6
 """Largest change, beside the largest unknown, with which an orbit repeats itself, or has the symmetry of half a period."""
@@ -77,9 +77,23 @@ def is_odd(problem: ForcedProblem) -> bool:
     return True
 
 
+def later_sign(problem: ForcedProblem) -> float:
+    """The sign with which the orbits of a problem are orbits of it again half a period later; 0 where they are none."""
+    if problem.sequence:
+        sign = image_sign(problem)
+    else:  # linear responses without impacts are isolated
+        sign = 0.0 if problem.half or not problem.is_smooth else -1.0 if problem.load_periods % 2 else 1.0
+    return sign if sign >= 0.0 or is_odd(problem) else 0.0
+
+
 def half_later(problem: ForcedProblem, sign: float, y: np.ndarray) -> np.ndarray:
-    """An orbit begun half a period later, with its states times `image_sign`."""
+    """An orbit half a period later, with its states times `later_sign`."""
     out, count, size = np.array(y), len(problem.sequence) // 2, 2 * problem.degrees_of_freedom
+    if not count:
+        pieces = problem.pieces
+        states = problem.cut(y, 2 * pieces)[0]
+        problem.nodes(out)[:, :size] = sign * np.roll(states, -pieces, axis=0)[::2, :size]
+        return out
     nodes = np.roll(problem.nodes(y), -count, axis=0)
     nodes[:, :size] *= sign
     nodes[:, size] += np.where(np.arange(2 * count) < count, -0.5, 0.5) * problem.has_clock

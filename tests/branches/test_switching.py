@@ -13,6 +13,8 @@ import saltus
 from benchmarks.backbone import Backbone
 from branches.family import Family
 from branches.forced.family import parameter_family
+from branches.forced.primitive import twice
+from branches.forced.tracing import switch_response
 from branches.naming.labels import parse
 from branches.presentation import embed, same_orbit, symmetries
 from branches.tracing import follow_family
@@ -291,12 +293,16 @@ def test_switching_goes_on_from_what_was_switched_to(name, event, ends, followin
 
 def test_symmetries_take_solutions_to_solutions():
     """Oracle: the equations, which an image satisfies too, and the group: one of the symmetries takes the image back. Of segments between
-    reversals, of closed orbits, in the energy and in a parameter."""
+    reversals, of closed orbits, in the energy and in a parameter, and of forced ones."""
     segment = traced("U21@h=0.582963,alpha=1.61731")
     closed = segment.switch("SB1", points=5)[0]
     released = saltus.trace_in_parameter(segment.orbit(2), "sigma", (0.099, 0.101), keep="energy = 0.58", points=8)
     families = [(Family(branch.problem), branch.unknowns(3)) for branch in (segment, closed)]
     families.append((parameter_family(released.problem), released.unknowns[3]))
+    ueda = saltus.load_scene("ueda_oscillator").parametric
+    (response,) = saltus.trace_response(ueda, "B", (2.0, 2.4), values={"B": 2.1}, points=40)
+    problem, step = switch_response(response, next(event for event in response.events if event.type == "SB"))[0]
+    families.append((parameter_family(problem), step.y))
     for family, y in families:
         found = family.symmetries(y)
         assert found
@@ -304,6 +310,15 @@ def test_symmetries_take_solutions_to_solutions():
             image = symmetry(y)
             assert np.abs(family.residual(image)).max() < 1e-9 and np.abs(image - y).max() > 1e-3
             assert min(np.abs(other(image) - y).max() for other in found) < 1e-9
+
+
+def test_an_orbit_traversed_twice_is_its_own_image_a_period_later():
+    """Oracle: the same impacts a period of the load later."""
+    parametric = saltus.load_scene("impact_oscillator").parametric
+    (branch, *_) = saltus.trace_response(parametric, "s", (-0.1, 0.0), values={"s": -0.08}, u=[-0.66], v=[0.0], points=5)
+    wide, y = twice(branch.problem, branch.unknowns[2])
+    (symmetry,) = parameter_family(wide).symmetries(y)
+    assert np.abs(symmetry(y) - y).max() < 1e-14
 
 
 @pytest.mark.parametrize(("side", "events", "partner"), [
