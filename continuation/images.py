@@ -58,10 +58,10 @@ class Images:
         if self._goals is None:
             self._goals = []
             for symmetry in self._symmetries:
-                ends = symmetry(self._first.y), symmetry(second.y)
-                if ends[0] is None or ends[1] is None:
+                start, ahead = symmetry(self._first.y), symmetry(second.y)
+                if start is None or ahead is None:
                     continue
-                at, then = (self._problem.begin(y) for y in ends)
+                at, then = self._problem.begin(start), self._problem.begin(ahead)
                 if not (at.converged and then.converged) or self._is_first(at):
                     continue
                 if float(at.tangent[: at.y.size] @ (then.y - at.y)) < 0.0:
