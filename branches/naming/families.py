@@ -33,6 +33,7 @@ from branches.naming.search import (
     find_by_id,
     from_other_end,
     label_without_stops,
+    passes,
     search_bounds,
 )
 from branches.search.discovery import discover_orbits
@@ -88,13 +89,20 @@ def resolve(
         raise NameNotFound(_linear_mode(system, name.label, has_labels))
     name = name if system.stops else label_without_stops(name)
     point = reference_point_of(text, name.label, reference_points) if name.h is None and name.alpha is None else None
-    if name.family is not None and not name.family.startswith("origin"):
-        found = [find_by_id(system, name, limits, energy, followed)]
-    else:
+    at_origin = name.family is None or name.family.startswith("origin")
+    if at_origin:
         try:
             parse_end(system, "origin")
         except EndsError as error:
             raise NameNotFound(f"{text} starts at the origin: {str(error).partition('; expected')[0]}; {_by_id(system)}") from error
+    if name.family is not None and (system.smooth_forces is None or not at_origin):
+        orbit, branch = find_by_id(system, name, limits, energy, followed)
+        found = [(orbit, branch)] if name.h is not None else _inside([(orbit, branch)], energy, lambda other: True)
+        if not found:
+            h = branch.points["h"]
+            there, asked = (f"h = {low:.10g} to {high:.10g}" for low, high in ((h.min(), h.max()), energy))
+            raise NameNotFound(f"{text} has {there}, outside the energy range {asked.removeprefix('h = ').replace(' to ', ':')}")
+    else:
         search = Search(system, name, limits, energy, followed)
         if name.label is not None and not has_labels:
             raise NameNotFound(
@@ -112,6 +120,8 @@ def resolve(
     if len(families) > 1 and point is not None and len(point) == 1:
         where = {"energy": point["h"]} if "h" in point else {"alpha": point["alpha"]}
         families = [(orbit, branch) for orbit, branch in families if branch.orbits_at(**where)] or families
+    if len(families) > 1:
+        families = _without_other_pieces(families)
     if len(families) > 1:
         listed = " ".join(f"{text.split('@')[0]}@h={f.h:.6g},alpha={f.alpha:.6g}" for f, _ in families)
         raise AmbiguousName(f"{text} matches {len(families)} families; choose one of {listed}")
@@ -251,6 +261,31 @@ def _inside(families: list[tuple[Found, Branch]], energy: tuple[float, float], f
                 out.append((orbits[0], branch))
                 break
     return out
+
+
+def _without_other_pieces(families: list[tuple[Found, Branch]]) -> list[tuple[Found, Branch]]:
+    """The first piece of each family, of which a range of energies can cut several pieces. Families are followed past the range for it."""
+    out: list[tuple[Found, Branch]] = []
+    joined: dict[Branch, Branch] = {}
+
+    def follows(branch: Branch, orbit: Found) -> bool:
+        if branch not in joined:
+            reach = branch.full_family.reach(branch.energy, math.inf)
+            start = branch.orbit(branch.start).solution.y
+            joined[branch] = branch if reach is None else follow_family(branch.problem, start, energy=reach[0])
+        return passes(joined[branch], orbit)
+
+    for found, branch in families:
+        cut = [other for other in out if _cuts(branch) & _cuts(other[1])]
+        if not any(follows(branch, other_orbit) or follows(other, found) for other_orbit, other in cut):
+            out.append((found, branch))
+    return out
+
+
+def _cuts(branch: Branch) -> set[bool]:
+    """At which bounds of its range of energies a branch is cut: False for the lowest one, True for the highest."""
+    ends = [float(branch.points["h"][event.point]) for event in branch.events if event.type == "EP"]
+    return {bool(k) for h in ends for k, bound in enumerate(branch.energy) if math.isclose(h, bound, rel_tol=1e-9)}
 
 
 def _select(name: Name, families: list[tuple[Found, Branch]]) -> list[tuple[Found, Branch]]:

@@ -13,7 +13,8 @@ import numpy as np
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.presentation import embed, same_orbit
-from branches.search.discovery import LONGEST, discover_orbits, fastest_turn
+from branches.search.along_sequence import orbits_with_sequence
+from branches.search.discovery import LONGEST, check_bounds, discover_orbits, fastest_turn
 from branches.search.orbit_search import Found, OrbitSearch, Problems, judged
 from branches.search.smooth_starts import SmoothSampler
 from branches.search.starts import Sampler
@@ -277,14 +278,20 @@ def followed_through(followed: Followed, orbit: Found, energy: tuple[float, floa
     return known
 
 
-ROUNDS = 6
-"""Times that energies are put between those that were searched: 63 energies at most."""
+ROUNDS = ((7, 48), (6, 256)), ((6, 48),)
+"""Searches for an id, in the range of energies and then in that of the limits: the times that energies are put between those that were
+searched (seven: 127 energies at most), and the starts in each piece of a curve of starts (`branches.search.along_sequence`)."""
+
+SMOOTH_ROUNDS = ((6, 0),), ((5, 0),)
+"""The same for systems with smooth forces, in which all orbits of an energy are searched."""
 
 KEPT = "expected a catalogue that has it (--catalogue FILE)"
 
 
 def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed) -> tuple[Found, Branch]:
     """An orbit of the family with an id, and the family; `energy`, `followed`: as for `branches.naming.families.resolve`.
+
+    The range of energies is searched first, then that of the limits: the family may have orbits in a small part of the range alone.
 
     Raises
     ------
@@ -298,23 +305,31 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     if ends == PERIODIC:
         raise NameNotFound(f"{name.family} has orbits without a reversal, which no search finds; {KEPT}")
     # `discover_orbits` says which systems with smooth forces it covers.
-    two_dof = "families are searched by id for" if system.smooth_forces is None else ""
-    require_system(system, two_dof=two_dof, advice=KEPT, smooth=True)
+    smooth = system.smooth_forces is not None
+    require_system(system, two_dof="" if smooth else "families are searched by id for", advice=KEPT, smooth=True)
+    check_bounds(system, limits.quarter_period, None)
     impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
     pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
     wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
-    grid = (k / 2**level for level in range(1, ROUNDS + 1) for k in range(1, 2**level, 2))
-    for h in (low * (high / low) ** part for part in grid) if name.h is None else (name.h,):
-        for orbit in discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits:
-            found = Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None)
-            if found.canonical == wanted:
-                branch = followed_through(followed, found, span)
-                if name.family in branch.full_family.ids:
-                    return found, branch
-    there = ", ".join(list(dict.fromkeys(branch.id for branch in followed))[:5])
+    asked = (low, high) if name.h is None else (name.h, name.h)
+    of_ranges = zip(dict.fromkeys([asked, span]), SMOOTH_ROUNDS if smooth else ROUNDS, strict=False)
+    for (least, most), rounds, density in ((between, *one) for between, searches in of_ranges for one in searches):
+        grid = (k / 2**level for level in range(1, rounds + 1) for k in range(1, 2**level, 2))
+        for h in (least * (most / least) ** part for part in grid) if least < most else (least,):
+            if smooth:
+                orbits = discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits
+                every = [Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None) for orbit in orbits]
+            else:
+                every = orbits_with_sequence(system, h, ends, sequence, limits.quarter_period, density)
+            for found in every:
+                if found.canonical == wanted:
+                    branch = followed_through(followed, found, span)
+                    if name.family in branch.full_family.ids:
+                        return found, branch
+    there = [f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in followed]
     raise NameNotFound(
         f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; "
-        + (f"with these ends and this sequence of impacts there are {there}" if there else KEPT)
+        + (f"with these ends and this sequence of impacts there are {', '.join(list(dict.fromkeys(there))[:5])}" if there else KEPT)
     )

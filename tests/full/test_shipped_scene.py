@@ -8,6 +8,9 @@ import saltus
 from branches.building.plan import Bounds
 from branches.catalogue import Catalogue
 from branches.catalogue.check import check_catalogue
+from branches.naming.families import resolve
+from branches.naming.matching import NameNotFound
+from branches.naming.search import search_bounds
 from saltus.__main__ import main
 from tests.branches.building.agreement import Families, decided_stability
 from tests.branches.building.meetings import unanswered
@@ -95,6 +98,20 @@ def test_the_named_families_are_there(built, name):
     with Catalogue(built[0]) as catalogue:
         branch = catalogue.branch(catalogue.find(name).id)
     assert min(abs(orbit.alpha / pin["alpha"] - 1.0) for orbit in branch.orbits_at(energy=pin["h"])) < 1e-3
+
+
+def test_each_id_is_a_name_without_the_catalogue(built):
+    """Oracle: the ids of the build, each at the energies of its family. Orbits without a reversal are refused with this reason."""
+    limits = search_bounds(SCENE.bounds)
+    with Catalogue(built[0]) as catalogue:
+        rows = catalogue.families()
+    for row in rows:
+        if row.ends == "periodic":
+            with pytest.raises(NameNotFound, match="without a reversal, which no search finds"):
+                resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)
+        else:
+            assert row.id in resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)[1].full_family.ids
+    assert sum(row.ends != "periodic" for row in rows) > 1000
 
 
 def test_a_second_build_has_nothing_to_do(built, capsys):

@@ -229,3 +229,48 @@ def test_a_tree_of_one_family_says_why_it_has_no_neighbours(capsys, tmp_path):
     assert run(capsys, "continue", "S13O00+", "--energy", "0.2:0.4", "--save", "--catalogue", path)[0] == 0
     code, out, _ = run(capsys, "tree", "S13+", "--catalogue", path)
     assert code == 0 and len(out.splitlines()) == 2 and out.splitlines()[1].startswith("note   ") and "saltus build" in out
+
+
+SHIPPED = [
+    ("origin-origin:++-+--+-++:a699c366", (5.0, 60.0)),
+    ("origin-origin:++-+:ee82e1c3", (9.83056475696501, 14.55370108913408)),
+    ("stop+-stop-:++---++-+:ba5424b7", (29.748149319417674, 29.750000166142282)),
+    ("rest-stop+:--++--+-:35277757", (20.0, 60.0)),
+    ("stop+-stop+:-++--:9d56599a", (1.6597279271953347, 1.781286771907527)),
+]
+"""Families of the catalogue that `saltus build` makes of the shipped scene, each with a range of energies in which it has orbits: a small
+part of the range, the whole family, two that are narrow, and one that few starts lead to. `tests/full/test_shipped_scene.py` takes all."""
+
+
+@pytest.mark.parametrize(("id", "energy"), SHIPPED)
+def test_an_id_of_the_shipped_catalogue_is_found_without_it(id, energy):
+    """Oracle: the id, which a build computed from families that it reached along others."""
+    assert saltus.trace(id, energy=energy, points=5).id == id
+
+
+def test_a_family_that_was_found_by_its_id_has_its_events():
+    """Oracle: the symmetry breaking of the family at h = 27.010136146917, of an independent computation."""
+    branch = saltus.trace(SHIPPED[0][0], energy=(26.9, 27.1))
+    assert any(event.type == "SB" and abs(event.h - 27.010136146917) < 1e-9 for event in branch.events)
+
+
+def test_an_id_that_is_not_there_is_refused_with_the_bounds_and_what_is_there(capsys):
+    """Oracle: the family that has these ends and this sequence."""
+    refused(
+        run(capsys, "continue", "origin-origin:++-+--+-++:00000000", "--energy", "26:27"), "h in 26:27", "quarter period up to 10",
+        "there are origin-origin:++-+--+-++:a699c366",
+    )  # fmt: skip
+    above = run(capsys, "continue", "origin-origin:++-+--+-++:a699c366", "--energy", "30:60")
+    refused(above, "h = 25.53", "outside the energy range 30:60")
+
+
+def test_pieces_of_one_family_are_one_match():
+    """Oracle: the range of energies with which one piece is followed into the other. From h = 1 to 30 the family has four pieces of the
+    orbit S11+; above h = 30 it turns."""
+    scene = saltus.load_scene("cubic_nes")
+    branch = saltus.trace("S11+", scene=scene, energy=(1.0, 30.0))
+    assert len(branch.others) == 3
+    reach = branch.full_family.reach(branch.energy, float("inf"))
+    turned = saltus.trace("S11+@h=1.327680076,alpha=1.618871029", scene=scene, energy=reach[0])
+    alphas = [orbit.alpha for orbit in turned.orbits_at(energy=22.2628)]
+    assert min(abs(alpha / 1.61014 - 1.0) for alpha in alphas) < 1e-5
