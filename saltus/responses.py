@@ -391,16 +391,6 @@ def write(
 
     @cache
     def record() -> dict[str, Any]:
-        done = 0
-        with ProgressBar(None, "points of full families, which give the ids") as bar:
-
-            def count(points: Sequence[Any]) -> None:
-                nonlocal done
-                done += len(points)
-                bar.update(done)
-
-            for branch in branches:
-                branch.identify(count)
         return responses_record(branches, harmonics)
 
     options = {"y": y, "x": x, "title": title, "interval": interval, "harmonics": harmonics, "backbones": backbones}

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from branches.forced.identity import FullResponse, full_response
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
-
-if TYPE_CHECKING:
-    from continuation.problem import Point
 
 __all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "sequence_text"]
 
@@ -139,11 +136,11 @@ class ForcedBranch:
         """`closure:sequence:hash` of the family, which does not depend on how it was reached or cut: see `branches.forced.identity`."""
         return self.full_family.ids[0]
 
-    def identify(self, on_points: Callable[[Sequence[Point]], object]) -> ForcedBranch:
-        """This branch, with its full family followed where its id is not known; `on_points` is called with the points meanwhile."""
-        if not {"id", "full_family"} & self.__dict__.keys():
-            self.__dict__["full_family"] = full_response(self, on_points)
-        return self
+    @property
+    def known_id(self) -> str | None:
+        """Its id if a catalogue gave it or it was computed before, else None: the family is not followed for it."""
+        known = {"id", "full_family"} & self.__dict__.keys()
+        return self.id if known else None
 
     def share_identity(self, other: ForcedBranch) -> None:
         """Take over the full family of a branch of the same orbits in the same window, if it is known."""

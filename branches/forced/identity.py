@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -33,7 +33,7 @@ from bvp.contact_sequence import OPENS, joined_sequence
 from bvp.description import BASE
 from bvp.forced import ForcedProblem
 from bvp.released import ReleasedProblem
-from continuation.problem import EndReason, Point
+from continuation.problem import EndReason
 from continuation.run import follow_both_ways
 
 if TYPE_CHECKING:
@@ -157,8 +157,8 @@ class FullResponse:
         return min(low, float(part.min()) - width), max(high, float(part.max()) + width)
 
 
-def full_response(branch: ForcedBranch, on_points: Callable[[Sequence[Point]], object] | None = None) -> FullResponse:
-    """Follow a branch's family through the window of its parameter, and identify it. on_points: called with its points meanwhile."""
+def full_response(branch: ForcedBranch) -> FullResponse:
+    """Follow a branch's family through the window of its parameter, and identify it."""
     problem, chosen = branch.problem, _plain_points(branch)
     canonical = [primitive_orbit(problem, branch.unknowns[i]) for i in chosen]
     # An orbit at which the symmetry of its family is higher is no orbit of the other family: several are tested.
@@ -169,7 +169,7 @@ def full_response(branch: ForcedBranch, on_points: Callable[[Sequence[Point]], o
         closed, parameter = branch.ended[1].reason == "CLOSED", branch.parameter
         cuts: list[np.ndarray] = []
     else:
-        found, closed, parameter, cuts = _followed(problem, y, window, on_points)
+        found, closed, parameter, cuts = _followed(problem, y, window)
     kind, orbits = _identifying(problem, found, closed) or ("EP", cuts or [y])
     marks = _lowest([_mark(problem, kind, y) for y in orbits])
     name = f"{closure_name(problem)}:{canonical_letters(problem)}"
@@ -219,16 +219,13 @@ def _is_full(branch: ForcedBranch, window: tuple[float, float]) -> bool:
 
 
 def _followed(
-    problem: ForcedProblem,
-    y: np.ndarray,
-    window: tuple[float, float],
-    on_points: Callable[[Sequence[Point]], object] | None,
+    problem: ForcedProblem, y: np.ndarray, window: tuple[float, float]
 ) -> tuple[list[tuple[str, np.ndarray, bool]], bool, np.ndarray, list[np.ndarray]]:
     """The family of an orbit, both ways, through the window: its events, whether it is closed, its values of the parameter, and the orbits
     at which it is cut."""
     place = 2 * problem.degrees_of_freedom + 1
     family = parameter_family(problem, window, begin=float(y[place]))
-    run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem), on_points=on_points)
+    run = follow_both_ways(family, family.begin(y), SETTINGS, stop_when=unbounded(problem))
     run = with_exact_ends(family, run)
     if not run.points:
         return [], False, np.array([y[place]]), [y]

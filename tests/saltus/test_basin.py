@@ -47,7 +47,7 @@ def test_workers_change_nothing(folder, capsys):
 
 
 def test_attractors_and_saddles_are_named_by_followed_families(folder, capsys):
-    """Oracle: the ids in the file, the unstable orbit of the family that folds, and the saddle that is found without the file."""
+    """Oracle: the ids in the file, or closure and sequence where it has none; the saddle that is found without the file."""
     scene = ["--scene", "damped_impact_oscillator", "--set", "w=2.2", "--set", "A=1", "--set", "c=0.02"]
     start = ["--from", "simulate", "--start", "0.94,0.41", "--in", "w", "--range", "1.9:2.6", "--json", "hits.json"]
     assert run(capsys, "continue", *scene, *start)[0] == 0
@@ -56,6 +56,15 @@ def test_attractors_and_saddles_are_named_by_followed_families(folder, capsys):
     assert run(capsys, *BISTABLE, *PLANE, "--grid", "8x8", *both, "--json", "named.json")[0] == 0
     assert run(capsys, *BISTABLE, *PLANE, "--grid", "8x8", "--json", "plain.json")[0] == 0
     named, plain = read_json("named.json"), read_json("plain.json")
+    assert sorted(one["family"] for one in named["attractors"]) == sorted(one["family"] for one in plain["attractors"])
+    assert all(one["branch"] for one in named["attractors"])
+    for name in ("hits.json", "rest.json"):  # as files from a catalogue, and older ones, have them
+        record = read_json(name)
+        assert all(branch["id"] is None for branch in record["branches"])
+        record["branches"] = [{**branch, "id": f"{name}:{k}"} for k, branch in enumerate(record["branches"])]
+        (folder / name).write_text(json.dumps(record))
+    assert run(capsys, *BISTABLE, *PLANE, "--grid", "8x8", *both, "--json", "named.json")[0] == 0
+    named = read_json("named.json")
     ids = [branch["id"] for name in ("hits.json", "rest.json") for branch in read_json(name)["branches"]]
     assert sorted(one["family"] for one in named["attractors"]) == sorted({ids[0], ids[-1]}) and len(set(ids)) >= 2
     assert all(one["branch"] for one in named["attractors"]) and named["cells"] == plain["cells"]

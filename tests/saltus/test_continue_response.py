@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+import saltus
 from tests.saltus.running import read_json, refused, run
 from tests.saltus.test_bad_input import BEATING, DAMPED, FORCED, ONE_SIDED, PUSHED
 
@@ -51,6 +52,21 @@ def test_the_orbit_that_a_simulation_settles_on_is_followed_and_switched(capsys)
     assert code == 0 and min(point["s"] for point in points) == pytest.approx(-0.3) and max(p["s"] for p in points) == pytest.approx(-0.1)
     code, out, _ = run(capsys, "continue", "--from", "a.json", "--in", "r", "--range", "0.75:0.85", "--points", "40")
     assert code == 0 and "r = 0.75" in out
+
+
+def test_no_file_waits_for_an_id(capsys, monkeypatch):
+    """Oracle: the id of the branch, which the same orbits of another range have; to follow the full family for a file is an error here."""
+    words = "continue", "--scene", "impact_oscillator", "--from", "simulate", *SMALL
+    with monkeypatch.context() as patched:
+        patched.setattr("branches.forced.branch.full_response", None)
+        assert run(capsys, *words, "--json", "a.json", "--csv", "a.csv")[0] == 0
+        assert run(capsys, *words, "--range=-0.2:0", "--json", "b.json")[0] == 0
+        assert run(capsys, "continue", "--from", "a.json:PD", "--json", "c.json", "--points", "30")[0] == 0
+    one, other = (saltus.read_responses(name)[0] for name in ("a.json", "b.json"))
+    assert read_json("a.json")["branches"][0]["id"] is None and one.known_id is None
+    assert one.id == other.id and one.known_id == one.id
+    saltus.save_responses([one], "d.json")
+    assert saltus.read_responses("d.json")[0].known_id == read_json("d.json")["branches"][0]["id"] == one.id
 
 
 def test_the_response_from_rest_ends_where_impacts_begin(capsys):

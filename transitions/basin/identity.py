@@ -155,7 +155,7 @@ class FamilyOrbit:
     number : int
         Of the branch, from 1.
     id : str
-        Of the family.
+        Of the family; `closure:sequence` if the branch has no id.
     problem, unknowns
     states : (p, 2n) ndarray
         At phase 0.
@@ -200,7 +200,8 @@ def orbits_at(branches: Sequence[ForcedBranch], values: dict[str, float]) -> lis
             known = any(one.number == number and same_states(one.states, states) for one in found)
             if not known and unphysical(branch.problem, solution) is None:
                 multipliers = full_multipliers(branch.problem, solution.y)
-                found.append(FamilyOrbit(number, branch.id, branch.problem, solution.y, states, multipliers))
+                id = branch.known_id or _family_name(branch.problem, solution.y)
+                found.append(FamilyOrbit(number, id, branch.problem, solution.y, states, multipliers))
     return found
 
 

@@ -43,7 +43,7 @@ _OLDER = ("released", "keep")
 
 _BRANCH = {
     **{f"{key}?" if key in _OLDER else key: pattern for key, pattern in record.PROBLEM.items()},
-    "id?": "a string",
+    "id?": "a string or null",
     "sequence": "a string",
     "range": record.RANGE,
     "start": "an integer",
@@ -80,7 +80,7 @@ def _branch_record(branch: ForcedBranch, harmonics: int | None) -> dict[str, Any
     given = record.problem_record(problem)
     given.pop("energy", None)  # that of the point at the start
     return {
-        "id": branch.id,
+        "id": branch.known_id,
         "sequence": branch.sequence,
         **given,
         "range": plain(branch.interval),
@@ -194,4 +194,4 @@ def _branch(name: Any, parametric: ParametricSystem, item: Mapping[str, Any]) ->
     columns = [np.array([point[key] for point in points]) for key in ("tangent", "arclength", "residual")]
     rest = *columns, tuple(events), record.ended_from(item["ended"]), item["start"], record.range_from(item["range"])
     branch = branch_in_parameter(problem, unknowns, *rest)
-    return branch.known_as(item["id"]) if "id" in item else branch
+    return branch if item.get("id") is None else branch.known_as(item["id"])
