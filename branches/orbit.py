@@ -194,11 +194,10 @@ def label_at(problem: MultipointProblem, result: Any) -> Label | None:
         return None
     m, n, p, q = (int(result[RESULT_INDEX[name]]) for name in ("waves_absorber", "waves_primary", "first_quarter", "second_quarter"))
     parity = {kernel.ORIGIN: None, kernel.STOP: "O"}.get(problem.kinds[1], "E")
-    if not problem.system.stops:
-        # Without stops a label counts half-waves alone.
-        return Label("U" if parity is None else "S", m, n, sign="+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-")
+    kind, sign = "U" if parity is None else "S", "+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-"
     try:
-        return Label("U" if parity is None else "S", m, n, parity, p, q, "+" if result[RESULT_INDEX["in_phase"]] == 1.0 else "-")
+        # Without stops a label counts half-waves alone.
+        return Label(kind, m, n, parity, p, q, sign) if problem.system.stops else Label(kind, m, n, sign=sign)
     except ImpossibleLabelError:
         return None
 

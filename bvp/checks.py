@@ -21,6 +21,10 @@ __all__ = [
 
 EPSILON = float(np.finfo(float).eps)
 
+ASYMMETRY = 64.0 * EPSILON
+"""Part of two entries, or of the root of the product of their diagonal entries, by which they differ in a symmetric matrix: numbers that
+were computed in two ways, or written in fifteen digits."""
+
 SMALLEST, LARGEST = 1e-25, 1e25
 """Sizes that masses, gap rows and bounds may have, and the largest of a stiffness: the fourth powers of frequencies, and products with
 them, stay inside floats. A stiffness or damping may be as small as it likes."""
@@ -193,7 +197,7 @@ def checked_number(value: Any, what: str, least: float = 0.0) -> float:
 
 
 def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = True) -> np.ndarray:
-    """A finite (size, size) float matrix, copied; where it has to be symmetric, to a few roundings, its symmetric part."""
+    """A finite (size, size) float matrix, copied; where it has to be symmetric, to `ASYMMETRY`, its symmetric part."""
     try:
         matrix = reals(value)
     except (TypeError, ValueError):
@@ -212,11 +216,15 @@ def square(value: Any, name: str, size: int | None = None, *, symmetric: bool = 
     if not symmetric:
         return matrix
     defect = np.abs(matrix - matrix.T)
-    if defect.any() and np.any(defect > 8.0 * EPSILON * np.maximum(sizes, sizes.T)):
-        i, j = np.unravel_index(int(np.argmax(defect)), defect.shape)
-        raise InvalidSystem(
-            f"{name} must be symmetric; entry ({i + 1}, {j + 1}) is {matrix[i, j]:g} and ({j + 1}, {i + 1}) is {matrix[j, i]:g}"
-        )
+    if defect.any():
+        # A matrix that is summed from elements has the rounding of its diagonal, which its other entries may be smaller than.
+        roots = np.sqrt(np.diag(sizes))
+        size = np.maximum(np.maximum(sizes, sizes.T), np.outer(roots, roots))
+        part = np.divide(defect, size, out=np.zeros_like(size), where=defect > 0.0)
+        i, j = np.unravel_index(int(np.argmax(part)), part.shape)
+        if part[i, j] > ASYMMETRY:
+            here, there = (f"{entry:.15g}" for entry in (matrix[i, j], matrix[j, i]))
+            raise InvalidSystem(f"{name} must be symmetric; entry ({i + 1}, {j + 1}) is {here} and ({j + 1}, {i + 1}) is {there}")
     return 0.5 * (matrix + matrix.T)
 
 

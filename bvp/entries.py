@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from bvp.checks import EPSILON, InvalidSystem
+from bvp.checks import ASYMMETRY, EPSILON, InvalidSystem
 
 __all__ = ["LARGEST_HARMONIC", "EntryLayout", "base_frequency", "entries_of", "exact"]
 
@@ -201,6 +201,25 @@ def _sum(terms: Sequence[Any]) -> Any:
     return math.fsum(terms) if all(isinstance(term, int | float) for term in terms) else sum(map(exact, terms))
 
 
+def _equal_to_rounding(here: Any, there: Any) -> bool:
+    """Whether two expressions are equal, or differ by rounding of their numbers at each of some values of the parameters."""
+    import sympy
+
+    symbols = sorted(here.free_symbols | there.free_symbols, key=str)
+    if not symbols or sympy.simplify(here - there) == 0:
+        return True
+    for places in _PLACES:
+        values = {symbol: sympy.Rational(places[k % len(places)]) + k // len(places) for k, symbol in enumerate(symbols)}
+        one, other = (sympy.N(expression.subs(values), 30) for expression in (here, there))
+        if not (one.is_finite and other.is_finite and abs(one - other) <= ASYMMETRY * max(abs(one), abs(other))):
+            return False
+    return True
+
+
+_PLACES = (("0.737", "1.319", "2.083"), ("1.151", "0.613", "1.787"), ("2.459", "1.931", "0.557"))
+"""Values of the parameters at which two expressions are compared."""
+
+
 def _symmetric(matrix: Sequence[Sequence[Any]], name: str) -> list[Any]:
     """The entries, row by row, of a matrix that has to be symmetric for all values of the parameters."""
     n = len(matrix)
@@ -210,11 +229,10 @@ def _symmetric(matrix: Sequence[Sequence[Any]], name: str) -> list[Any]:
             if isinstance(matrix[i][j], int | float) and isinstance(matrix[j][i], int | float):
                 rows[i][j] = rows[j][i] = 0.5 * (float(matrix[i][j]) + float(matrix[j][i]))
                 continue
-            import sympy
 
             here, there = exact(matrix[i][j]), exact(matrix[j][i])
-            if here != there and here.free_symbols | there.free_symbols and sympy.simplify(here - there) != 0:
+            if here != there and not _equal_to_rounding(here, there):
                 raise InvalidSystem(f"{name} must be symmetric; entry ({j + 1}, {i + 1}) is {there} and ({i + 1}, {j + 1}) is {here}")
-            # numbers that differ by rounding, as in `bvp.checks.square`
+            # what differs by rounding, as in `bvp.checks.square`
             rows[i][j] = rows[j][i] = matrix[j][i] if here.free_symbols else 0.5 * (float(here) + float(there))
     return sum(rows, [])

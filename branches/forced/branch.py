@@ -16,10 +16,13 @@ from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.texts import brief
 
-__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "sequence_text"]
+__all__ = ["ForcedBranch", "ForcedEvent", "largest_multiplier", "of_period", "sequence_text"]
 
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Relative change of the unknowns whose effect on a multiplier, times `_SAFETY`, counts as its error."""
+
+_INSTANT = 1e-12
+"""Part of the period within which impacts are at one instant."""
 
 _SAFETY = 10.0
 _LEAST_ERROR = 1e-12
@@ -86,6 +89,12 @@ def largest_multiplier(problem: ForcedProblem, multipliers: np.ndarray) -> float
     if not problem.has_clock and np.all(np.isfinite(multipliers)):
         multipliers = np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))
     return float(np.abs(multipliers).max())
+
+
+def of_period(fractions: np.ndarray) -> np.ndarray:
+    """Fractions of the period modulo 1. Those that are whole to rounding are 0, not nearly 1."""
+    wrapped = fractions % 1.0
+    return np.where(wrapped > 1.0 - _INSTANT, 0.0, wrapped)
 
 
 @brief
@@ -184,9 +193,11 @@ class ForcedBranch:
         nodes, added = np.arange(count), np.zeros(count)
         if problem.half:
             nodes, added = np.tile(nodes, 2), np.repeat([0.0, 0.5], count)
-        fractions = (self._fractions[self.start, nodes] + added) % 1.0
+        fractions = of_period(self._fractions[self.start, nodes] + added)
         fractions[~np.isin(nodes, problem.impacts)] = math.inf
-        first = int(np.argmin(fractions)) if count else 0
+        # Of impacts at one instant the first one of the solved sequence is the first: rounding does not order them.
+        tied = fractions <= np.min(fractions, initial=math.inf) + _INSTANT
+        first = int(np.argmax(tied & ~np.roll(tied, 1))) if count else 0
         return np.roll(nodes, -first)[:count], np.roll(added, -first)[:count]
 
     @cached_property
@@ -207,7 +218,7 @@ class ForcedBranch:
     def phases(self) -> np.ndarray:
         """Phase w t at each impact, modulo 2 pi p, in radians, (N, k). Without a clock it is 2 pi t/T since the first impact."""
         nodes, added = self._impacts
-        return 2.0 * math.pi * self.problem.load_periods * ((self._fractions[:, nodes] + added) % 1.0)
+        return 2.0 * math.pi * self.problem.load_periods * of_period(self._fractions[:, nodes] + added)
 
     @cached_property
     def speeds(self) -> np.ndarray:

@@ -33,6 +33,9 @@ from bvp.kernels.newton import conditioning, correct
 _LONG_ENOUGH = 1e-4
 """Length of a step whose third derivative has digits: its rounding eps/length^3, over a step of the longest length 0.025, is 1e-9."""
 
+_AT_MIDDLE = 1e-12
+"""Part of the time to the middle by which an impact that is in the second half can be early, by rounding."""
+
 _SHIFT = 0.1
 """Part of a step by which a prediction may be longer than its projection on the tangent."""
 
@@ -302,9 +305,11 @@ def bends(segment, observed, stop, i, end):
 
 @inlined
 def half_waves(segment, rows, y, work, result):
-    """Sign changes along the orbit at y of the velocity with the given rows. A search that gives up is noted in `result`.
+    """Sign changes along the orbit at y of the velocity with the given rows, and its signs at the first and last instants at which it has
+    one (0: it has none). A search that gives up is noted in `result`.
 
-    Velocities are zero at rest. After a flight with large accelerations they are so to more than their rounding."""
+    Velocities are zero at rest. After a flight with large accelerations they are so to more than their rounding. At an origin a velocity
+    can be zero, too. Its signs are those that the count takes, beside the origin."""
     size = segment.flight.matrix.shape[1]
     k = segment.shape[0]
     start = work[0, :size]
@@ -321,7 +326,7 @@ def half_waves(segment, rows, y, work, result):
             result[entry.GAVE_UP] = 1.0
         changes += found
         at += size + 1
-    return changes
+    return changes, sign if changes % 2 == 0 else -sign, sign
 
 
 @inlined
@@ -363,7 +368,7 @@ def observe(segment, observed, y, ends, work, result):
         cut = is_cut(segment.flight, segment.side, i)
         if i < k and not cut:
             impacts += 1
-            if elapsed < middle:
+            if elapsed < middle * (1.0 - _AT_MIDDLE):
                 early += 1
         if cut and i == k and segment.shape[4] == PERIODIC:
             # The start of a closed orbit without impacts is a maximum as long as this is above 0.
@@ -413,17 +418,21 @@ def observe(segment, observed, y, ends, work, result):
     set_1(result[entry.WAVES_ABSORBER : entry.WAVES_PRIMARY + 1], -1.0)
     if segment.shape[2] == 4 or observed.rows.shape[0] == stops:
         return
+    at_start = int64(1)
+    at_end = int64(1)
     for coordinate in range(2):
         # The quarter of an orbit has half of its half-waves but one.
-        waves = half_waves(segment, observed.rows[stops + coordinate], y, work, result)
+        waves, first, last = half_waves(segment, observed.rows[stops + coordinate], y, work, result)
         result[entry.WAVES_ABSORBER + coordinate] = 2 * waves + 1 if segment.shape[2] == 1 else waves
-    absorber, primary = observed.rows[stops], observed.rows[stops + 1]
+        at_start *= first
+        at_end *= last
+    absorber = observed.rows[stops]
     if segment.shape[3] == ORIGIN:
         result[entry.ABSORBER_START] = row_dot(absorber, 0, start)
-        result[entry.IN_PHASE] = 1.0 if row_dot(absorber, 0, start) * row_dot(primary, 0, start) > 0.0 else 0.0
+        result[entry.IN_PHASE] = 1.0 if at_start > 0 else 0.0
     if segment.shape[4] == ORIGIN:
         result[entry.ABSORBER_END] = row_dot(absorber, 0, ends[k])
-        if not row_dot(absorber, 0, ends[k]) * row_dot(primary, 0, ends[k]) > 0.0:
+        if not at_end > 0:
             result[entry.IN_PHASE] = 0.0
 
 

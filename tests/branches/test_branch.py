@@ -10,6 +10,9 @@ import pytest
 
 import saltus
 from benchmarks.backbone import Backbone
+from branches.orbit import label_at
+from branches.presentation import embed
+from bvp.multipoint import MultipointProblem
 from tests.branches.traced import traced
 
 COLUMNS = {
@@ -114,3 +117,33 @@ def test_samples_of_an_orbit():
         _, at = orbit.sample(np.array([impact.time]))
         approach = (at[0, 0] - at[0, 1]) * (1.0 if impact.stop == "+" else -1.0)
         assert math.isclose(-approach, impact.speed, rel_tol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "energy", "label"),
+    [("origin-stop+:-:caaea47b", (1.6, 1.67), "S13O11+"), ("U1101+", (0.53, 0.58), "U1101+")],
+)
+def test_the_label_of_an_impulsive_orbit_is_not_that_of_a_rounded_zero(name, energy, label):
+    """Oracle: where u1' is zero at the origin, u1''' = sigma u2'/mu there: beside the origin u1' has the sign of u2'. The orbits 1e-14 to
+    both sides have velocities of both signs."""
+    branch = saltus.trace(name, energy=energy)
+    event = next(event for event in branch.events if event.type == "IO")
+    orbit = branch.orbit(event.point)
+    beside = [orbit.problem.step(orbit.solution.y, orbit.solution.tangent, s) for s in (-2e-14, 2e-14)]
+    starts = [float(one["absorber_start"]) for one in beside]
+    assert starts[0] * starts[1] < 0.0 and max(map(abs, starts)) < 1e-12
+    assert [str(label_at(orbit.problem, one.result)) for one in (*beside, orbit.solution)] == [label] * 3
+    assert label in branch.points["label"]
+
+
+def test_an_impact_at_the_middle_is_in_the_second_half():
+    """Oracle: an orbit with an impact at each quarter, solved over half a period, whose middle impact rounding moves to both sides."""
+    orbit = saltus.trace("S11-", energy=(0.3, 0.5)).orbit(3)
+    half = embed(orbit.problem, orbit.solution.y, (0, 2))
+    problem = MultipointProblem(orbit.system, half.ends, half.sequence)
+    counts = set()
+    for shift in (-1e-15, 0.0, 1e-15):
+        times = half.times * np.array([1.0 + shift, 1.0 - shift])
+        found = problem.step(problem.pack(half.start, half.nodes, times), np.zeros(2 * problem.unknowns), 0.0, maximum=0)
+        counts.add((found["first_quarter"], found["second_quarter"]))
+    assert counts == {(0.0, 1.0)}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from branches.family import SETTINGS
+from branches.forced.branch import of_period
 from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
@@ -162,3 +163,8 @@ def test_multipliers_keep_their_digits_beside_a_grazing(speed):
     found = problem.multipliers(y)
     assert found[0].real == pytest.approx(0.5 * trace + math.copysign(math.sqrt(0.25 * trace * trace - r * r), trace), rel=1e-6)
     assert found[1].real == pytest.approx(r * r / found[0].real, rel=1e-6)
+
+
+def test_an_impact_at_phase_0_is_not_the_last_one_of_the_period():
+    """Oracle: fractions of the period that differ from whole ones by rounding are whole."""
+    assert of_period(np.array([-1e-17, 0.0, 1.0 - 1e-16, 2.0, 1.3, -0.2])) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.3, 0.8], abs=1e-15)

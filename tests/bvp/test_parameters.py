@@ -252,3 +252,30 @@ def test_a_matrix_that_is_symmetric_at_one_value_only_is_refused_where_it_is_dif
     parametric = ParametricSystem.from_description({"parameters": {"a": 0.5, "b": 0.5}, "system": system})
     with pytest.raises(InvalidSystem, match=r"stiffness must be symmetric; entry \(1, 2\) is a and \(2, 1\) is b"):
         parametric.layout  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("here", "there"),
+    [
+        ("m*0.1234567890123457", "m*0.1234567890123456"),
+        ("0.1 + 0.01*sin(m*0.1234567890123457)", "0.1 + 0.01*sin(m*0.1234567890123456)"),
+        ("0.1*m/3", "m/30.000000000000004"),
+    ],
+)
+def test_expressions_that_differ_by_rounding_are_symmetric(here, there):
+    """Oracle: the same system with one of both expressions twice; its derivative, too."""
+    system = {"stiffness": [[1.0, 0.1], [0.1, 1.0]], "stops": [{"c": [1.0, 0.0], "upper": 1.0}]}
+    made = [
+        ParametricSystem.from_description({"parameters": {"m": 1.0}, "system": {**system, "mass": [["m", here], [other, 1.0]]}})
+        for other in (here, there)
+    ]
+    assert np.allclose(made[0].system().mass, made[1].system().mass, rtol=1e-15, atol=0.0)
+    assert np.allclose(made[0].derivatives(None, ["m"])[0], made[1].derivatives(None, ["m"])[0], rtol=1e-15, atol=0.0)
+
+
+@pytest.mark.parametrize("there", ["0.1*m*1.0000000001", "0.1*m**1.0000001"])
+def test_expressions_that_differ_by_more_are_not(there):
+    """Oracle: the difference is above 64 roundings where m is not 1."""
+    system = {"mass": [["m", "0.1*m"], [there, 1.0]], "stiffness": [[1.0, 0.0], [0.0, 1.0]], "stops": [{"c": [1.0, 0.0], "upper": 1.0}]}
+    with pytest.raises(InvalidSystem, match="mass must be symmetric"):
+        ParametricSystem.from_description({"parameters": {"m": 1.0}, "system": system}).layout  # noqa: B018

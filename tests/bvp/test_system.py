@@ -16,6 +16,7 @@ STOP = Stop((1.0, -1.0), -1.0, 1.0)
 
 MATRICES = [
     ({"mass": [[1.0, 0.1], [0.2, 1.0]]}, r"mass must be symmetric; entry \(1, 2\) is 0.1 and \(2, 1\) is 0.2"),
+    ({"mass": [[1.0, 0.1], [0.1 + 1e-12, 1.0]]}, r"symmetric; entry \(1, 2\) is 0.1 and \(2, 1\) is 0.100000000001"),
     ({"mass": [[1.0, 2.0], [2.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is indefinite"),
     ({"mass": [[1.0, 1.0], [1.0, 1.0]]}, "mass must be positive definite; scaled to a unit diagonal it is singular"),
     ({"mass": [[1.0, 0.0], [0.0, -1.0]]}, "mass must be positive definite; its diagonal entry 2 is -1"),
@@ -177,3 +178,13 @@ def test_a_changed_matrix_is_not_described_as_the_model_it_came_from():
 
     system = replace(vibro_impact_nes(), stiffness=np.array([[0.2, -0.2], [-0.2, 1.2]]))
     assert ImpactSystem.from_description(system.describe()).stiffness[0, 0] == 0.2
+
+
+@pytest.mark.parametrize(("here", "there"), [(0.1234567890123457, 0.1234567890123456), (0.1 + 0.2, 0.3), (1e-17, 0.0), (-3e-16, 3e-16)])
+def test_matrices_that_are_symmetric_to_rounding_are_taken_as_symmetric(here, there):
+    """Oracle: the mean of both entries. A sum over elements leaves the rounding of the diagonal in entries that cancel."""
+    for factor in (1e-9, 1.0, 1e9):
+        given = factor * np.array([[1.0, here], [there, 1.0]])
+        system = ImpactSystem(given, ZERO, given, (STOP,))
+        for matrix in (system.mass, system.stiffness):
+            assert matrix[0, 1] == matrix[1, 0] == 0.5 * (given[0, 1] + given[1, 0])
