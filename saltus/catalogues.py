@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -39,6 +40,7 @@ __all__ = [
     "open_catalogue",
     "parametric_of",
     "place_to_save",
+    "printed_event",
     "require_energies",
     "same_meeting",
     "save_branch",
@@ -242,14 +244,18 @@ SCHEMA = 2
 """Of the records of families. Schema 1 has `word` in place of `sequence`."""
 
 
-def family_record(row: FamilyRow) -> dict[str, Any]:
-    """A family without its points."""
+def family_record(catalogue: Catalogue, row: FamilyRow) -> dict[str, Any]:
+    """A family without its points; its labels as they are printed."""
+    from branches.naming.matching import spelled
+
+    cited = list(catalogue.scene.reference_points)
     names = ("id", "label", "ends", "sequence", "impacts", "h", "alpha", "points", "events", "stable_fraction")
     plain = {name: getattr(row, name) for name in names}
     return plain | {
+        "label": spelled(row.label, cited),
         "h": list(row.h),
         "alpha": list(row.alpha),
-        "labels": [_interval("label", part.value, part) for part in row.labels],
+        "labels": [_interval("label", spelled(part.value, cited), part) for part in row.labels],
         "stability": [_interval("stable", None if part.value < 0 else bool(part.value), part) for part in row.stability],
         "ended": [{"reason": reason, "text": text} for reason, text in row.ended],
     }
@@ -257,6 +263,19 @@ def family_record(row: FamilyRow) -> dict[str, Any]:
 
 def _interval(name: str, value: Any, part: Any) -> dict[str, Any]:
     return {name: value, "arclength": list(part.arclength), "h": list(part.h), "alpha": list(part.alpha)}
+
+
+def printed_event(catalogue: Catalogue, event: BranchEvent) -> BranchEvent:
+    """An event with the labels as they are printed, also where its note says that one becomes another."""
+    from branches.naming.matching import spelled
+
+    cited = list(catalogue.scene.reference_points)
+    note = _CHANGED.sub(lambda found: spelled(found[0], cited), event.note) if event.note else event.note
+    return event._replace(label=spelled(event.label, cited), note=note)
+
+
+_CHANGED = re.compile(r"\b[SU][\d(]\S*(?= becomes )|(?<= becomes )[SU][\d(]\S*")
+"""Both labels of a note such as "U3502+ becomes U4502-"."""
 
 
 def event_record(event: BranchEvent) -> dict[str, Any]:

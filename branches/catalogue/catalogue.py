@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from branches.catalogue.curves import curve_edges
 from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.store import CatalogueStore
+from branches.naming.matching import spelled
 from bvp.texts import brief
 
 if TYPE_CHECKING:
@@ -229,7 +230,8 @@ def graph_of(catalogue: CatalogueStore) -> networkx.MultiDiGraph:
     first, second = catalogue.scene.axes.keys
     graph = networkx.MultiDiGraph(axes=list(catalogue.scene.axes.symbols)) if catalogue.scene.parameters else networkx.MultiDiGraph()
     for family in sorted(catalogue.all_families(), key=lambda row: row.id):
-        names: dict[str, Any] = {"label": family.label, "labels": list(family.label_names), "ends": family.ends}
+        label, *labels = (spelled(text, catalogue.scene.reference_points) for text in (family.label, *family.label_names))
+        names: dict[str, Any] = {"label": label, "labels": [*dict.fromkeys(labels)], "ends": family.ends}
         if catalogue.scene.parameters:
             names = {"ends" if catalogue.scene.is_free else "closure": family.ends}
         extents = (first, family.h), (second, family.alpha)

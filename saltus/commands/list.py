@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
         total, names = len(catalogue), list(catalogue.scene.reference_points)
         axes, is_of_responses = catalogue.scene.axes, bool(catalogue.scene.parameters)
         kept = curves.rows_record(catalogue)
-        records = [catalogues.in_axes(catalogue, catalogues.family_record(row)) for row in families]
+        records = [catalogues.in_axes(catalogue, catalogues.family_record(catalogue, row)) for row in families]
 
     rows: list[tuple[str, ...]] = []
     for row in families:

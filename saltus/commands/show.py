@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from branches.events import FREE_NORMAL_FORMS, BranchEvent
 from saltus import catalogues, compiling, curves, inputs, outputs, responses
-from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, same_meeting
+from saltus.catalogues import SCHEMA, edge_record, event_record, family_record, impacts_text, node_record, printed_event, same_meeting
 from saltus.errors import BadInput
 from saltus.terminal import EVENT_COLUMNS, event_cells, range_text, stability_word, table_lines, terminal_width, wrapped
 
@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
                 curves.refuse_curve(catalogue, arguments.name)
                 raise
             return _curve(catalogue, row, files)
-        events = _events(catalogue, match.id) if match.kind == "family" else ()
+        events = tuple(printed_event(catalogue, event) for event in _events(catalogue, match.id)) if match.kind == "family" else ()
         record = catalogues.in_axes(catalogue, _record(catalogue, match, events))
         lines = _lines(catalogue, match, events)
         figure: outputs.Drawing
@@ -97,7 +97,7 @@ def _record(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, .
     if match.kind != "family":
         return {"schema": SCHEMA, "node": node_record(catalogue, match.id), "neighbours": neighbours}
     row = catalogue.family(match.id)
-    family: dict[str, Any] = {"schema": SCHEMA, "family": family_record(row)}
+    family: dict[str, Any] = {"schema": SCHEMA, "family": family_record(catalogue, row)}
     found = list(map(event_record, events))
     if catalogue.scene.parameters:
         through = [{"curve": curve.id, "edge": edge_record(edge)} for curve, edge in catalogue.curve_edges(row.id)]
@@ -130,7 +130,7 @@ def _lines(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, ..
     if row.response is None:
         lines = [
             f"family   {row.id}",
-            f"label    {row.label or '(outside the grammar of labels)'}",
+            f"label    {family_record(catalogue, row)['label'] or '(outside the grammar of labels)'}",
             *([f"name     {match.note}"] if match.note else []),
             f"ends     {row.ends}  sequence {row.sequence or '(none)'}  {impacts_text(row.impacts)}",
             f"energy   h = {row.h[0]:.12g} to {row.h[1]:.12g}",
@@ -154,7 +154,8 @@ def _lines(catalogue: Catalogue, match: NameMatch, events: tuple[BranchEvent, ..
     lines = [*wrapped(lines, width, 9), ""]
     cells: list[tuple[str, ...]] = []
     if row.response is None:
-        cells += [("label", p.value or "-", *map(range_text, p[1:])) for p in row.labels]
+        names = [part["label"] for part in family_record(catalogue, row)["labels"]]
+        cells += [("label", name or "-", *map(range_text, p[1:])) for name, p in zip(names, row.labels, strict=True)]
     cells += [("stable", stability_word(p.value), *map(range_text, p[1:])) for p in row.stability]
     lines += table_lines(("along it", "", "arclength", *axes.names), cells, width=width)
     if events:

@@ -14,7 +14,10 @@ import pytest
 
 import saltus
 from branches.catalogue import Catalogue, Edge, EventOrbit
+from branches.naming.search import from_other_end
 from branches.normal_forms import with_normal_forms
+from branches.search.orbit_search import Found
+from branches.tracing import follow_family
 from saltus.__main__ import main
 from saltus.catalogues import default_path
 from tests.branches.catalogue.families import linear_mode, real, renamed, scene
@@ -406,3 +409,26 @@ def test_families_as_tables(catalogue, capsys, tmp_path):
     orbits = json.loads((tmp_path / "a.json").read_text())["orbits"]
     assert np.load(tmp_path / "a.npz")["alpha"].tolist() == [orbit["alpha"] for orbit in orbits] and orbits
     assert [row["label"] for row in csv.DictReader((tmp_path / "a.csv").read_text().splitlines())] == [o["label"] for o in orbits]
+
+
+def test_a_family_has_one_name_in_all_that_is_printed_of_it(capsys, tmp_path):
+    """Oracle: the name that the scene cites, U4520-, of a family whose orbits are stored from their other end."""
+    place = tmp_path / "a.sqlite"
+    with saltus.Catalogue(place, "a", scene=saltus.load_scene()) as catalogue:
+        given = saltus.trace("U4520-", energy=(0.2275, 0.24)).orbit(1)
+        other = from_other_end(Found(given.problem, given.solution, None))
+        branches = [follow_family(one.problem, one.solution.y, energy=(0.2, 0.3)) for one in (given, other)]
+        catalogue.add(next(branch for branch in branches if "U4502-" in branch.points["label"]))
+        (row,) = catalogue.families()
+        (node,) = (data for _, data in catalogue.graph().nodes(data=True) if data["kind"] == "family")
+    name = node["label"]
+    assert name in ("U4520-", "U3502+", "U4302-")
+    found = {"graph": node["labels"]}
+    for words in (
+        ("list",), ("list", "--csv", "-"), ("show", row.id), ("tree", row.id), ("list", "--json", "-"), ("show", row.id, "--json", "-"),
+    ):  # fmt: skip
+        code, out, err = run(capsys, *words, "--catalogue", place)
+        assert code == 0 and name in out and not re.search(r"U4502-|U3520|U4320", out), (words, err)
+        found[" ".join(words)] = sorted({*re.findall(r"\bU[0-9]{4}[+-]", out)})
+    assert found["list --json -"] == found[f"show {row.id} --json -"] == found["list"] == sorted(found["graph"])
+    assert found["list"] == ["U3502+", "U4302-", "U4520-"]
