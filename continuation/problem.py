@@ -366,7 +366,7 @@ class EndReason(Enum):
     CLOSED = "the family closes on itself: it is back at its first point; nothing is left to follow"
     IMAGE = "the family is its own image from here on: what follows are images of what was followed; nothing is left to follow"
     REPEATED = "the family repeats itself: it passes one branch point for the third time; what follows are images of what was followed"
-    EVENT = "the family ends at this event; to go on, start the neighbouring family from the last point"
+    EVENT = "the family ends at this event; other families begin there: continue from the event"
     STOP_AT = "an event of a type to stop at was reached; start again from the last point to go on"
     STOP_WHEN = "the stop condition held; start again from the last point to go on"
     POINTS = "the number of points was reached; allow more points, or start again from the last point"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from typing import TYPE_CHECKING
 
-from saltus import catalogues, options
-from saltus.errors import BadInput
-from saltus.response_starts import file_and_event
+from saltus import catalogues, compiling, options
+from saltus.errors import BadInput, one_line
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
@@ -74,11 +74,9 @@ def _orbit_of_file(text: str) -> Orbit:
 
     at = len(text) if os.path.exists(text) or "@" not in text else text.rindex("@")
     if not os.path.exists(text[:at]):
-        source, event = file_and_event(text)
-        if event and os.path.isfile(source):
-            raise BadInput(
-                f"{text}: --from an event goes with files of saltus continue --in NAME; expected {source} or {source}@h=..,alpha=.."
-            )
+        named = re.fullmatch(r"(.+?):([A-Z]{2}[0-9]*)(?:,(\S+))?", text)
+        if named and os.path.isfile(named[1]):
+            return _orbit_at_event(named[1], named[2], named[3] or "")
         raise BadInput(f"no file {text[:at]!r}; expected mode:K, or a JSON file of saltus continue or saltus orbit")
     h, alpha = parse_suffix(text, at)
     found = read_start(text[:at])
@@ -89,3 +87,19 @@ def _orbit_of_file(text: str) -> Orbit:
     if h is None and alpha is None:
         return found.orbit(found.start)
     return select(found, Name(family=text[:at], h=h, alpha=alpha), h, alpha)
+
+
+def _orbit_at_event(source: str, event: str, family: str) -> Orbit:
+    """An orbit of the family that begins at an event of the family of a file, next to the event."""
+    from branches.naming.at_events import orbit_at_event
+    from branches.orbit import Orbit
+    from branches.reading import read_start
+
+    found = read_start(source)
+    if isinstance(found, Orbit):
+        raise BadInput(f"{source} holds one orbit; expected no event behind it")
+    compiling.prepare("continue")
+    try:
+        return orbit_at_event(found, event, family)
+    except (RuntimeError, ValueError) as error:
+        raise BadInput(f"{source}:{event}: {one_line(error)}") from error

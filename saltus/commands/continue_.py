@@ -49,8 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="START",
         dest="start",
         help="instead of NAME: mode:K, the family that begins where linear mode K touches the stops; mode:K,cover=N,ENDS:SEQUENCE, another "
-        "one that begins there; or a JSON file of an orbit or of a family, FILE[@h=..,alpha=..]; with --in: rest, simulate, FILE[:EVENT], "
-        "or a point of a curve, FILE:EVENT or FILE:#N",
+        "one that begins there; a JSON file of an orbit or of a family, FILE[@h=..,alpha=..]; FILE:EVENT[,ENDS:SEQUENCE], a family that "
+        "begins at an event; with --in: rest, simulate, FILE[:EVENT], or a point of a curve, FILE:EVENT or FILE:#N",
     )
     parser.add_argument("--energy", metavar="LO:HI", type=energy_range, help="range of energies h (default: the scene's)")
     parser.add_argument("--points", metavar="N", type=whole_above_zero, help="end at N points in total")

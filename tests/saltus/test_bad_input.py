@@ -216,7 +216,7 @@ CASES = [
     ("continue --from mode:1 --catalogue c.sqlite", ["--from looks nothing up", "--save"]),
     ("continue --from mode1", ["no file 'mode1'", "expected mode:K, or a JSON file"]),
     ("continue --from=", ["no file ''", "expected mode:K, or a JSON file"]),
-    ("continue --from {family}:PD1", ["--from an event goes with files of saltus continue --in", "family.json@h=..,alpha=.."]),
+    ("continue --from {family}:PD7", ["family.json:PD7: no event 'PD7' on this branch; it has"]),
     (
         "continue --from rest --in sigma",
         ["--from rest is the response to periodic loads", "has no load", "or a NAME or --from mode:K, with --keep"],

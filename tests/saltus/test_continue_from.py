@@ -5,6 +5,7 @@ Oracle: the closed forms of one impact a half period and of one a period, in for
 
 import json
 import math
+import re
 from functools import partial
 
 import mpmath as mp
@@ -240,3 +241,57 @@ def test_two_modes_in_resonance_at_one_stop(tmp_path, capsys):
     """Oracle: one line that names the other mode: the first order decides nothing."""
     system = saltus.ImpactSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), (saltus.Stop((1.0, 0.5), -math.inf, 1.0),))
     refused(run(capsys, "continue", "--from", "mode:1", "--scene", scene_of(tmp_path, system, 0.1, 3.0)), "it is in resonance with mode:2")
+
+
+PENDULUM = """
+[system]
+mass = [[1.0]]
+stiffness = [[0.0]]
+coordinates = ["x"]
+[[springs]]
+c = [1.0]
+potential = "1 - cos(w)"
+[[stops]]
+c = [1.0]
+lower = -1.0
+upper = 1.0
+[bounds]
+energy = [0.01, 1.9]
+quarter_period = 20.0
+impacts = 3
+"""
+
+
+def test_the_family_behind_a_grazing_is_followed(tmp_path, capsys):
+    """Oracle: a pendulum between two stops touches them at h = 1 - cos 1; above, a quarter period is the integral of 1/x' from 0 to 1."""
+    (tmp_path / "pendulum.toml").write_text(PENDULUM)
+    scene = ("--scene", tmp_path / "pendulum.toml")
+    code, _, err = run(capsys, "continue", "--from", "mode:1", *scene, "--json", tmp_path / "a.json")
+    assert code == 0, err
+    code, out, err = run(capsys, "continue", "--from", f"{tmp_path / 'a.json'}:GR", *scene, "--json", "-")
+    branch = json.loads(out)
+    assert code == 0 and branch["branch"]["ends"] == ["origin", "stop+"], err
+    assert min(point["h"] for point in branch["points"]) == pytest.approx(1.0 - math.cos(1.0), rel=1e-10)
+    assert len(branch["points"]) > 20
+    for point in branch["points"][5:-5:20]:
+        with mp.workdps(20):
+            quarter = mp.quad(lambda x, h=point["h"]: 1 / mp.sqrt(2 * (h - 1 + mp.cos(x))), [0, 0.5, 1])
+        assert point["alpha"] == pytest.approx(float(quarter), rel=1e-9)
+
+
+def test_families_at_the_events_of_a_file_are_followed_or_listed(tmp_path, capsys):
+    """Oracle: the families that `Branch.switch` and `Branch.neighbours` find at the same events."""
+    branch = saltus.trace("S13+", energy=(0.05, 20.0))
+    branch.save(tmp_path / "a.json")
+    words = ("continue", "--energy", "0.1:20", "--points", "9", "--json", "-", "--from")
+    code, out, err = run(capsys, *words, f"{tmp_path / 'a.json'}:SB1")
+    assert code == 0 and json.loads(out)["branch"]["id"] == branch.switch("SB1", points=3)[0].id, err
+    known = {item.branch.id for item in branch.neighbours("GR2", points=9) if item.branch is not None}
+    err = run(capsys, *words, f"{tmp_path / 'a.json'}:GR2")[2]
+    listed = re.findall(r"GR2,(\S+?)(?:,|$)", err.strip())
+    assert len(listed) == len(known) > 2 and "choose one of" in err
+    assert all(any(id.startswith(item) for id in known) for item in listed)
+    code, out, err = run(capsys, *words, f"{tmp_path / 'a.json'}:GR2,origin-stop")
+    assert code == 0 and json.loads(out)["branch"]["id"] in known, err
+    refused(run(capsys, *words, f"{tmp_path / 'a.json'}:GR1"), "no family begins at GR1", "L11+")
+    refused(run(capsys, *words, f"{tmp_path / 'a.json'}:GR2,rest"), "no family rest begins at GR2", "origin-stop+:-")
