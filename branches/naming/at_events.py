@@ -42,7 +42,7 @@ def orbit_at_event(branch: Branch, name: str, family: str = "") -> Orbit:
     >>> import saltus
     >>> orbit = orbit_at_event(saltus.trace("S13O00+", energy=(0.1, 1.0)), "SB1")
     >>> orbit.ends, orbit.sequence
-    (('origin', 'origin'), '+')
+    (('origin', 'origin'), '-')
     """
     of_type = [event for event in branch.events if event.type == name]
     event = of_type[0] if len(of_type) == 1 else branch.event(name)
