@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from branches.files import reason
 from saltus import __version__, options
-from saltus.errors import BadInput
+from saltus.errors import BadInput, say
 from saltus.outputs import check_writable
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ __all__ = [
     "require_energies",
     "same_meeting",
     "save_branch",
+    "say_if_empty",
 ]
 
 
@@ -208,11 +209,18 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene | SceneRecord, nam
         except OSError as error:
             raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
     check_writable(str(place), database=True)
+    say_if_empty(place)
     if place.exists():
         from branches.catalogue import Catalogue
 
         Catalogue(place, "a", scene=scene).close()
     return place
+
+
+def say_if_empty(place: Path) -> None:
+    """Say that a file without content, as a run that was killed at its start leaves it, becomes a catalogue."""
+    if place.is_file() and not place.stat().st_size:
+        say(f"{place} is empty: a new catalogue is written in its place")
 
 
 def save_branch(branch: Branch, place: Path, scene: Scene) -> str:

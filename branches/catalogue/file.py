@@ -63,6 +63,7 @@ class CatalogueFile:
             self._connection = open_to_read(self.path)
         else:
             self.path = Path(os.path.realpath(path))
+            existed = self.path.exists()
             self._connection = self._open_to_write(record)
         try:
             with translated(self.path):
@@ -82,8 +83,10 @@ class CatalogueFile:
                 with translated(self.path):
                     log_commits(self._connection)
         except BaseException:
-            # A file that is refused stays as it is.
+            # A file that is refused stays as it is. One that could not be filled, on a full disk, is not left.
             self._connection.close()
+            if mode == "a" and not existed and self.path.exists() and not self.path.stat().st_size:
+                self.path.unlink()
             if self._lock is not None:
                 self._lock.release()
             raise

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import math
+import sys
+import zlib
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from branches.catalogue import schema2
@@ -78,6 +85,33 @@ class CatalogueStore(CatalogueFile):
 
         row = self.family(id)
         return Frozen(self._columns(row, self._problem(row)))
+
+    def damage(self) -> str:
+        """What is damaged of the pages of the file, or of the points and events of its families, in a few words; "" if nothing is.
+
+        It is quick, and loads no numpy. `branches.catalogue.check.check_catalogue` verifies all, and names each damaged part."""
+        try:
+            pages = [text for (text,) in self._select("PRAGMA quick_check(1)")]
+            if pages != ["ok"]:
+                return f"its pages are damaged: {' '.join(str(pages[0]).split())[:80]}"
+            if self._old:
+                return ""
+            columns = "h, alpha, arclength, tau, stable, label"
+            points = groupby(self._select(f"SELECT family, {columns} FROM points ORDER BY family, position"), key=itemgetter(0))
+            found = {number: [row[1:] for row in rows] for number, rows in points}
+            arrays = {number: (npz, crc) for number, npz, crc in self._select("SELECT family, npz, crc FROM arrays")}
+            events = Counter(row[0] for row in self._rows("events"))
+        except CatalogueDamaged as error:
+            return str(error).partition(": ")[2]
+        damaged = []
+        for row in self.all_families():
+            npz, crc = arrays.get(row.number, (None, None))
+            rows = found.get(row.number, [])
+            whole = len(rows) == row.points and events[row.number] == row.events and isinstance(npz, bytes)
+            if not whole or checksum_of_rows(rows, npz) != crc:
+                damaged.append(row.id)
+        what = "does not fit its checksum" if len(damaged) == 1 else "do not fit their checksums"
+        return f"{len(damaged)} of {len(self.all_families())} families {what}, the first one {damaged[0]}" if damaged else ""
 
     def track(self, row: FamilyRow) -> list[tuple[float, float, str]]:
         """Energy, quarter period and label at each point of a family, without arrays; the checksum is not compared."""
@@ -364,3 +398,19 @@ def _packed(branch: Branch | ForcedBranch) -> PackedFamily:
     from branches.catalogue.packing import pack_family
 
     return pack_family(branch)
+
+
+def checksum_of_rows(rows: Sequence[tuple[Any, ...]], npz: bytes) -> int | None:
+    """`branches.catalogue.packing.checksum_of_points` of rows of the table of points, without numpy; None for values of a wrong type."""
+    crc = zlib.crc32(npz)
+    try:
+        for values, kind in zip(zip(*rows, strict=True), "ddddbU", strict=True):
+            if kind == "U":
+                width = max(1, *map(len, values))
+                code = "utf-32-le" if sys.byteorder == "little" else "utf-32-be"
+                crc = zlib.crc32("".join(text.ljust(width, "\0") for text in values).encode(code), crc)
+            else:
+                crc = zlib.crc32(array(kind, [math.nan if value is None else value for value in values]).tobytes(), crc)
+    except (AttributeError, OverflowError, TypeError, ValueError):
+        return None
+    return crc

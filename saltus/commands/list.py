@@ -7,6 +7,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from saltus import catalogues, curves, options, outputs
+from saltus.errors import FAILED, say
 from saltus.terminal import counted, range_text, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
         total, names = len(catalogue), list(catalogue.scene.reference_points)
         axes, is_of_responses = catalogue.scene.axes, bool(catalogue.scene.parameters)
         kept = curves.rows_record(catalogue)
+        damage = catalogue.damage()
         records = [catalogues.in_axes(catalogue, catalogues.family_record(catalogue, row)) for row in families]
 
     rows: list[tuple[str, ...]] = []
@@ -51,11 +53,14 @@ def run(arguments: argparse.Namespace) -> int:
     lines = table_lines(head, rows, width=terminal_width(sys.stdout), columns=columns)
     about = {"parameter": axes.symbols[0]} if is_of_responses else {}
     listed = {"curves": kept} if is_of_responses else {}
-    return files.finish(
+    if damage:
+        say(f"{catalogue.path} is damaged: {damage}; saltus check names all that is")
+    code = files.finish(
         [*lines, f"{len(families)} of {counted(total, 'family')}", *curves.list_lines(kept, terminal_width(sys.stdout))],
         lambda: {"schema": catalogues.SCHEMA, **about, "filters": filters, "families": records, **listed},
         table=lambda: family_table(records),
     )
+    return max(code, FAILED) if damage else code
 
 
 def family_table(records: list[dict[str, Any]]) -> Table:

@@ -1,10 +1,12 @@
 """The commands that read and write a catalogue: list, show, tree, path, check, continue --save, orbit --catalogue."""
 
+import contextlib
 import csv
 import dataclasses
 import json
 import os
 import re
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -432,3 +434,66 @@ def test_a_family_has_one_name_in_all_that_is_printed_of_it(capsys, tmp_path):
         found[" ".join(words)] = sorted({*re.findall(r"\bU[0-9]{4}[+-]", out)})
     assert found["list --json -"] == found[f"show {row.id} --json -"] == found["list"] == sorted(found["graph"])
     assert found["list"] == ["U3502+", "U4302-", "U4520-"]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs limits on a process")
+def test_a_file_that_could_not_be_filled_is_not_left(tmp_path):
+    """Oracle: a limit on the size of files, set by the system in a process of its own: not even the tables of a catalogue fit."""
+    path = tmp_path / "a.sqlite"
+    script = f"""
+import resource, signal
+from saltus.__main__ import main
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
+raise SystemExit(main(["build", "--energy", "0.1:0.11", "--max-impacts", "1", "--workers", "1", "--catalogue", {str(path)!r}]))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode != 0 and f"cannot write {path}" in done.stderr and "Traceback" not in done.stderr
+    assert not path.exists()
+
+
+def test_an_empty_file_becomes_a_catalogue_with_a_word(capsys, tmp_path):
+    """Oracle: the family that is kept in it; to read it is refused."""
+    path = tmp_path / "a.sqlite"
+    path.touch()
+    refused(run(capsys, "list", "--catalogue", path), "is not a catalogue: it is empty")
+    code, _, err = run(capsys, "continue", "S13+", "--energy", "0.5:0.6", "--save", "--catalogue", path)
+    assert code == 0 and f"{path} is empty: a new catalogue is written in its place" in err
+    with Catalogue(path) as kept:
+        assert len(kept) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ("UPDATE points SET h = h*1.0000001 WHERE family = 1 AND position = 2", "1 of 6 families does not fit its checksum"),
+        ("UPDATE points SET label = 'S1' WHERE position = 2", "6 of 6 families do not fit their checksums"),
+        ("DELETE FROM points WHERE family = 1 AND position = 2", "1 of 6 families does not fit its checksum"),
+        ("UPDATE arrays SET npz = substr(npz, 2)", "6 of 6 families do not fit their checksums"),
+        ("UPDATE events SET h = 2*h", "of the table events does not fit its checksum"),
+        ("DELETE FROM events WHERE family = 1", "1 of 6 families does not fit its checksum"),
+    ],
+)
+def test_list_says_that_a_catalogue_is_damaged(catalogue, capsys, tmp_path, change, word):
+    """Oracle: the change that was made; without it nothing is said."""
+    path = tmp_path / "a.sqlite"
+    path.write_bytes(Path(catalogue).read_bytes())
+    total = len(Catalogue(path))
+    assert run(capsys, "list", "--catalogue", path)[::2] == (0, "")
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute(change).rowcount
+        connection.commit()
+    code, out, err = run(capsys, "list", "--catalogue", path)
+    assert code == 1 and f"{total} of {total} families" in out
+    assert f"{path} is damaged" in err and word.replace("6", str(total)) in err and err.count("\n") == 1
+
+
+def test_list_says_that_pages_are_damaged(catalogue, capsys, tmp_path):
+    """Oracle: bytes in the middle of the file, which is no page of the table of families."""
+    path = tmp_path / "a.sqlite"
+    content = bytearray(Path(catalogue).read_bytes())
+    middle = len(content) // 2 // 4096 * 4096
+    content[middle : middle + 4096] = b"U" * 4096
+    path.write_bytes(content)
+    code, _, err = run(capsys, "list", "--catalogue", path)
+    assert code != 0 and f"{path} is damaged" in err and err.count("\n") == 1
