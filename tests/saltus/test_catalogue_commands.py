@@ -441,15 +441,20 @@ def test_a_file_that_could_not_be_filled_is_not_left(tmp_path):
     """Oracle: a limit on the size of files, set by the system in a process of its own: not even the tables of a catalogue fit."""
     path = tmp_path / "a.sqlite"
     script = f"""
-import resource, signal
-from saltus.__main__ import main
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+import resource, sys
+import saltus
+sys.dont_write_bytecode = True
+scene = saltus.load_scene()
+saltus.Catalogue(sys.argv[1] + ".other", "a", scene=scene).close()
 resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
-raise SystemExit(main(["build", "--energy", "0.1:0.11", "--max-impacts", "1", "--workers", "1", "--catalogue", {str(path)!r}]))
+try:
+    saltus.Catalogue(sys.argv[1], "a", scene=scene)
+except RuntimeError as error:
+    sys.exit(str(error))
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode != 0 and f"cannot write {path}" in done.stderr and "Traceback" not in done.stderr
-    assert not path.exists()
+    done = subprocess.run([sys.executable, "-c", script, str(path)], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 1 and f"cannot write {path}" in done.stderr and "Traceback" not in done.stderr
+    assert os.listdir(tmp_path) == ["a.sqlite.other"]
 
 
 def test_an_empty_file_becomes_a_catalogue_with_a_word(capsys, tmp_path):
