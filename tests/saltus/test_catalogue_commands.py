@@ -440,7 +440,7 @@ def test_a_family_has_one_name_in_all_that_is_printed_of_it(capsys, tmp_path):
 def test_a_file_that_could_not_be_filled_is_not_left(tmp_path):
     """Oracle: a limit on the size of files, set by the system in a process of its own: not even the tables of a catalogue fit."""
     path = tmp_path / "a.sqlite"
-    script = f"""
+    script = """
 import resource, sys
 import saltus
 sys.dont_write_bytecode = True
