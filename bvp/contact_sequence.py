@@ -166,10 +166,8 @@ def require_bounces(system: ImpactSystem, events: Sequence[ContactEvent], loaded
         restitution = system.stops[stop].restitution
         if event.sticks and restitution == 1.0:
             raise EndsError(f"{event.symbol}: a stop with restitution 1 does not stick; expected one below 1")
-        if event.sticks and restitution > 0.0 and not loaded:
+        if event.sticks and (restitution > 0.0 or stop in varying) and not loaded:
             raise EndsError(f"{event.symbol}: bounces that end in sticking need a harmonic load; expected one, or restitution 0")
-        if event.sticks and not restitution and stop in varying:
-            raise EndsError(f"{event.symbol}: the restitution of a plastic impact cannot vary; expected another parameter")
 
 
 def require_half(system: ImpactSystem, harmonics: Sequence[float], constant: bool, load_periods: int) -> None:

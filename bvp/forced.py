@@ -128,7 +128,8 @@ class ForcedProblem:
         self.events = events = self._events()
         self.sequence = tuple(event.symbol for event in events) or self.sequence
         first = layout.restitution.start
-        require_bounces(system, events, self.has_clock, [row - first for row in found.rows.tolist()])
+        changing = [row - first for row in found.rows.tolist() if row in range(layout.size)[layout.restitution]]
+        require_bounces(system, events, self.has_clock, changing)
         self.contacts = np.array(self._contacts([event.contact for event in events]))
         self.inner = len(self.contacts) - 2
         closed, quarters, *kinds = self._closure()
@@ -157,7 +158,9 @@ class ForcedProblem:
 
             self.smooth_forces = parametric.smooth_forces(self.values, self.released)
             forces = released_forces(self.smooth_forces)
-        self._table = table = ModeTable(system, events, nodes, size, changes, loads, (metric[0] / metric[n]) ** 2, forces)
+        bouncing = [*changing, *(stop for stop, one in enumerate(system.stops) if one.restitution > 0.0)]
+        unit = (metric[0] / metric[n]) ** 2
+        self._table = table = ModeTable(system, events, nodes, size, changes, loads, unit, forces, bouncing)
         self._renew = _CALLBACK(self._renewed) if varies or self._leaves_unseen else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
@@ -444,6 +447,11 @@ class ForcedProblem:
         """All parameters at y."""
         moved = y[2 * self.degrees_of_freedom + 1 : self.size].tolist()
         return self.values | dict(zip(self.released, moved, strict=True))
+
+    def restitution(self, y: np.ndarray, contact: int) -> float:
+        """The restitution of a contact at y; 0 below rounding, as in the kernels."""
+        entries = self.parametric.entries(self.parameters(y))[self.parametric.layout.restitution]
+        return (1.0 + float(entries[self.modes.contact_stop[contact]])) - 1.0
 
     def known_values(self, y: np.ndarray) -> dict[str, float]:
         """The values of all names that equations can have, at y."""

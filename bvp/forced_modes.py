@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -173,6 +173,8 @@ class ModeTable:
         That of contact forces.
     forces : ReleasedForces, optional
         Smooth forces of the system. No stop can stick.
+    bouncing : collection of int
+        Stops whose restitution is above 0, or varies: they bounce before they stick.
 
     Raises
     ------
@@ -182,7 +184,7 @@ class ModeTable:
 
     def __init__(
         self, system: ImpactSystem, events: Sequence[ContactEvent], nodes: int, width: int, varying: int, loads: Loads, unit: float,
-        forces: ReleasedForces | None = None,
+        forces: ReleasedForces | None = None, bouncing: Collection[int] = (),
     ):
         self.unit = unit
         self._smooth = forces
@@ -198,7 +200,7 @@ class ModeTable:
             if event.is_release:
                 release[i] = system.modes.contact_stop[event.contact]
             elif event.sticks:
-                summed[i] = system.stops[system.modes.contact_stop[event.contact]].restitution > 0.0
+                summed[i] = system.modes.contact_stop[event.contact] in bouncing
             elif system.stops[system.modes.contact_stop[event.contact]].restitution == 0.0:
                 opens[i] = self._index(event.closed | {event.contact})
         self._known: dict[tuple[float, ...], tuple[Any, list[ForcedMode]]] = {}

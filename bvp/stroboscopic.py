@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from bvp.kernels.forced_sticking import AT_ONCE
 from bvp.kernels.newton import set_scale
 from bvp.kernels.orbit_multipliers import make_orbit_map, orbit_multipliers
 from bvp.kernels.periodic_qr import product_eigenvalues
@@ -56,7 +57,7 @@ class OrbitMultipliers:
     def __init__(self, system: ImpactSystem, events: Sequence[ContactEvent], segment: LoadedSegment, impacts: np.ndarray):
         self._segment, self._impacts, self._size = segment, impacts, 2 * system.degrees_of_freedom
         self._map = make_orbit_map(segment, impacts, make_stroboscopic(segment))
-        self._ranks = [_rank(system, event) for event in (*events[1:], *events[:1])]
+        self._events = (*events[1:], *events[:1])
         self._held = [_held(system, event) for event in events]
 
     def values(self, y: np.ndarray, factor: Factor, slowest: float) -> np.ndarray | None:
@@ -71,13 +72,22 @@ class OrbitMultipliers:
         slowest : float
             The impact speed, over the size of the velocities, below which an impact grazes.
         """
-        if min(self._ranks, default=self._size) < self._size:
-            return self._deficient(y, factor, slowest)
+        ranks = [self._rank(i, event) for i, event in enumerate(self._events)]
+        if min(ranks, default=self._size) < self._size:
+            return self._deficient(y, factor, slowest, ranks)
         found = np.empty((2, self._size))
         return found[0] + 1j * found[1] if orbit_multipliers(self._map, y, factor, slowest, found) else None
 
-    def _deficient(self, y: np.ndarray, factor: Factor, slowest: float) -> np.ndarray | None:
-        """Where a stop sticks along the orbit, or an impact leaves no speed."""
+    def _rank(self, i: int, event: ContactEvent) -> int:
+        """Rank of the saltation matrix of the event that ends flight i, at the orbit that was evaluated last: its restitution can vary.
+
+        A stop that sticks takes two directions, an impact that leaves no speed one."""
+        if event.is_release:
+            return self._size
+        return self._size - 2 * len(event.closed) - (not event.sticks and self._segment.jump[i] == AT_ONCE)
+
+    def _deficient(self, y: np.ndarray, factor: Factor, slowest: float, ranks: Sequence[int]) -> np.ndarray | None:
+        """Where a stop sticks along the orbit, or an impact leaves no speed. ranks: of what is left behind each flight's event."""
         segment, size, nodes = self._segment, self._size, len(factor.flights)
         n = size // 2
         displacement, velocity, _ = set_scale(segment, y, factor)
@@ -85,7 +95,7 @@ class OrbitMultipliers:
         passages = []
         for i in range(nodes):
             flight, held = factor.flights[i, :size, :size] * scale / scale[:, None], self._held[i] * scale[:, None]
-            passages.append(_Passage(flight, held, None, None, self._ranks[i]))
+            passages.append(_Passage(flight, held, None, None, ranks[i]))
         for i in self._impacts.tolist():
             if segment.side[i] * (segment.gap[i, :n] @ factor.before[i, n:size]) < slowest * velocity:
                 return None
@@ -100,15 +110,6 @@ def _held(system: ImpactSystem, event: ContactEvent) -> np.ndarray:
     stops = sorted(int(system.modes.contact_stop[contact]) for contact in event.closed)
     rows = np.array([system.stops[stop].gap for stop in stops]).reshape(-1, system.degrees_of_freedom)
     return np.kron(np.eye(2), rows).T
-
-
-def _rank(system: ImpactSystem, event: ContactEvent) -> int:
-    """Rank of the saltation matrix of an event. A stop that sticks takes two directions, an impact that leaves no speed one."""
-    size = 2 * system.degrees_of_freedom
-    if event.is_release:
-        return size
-    stop = system.stops[system.modes.contact_stop[event.contact]]
-    return size - 2 * len(event.closed) - (not event.sticks and stop.restitution == 0.0)
 
 
 def _deficient_eigenvalues(passages: Sequence[_Passage], sign: float) -> np.ndarray | None:

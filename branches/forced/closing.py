@@ -60,7 +60,7 @@ def _moment(problem: ForcedProblem, y: np.ndarray, limit: float = _BRIEF) -> _Mo
         return None
     times, limit = problem.flight_times(y), limit * problem.period(y)
     for begin, event in enumerate(events):
-        plastic = problem.system.stops[problem.modes.contact_stop[event.contact]].restitution == 0.0
+        plastic = problem.restitution(y, event.contact) == 0.0
         if event.sticks or not (event.is_release or plastic):
             continue
         before = events[begin - 1]

@@ -44,7 +44,7 @@ def opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarra
     if force is None or force.kind == "after":
         return None
     contact = next(c for c in problem.events[flight].closed if problem.modes.contact_stop[c] == stop)
-    if force.kind == "begin" and problem.system.stops[stop].restitution > 0.0:
+    if force.kind == "begin" and problem.restitution(solution.y, contact) > 0.0:
         return None  # the bounces do not end
     letter = problem.modes.contact_letters[contact]
     tangent = solution.tangent.copy()

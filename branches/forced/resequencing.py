@@ -158,7 +158,7 @@ def without_flight(problem: ForcedProblem, solution: Solution) -> tuple[ForcedPr
         flight %= problem.inner + 1
     first, second = problem.events[flight], problem.events[flight + 1]
     letter = problem.modes.contact_letters[first.contact]
-    restitution = problem.system.stops[problem.modes.contact_stop[first.contact]].restitution
+    restitution = problem.restitution(y, first.contact)
     if first.contact != second.contact or (restitution > 0.0 and not first.is_release):
         return None  # of bounces that end without sticking there is no end
     if first.is_release:

@@ -335,7 +335,7 @@ def least_contact_force(sticking, segment, i, node, end):
                 best = value
                 best_stop = s
                 best_part = 1.0
-        elif sticking.opens[begin] >= 0 and sticking.closed[sticking.opens[begin], s] == 1:
+        elif sticking.opens[begin] >= 0 and segment.jump[begin] == AT_ONCE and sticking.closed[sticking.opens[begin], s] == 1:
             value = -contact_force(sticking, loads, sticking.opens[begin], s, node, row)
             if value < best:
                 best = value

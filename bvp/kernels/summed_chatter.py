@@ -85,7 +85,9 @@ def next_bounce(segment, i, z, slope):
     speed = row_dot(segment.gap_rate, i, z)
     press = contact_force(sticking, loads, 0, stop, z, row)
     t = -2.0 * speed / press
-    if not 0.0 < t < math.inf:
+    # Bounces without speed last for no time, and change with the restitution all the same. Beyond 0 they go on as a power series.
+    sense = segment.jump[i] - 1.0
+    if not (segment.side[i] * press > 0.0 and 0.0 <= t * sense < math.inf):
         return False
     bend = 1.0
     for _ in range(ROUNDS):
@@ -109,7 +111,7 @@ def next_bounce(segment, i, z, slope):
         t += change
         if abs(change) <= 2e-16 * abs(t):
             break
-    if not 0.0 < t < math.inf:
+    if not 0.0 <= t * sense < math.inf:
         return False
     for c in range(width):
         turn[c] = -(turn[c] + segment.gap_rate[i, c]) / bend
@@ -132,7 +134,7 @@ def extrapolate_nodes(segment, i, orders, ratio, stride):
     """Take the next node and its derivatives in chatter.new, of which there were `orders` before, into the table. The limit is then in
     `new`. Returns the change by the last order."""
     chatter, size = segment.sticking.chatter, segment.flight.enter.shape[0]
-    table, new = chatter.table, chatter.new
+    table, new, older = chatter.table, chatter.new, chatter.lines[0]
     width = new.shape[1]
     restitution = segment.jump[i] - 1.0
     power = 1.0
@@ -143,6 +145,8 @@ def extrapolate_nodes(segment, i, orders, ratio, stride):
         for r in range(1 + width):
             for c in range(width):
                 old = table[level, r, c]
+                if r == 0:
+                    older[c] = old
                 value = new[r, c]
                 table[level, r, c] = value
                 if not last:
@@ -153,12 +157,12 @@ def extrapolate_nodes(segment, i, orders, ratio, stride):
             break
         # The derivatives of the node by a parameter contain that of q^(level + 1).
         for j in range(segment.released.columns.shape[0]):
-            by = segment.released.slopes[j, segment.contact[i, 1]] * (level + 1.0) * stride * power / restitution
+            exponent = (level + 1.0) * stride
+            by = segment.released.slopes[j, segment.contact[i, 1]] * exponent * restitution ** (exponent - 1.0)
             if by != 0.0:
                 for r in range(width):
-                    # new = (value - power old)/(1 - power), and old = value - (1 - power) (value - old)
-                    older = (table[level, 0, r] - (1.0 - power) * new[0, r]) / power
-                    new[1 + r, size + 1 + j] += by * (new[0, r] - older) / (1.0 - power)
+                    # new = (value - power old)/(1 - power)
+                    new[1 + r, size + 1 + j] += by * (new[0, r] - older[r]) / (1.0 - power)
     return change
 
 
@@ -170,7 +174,7 @@ def sum_chatter(segment, i, before, after):
     slope, new = chatter.slope[i], chatter.new
     width = before.shape[0]
     restitution = segment.jump[i] - 1.0
-    stride = stride_of(restitution)
+    stride = stride_of(restitution) if restitution > 0.5 else 1
     ratio = restitution**stride
     for r in range(width):
         for c in range(width):

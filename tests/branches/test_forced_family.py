@@ -9,11 +9,15 @@ import pytest
 
 from branches.family import SETTINGS
 from branches.forced.branch import of_period
+from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import impact_speed, oscillator, settled
+from transitions.response.path import ParameterPath
+from transitions.response.starting import settled_orbit
+from transitions.sweep.settle import settle
 
 
 def followed(problem, y, interval, settings=SETTINGS, values=()):
@@ -168,3 +172,69 @@ def test_multipliers_keep_their_digits_beside_a_grazing(speed):
 def test_an_impact_at_phase_0_is_not_the_last_one_of_the_period():
     """Oracle: fractions of the period that differ from whole ones by rounding are whole."""
     assert of_period(np.array([-1e-17, 0.0, 1.0 - 1e-16, 2.0, 1.3, -0.2])) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.3, 0.8], abs=1e-15)
+
+
+def with_restitution(kind):
+    """Systems with stops of restitution e: one of one degree of freedom, one in half periods, one with several stops, one that sticks.
+
+    Returns the system, released parameters, equations, half, and a restitution at which their motion is settled."""
+    two = {
+        "mass": [[1.0, 0.2], [0.2, 0.7]],
+        "damping": [["3*c", "-c"], ["-c", "2*c"]],
+        "stiffness": [[2.0, -1.0], [-1.0, 2.5]],
+        "stops": [{"c": [1.0, 0.0], "upper": 0.4, "restitution": "e"}, {"c": [0.5, 1.0], "lower": -0.5, "restitution": "0.5 + 0.5*e"}],
+    }
+    one = {"mass": [[1.0]], "damping": [["c"]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": 1.0, "restitution": "e"}]}
+    sides = one | {"stops": [{"c": [1.0], "lower": -0.5, "upper": 0.5, "restitution": "e"}]}
+    system = {"one": one, "curve": one, "sticking": one, "half": sides, "several": two}[kind]
+    load = [1.0, 0.3] if kind == "several" else [1.0]
+    amplitude, frequency = {"sticking": (1.5, 0.3), "several": (3.0, 3.0)}.get(kind, (0.5, 1.0))
+    values = {"e": 0.0, "c": 0.1, "A": amplitude, "w": frequency}
+    description = {"parameters": values, "system": system, "forces": [{"load": load, "amplitude": "A", "harmonic": 1}]}
+    released, keep = (("e", "c"), ("c = 0.1 + 0.2*e",)) if kind == "curve" else (("e",), ())
+    return ParametricSystem.from_description(description), released, keep, kind == "half"
+
+
+@pytest.mark.parametrize("kind", ["one", "half", "several", "curve"])
+@pytest.mark.parametrize("begin", [0.0, 0.3])
+def test_multipliers_have_the_right_product_at_each_restitution(kind, begin):
+    """Families that begin, pass or end at restitution 0. Oracle: the product of all multipliers is that of all rho_i^2, times
+    exp(-tr(M^-1 C) T); at restitution 0 one multiplier vanishes."""
+    parametric, released, keep, half = with_restitution(kind)
+    plain, y = settled(parametric, ["e"], half=half, values={"e": begin})
+    problem = ForcedProblem(parametric, plain.sequence, released, half=half, values=plain.values, keep=keep)
+    at = problem.parameters(plain.solve(y).y) | ({"c": 0.1 + 0.2 * begin} if keep else {})
+    size = 2 * plain.degrees_of_freedom
+    guess = problem.pack(plain.nodes(y)[:, :size], plain.nodes(y)[:, size], [at[name] for name in released])
+    run = followed(problem, guess, (0.0, 1.0))
+    seen = []
+    for point in run.points:
+        at = problem.parameters(point.step.y)
+        system = parametric.system(at)
+        loss = np.trace(np.linalg.solve(system.mass, system.damping)) * problem.period(point.step.y) * (0.5 if half else 1.0)
+        rates = [system.stops[system.modes.contact_stop[contact]].restitution for contact in problem.contacts[:-1]]
+        found = problem.multipliers(point.step.y)
+        if np.isfinite(found).all():
+            assert np.prod(found) == pytest.approx(np.prod(np.square(rates)) * math.exp(-loss), rel=1e-9, abs=1e-18)
+            seen.append(at["e"])
+        if abs(at["e"]) < 1e-11:
+            assert np.abs(found).min() < 1e-11
+    assert abs(min(seen)) < 1e-11 and max(seen) > 0.45 and len(seen) > 20
+
+
+def test_a_stop_that_sticks_can_begin_and_end_at_restitution_zero():
+    """Its bounces vanish there. Oracle: equality of paths (families from restitution 0 and to it), and simulations at both restitutions."""
+    parametric, *_ = with_restitution("sticking")
+    found = {}
+    for begin in (0.0, 0.1):
+        values = parametric.at({"e": begin})
+        motion = settle(parametric.system(values), parametric.forces(values))
+        start = settled_orbit(ParameterPath(parametric, ("e",), values=values), motion)
+        family = ForcedFamily(start.problem, (0.0, 0.1))
+        found[begin] = start, with_exact_ends(family, follow_both_ways(family, start.y, SETTINGS))
+    ends = {begin: {round(point.step.parameter, 12): point.step.y for point in run.points} for begin, (_, run) in found.items()}
+    for value in (0.0, 0.1):
+        start, run = found[value]
+        one, other = (ends[begin][value] for begin in (0.0, 0.1))
+        assert one == pytest.approx(other, abs=1e-10)
+        assert start.distance < 1e-9 and start.problem.sequence == found[0.0][0].problem.sequence
