@@ -17,7 +17,7 @@ import numpy as np
 
 from bvp.kernels.forced_sticking import AT_ONCE
 from bvp.kernels.newton import set_scale
-from bvp.kernels.orbit_multipliers import make_orbit_map, orbit_multipliers
+from bvp.kernels.orbit_multipliers import orbit_multipliers
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.stroboscopic import make_stroboscopic, saltation_frames
 
@@ -56,7 +56,7 @@ class OrbitMultipliers:
 
     def __init__(self, system: ImpactSystem, events: Sequence[ContactEvent], segment: LoadedSegment, impacts: np.ndarray):
         self._segment, self._impacts, self._size = segment, impacts, 2 * system.degrees_of_freedom
-        self._map = make_orbit_map(segment, impacts, make_stroboscopic(segment))
+        self._map = make_stroboscopic(segment)
         self._events = (*events[1:], *events[:1])
         self._held = [_held(system, event) for event in events]
 
@@ -75,8 +75,8 @@ class OrbitMultipliers:
         ranks = [self._rank(i, event) for i, event in enumerate(self._events)]
         if min(ranks, default=self._size) < self._size:
             return self._deficient(y, factor, slowest, ranks)
-        found = np.empty((2, self._size))
-        return found[0] + 1j * found[1] if orbit_multipliers(self._map, y, factor, slowest, found) else None
+        found = self._map.values
+        return found[0] + 1j * found[1] if orbit_multipliers(self._segment, y, factor, slowest, self._map) else None
 
     def _rank(self, i: int, event: ContactEvent) -> int:
         """Rank of the saltation matrix of the event that ends flight i, at the orbit that was evaluated last: its restitution can vary.
@@ -100,7 +100,7 @@ class OrbitMultipliers:
             if segment.side[i] * (segment.gap[i, :n] @ factor.before[i, n:size]) < slowest * velocity:
                 return None
             left, right = np.eye(size), np.eye(size)
-            saltation_frames(segment, i, factor.before[i], scale, left, right, self._map.work)
+            saltation_frames(segment, i, factor.before[i], scale, left, right, self._map)
             passages[i] = passages[i]._replace(left=left, right=right)
         return _deficient_eigenvalues(passages, float(segment.closing[0]))
 

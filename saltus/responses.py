@@ -437,7 +437,6 @@ def _through(arguments: argparse.Namespace) -> tuple[str, ...]:
 def report_lines(branch: ForcedBranch, number: int, width: int | None = None) -> list[str]:
     """What is printed of a branch: its sequence and stability, its events, and its ends."""
     from branches.forced.branch import sequence_text
-    from branches.forced.family import hidden_bifurcations
     from branches.released.branch import ReleasedBranch
     from saltus.free_families import limit_lines
 
@@ -455,10 +454,6 @@ def report_lines(branch: ForcedBranch, number: int, width: int | None = None) ->
     if rows:
         head = ("event", name, *more, "|multiplier|", "stable after", "normal form", "remark")
         lines += table_lines(head, rows, width=width, columns="l" + "r" * (len(head) - 4) + "llt")
-    hidden = hidden_bifurcations(branch)
-    if hidden is not None:
-        place = f"from {name} = {hidden[0]:.8g} to {hidden[1]:.8g}"
-        lines.append(f"note   {place} rounding of large multipliers hides Neimark-Sacker bifurcations: they are not looked for there")
     ends = [f"end    {end.text}" for end in branch.ended]
     lines += dict.fromkeys(ends)
     if isinstance(branch, ReleasedBranch):

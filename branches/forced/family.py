@@ -1,7 +1,7 @@
 """A family of orbits under periodic loads as a problem of the continuation engine: test functions, and the classification of events.
 
 The test functions are those of the stroboscopic map M (`bvp.kernels.stroboscopic`): det(M + 1), and the product of 1 - mu_i mu_j over the
-pairs of its multipliers, which vanishes at a Neimark-Sacker bifurcation. Times a power of the impact speeds both are smooth at a grazing.
+pairs of its multipliers, which vanishes at a Neimark-Sacker bifurcation. Both are bounded, and continuous at a grazing.
 """
 
 from __future__ import annotations
@@ -33,19 +33,15 @@ from continuation.images import Symmetry
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
 
 if TYPE_CHECKING:
-    from branches.forced.branch import ForcedBranch
     from continuation.location import Location
 
-__all__ = ["ForcedFamily", "hidden_bifurcations", "parameter_family"]
+__all__ = ["ForcedFamily", "parameter_family"]
 
 _ROUNDING = 1e-12
 """Sum of two rates of free motion, beside the fastest of all, that is zero."""
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be at an event where a pair is on the unit circle."""
-
-_LARGE = 1e4
-"""A multiplier below it hides no other one."""
 
 _DOUBLES = "the orbit is one of half the period, traversed twice: its period doubles here"
 
@@ -215,19 +211,6 @@ def parameter_family(
     if isinstance(problem, ReleasedProblem):
         return ReleasedFamily(problem, interval, values)
     return ForcedFamily(problem, interval, values, resonances_around(problem, begin))
-
-
-def hidden_bifurcations(branch: ForcedBranch) -> tuple[float, float] | None:
-    """The range of the parameter in which the sign of the test function for NS is rounding, as large multipliers make it; None where there
-    is none."""
-    problem, large = branch.problem, np.flatnonzero((branch.largest_multiplier > _LARGE) & np.isfinite(branch.largest_multiplier))
-    if isinstance(problem, ReleasedProblem) or problem.degrees_of_freedom < 2 or not large.size:
-        return None
-    family = ForcedFamily(problem)
-    place = next(k for k, test in enumerate(family.tests) if test.code == "NS")
-    begun = [(i, family.begin(branch.unknowns[i])) for i in large]
-    values = branch.parameter[[i for i, step in begun if step.converged and math.isnan(step.tests[place]) and not family._work.neutral]]
-    return (float(values.min()), float(values.max())) if len(values) else None
 
 
 def _has_neutral_mode(system: ImpactSystem) -> bool:

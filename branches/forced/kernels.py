@@ -12,7 +12,7 @@ from branches.kernels.brackets import narrow
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.forced import LoadedSegment
-from bvp.kernels.stroboscopic import Stroboscopic, is_in_pieces, stroboscopic_tests
+from bvp.kernels.stroboscopic import Stroboscopic, stroboscopic_tests
 
 __all__ = ["PLAIN", "ForcedWork", "advance_forced_block", "forced_tests", "narrow_forced_bracket"]
 
@@ -21,15 +21,6 @@ PLAIN = 9
 
 _CLEAR = 1e3
 """Larger clearances and speeds are replaced by this value."""
-
-_ROUNDED = 0.01
-"""Error of 1 - mu_i mu_j from which on its sign counts as rounding."""
-
-_SLOW = 0.02
-"""Speed of an impact, beside the largest velocity, below which large multipliers are its own: they grow with its inverse."""
-
-_UNIT = 4.0 * 2.220446049250313e-16
-"""Rounding of the map, beside its largest entry."""
 
 
 class ForcedWork(NamedTuple):
@@ -41,27 +32,10 @@ class ForcedWork(NamedTuple):
     neutral: int  # 1: pairs of multipliers have the product 1 all along the family, or one that no orbit changes
 
 
-@inlined
-def _is_rounding(found, ends, speed):
-    """Whether rounding decides the sign of the product of 1 - mu_i mu_j, though no impact is slow. A small multiplier has an error of the
-    size of rounding of M, and a factor multiplies it by the largest one. speed: of the slowest impact."""
-    size = found.matrix.shape[0]
-    largest, norm, fastest = 0.0, 0.0, 0.0
-    for i in range(ends.shape[0]):
-        for r in range(size // 2, size):
-            fastest = max(fastest, abs(ends[i, r]))
-    slow = min(1.0, speed / (_SLOW * fastest)) if fastest > 0.0 else 1.0
-    for r in range(size):
-        largest = max(largest, math.hypot(found.values[0, r], found.values[1, r]))
-        for c in range(size):
-            norm = max(norm, abs(found.matrix[r, c]))
-    return _UNIT * norm * largest * slow * slow > _ROUNDED
-
-
 @kernel
 def forced_tests(segment, y, ends, work, result, targets, out):
     """Fold, branch point, grazing in its three ways, the bounds of the parameter, det(M + 1) and the product of 1 - mu_i mu_j for the
-    stroboscopic map M (`bvp.kernels.stroboscopic`), and the distances of the parameter from the targets, into out."""
+    stroboscopic map M, both bounded (`bvp.kernels.stroboscopic`), and the distances of the parameter from the targets, into out."""
     value = result[entry.ENERGY]
     out[0] = result[entry.SLOPE]
     out[1] = result[entry.BRANCHING]
@@ -70,8 +44,8 @@ def forced_tests(segment, y, ends, work, result, targets, out):
     out[4] = result[entry.FLIGHT]
     out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
     out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
-    stroboscopic_tests(segment, work.flights, ends, result[entry.SPEEDS], work.map, out[7:PLAIN])
-    if work.neutral == 1 or (not is_in_pieces(segment) and _is_rounding(work.map, ends, result[entry.SPEED])):
+    stroboscopic_tests(segment, y, work.flights, ends, work.map, out[7:PLAIN])
+    if work.neutral == 1:
         out[8] = math.nan
     for i in range(targets.shape[0]):
         out[PLAIN + i] = value - targets[i]

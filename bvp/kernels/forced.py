@@ -247,21 +247,19 @@ def fill_loaded(segment, y, factor):
         at = after
 
 
-@set_scale.of(LoadedSegment)
 @inlined
-def set_loaded_scale(segment, y, factor):
-    """See `set_scale`: the time of a node has the scale 1, a parameter its own."""
+def orbit_sizes(segment, y, before):
+    """Sizes of the displacements and velocities of an orbit, and its longest flight. before (k + 1, N): the ends of the flights."""
     width = segment.gap.shape[1]
-    size = segment.flight.enter.shape[0]
-    n = size // 2
+    n = segment.flight.enter.shape[0] // 2
     displacement = 0.0
     velocity = 0.0
     longest = 0.0
     at = 0
     for i in range(segment.shape[0] + 1):
         for r in range(n):
-            displacement = max(displacement, max(abs(y[at + r]), abs(factor.before[i, r])))
-            velocity = max(velocity, max(abs(y[at + n + r]), abs(factor.before[i, n + r])))
+            displacement = max(displacement, max(abs(y[at + r]), abs(before[i, r])))
+            velocity = max(velocity, max(abs(y[at + n + r]), abs(before[i, n + r])))
         longest = max(longest, abs(y[at + width]))
         at += width + 1
     # All impacts can be at one place, and at rest there.
@@ -273,8 +271,17 @@ def set_loaded_scale(segment, y, factor):
     if displacement == 0.0:
         displacement = 1.0
         velocity = w
-    if longest == 0.0:
-        longest = 1.0
+    return displacement, velocity, longest if longest > 0.0 else 1.0
+
+
+@set_scale.of(LoadedSegment)
+@inlined
+def set_loaded_scale(segment, y, factor):
+    """See `set_scale`: the time of a node has the scale 1, a parameter its own."""
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    n = size // 2
+    displacement, velocity, longest = orbit_sizes(segment, y, factor.before)
     scale = factor.scale
     at = 0
     for _ in range(segment.shape[0] + 1):

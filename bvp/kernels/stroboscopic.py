@@ -14,36 +14,41 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel
-from bvp.kernels.contact_mode import apply_impact
-from bvp.kernels.dense import determinant, eigenvalues
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
-from bvp.kernels.forced import is_loaded_cut
+from bvp.kernels.forced import is_loaded_cut, orbit_sizes
 from bvp.kernels.forced_sticking import orbit_flight
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
 from bvp.kernels.periodic_qr import product_eigenvalues
 from bvp.kernels.summed_chatter import chatter_frame, is_summed, take_impact
 
+_SMALL = 1e-100
+"""Products below it are scaled."""
+
 
 class Stroboscopic(NamedTuple):
-    """The map of an orbit: n degrees of freedom."""
+    """The map of an orbit: n degrees of freedom, k + 1 flights. All but the multipliers is scratch."""
 
-    matrix: np.ndarray  # (2 n, 2 n)
-    work: np.ndarray  # (2 n, 2 n) scratch
     values: np.ndarray  # (2, 2 n) real and imaginary parts of the multipliers
-    lines: np.ndarray  # (4, N) scratch
-    late: np.ndarray  # (N,) scratch
-    chain: np.ndarray  # (k + 1, 2 n, 2 n) scratch
-    inverse: np.ndarray  # (k + 1,) int64 zeros
-    corner: np.ndarray  # (3, 3) scratch
+    matrix: np.ndarray  # (2 n, 2 n)
+    scale: np.ndarray  # (2 n,)
+    right: np.ndarray  # (2 n, 2 n)
+    lines: np.ndarray  # (4, N)
+    late: np.ndarray  # (N,)
+    chain: np.ndarray  # (2 k + 2, 2 n, 2 n)
+    inverse: np.ndarray  # (2 k + 2,) int64 of `product_eigenvalues`
+    corner: np.ndarray  # (3, 3)
+    factors: np.ndarray  # (n (2 n - 1),) complex, 2 n at least
+    means: np.ndarray  # (5,) complex
 
 
 def make_stroboscopic(segment):
     """Arrays for a forced problem."""
     size, width, flights = segment.flight.enter.shape[0], segment.gap.shape[1], int(segment.shape[0]) + 1
     return Stroboscopic(
-        np.empty((size, size)), np.empty((size, size)), np.empty((2, size)), np.empty((4, width)), np.empty(width),
-        np.empty((flights, size, size)), np.zeros(flights, dtype=np.int64), np.empty((3, 3)),
+        np.empty((2, size)), np.empty((size, size)), np.empty(size), np.empty((size, size)), np.empty((4, width)), np.empty(width),
+        np.empty((2 * flights, size, size)), np.zeros(2 * flights, dtype=np.int64), np.empty((3, 3)),
+        np.empty(max(size, size * (size - 1) // 2), dtype=complex), np.empty(5, dtype=complex),
     )  # fmt: skip
 
 
@@ -56,48 +61,6 @@ def rates_at(segment, i, before, after, coming, going):
     loaded_rate(orbit_flight(segment, i + 1 if i < segment.shape[0] else 0), after, going)
 
 
-@kernel
-def stroboscopic_map(segment, flights, ends, found):
-    """Fill found.matrix for an orbit. flights (k + 1, N, N), ends (k + 1, N): of `bvp.kernels.multipoint.evaluate`."""
-    matrix, work, lines = found.matrix, found.work, found.lines
-    size = matrix.shape[0]
-    after, going, coming, column = lines[0], lines[1], lines[2], lines[3]
-    set_2(matrix, 0.0)
-    for r in range(size):
-        matrix[r, r] = 1.0
-    for i in range(ends.shape[0]):
-        for r in range(size):
-            for c in range(size):
-                work[r, c] = inner(flights[i, r, :size], matrix[:, c])
-        for r in range(size):
-            copy_1(work[r], matrix[r])
-        if segment.contact[i, 0] < 0:
-            continue
-        rates_at(segment, i, ends[i], after, coming, going)
-        speed = inner(segment.gap[i, :size], coming[:size])
-        if is_summed(segment.sticking, i):
-            for c in range(size):
-                set_1(column, 0.0)
-                for r in range(size):
-                    column[r] = matrix[r, c]
-                lateness = -inner(segment.gap[i, :size], column[:size]) / speed
-                chatter_frame(segment.sticking, i, column, lateness, coming, going, after)
-                for r in range(size):
-                    matrix[r, c] = after[r]
-            continue
-        apply_impact(segment.gap_rate, segment.push, i, segment.jump[i], coming, coming)
-        for c in range(size):
-            for r in range(size):
-                column[r] = matrix[r, c]
-            lateness = inner(segment.gap[i, :size], column[:size]) / speed
-            kick = segment.jump[i] * inner(segment.gap_rate[i, :size], column[:size])
-            for r in range(size):
-                matrix[r, c] += (going[r] - coming[r]) * lateness - segment.push[i, r] * kick
-    for r in range(size):
-        for c in range(size):
-            matrix[r, c] *= segment.closing[0]
-
-
 @inlined
 def is_in_pieces(segment):
     """Whether an orbit without impacts is solved in pieces (`bvp.kernels.cuts`)."""
@@ -105,80 +68,124 @@ def is_in_pieces(segment):
 
 
 @inlined
-def _times(product, factor):
-    """A product of real numbers and conjugate pairs, times one of its factors over sqrt(1 + |factor|^2)."""
-    length = math.hypot(1.0, math.hypot(factor.real, factor.imag))
-    return product * (factor / length if length < math.inf else complex(math.copysign(1.0, factor.real), 0.0))
+def map_factors(segment, flights, ends, found):
+    """Fill found.chain with the factors of the map, in states divided by found.scale, and found.inverse. Returns how many there are.
 
-
-@kernel
-def _tests_of_pieces(segment, flights, ends, found, out):
-    """See `stroboscopic_tests`: the map of an orbit in pieces is not formed, and the factors 1 + mu and 1 - mu_i mu_j are bounded."""
-    chain, values = found.chain, found.values
-    size = values.shape[1]
-    n = size // 2
-    displacement = 0.0
-    velocity = 0.0
-    for i in range(ends.shape[0]):
-        for r in range(n):
-            displacement = max(displacement, abs(ends[i, r]))
-            velocity = max(velocity, abs(ends[i, n + r]))
-    unit = velocity / displacement if displacement > 0.0 and velocity > 0.0 else 1.0
-    for i in range(ends.shape[0]):
-        sign = segment.closing[0] if i == ends.shape[0] - 1 else 1.0
+    Each flight is one, and each saltation matrix is right left^-1 (`saltation_frames`)."""
+    chain, inverse, scale, right = found.chain, found.inverse, found.scale, found.right
+    size = scale.shape[0]
+    count = ends.shape[0]
+    plain = is_in_pieces(segment)
+    for i in range(count):
+        after = i + 1 if i + 1 < count else 0
+        flown = chain[i] if plain else chain[2 * i + 1]
+        set_2(right, 0.0)
+        for r in range(size):
+            right[r, r] = 1.0
+        inverse[i if plain else 2 * i + 1] = 0
+        if not plain:
+            left = chain[2 * i]
+            inverse[2 * i] = 1
+            for r in range(size):
+                copy_1(right[r], left[r])
+            if segment.contact[i, 0] >= 0:
+                saltation_frames(segment, i, ends[i], scale, left, right, found)
         for r in range(size):
             for c in range(size):
-                factor = 1.0 if (r < n) == (c < n) else unit if r < n else 1.0 / unit
-                chain[i, r, c] = sign * factor * flights[i, r, c]
-    out[:] = math.nan
-    if product_eigenvalues(chain, found.inverse, found.corner, found.matrix, values) < 1:
-        values[:] = math.nan
-        return
-    doubled = complex(1.0, 0.0)
-    paired = complex(1.0, 0.0)
-    for i in range(size):
-        own = complex(values[0, i], values[1, i])
-        doubled = _times(doubled, 1.0 + own)
-        for j in range(i):
-            paired = _times(paired, 1.0 - own * complex(values[0, j], values[1, j]))
-    out[0] = doubled.real
-    out[1] = paired.real
+                total = 0.0
+                for e in range(size):
+                    total += flights[after, r, e] * scale[e] * right[e, c]
+                flown[r, c] = total / scale[r] * (segment.closing[0] if i == count - 1 else 1.0)
+    return count if plain else 2 * count
 
 
 @kernel
-def stroboscopic_tests(segment, flights, ends, speeds, found, out):
-    """out[0] = det(M + 1), out[1] = the product of 1 - mu_i mu_j over the pairs i < j of multipliers, made smooth at grazings: times the
-    product of the impact speeds, and times its power 2 n - 1. Without a clock one multiplier is 1 for all orbits, and has no part in the
-    pairs. The multipliers go to found.values."""
-    if is_in_pieces(segment):
-        _tests_of_pieces(segment, flights, ends, found, out)
-        return
-    stroboscopic_map(segment, flights, ends, found)
-    matrix, work, values = found.matrix, found.work, found.values
-    size = matrix.shape[0]
-    for r in range(size):
-        for c in range(size):
-            work[r, c] = matrix[r, c] + (1.0 if r == c else 0.0)
-    out[0] = determinant(work) * speeds
-    for r in range(size):
-        copy_1(matrix[r], work[r])
-    out[1] = math.nan
-    if not eigenvalues(work, values[0], values[1]):
+def map_eigenvalues(segment, flights, ends, found):
+    """found.values: the multipliers of an orbit, in no order; its scales are in found.scale. Returns whether they are found. What is too
+    large for a number is infinite. found.matrix: the map in some frame, for its size."""
+    values = found.values
+    count = map_factors(segment, flights, ends, found)
+    if product_eigenvalues(found.chain[:count], found.inverse[:count], found.corner, found.matrix, values) < 1:
+        return False
+    for r in range(values.shape[1]):
+        if math.isnan(values[0, r]) or math.isnan(values[1, r]):
+            return False
+    return True
+
+
+@kernel
+def bounded_product(factors, means):
+    """A number with the sign and the zeros of the product of real numbers and conjugate pairs, (m,) complex, between -1 and 1.
+
+    Let e_j be the mean of all products of m - j factors. The number is e_0/sqrt(e_0^2 + .. + e_4^2): beside one small factor about m times
+    this factor, however large the others are, and a smooth function of all. 1.0 without factors; nan if a factor is. means (5,) complex:
+    scratch for e_0 to e_4."""
+    for j in range(5):
+        means[j] = 0.0
+    means[0] = 1.0
+    count = factors.shape[0]
+    for i in range(count):
+        factor = factors[i]
+        length = math.hypot(1.0, math.hypot(factor.real, factor.imag))
+        part = factor / length if length < math.inf else complex(math.copysign(1.0, factor.real), 0.0)
+        if math.isnan(length):
+            return math.nan
+        largest = 0.0
+        for j in range(4, 0, -1):
+            means[j] = means[j] * part + means[j - 1] / length
+            largest = max(largest, abs(means[j].real))
+        means[0] *= part
+        largest = max(largest, abs(means[0].real))
+        if 0.0 < largest < _SMALL:
+            for j in range(5):
+                means[j] /= largest
+    total = 0.0
+    ways = 1.0
+    for j in range(min(count, 4) + 1):
+        total += (means[j].real / ways) ** 2
+        ways *= (count - j) / (j + 1.0)
+    return means[0].real / math.sqrt(total) if total > 0.0 else 0.0
+
+
+@kernel
+def stroboscopic_tests(segment, y, flights, ends, found, out):
+    """out[0] has the zeros of det(M + 1), out[1] those of the product of 1 - mu_i mu_j over the pairs i < j of multipliers, each as
+    `bounded_product`. At a grazing a multiplier goes through infinity: the sign of the impact speeds keeps both continuous. Without a clock
+    one multiplier is 1 for all orbits, and has no part in the pairs. The multipliers go to found.values."""
+    values, factors, scale = found.values, found.factors, found.scale
+    size = scale.shape[0]
+    n = size // 2
+    sign = 1.0
+    displacement, velocity, _ = orbit_sizes(segment, y, ends)
+    for r in range(n):
+        scale[r] = displacement
+        scale[n + r] = velocity
+    for i in range(ends.shape[0]):
+        if segment.contact[i, 0] >= 0 and segment.side[i] * inner(segment.gap[i, :n], ends[i, n:size]) < 0.0:
+            sign = -sign
+    out[:] = math.nan
+    if not map_eigenvalues(segment, flights, ends, found):
         values[:] = math.nan
         return
     trivial = -1
     nearest = math.inf
-    for i in range(size if segment.closing[1] == 0.0 else 0):
+    for i in range(size):
+        factors[i] = complex(1.0 + values[0, i], values[1, i])
         distance = math.hypot(values[0, i] - 1.0, values[1, i])
-        if distance < nearest:
+        if segment.closing[1] == 0.0 and distance < nearest:
             trivial, nearest = i, distance
-    product = complex(1.0, 0.0)
+    out[0] = sign * bounded_product(factors[:size], found.means)
+    count = 0
     for i in range(size):
         for j in range(i):
             if i == trivial or j == trivial:
                 continue
-            product *= 1.0 - complex(values[0, i], values[1, i]) * complex(values[0, j], values[1, j])
-    out[1] = product.real * speeds ** (size - 1)
+            if values[1, i] == 0.0 and values[1, j] == 0.0:
+                factors[count] = complex(1.0 - values[0, i] * values[0, j], 0.0)
+            else:
+                factors[count] = 1.0 - complex(values[0, i], values[1, i]) * complex(values[0, j], values[1, j])
+            count += 1
+    out[1] = sign * bounded_product(factors[:count], found.means)
 
 
 @kernel
