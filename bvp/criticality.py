@@ -37,6 +37,16 @@ _DIFFERENCES = 1e-6
 
 _ROUNDS = 8
 
+_CONDITION = 1e3
+"""How many roundings the null vectors are known to."""
+
+
+def shaken(vector: np.ndarray, level: float) -> np.ndarray:
+    """A null vector with errors of a level, beside its largest entry, in all its entries: also in those that a symmetry or a linear flight
+    makes zero, whose products would otherwise show no error. What a coefficient changes by is its error."""
+    found: np.ndarray = vector + level * float(np.abs(vector).max()) * np.cos(np.arange(1.0, len(vector) + 1.0))
+    return found
+
 
 class Criticality(NamedTuple):
     """The coefficient of a normal form, its estimated error, and what it means.
@@ -145,8 +155,22 @@ class NormalForms:
             np.zeros(size), np.zeros(size), np.zeros((size, size), complex), np.zeros((9, size), complex), np.zeros(size, np.int64),
         )  # fmt: skip
 
+    @property
+    def rounding(self) -> float:
+        """Relative error of null vectors, and of the derivatives along them."""
+        return _CONDITION * EPSILON if self.problem.curvature.is_exact else _DIFFERENCES
+
     def cubic(self, orbit: CriticalOrbit, code: str, multiplier: complex) -> tuple[float, float]:
         """The coefficient of PD, SB or NS, and its error."""
+        value, error = self._cubic(orbit, code, multiplier)
+        scale = np.where(orbit.scale > 0.0, orbit.scale, 1.0)
+        right, left = shaken(orbit.right / scale, self.rounding) * scale, shaken(orbit.left, self.rounding)
+        bend = self.problem.curvature.second_along(orbit.y, right)[: len(orbit.bend)]
+        other, _ = self._cubic(orbit._replace(right=right, left=left, bend=bend), code, multiplier)
+        return value, error + abs(other - value)
+
+    def _cubic(self, orbit: CriticalOrbit, code: str, multiplier: complex) -> tuple[float, float]:
+        """The coefficient, and its error by rounding of the terms."""
         curvature, right = self.problem.curvature, orbit.right
         set_equations(self.equations, orbit.jacobian, orbit.scale)
         cubic = curvature.third_of_states(orbit.y, right, right, right.conj() if code == "NS" else right)
@@ -200,5 +224,9 @@ class _OrbitEquations:
         if code == "SN":
             squared = equations.level * (bend @ right)[equations.rows]
             level = EPSILON if curvature.is_exact else _DIFFERENCES
-            return 0.5 * float(np.vdot(p, squared)), level * float(np.abs(p) @ np.abs(squared))
+            value = 0.5 * float(np.vdot(p, squared))
+            right[equations.columns] = equations.scale * shaken(q, self.forms.rounding)
+            moved = equations.level * (curvature.second_along(self.y, right) @ right)[equations.rows]
+            other = 0.5 * float(np.vdot(shaken(p, self.forms.rounding), moved))
+            return value, level * float(np.abs(p) @ np.abs(squared)) + abs(other - value)
         return self.forms.cubic(CriticalOrbit(self.y, self.jacobian, self.whole_scale, right, left, bend), code, multiplier)

@@ -69,7 +69,7 @@ class CurveNormalForm:
             if matrix is None or cubic is None:
                 continue
             slope, error = matrix.slope(window(here, moved).unknowns(matrix.problem))
-            if abs(slope) > error:  # else rounding decides the sign
+            if abs(slope) > error and abs(cubic.coefficient) > cubic.error:  # else rounding decides the sign
                 found[k] = cubic.coefficient / slope
         return found, way
 

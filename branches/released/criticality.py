@@ -23,7 +23,7 @@ from branches.presentation import canonical_orbit, is_solved_as_it_is
 from branches.released.presentation import embedded_orbit, released_orbit
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
-from bvp.criticality import Criticality
+from bvp.criticality import Criticality, shaken
 from bvp.curvature import second_along
 from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import floquet_multipliers
@@ -260,7 +260,10 @@ class CriticalEquations:
     @cached_property
     def bend(self) -> np.ndarray:
         """The second derivative along the null vector, with the last row, (u, u), in scaled rows."""
-        v = self.v
+        return self._bend(self.v)
+
+    def _bend(self, v: np.ndarray) -> np.ndarray:
+        """The same along a direction."""
         found = np.zeros((len(v), len(v)))
         found[:-1] = second_along(self.problem, self.y, v)
         if not self.problem.released:
@@ -272,12 +275,18 @@ class CriticalEquations:
         found: np.ndarray = self._inverse[:-1, :-1] @ right
         return self.scale * found
 
+    def _shaken(self) -> tuple[np.ndarray, np.ndarray]:
+        """The null vectors as far as they are known: see `bvp.criticality.shaken`."""
+        return shaken(self.left, self.rounding), shaken(self.v / self.scale, self.rounding) * self.scale
+
     def fold(self) -> Reduced:
         """p = p_0 + a x^2 along the family."""
         squared = self.bend @ self.v
         last = float(self.left[-1] * self.level[-1])
-        error = self.rounding * float(np.abs(self.left) @ np.abs(squared))
-        return Reduced(0.5 * float(self.left @ squared) / last, error / abs(last))
+        value = 0.5 * float(self.left @ squared)
+        left, v = self._shaken()
+        error = self.rounding * float(np.abs(self.left) @ np.abs(squared)) + abs(0.5 * float(left @ self._bend(v) @ v) - value)
+        return Reduced(value / last, error / abs(last))
 
     def cubic(self) -> Reduced | None:
         """W F'''[V, V, V]/6 + W F''[V, H]/2 with B H = -F''[V, V]; None where W F''[V, V] is not zero."""
@@ -287,12 +296,18 @@ class CriticalEquations:
         shortest = float(np.linalg.norm(v / self.scale))
         if abs(float(left @ squared)) > _SYMMETRIC * size + _ZERO * shortest**2:
             return None
-        bent = self.solve(-squared)
-        curvature = self.problem.curvature
-        cubed = np.append(curvature.third_of_states(self.y, v, v, v), 0.0) * self.level
-        terms = cubed / 6.0, 0.5 * (bend @ bent)
-        error = self.rounding * float(np.abs(left) @ (np.abs(terms[0]) + np.abs(bend) @ np.abs(bent)))
-        return Reduced(float(left @ (terms[0] + terms[1])), error)
+        cubed, bent = self._cubic_terms(bend, v)
+        value = float(left @ (cubed + 0.5 * (bend @ bent)))
+        error = self.rounding * float(np.abs(left) @ (np.abs(cubed) + np.abs(bend) @ np.abs(bent)))
+        left, v = self._shaken()
+        bend = self._bend(v)
+        cubed, bent = self._cubic_terms(bend, v)
+        return Reduced(value, error + abs(float(left @ (cubed + 0.5 * (bend @ bent))) - value))
+
+    def _cubic_terms(self, bend: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The term of third derivatives along V, over 6, and H."""
+        cubed = np.append(self.problem.curvature.third_of_states(self.y, v, v, v), 0.0) * self.level
+        return cubed / 6.0, self.solve(-(bend @ v))
 
     def slope(self, way: np.ndarray) -> tuple[float, float]:
         """W F''[V, .] along a direction in which the orbits keep their symmetry, and its error."""
