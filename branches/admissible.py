@@ -19,6 +19,9 @@ BEYOND = 1e-8
 _INSTANT = 1e-6
 """Part of the period within which a touch is at an impact."""
 
+_NO_SPEED = 1e-6
+"""Speed of an impact, as the solution has it, that is zero where its flight touches the stop again at once."""
+
 GRAZING = {
     "touches": TestFunction("GR", "guard", True, "a flight touches a stop"),
     "vanishes": TestFunction("GR", "guard", True, "the speed of an impact reaches zero"),
@@ -42,6 +45,11 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         modes = problem.modes
         stop, side = int(solution["clearance_stop"]), solution["clearance_side"]
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
+        beside = _impact_beside(problem, solution, letter)
+        if beside is not None:
+            if solution["speed"] > _NO_SPEED:
+                return {"stop": letter, "note": f"the rebound at stop {letter} vanishes: its restitution reaches zero"}
+            return _vanishing_impact(problem, beside)
         flight, time, flights = _whole_flight(problem, solution)
         where = f"flight {flight + 1} of {flights} touches stop {letter} at {time:.6g} after its start"
         events = getattr(problem, "events", ())
@@ -50,19 +58,31 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
             return {"stop": letter, "note": f"{where}: its impact would pull stop {modes.contact_letters[pulled]} open, which sticks"}
         return {"stop": letter, "note": f"{where}: a new impact becomes possible"}
     if verb == "vanishes":
-        node = int(solution["speed_node"])
-        letter = problem.modes.contact_letters[problem.contacts[node]]
-        pieces = getattr(problem, "pieces", 1)
-        number = f"{(node + 1) // pieces} of {(inner + 1) // pieces - 1}"
-        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else number
-        note = f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"
-        return {"stop": letter, "note": note}
+        return _vanishing_impact(problem, int(solution["speed_node"]))
     flight = int(solution["flight_index"]) // getattr(problem, "pieces", 1)
     if any(event.is_release for event in getattr(problem, "events", ())):
         return _merging_events(problem, flight)
     here = f"impact {flight}" if flight else "the start"
     there = f"impact {flight + 1}" if flight + 1 < (inner + 1) // getattr(problem, "pieces", 1) else "the far end"
     return {"note": f"{here} and {there} merge: the flight between them has no duration"}
+
+
+def _vanishing_impact(problem: MultipointProblem | ForcedProblem, node: int) -> dict[str, Any]:
+    """The stop's letter and the note of an impact whose speed reaches zero. node: the flight that it ends; inner + 1: that at the start."""
+    letter, pieces, inner = problem.modes.contact_letters[problem.contacts[node]], getattr(problem, "pieces", 1), problem.inner
+    number = f"{(node + 1) // pieces} of {(inner + 1) // pieces - 1}"
+    place = "at the far end" if node == inner else "at the start" if node == inner + 1 else number
+    return {"stop": letter, "note": f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"}
+
+
+def _impact_beside(problem: MultipointProblem | ForcedProblem, solution: Solution, letter: str) -> int | None:
+    """The impact at the stop that a flight touches, as for `_vanishing_impact`, if the touch is at that end of the flight to rounding."""
+    flight, time, instant = int(solution["clearance_flight"]), float(solution["clearance_time"]), _INSTANT * problem.duration(solution)
+    nodes = [flight - 1 if flight else problem.inner + 1] if time <= instant else []
+    if float(problem.flight_times(solution.y)[flight]) - time <= instant:
+        nodes.append(flight)
+    hit = [node for node in nodes if problem.contacts[node] >= 0 and problem.modes.contact_letters[problem.contacts[node]] == letter]
+    return hit[0] if hit else None
 
 
 def _whole_flight(problem: MultipointProblem | ForcedProblem, solution: Solution) -> tuple[int, float, int]:

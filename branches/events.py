@@ -33,8 +33,8 @@ def ids_at_points(events: Iterable[tuple[int, str]], count: int) -> list[str]:
 
 
 def normal_form_text(criticality: str | None, coefficient: float | None) -> str:
-    """The criticality and the coefficient of an event, as a table shows them; empty if neither is known. Of a degenerate one the coefficient
-    is below its error, and says nothing."""
+    """The criticality and the coefficient of an event, as a table shows them; empty if neither is known. Of a degenerate one the
+    coefficient is below its error, and says nothing."""
     number = "" if coefficient is None or criticality == "degenerate" else f"{coefficient:.4g}"
     return " ".join(part for part in (criticality or "", number) if part)
 

@@ -623,3 +623,11 @@ class ForcedProblem:
             self._evaluated(y)
         found = self._orbit_multipliers.values(np.array(y, float), self._factor, GRAZING)
         return np.full(2 * self.degrees_of_freedom, complex(math.nan, math.nan)) if found is None else sort_multipliers(found)
+
+    def period_multipliers(self, y: np.ndarray) -> np.ndarray:
+        """Those of the map over the full period of the orbit."""
+        return self.of_period(self.multipliers(y))
+
+    def of_period(self, multipliers: np.ndarray) -> np.ndarray:
+        """Multipliers of the full period from `multipliers` of the solved segment: of half a period their squares."""
+        return multipliers**2 if self.half else multipliers

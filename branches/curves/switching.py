@@ -57,8 +57,10 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
         raise NoCurve("impacts exchange their order there, which is no grazing; expected a grazing of the family in the other order")
     if code == "GR":
         return _grazing_through(curve, y, origin)
-    pairs = curve.multipliers[index]
-    for angle in _angles(pairs) if code == "NS" else (None,):
+    angles = _angles(curve.multipliers[index])
+    if plane.problem.half:  # those of the map over half a period, whose square is that of the period
+        angles = [turn for angle in angles for turn in (0.5 * angle, math.pi - 0.5 * angle)]
+    for angle in angles if code == "NS" else (None,):
         own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
         start = CurveStart(plane, code, None, np.concatenate([y, own]), origin)
         problem = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))

@@ -271,7 +271,7 @@ def _record(curve: Curve, start: CurveStart, run: Run, window: Window) -> Bifurc
                 (float(event.bracket[0]), float(event.bracket[1])), event.residual, event.details.get("stop"), event.details.get("note"),
             )
         )  # fmt: skip
-    multipliers = np.array([step.extra.multipliers for step in steps])
+    multipliers = plane.problem.of_period(np.array([step.extra.multipliers for step in steps]))
     coefficient = np.array([step.extra.coefficient for step in steps])
     coefficient[np.isnan(multipliers).any(axis=1)] = math.nan  # an impact grazes
     ended = [_ended(plane, *one) for one in zip(run.ends, (run.points[0], run.points[-1]), (-1, 1), strict=True)]

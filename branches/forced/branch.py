@@ -82,8 +82,8 @@ def sequence_text(sequence: str) -> str:
 
 
 def largest_multiplier(problem: ForcedProblem, multipliers: np.ndarray) -> float:
-    """Largest modulus of the nontrivial multipliers of an orbit, given all 2n. Without a clock one of them is 1, and is left out. A
-    conservative system with one degree of freedom has trivial ones only, which are 1."""
+    """Largest modulus of the nontrivial multipliers of an orbit, given all 2n of its period. Without a clock one of them is 1, and is left
+    out. A conservative system with one degree of freedom has trivial ones only, which are 1."""
     if not multipliers.size:
         return 1.0
     if not problem.has_clock and np.all(np.isfinite(multipliers)):
@@ -216,21 +216,29 @@ class ForcedBranch:
 
     @cached_property
     def phases(self) -> np.ndarray:
-        """Phase w t at each impact, modulo 2 pi p, in radians, (N, k). Without a clock it is 2 pi t/T since the first impact."""
-        nodes, added = self._impacts
-        return 2.0 * math.pi * self.problem.load_periods * of_period(self._fractions[:, nodes] + added)
+        """Phase w t at each impact, modulo 2 pi p, in radians, (N, k). Without a clock it is 2 pi t/T since the first impact. Of a chatter
+        that is summed it is that of the first bounce."""
+        problem, fractions, (nodes, added) = self.problem, self._fractions, self._impacts
+        if problem.contact_modes.sums_chatter:
+            # The node is the end of the chatter. Its first bounce is where the flight before it ends.
+            times = np.array([problem.flight_times(y) for y in self.unknowns])
+            begun = np.roll(fractions + times / self.periods[:, None], 1, axis=1)
+            begun[:, 0] -= problem.segment.closing[1]
+            summed = np.roll(problem.contact_modes.arrays.chatter.summed[: fractions.shape[1]], 1)
+            fractions = np.where(summed == 1, begun, fractions)
+        return 2.0 * math.pi * problem.load_periods * of_period(fractions[:, nodes] + added)
 
     @cached_property
     def speeds(self) -> np.ndarray:
-        """Speed of approach of each impact, (N, k)."""
+        """Speed of approach of each impact, (N, k); of a chatter that is summed, that of the first bounce."""
         nodes = self._impacts[0]
         return np.array([self.problem.impact_speeds(y)[nodes] for y in self.unknowns]).reshape(len(self), len(nodes))
 
     @cached_property
     def multipliers(self) -> np.ndarray:
-        """All 2n multipliers at each point, (N, 2n) complex; over half the period where half of it was solved. NaN where an impact
-        grazes."""
-        return np.array([self.problem.multipliers(y) for y in self.unknowns])
+        """All 2n multipliers of the full period at each point, (N, 2n) complex. NaN where an impact grazes. `problem.multipliers` has those
+        of the map over half of it, where half of it was solved."""
+        return np.array([self.problem.period_multipliers(y) for y in self.unknowns])
 
     @cached_property
     def largest_multiplier(self) -> np.ndarray:
@@ -243,7 +251,8 @@ class ForcedBranch:
 
         The error is what rounding of the unknowns makes of the largest modulus."""
         largest = self.largest_multiplier
-        rounded = np.array([largest_multiplier(self.problem, self.problem.multipliers(y * (1.0 + _ROUNDING))) for y in self.unknowns])
+        turned = [self.problem.period_multipliers(y * (1.0 + _ROUNDING)) for y in self.unknowns]
+        rounded = np.array([largest_multiplier(self.problem, multipliers) for multipliers in turned])
         found = np.full(len(self), -1, dtype=np.int64)
         with np.errstate(invalid="ignore"):
             error = np.where(np.isinf(largest), 0.0, _SAFETY * np.abs(rounded - largest) + _LEAST_ERROR)

@@ -234,7 +234,7 @@ def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, dic
     value = float(y[2 * problem.degrees_of_freedom + 1])
     # The flight that vanishes changes nothing to first order: multipliers are those without it, or close to those next to the end.
     made = without_moment(problem, y)
-    multipliers = problem.multipliers(near.y) if made is None else made[0].multipliers(made[1])
+    multipliers = problem.period_multipliers(near.y) if made is None else made[0].period_multipliers(made[1])
     details = {"stop": letter, "note": note, "multipliers": multipliers}
     return near._replace(
         y=y, position=position, parameter=value, residual=residual if math.isfinite(residual) else near.residual,

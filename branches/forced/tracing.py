@@ -232,7 +232,7 @@ def _branch_of(problem: ForcedProblem, run: Run, interval: tuple[float, float], 
         details, at = event.details, event.point
         if "label" in details:  # its change reads in the order of arclength
             details = details | {"note": event_along(event, event.index < run.start and not (run.closed and event.index == 0))[2]}
-        multipliers = details["multipliers"] if "multipliers" in details else problem.multipliers(at.y)
+        multipliers = details["multipliers"] if "multipliers" in details else problem.period_multipliers(at.y)
         largest = largest_multiplier(problem, multipliers)
         found = ForcedEvent(
             id, event.code, event.index, problem.known_values(at.y), event.arclength, event.status,

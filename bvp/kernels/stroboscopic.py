@@ -127,18 +127,20 @@ def bounded_product(factors, means):
     for i in range(count):
         factor = factors[i]
         length = math.hypot(1.0, math.hypot(factor.real, factor.imag))
-        part = factor / length if length < math.inf else complex(math.copysign(1.0, factor.real), 0.0)
         if math.isnan(length):
             return math.nan
+        # The division of complex numbers would square it.
+        inverse = 1.0 / length
+        part = factor * inverse if length < math.inf else complex(math.copysign(1.0, factor.real), 0.0)
         largest = 0.0
         for j in range(4, 0, -1):
-            means[j] = means[j] * part + means[j - 1] / length
-            largest = max(largest, abs(means[j].real))
+            means[j] = means[j] * part + means[j - 1] * inverse
+            largest = max(largest, abs(means[j].real) + abs(means[j].imag))
         means[0] *= part
-        largest = max(largest, abs(means[0].real))
+        largest = max(largest, abs(means[0].real) + abs(means[0].imag))
         if 0.0 < largest < _SMALL:
             for j in range(5):
-                means[j] /= largest
+                means[j] *= 1.0 / largest
     total = 0.0
     ways = 1.0
     for j in range(min(count, 4) + 1):

@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from branches.admissible import describe_grazing
 from branches.family import SETTINGS
 from branches.forced.branch import of_period
 from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
+from bvp.kernels.multipoint import RESULT
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import impact_speed, oscillator, settled
@@ -238,3 +240,15 @@ def test_a_stop_that_sticks_can_begin_and_end_at_restitution_zero():
         one, other = (ends[begin][value] for begin in (0.0, 0.1))
         assert one == pytest.approx(other, abs=1e-10)
         assert start.distance < 1e-9 and start.problem.sequence == found[0.0][0].problem.sequence
+
+
+def test_a_touch_at_an_impact_is_its_vanishing_speed(one_impact):
+    """Oracle: the impact at which the family ends; rounding finds the touch a moment after it, or before it."""
+    problem, run = one_impact
+    event = next(event for event in events_of(run, "GR") if "vanishes" in event.details["note"])
+    solution = event.point.extra
+    for time in (7.3e-17, float(problem.flight_times(solution.y)[0]) - 1e-15):
+        touched = solution._replace(result=solution.result.copy())
+        for name, value in {"flight": 0.0, "time": time, "stop": 0.0, "side": 1.0}.items():
+            touched.result[RESULT.index(f"clearance_{name}")] = value
+        assert describe_grazing(problem, touched, "touches")["note"].endswith("(stop +) vanishes: its speed reaches zero")

@@ -1,12 +1,15 @@
-"""Neimark-Sacker bifurcations beside multipliers so large that rounding decides the sign of their test function."""
+"""Test functions of period doubling and Neimark-Sacker beside multipliers of any size."""
 
 import math
+from itertools import combinations
 
+import mpmath as mp
 import numpy as np
 import pytest
 
 from branches.forced.family import parameter_family
 from branches.forced.primitive import full_period
+from bvp.kernels.stroboscopic import bounded_product
 from tests.branches.forced_systems import absorber_families
 
 
@@ -27,14 +30,30 @@ def covered(problem, y, times):
     return cover, cover.pack(np.tile(nodes[:, :size], (times, 1)), fractions, [y[size + 1]], np.tile(problem.flight_times(y), times))
 
 
-@pytest.mark.parametrize("times", [1, 2, 8])
-def test_its_sign_is_known_as_long_as_the_multipliers_have_digits(unstable, times):
-    """Oracle: an orbit traversed q times has the q-th powers of the multipliers, so the exact product of 1 - mu_i mu_j is known."""
+@pytest.mark.parametrize("times", [1, 2, 8, 11])
+def test_the_signs_of_test_functions_do_not_depend_on_the_size_of_multipliers(unstable, times):
+    """Oracle: an orbit traversed q times has the q-th powers of the multipliers, so the exact products of 1 + mu and 1 - mu_i mu_j are
+    known. The largest one is above 1e8, 1e16, 1e60 and 1e80."""
     _, problem, y = unstable
     powers = problem.multipliers(y) ** times
     pairs = [1.0 - a * b for k, a in enumerate(powers) for b in powers[:k]]
     wide, begun = covered(problem, y, times)
     family = parameter_family(wide)
     step = family.begin(begun)
-    value = step.tests[[test.code for test in family.tests].index("NS")]
-    assert math.copysign(1.0, value) == math.copysign(1.0, np.prod(pairs).real)
+    values = {test.code: value for test, value in zip(family.tests, step.tests, strict=True)}
+    assert math.copysign(1.0, values["NS"]) == math.copysign(1.0, np.prod(pairs).real)
+    assert math.copysign(1.0, values["PD"]) == math.copysign(1.0, np.prod(1.0 + powers).real)
+    assert max(abs(values["NS"]), abs(values["PD"])) <= 1.0
+
+
+@pytest.mark.parametrize("factors", [[3.0, -1e-9, 5.0], [1e200, 1e-12, -1e150], [2 + 1j, 2 - 1j, 1e-7], [1e300, 1e300j, -1e300j, -1e-3]])
+def test_a_bounded_product_is_small_beside_one_small_factor(factors):
+    """Oracle: the sums of products in forty digits."""
+    found = bounded_product(np.array(factors, dtype=complex), np.empty(5, dtype=complex))
+    with mp.workdps(40):
+        sums = [mp.mpf(0)] * 5
+        for j in range(min(len(factors), 4) + 1):
+            for left in combinations(range(len(factors)), j):
+                sums[j] += mp.fprod(mp.mpmathify(x) for k, x in enumerate(factors) if k not in left) / math.comb(len(factors), j)
+        exact = sums[0].real / mp.sqrt(sum(mp.re(one) ** 2 for one in sums))
+    assert found == pytest.approx(float(exact.real), rel=1e-13)

@@ -386,3 +386,20 @@ def test_a_settled_motion_has_its_sequence(restitution, symbols):
     parametric = oscillator(damping=0.1, r=restitution, s=0.2, w=0.5)
     found = settled_orbit(ParameterPath(parametric, ("s",)), settle(parametric.system(), parametric.forces()))
     assert found.problem.sequence == symbols and found.distance < 1e-10
+
+
+def test_a_chatter_has_the_phase_and_the_speed_of_its_first_bounce():
+    """Oracle: the impacts of the simulation, one by one. The sequence is +=, after an impact or without one."""
+    parametric = oscillator(damping=0.1, A=1.5, w=0.3, r=0.2, s=1.0)
+    motion = settle(parametric.system(), parametric.forces())
+    found = settled_orbit(ParameterPath(parametric, ("r",)), motion)
+    branch = follow_response(found.problem, found.y, (0.15, 0.25), points=9)
+    assert branch.sequence.endswith("=")
+    system, period = parametric.system(), TURN / 0.3
+    state, fraction = found.problem.nodes(found.y)[0, :2], found.problem.nodes(found.y)[0, 2]
+    forces = [turned(force, 0.3 * fraction * period) for force in parametric.forces()]
+    events = simulate(system, state[:1], state[1:], 1.1 * period, forces=forces).stop_events
+    times, speeds = (events.times + fraction * period) * 0.3 % TURN, np.abs(events.before[:, 1])
+    for phase, speed in zip(branch.phases[branch.start], branch.speeds[branch.start], strict=True):
+        k = int(np.argmin(np.abs(times - phase)))
+        assert abs(times[k] - phase) < 1e-8 and speed == pytest.approx(speeds[k], abs=1e-8)

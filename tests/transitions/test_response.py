@@ -102,6 +102,13 @@ def test_half_a_period_gives_the_measures_of_the_full_one(symmetric):
     motion = settle(two_sided(A=0.7).system(), two_sided(A=0.7).forces())
     close = min(np.abs(states - motion.states[0]).max(), np.abs(states + motion.states[0]).max())
     assert close < 1e-8 and full.distance < 1e-6
+    # all multipliers, of the full period: two impacts, and the damping
+    system, finite = branch.problem.parametric.system(), np.isfinite(branch.multipliers).all(axis=1)
+    loss = np.exp(-np.trace(np.linalg.solve(system.mass, system.damping)) * branch.periods[finite])
+    assert np.prod(branch.multipliers[finite], axis=1) == pytest.approx(0.7**4 * loss, rel=1e-10)
+    assert response_table([branch])["multipliers"][finite] == pytest.approx(branch.multipliers[finite])
+    for event in branch.events:
+        assert event.multiplier is None or event.multiplier == pytest.approx(branch.largest_multiplier[event.point], rel=1e-9)
     assert measures.dissipated[at, -1] == pytest.approx(float(np.sum(0.5 * (1.0 - 0.49) * motion.impacts.speeds**2)), rel=1e-8)
 
 

@@ -25,7 +25,7 @@ from transitions.sweep.returns import largest_exponent
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = [
-    "FamilyOrbit", "attractor_of", "full_multipliers", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
+    "FamilyOrbit", "attractor_of", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
     "orbits_at", "saddle_of", "same_states", "states_later", "strobe_states",
 ]  # fmt: skip
 
@@ -46,12 +46,6 @@ def _family_name(problem: ForcedProblem, y: np.ndarray) -> str:
     """The beginning of the id of an orbit's family, `closure:sequence`: that of its primitive orbit."""
     primitive, _ = primitive_orbit(problem, y)
     return f"{closure_name(primitive)}:{canonical_letters(primitive)}"
-
-
-def full_multipliers(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
-    """The multipliers over the full period, by descending modulus, (2n,) complex."""
-    found = problem.multipliers(y).astype(complex)
-    return found**2 if problem.half else found
 
 
 def is_unstable(multipliers: np.ndarray) -> bool:
@@ -134,7 +128,7 @@ def attractor_of(path: ParameterPath, settled: Settled) -> Attractor | None:
         orbit = settled_orbit(path, settled)
     except NoOrbit as error:
         return replace(plain, note=str(error).rpartition("; ")[2])
-    multipliers = full_multipliers(orbit.problem, orbit.y)
+    multipliers = orbit.problem.period_multipliers(orbit.y).astype(complex)
     exponent = plain.exponent
     if np.all(np.isfinite(multipliers)):
         exponent = largest_exponent(multipliers, settled.period * settled.period_of_loads)
@@ -199,7 +193,7 @@ def orbits_at(branches: Sequence[ForcedBranch], values: dict[str, float]) -> lis
             states = strobe_states(branch.problem, solution.y)
             known = any(one.number == number and same_states(one.states, states) for one in found)
             if not known and unphysical(branch.problem, solution) is None:
-                multipliers = full_multipliers(branch.problem, solution.y)
+                multipliers = branch.problem.period_multipliers(solution.y).astype(complex)
                 id = branch.known_id or _family_name(branch.problem, solution.y)
                 found.append(FamilyOrbit(number, id, branch.problem, solution.y, states, multipliers))
     return found
@@ -224,7 +218,7 @@ def saddle_of(problem: ForcedProblem, y: np.ndarray, phase: float, family: str |
     """An unstable orbit as a saddle, with its states at a phase."""
     return Saddle(
         family=family or _family_name(problem, y), branch=branch, period=problem.load_periods, sequence=joined_sequence(problem.sequence),
-        states=strobe_states(problem, y, phase), multipliers=full_multipliers(problem, y), problem=problem, unknowns=y,
+        states=strobe_states(problem, y, phase), multipliers=problem.period_multipliers(y).astype(complex), problem=problem, unknowns=y,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from bvp.motion import MotionStatus
 from transitions.basin.following import CAUGHT, StartFollower
-from transitions.basin.identity import full_multipliers, is_unstable, mirrored_orbit, saddle_of, same_states, strobe_states
+from transitions.basin.identity import is_unstable, mirrored_orbit, saddle_of, same_states, strobe_states
 from transitions.response.starting import NoOrbit, settled_orbit
 from transitions.sweep.forced import Carried, ForcedMotion, ImpactRecord
 from transitions.sweep.settle import Settled, SettledKind
@@ -187,7 +187,7 @@ def _solved(plan: BasinPlan, follower: StartFollower, states: np.ndarray, scaled
             orbit = settled_orbit(plan.path, near)
         except NoOrbit:
             continue
-        if not is_unstable(full_multipliers(orbit.problem, orbit.y)):
+        if not is_unstable(orbit.problem.period_multipliers(orbit.y)):
             continue
         found = strobe_states(orbit.problem, orbit.y)
         if any(same_states(found[:q], np.roll(found, q, axis=0)[:q]) for q in range(1, p) if p % q == 0):

@@ -101,7 +101,7 @@ def _event(
     branch: ForcedBranch, column: str, value: float, y: np.ndarray, arclength: float, bracket: tuple[float, float], residual: float
 ) -> ForcedEvent:
     problem = branch.problem
-    largest = largest_multiplier(problem, problem.multipliers(y))
+    largest = largest_multiplier(problem, problem.period_multipliers(y))
     return ForcedEvent(
         "UZ", "UZ", 0, problem.known_values(y), arclength, "located", bracket, residual, None, None, f"{column} = {value:g}",
         largest if np.isfinite(largest) else None,

@@ -110,8 +110,8 @@ class _OrbitMeasures:
 
 
 TESTS = ("SN", "BP", "touch", "speed", "flight", "PD", "NS")
-"""Test functions: of fold and branch point, the least clearance, impact speed and flight time, det(M + 1) of the map M over the solved
-segment, whose zero is PD, or SB of half a period; and the product of 1 - mu_i mu_j over the pairs of its multipliers."""
+"""Test functions: of fold and branch point, the least clearance, impact speed and flight time, what has the zeros of det(M + 1), M
+being the map over the solved segment: PD, or SB of half a period; and of the product of 1 - mu_i mu_j over the pairs of its multipliers."""
 
 _PLACES = np.array([0, 1, 2, 3, 4, 7, 8])
 """Where they are among those of a family; the others are the distances from the bounds of the parameter."""
