@@ -14,6 +14,7 @@ from branches.forced.closing import with_exact_ends
 from branches.forced.family import ForcedFamily
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
+from bvp.multipoint import Solution
 from bvp.parameters import ParametricSystem
 from continuation.run import follow_both_ways
 from tests.branches.forced_systems import impact_speed, oscillator, settled
@@ -248,7 +249,7 @@ def test_a_touch_at_an_impact_is_its_vanishing_speed(one_impact):
     event = next(event for event in events_of(run, "GR") if "vanishes" in event.details["note"])
     solution = event.point.extra
     for time in (7.3e-17, float(problem.flight_times(solution.y)[0]) - 1e-15):
-        touched = solution._replace(result=solution.result.copy())
+        touched = Solution(solution.y, solution.tangent, solution.position, solution.ends, solution.result.copy())
         for name, value in {"flight": 0.0, "time": time, "stop": 0.0, "side": 1.0}.items():
             touched.result[RESULT.index(f"clearance_{name}")] = value
         assert describe_grazing(problem, touched, "touches")["note"].endswith("(stop +) vanishes: its speed reaches zero")
