@@ -630,4 +630,5 @@ class ForcedProblem:
 
     def of_period(self, multipliers: np.ndarray) -> np.ndarray:
         """Multipliers of the full period from `multipliers` of the solved segment: of half a period their squares."""
-        return multipliers**2 if self.half else multipliers
+        with np.errstate(over="ignore", invalid="ignore"):  # of those without bound
+            return multipliers**2 if self.half else multipliers
