@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from bvp.contact_sequence import pulled_open
 from continuation.problem import TestFunction
@@ -120,7 +120,7 @@ def force_event(problem: MultipointProblem | ForcedProblem, solution: Solution) 
         where = f"{time:.6g} after the begin of flight {flight + 1}"
         note = f"the contact force at stop {letter} touches zero {where}: it can open there"
         return ForceEvent(letter, "inside", note, f"stop {letter} sticks though it is pulled, {where}")
-    plastic = not (event.is_release or event.sticks) and problem.restitution(solution.y, event.contact) == 0.0
+    plastic = not (event.is_release or event.sticks) and cast("ForcedProblem", problem).restitution(solution.y, event.contact) == 0.0
     # Where this force vanishes, the gap turns just behind the impact.
     if plastic and modes.contact_stop[event.contact] == stop and time <= _INSTANT * problem.duration(solution):
         letter = letters[event.contact]

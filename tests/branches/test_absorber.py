@@ -167,9 +167,10 @@ def test_a_doubled_family_ends_at_an_orbit_of_the_single_period():
     symmetric, grazing = of_row(["GR", "yes", "4", "0.965116377128"])
     assert event.values["w"] == pytest.approx(grazing.values["w"], abs=1e-12)
     # The orbit grazes at each of four images of one place. Rounding chooses the nearest touch: it can be that of another impact, too,
-    # which gives the family of the single period with five impacts beside the symmetric one.
+    # which gives the family of the single period with five impacts beside the symmetric one, or one of twice the period with
+    # one impact more.
     found = switch_response(branch, event)
-    assert {(problem.load_periods, len(problem.sequence) * (1 + problem.half)) for problem, _ in found} <= {(1, 4), (1, 5)}
+    assert {(problem.load_periods, len(problem.sequence) * (1 + problem.half)) for problem, _ in found} <= {(1, 4), (1, 5), (2, 10)}
     ((problem, step),) = (one for one in found if one[0].half)
     assert len(problem.sequence) == 2
     ahead = follow_response(problem, step, RANGE, direction="along")
