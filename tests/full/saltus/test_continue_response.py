@@ -1,6 +1,7 @@
 """Long cases of tests/saltus/test_continue_response.py."""
 
 import math
+import re
 
 import pytest
 
@@ -47,3 +48,26 @@ def test_a_ball_that_rests_on_its_table_at_phase_0_is_followed(capsys):
     assert code == 0, err
     (row,) = (line.split() for line in out.splitlines() if line.startswith("GR"))
     assert float(row[1]) == pytest.approx(1.0, abs=1e-9)
+
+
+STIFF = """
+title = "oscillator with a stop near rest"
+source = "a test"
+parameters = { m = 2.0, c = 5.0, k = 8000.0, r = 0.7, w = 60.0 }
+system = { mass = [["m"]], damping = [["c"]], stiffness = [["k"]] }
+stops = [{ c = [1.0], upper = 0.0015, restitution = "r" }]
+forces = [{ on = "x", amplitude = 10.0, harmonic = 1 }]
+coordinates = { names = ["x"] }
+"""
+
+
+def test_period_doublings_beside_huge_multipliers_are_real(capsys, tmp_path):
+    """Multipliers reach 1e44. Oracle: with one degree of freedom the product of the multipliers is below 1 in modulus, so that -1 is the
+    largest one at a period doubling; and each is one of the wider problem."""
+    (tmp_path / "stiff.toml").write_text(STIFF)
+    words = "--scene", str(tmp_path / "stiff.toml"), "--from", "rest", "--in", "w", "--range", "30:120", "--through", "GR,PD"
+    code, out, err = run(capsys, "continue", *words)
+    # Behind one of the grazings no family is found, which is exit code 1.
+    assert code in (0, 1) and "no bifurcation of the wider problem" not in err + out, err
+    doublings = [line.split() for line in out.splitlines() if re.match(r"PD\d", line)]
+    assert len(doublings) >= 8 and all(abs(float(row[2]) - 1.0) < 1e-6 for row in doublings)
