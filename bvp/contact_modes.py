@@ -270,8 +270,9 @@ def join(
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
     inverse = blocks.from_state[:, m:] @ blocks.shapes @ blocks.shapes.T if m else np.zeros((0, 0))
     drives = [exact_product(inverse, load) for load in loads]
-    pieces: list[tuple[list[int], np.ndarray, list[int], list[float], np.ndarray]] = []
+    pieces: list[tuple[list[int], np.ndarray, list[int], list[np.ndarray], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
+    pace = _pace(blocks, frequency)
     for i, j in blocks.pairs:
         index = [i, j] if j >= 0 else list(range(i, i - j))
         own = blocks.matrix[np.ix_(index, index)]
@@ -289,22 +290,24 @@ def join(
                     continue
             joined.append(g)
         if joined:
-            ratios = _ratios(own)
+            ratios = _ratios(own, pace)
             own = own * ratios[:, None] / ratios
         joint = np.zeros((len(index) + 2 * len(joined),) * 2)
         joint[: len(index), : len(index)] = own
         units = []
         for k, g in enumerate(joined):
             # The units of a block's load are powers of two, in which it moves the block at its own rates: bounds of a flight grow with
-            # the largest entry.
-            rate = max(np.abs(own).max(), np.abs(_generator(frequency[g])).max())
+            # the largest entry. So are those of level and slope.
+            entries = np.array([1.0, 1.0 if frequency[g] > 0.0 else 1.0 / pace])
+            generator = _generator(frequency[g]) * entries[:, None] / entries
+            rate = max(np.abs(own).max(), np.abs(generator).max())
             drive = ratios[:, None] * drives[g][index]
-            units.append(2.0 ** float(np.round(np.log2(np.abs(drive).max() / rate))))
+            units.append(entries * 2.0 ** float(np.round(np.log2(np.abs(drive / entries).max() / rate))))
             at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
             joint[: len(index), at] = drive / units[k]
-            joint[at, at] = _generator(frequency[g])
+            joint[at, at] = generator
         pieces.append((index, ratios, joined, units, joint))
-    pieces += [([], np.ones(0), [g], [1.0], _generator(frequency[g])) for g in range(count)]
+    pieces += [([], np.ones(0), [g], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
     plain = not count
     size = sum(len(piece[-1]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
@@ -320,7 +323,7 @@ def join(
         into[place[: len(index)]] = -ratios[:, None] * particular[index]
         for k, g in enumerate(joined):
             for entry in range(2):
-                into[place[len(index) + 2 * k + entry], 2 * g + entry] = units[k]
+                into[place[len(index) + 2 * k + entry], 2 * g + entry] = units[k][entry]
         if not index:
             load_states.append(start)
             inside[:, place] += particular[:, 2 * joined[0] : 2 * joined[0] + 2]
@@ -330,8 +333,16 @@ def join(
     return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, load_states)
 
 
-def _ratios(block: np.ndarray) -> np.ndarray:
-    """Powers of two that balance the two off-diagonal entries of a 2 x 2 block."""
+def _pace(blocks: Blocks, frequency: np.ndarray) -> float:
+    """The fastest rate of blocks and loads, to a power of two; 1 if nothing has one."""
+    rates = [float(np.abs(np.linalg.eigvals(blocks.matrix)).max(initial=0.0)), float(frequency.max(initial=0.0))]
+    return 2.0 ** float(np.round(np.log2(max(rates)))) if max(rates) > 0.0 else 1.0
+
+
+def _ratios(block: np.ndarray, pace: float) -> np.ndarray:
+    """Powers of two that balance the two off-diagonal entries of a 2 x 2 block; if one of them is 0, the other is the pace."""
+    if len(block) == 2 and block[0, 1] != 0.0 and block[1, 0] == 0.0:
+        return np.array([1.0, 2.0 ** float(np.round(np.log2(abs(block[0, 1]) / pace)))])
     if len(block) != 2 or block[0, 1] == 0.0 or block[1, 0] == 0.0:
         return np.ones(len(block))
     return np.array([1.0, 2.0 ** float(np.round(0.5 * np.log2(abs(block[0, 1] / block[1, 0]))))])
