@@ -156,10 +156,10 @@ def unphysical(problem: MultipointProblem | ForcedProblem, solution: Solution, t
     >>> unphysical(problem, problem.solve(problem.pack(start, [], [1.635]), quarter_period=1.635))
     'flight 1 of 1 passes beyond stop - by 0.96 at 0.813044 after its start'
     """
-    inner = problem.inner
-    if solution["clearance"] <= -tolerance and solution["clearance_side"] == 0.0:
+    inner, passed = problem.inner, solution["clearance"] <= -tolerance * problem.reach(solution)
+    if passed and solution["clearance_side"] == 0.0:
         return str(describe_grazing(problem, solution, "touches")["note"])
-    if solution["clearance"] <= -tolerance:
+    if passed:
         force = force_event(problem, solution)
         if force is not None:
             return f"{force.wrong}: the force is {solution['clearance']:.2g} in units of length"

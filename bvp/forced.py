@@ -19,7 +19,7 @@ from bvp.blocks import Matrices
 from bvp.checks import require_system
 from bvp.closures import EndsError
 from bvp.contact_sequence import CLOSES, OPENS, ContactEvent, parse_contact_sequence, require_bounces, require_half, require_pressing
-from bvp.forced_metric import forced_metric
+from bvp.forced_metric import forced_metric, forced_position
 from bvp.forced_modes import ModeTable
 from bvp.kernels.extrema import Observed
 from bvp.kernels.forced import LoadedSegment, ReleasedEntries, fly_loaded, forced_step, set_parameters
@@ -123,7 +123,8 @@ class ForcedProblem:
         found = parametric.program(self.released)
         varies = len(found.rows) > 0 and int(found.rows[0]) < layout.stiffness.stop
         count = len(self.released)
-        self.size = self.coordinates = size = 2 * n + 1 + count
+        self.size = size = 2 * n + 1 + count
+        self.coordinates = size + 1
         self.modes = modes = system.modes
         self.events = events = self._events()
         self.sequence = tuple(event.symbol for event in events) or self.sequence
@@ -159,8 +160,10 @@ class ForcedProblem:
             self.smooth_forces = parametric.smooth_forces(self.values, self.released)
             forces = released_forces(self.smooth_forces)
         bouncing = [*changing, *(stop for stop, one in enumerate(system.stops) if one.restitution > 0.0)]
-        unit = (metric[0] / metric[n]) ** 2
-        self._table = table = ModeTable(system, events, nodes, size, changes, loads, unit, forces, bouncing)
+        rows = np.array([stop.gap for stop in system.stops]).reshape(-1, n)
+        # Contact forces are in units of length: accelerations of their gaps over the square of the fastest frequency.
+        units = (metric[0] / metric[n]) ** 2 * np.einsum("si,is->s", rows, np.linalg.solve(system.mass, rows.T))
+        self._table = table = ModeTable(system, events, nodes, size, changes, loads, units, forces, bouncing)
         self._renew = _CALLBACK(self._renewed) if varies or self._leaves_unseen else None
         address = ctypes.cast(self._renew, ctypes.c_void_p).value if self._renew is not None else 0
         # The user's equations can name what a free orbit has besides its parameters.
@@ -182,7 +185,7 @@ class ForcedProblem:
             table.flight, table.arrays.drive[0], table.arrays.drive_slope[0], gap, rate, push, np.zeros((changes, nodes, size)),
             np.zeros(nodes), np.zeros(nodes), side, np.eye(size), np.zeros(size), self._end_rows(), entries,
             np.array([-1.0 if half else 1.0, (0.5 if half else 1.0) * self.has_clock]), metric,
-            of_parameters, kept, known, np.zeros(len(kept.outputs)), shape, table.kind,
+            of_parameters, kept, known, np.zeros(len(kept.outputs)), np.zeros(size), shape, table.kind,
         )  # fmt: skip
         stops = np.array([modes.contact_stop[contact] if contact >= 0 else -1 for contact in self.contacts], dtype=np.int64)
         bounds = np.array([np.arange(part.start, part.stop) for part in (layout.lower, layout.upper)], dtype=np.int64)
@@ -350,8 +353,12 @@ class ForcedProblem:
             self.__dict__.pop(name, None)
 
     def _metric(self) -> np.ndarray:
-        """What a unit of arclength is for each entry of the first node, (N,): see `forced_metric`."""
+        """Units of the first node, (N,): see `forced_metric`."""
         return forced_metric(self)
+
+    def position(self, y: np.ndarray) -> np.ndarray:
+        """The first node in the coordinates of arclength, (N + 1,)."""
+        return forced_position(self.segment.scale, 2 * self.degrees_of_freedom, y)
 
     def mirrored(self, symbol: str) -> str:
         """A symbol of the sequence at the opposite contact of its stop."""
@@ -464,10 +471,13 @@ class ForcedProblem:
         frequency = float(self.parametric.entries(self.parameters(y))[self.parametric.layout.frequency][0])
         return 2.0 * math.pi * self.load_periods / frequency
 
+    def reach(self, solution: Solution) -> float:
+        """A typical displacement: the unit of arclength."""
+        return float(self.segment.scale[0])
+
     def speed(self, solution: Solution) -> float:
-        """A typical speed of an orbit: the largest one at its impacts."""
-        n = self.degrees_of_freedom
-        return float(np.abs(solution.ends[:, n : 2 * n]).max())
+        """A typical speed of an orbit."""
+        return float(self.scales(solution.y)[self.degrees_of_freedom])
 
     def duration(self, solution: Solution) -> float:
         """A typical duration of its flights: the period."""
@@ -535,7 +545,7 @@ class ForcedProblem:
 
     def compiled(self, *, full: bool = True) -> CompiledProblem:
         """The problem for a compiled function that takes steps of its own."""
-        metric, result = np.empty((4, self.size)), np.empty(len(RESULT))
+        metric, result = np.empty((4, self.coordinates)), np.empty(len(RESULT))
         landing = Landing(self._zero[: self.unknowns], self._zero, result)
         request, factor = Request(0.0, 0.0, 0), self._factor
         step = forced_step.entry(self.segment, factor, landing.y, self._zero, request, metric, landing).address
@@ -570,7 +580,7 @@ class ForcedProblem:
     def _stepped(self, y: np.ndarray, tangent: np.ndarray, request: Request) -> tuple[Landing, np.ndarray]:
         """What the kernel of steps leaves for a request, and the position of the new point."""
         landing = Landing(np.empty(self.unknowns), np.empty(self.tangent_size), np.full(len(RESULT), np.nan))
-        metric = np.empty((4, self.size))
+        metric = np.empty((4, self.coordinates))
         forced_step(self.segment, self._factor, np.array(y, float), np.array(tangent, float), request, metric, landing)
         return landing, metric[0]
 

@@ -1,4 +1,9 @@
-"""The units of arclength along a family of orbits under periodic loads."""
+"""The coordinates of arclength along a family of orbits under periodic loads.
+
+They are those of the first node. Its state x, in units of the system, gives x/R and log R, R = sqrt(1 + |x|^2). A step then is a part of
+the unit for a small motion, and a part of the motion for a large one. A parameter p with a unit P gives asinh(p/P), in the same way. One
+that cannot be zero gives log p.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +15,25 @@ import numpy as np
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
 
-__all__ = ["forced_metric"]
+__all__ = ["forced_metric", "forced_position", "position_slopes"]
+
+
+_LIGHT = 0.1
+"""A light damper, beside inertia at the fastest frequency: a twentieth of critical damping."""
 
 
 def forced_metric(problem: ForcedProblem) -> np.ndarray:
-    """What a unit of arclength is for each entry of the first node, (N,).
+    """The unit of each entry of the first node, (N,).
 
     A displacement: the smallest width of a stop that confines it, else the larger of the smallest gap and the largest
     |(K + nu^2 M)^-1 C| of the loads C cos(nu t), beside smooth forces also of |K^-1 C|. A velocity: that times the fastest frequency.
-    The time: the period. A parameter that cannot be zero: its logarithm; another one: its default."""
+    The time: the period. A parameter that cannot be zero: 0, as its logarithm has no unit. Another one: see `_parameter_unit`."""
     n, system, layout = problem.degrees_of_freedom, problem.system, problem.parametric.layout
     entries = problem.parametric.entries(problem.values)
     base = float(entries[layout.frequency][0])
     gaps = [abs(bound) for stop in system.stops for bound in (stop.lower, stop.upper) if math.isfinite(bound) and bound]
-    size = min(gaps, default=0.0)
-    forces = [entries[layout.constant], *entries[layout.cosine].reshape(-1, n), *entries[layout.sine].reshape(-1, n)]
-    for k, force in zip([1, *layout.harmonics, *layout.harmonics], forces, strict=True):
-        for rate in (k * base, 0.0) if problem.is_smooth else (k * base,):
-            size = max(size, float(np.abs(np.linalg.lstsq(system.stiffness + rate**2 * system.mass, force, rcond=None)[0]).max()))
-    reach = np.full(n, size or 1.0)
+    size = max(min(gaps, default=0.0), _load_response(problem, entries, base)) or 1.0
+    reach = np.full(n, size)
     for stop in system.stops:
         row = np.asarray(stop.gap)
         if math.isfinite(stop.upper - stop.lower) and np.count_nonzero(row) == 1:
@@ -37,7 +42,52 @@ def forced_metric(problem: ForcedProblem) -> np.ndarray:
     fastest = max(base, float(np.sqrt(np.abs(system.modes.squares).max()))) or 1.0
     units = [
         0.0 if problem.values[name] > 0.0 and problem.parametric.violation(problem.values | {name: 0.0})
-        else abs(problem.parametric.values[name]) or 1.0
+        else _parameter_unit(problem, name, size, fastest)
         for name in problem.released
     ]  # fmt: skip
     return np.array([*reach, *(reach * fastest), 1.0, *units])
+
+
+def _load_response(problem: ForcedProblem, entries: np.ndarray, base: float) -> float:
+    """The largest |(K + nu^2 M)^-1 C| of the loads among some entries (E,), beside smooth forces also of |K^-1 C|."""
+    n, system, layout = problem.degrees_of_freedom, problem.system, problem.parametric.layout
+    loads = [entries[layout.constant], *entries[layout.cosine].reshape(-1, n), *entries[layout.sine].reshape(-1, n)]
+    size = 0.0
+    for k, load in zip([1, *layout.harmonics, *layout.harmonics], loads, strict=True):
+        for rate in (k * base, 0.0) if problem.is_smooth else (k * base,):
+            size = max(size, float(np.abs(np.linalg.lstsq(system.stiffness + rate**2 * system.mass, load, rcond=None)[0]).max()))
+    return size
+
+
+def _parameter_unit(problem: ForcedProblem, name: str, size: float, fastest: float) -> float:
+    """The change of a parameter, by its derivatives, that changes the system by as much as it has: a bound or the response to loads by the
+    unit of displacements, a matrix by inertia at the fastest frequency, damping by a tenth of that, a restitution by 1. If all derivatives
+    are zero: its value, or 1."""
+    layout, slopes = problem.parametric.layout, problem.parametric.derivatives(problem.values, [name])[:, 0]
+    base, mass = float(problem.parametric.entries(problem.values)[layout.frequency][0]), float(np.abs(problem.system.mass).max())
+    parts = [(layout.mass, mass), (layout.damping, _LIGHT * mass * fastest), (layout.stiffness, mass * fastest**2)]
+    parts += [(layout.frequency, fastest), (layout.lower, size), (layout.upper, size), (layout.restitution, 1.0)]
+    changes = [float(np.abs(slopes[part]).max(initial=0.0)) / unit for part, unit in parts]
+    change = max(*changes, _load_response(problem, slopes, base) / size)
+    return 1.0 / change if change > 0.0 else abs(problem.values[name]) or 1.0
+
+
+def forced_position(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray:
+    """The coordinates (N + 1,) of the unknowns y, whose first N are a node with a state of so many entries."""
+    x, rest, p = y[:states] / units[:states], units[states + 1 :], y[states + 1 : len(units)]
+    reach = math.sqrt(1.0 + float(x @ x))
+    logarithm, divisor = np.log(np.where(rest > 0.0, 1.0, np.abs(p))), np.where(rest > 0.0, rest, 1.0)
+    return np.array([*(x / reach), y[states], *np.where(rest > 0.0, np.arcsinh(p / divisor), logarithm), math.log(reach)])
+
+
+def position_slopes(units: np.ndarray, states: int, y: np.ndarray) -> np.ndarray:
+    """The derivatives (N + 1, u) of `forced_position` by the unknowns y (u,)."""
+    count, x = len(units), y[:states] / units[:states]
+    reach = math.sqrt(1.0 + float(x @ x))
+    found = np.zeros((count + 1, len(y)))
+    found[:states, :states] = (np.eye(states) - np.outer(x, x) / reach**2) / (reach * units[:states])
+    found[states, states] = 1.0
+    rest = np.arange(states + 1, count)
+    found[rest, rest] = 1.0 / np.hypot(units[rest], y[rest])
+    found[count, :states] = x / (reach**2 * units[:states])
+    return found

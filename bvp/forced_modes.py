@@ -54,15 +54,15 @@ class ModeSlopes(NamedTuple):
     reach: np.ndarray
 
 
-def forced_mode(system: Any, contacts: Sequence[int], unit: float, physical: bool = False) -> ForcedMode:
+def forced_mode(system: Any, contacts: Sequence[int], units: np.ndarray, physical: bool = False) -> ForcedMode:
     """The mode in which the given contacts stick.
 
     Parameters
     ----------
     system : ImpactSystem
     contacts : sequence of int
-    unit : float
-        What contact forces, as accelerations of their gaps, are multiplied by.
+    units : (S,) float
+        What the contact force of each stop is multiplied by.
     physical : bool
         The state is (u, v) itself, in free flight: smooth forces do not know the modes. `Matrices` are system enough.
 
@@ -87,7 +87,7 @@ def forced_mode(system: Any, contacts: Sequence[int], unit: float, physical: boo
     compliance = np.linalg.inv(compliance)
     lift = along @ compliance
     inverse = mass_inverse - lift @ along.T
-    weight = unit * modes.contacts.side[list(contacts)]
+    weight = units[modes.contact_stop[list(contacts)]] * modes.contacts.side[list(contacts)]
     reach = weight[:, None] * (compliance @ along.T)
     basis = np.linalg.qr(rows.T, mode="complete")[0][:, k:]
     blocks, enter, leave = _reduced(system, basis, rows, lift)
@@ -169,8 +169,8 @@ class ModeTable:
         Rows of nodes, entries of a node; parameters that change masses, dampers or springs.
     loads : Loads
         Those of free flight.
-    unit : float
-        That of contact forces.
+    units : (S,) float
+        What the contact force of each stop is multiplied by.
     forces : ReleasedForces, optional
         Smooth forces of the system. No stop can stick.
     bouncing : collection of int
@@ -183,10 +183,10 @@ class ModeTable:
     """
 
     def __init__(
-        self, system: ImpactSystem, events: Sequence[ContactEvent], nodes: int, width: int, varying: int, loads: Loads, unit: float,
+        self, system: ImpactSystem, events: Sequence[ContactEvent], nodes: int, width: int, varying: int, loads: Loads, units: np.ndarray,
         forces: ReleasedForces | None = None, bouncing: Collection[int] = (),
     ):
-        self.unit = unit
+        self.units = units
         self._smooth = forces
         n, stops = system.degrees_of_freedom, len(system.stops)
         self._sets: list[tuple[int, ...]] = [()]
@@ -281,7 +281,7 @@ class ModeTable:
 
     def modes_of(self, system: Any) -> list[ForcedMode]:
         """The contact modes at the masses, dampers and springs of a system."""
-        return [forced_mode(system, contacts, self.unit, self._smooth is not None) for contacts in self._sets]
+        return [forced_mode(system, contacts, self.units, self._smooth is not None) for contacts in self._sets]
 
     def modes_at(
         self, at: tuple[float, ...], system_at: Callable[[tuple[float, ...]], Any]

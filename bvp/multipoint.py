@@ -328,6 +328,11 @@ class MultipointProblem:
         """alpha = T/4."""
         return float(np.sum(self.flight_times(y))) / self.quarters
 
+    def reach(self, solution: Solution) -> float:
+        """A typical displacement: the smallest distance of a stop that is not at zero; without one, of an orbit."""
+        gaps = [abs(bound) for stop in self.system.stops for bound in (stop.lower, stop.upper) if bound and math.isfinite(bound)]
+        return min(gaps, default=0.0) or self.speed(solution) * self.duration(solution)
+
     def speed(self, solution: Solution) -> float:
         """A typical speed of an orbit: sqrt(2 h)."""
         return math.sqrt(2.0 * solution["energy"])

@@ -20,7 +20,7 @@ from bvp.kernels.linear import factorise, substitute, substitute_transposed
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.multipoint import Factor
 from bvp.kernels.newton import LINEARISED, set_scale
-from bvp.kernels.step import Landing, Request
+from bvp.kernels.step import Landing, Request, constraint_row, locate, metric_direction
 
 __all__ = [
     "CONSTANT", "CONTRACTION", "CONVERGED", "DURATION", "ITERATIONS", "OTHER", "OWN", "RESIDUAL", "SINGULAR", "SPEED", "TURN",
@@ -56,7 +56,7 @@ class CurveData(NamedTuple):
     constant: np.ndarray  # (u, u)
     freed: np.ndarray  # (4, 2) int64: see `free_energy`
     landing: Landing  # scratch of the step
-    metric: np.ndarray  # (4, N) scratch of the step
+    metric: np.ndarray  # (4, N + 1) scratch of the step
     zero: np.ndarray  # (2 u,)
     kind: int  # of the condition
     shifted: np.ndarray  # (u, u) B1
@@ -91,7 +91,7 @@ class CurveArrays(NamedTuple):
     pivots: np.ndarray  # (s + d,) int64
     update: np.ndarray  # (u + e,)
     row: np.ndarray  # (u + e,)
-    direction: np.ndarray  # (N,)
+    direction: np.ndarray  # (N + 1,)
     held: np.ndarray  # (u,) the orbit where the condition was computed last
     orbit: np.ndarray  # (u,)
     along: np.ndarray  # (u,)
@@ -205,13 +205,6 @@ def _set_sizes(curve, arrays):
             scale[r] = 1.0
     for r in range(arrays.orbit.shape[0], scale.shape[0]):
         scale[r] = 1.0
-
-
-@inlined
-def _unit(curve, y, r):
-    """What a unit of arclength is for entry r of the first node."""
-    unit = curve.segment.scale[r]
-    return unit if unit > 0.0 else y[r]
 
 
 @inlined
@@ -339,13 +332,13 @@ def _set_matrix(arrays):
 def take_curve_step(curve, y, tangent, ds, arrays):
     """See `continuation.curves.Curve.step`. tangent: as there, with its curvature and the borders of the condition behind it."""
     new, update, row, direction, result, scale = arrays.y, arrays.update, arrays.row, arrays.direction, arrays.result, arrays.scale
-    u, m, width = arrays.rows.shape[0], arrays.matrix.shape[0], arrays.direction.shape[0]
+    u, m = arrays.rows.shape[0], arrays.matrix.shape[0]
+    segment, position, way = curve.segment, curve.metric[0], curve.metric[1]
     borders = tangent[2 * m :]
     result[CONVERGED] = 0.0
-    set_1(row, 0.0)
-    for r in range(width):
-        direction[r] = tangent[r] / _unit(curve, y, r)
-        row[r] = direction[r] / _unit(curve, y, r)
+    parameter, period = locate(segment, y, position)
+    metric_direction(segment, y, position, parameter, period, tangent, direction)
+    constraint_row(segment, y, parameter, period, position, direction, row)
     for r in range(u, m):
         row[r] = tangent[r]
     for r in range(m):
@@ -401,17 +394,15 @@ def take_curve_step(curve, y, tangent, ds, arrays):
     set_1(turned, 0.0)
     turned[m - 1] = 1.0
     substitute(arrays.matrix, arrays.pivots, turned)
-    total = 0.0
-    turn = 0.0
     for r in range(m):
         turned[r] *= scale[r]
-        if r < width:
-            way = turned[r] / _unit(curve, new, r)
-            total += way * way
-            turn += way * direction[r]
-        elif r >= u:
-            total += turned[r] * turned[r]
-            turn += turned[r] * tangent[r]
+    parameter, period = locate(segment, new, position)
+    metric_direction(segment, new, position, parameter, period, turned, way)
+    total = inner(way, way)
+    turn = inner(way, direction)
+    for r in range(u, m):
+        total += turned[r] * turned[r]
+        turn += turned[r] * tangent[r]
     total = math.sqrt(total)
     for r in range(m):
         turned[r] /= total

@@ -13,6 +13,7 @@ import numpy as np
 
 from bvp.description import RESERVED
 from bvp.forced import ForcedProblem
+from bvp.forced_metric import position_slopes
 from bvp.multipoint import dense_jacobian
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised
@@ -47,9 +48,6 @@ class ParameterPlane:
         self.size = problem.unknowns
         self._kept_value = float(problem.keep[-1].partition("=")[2])
         self.place = 2 * problem.degrees_of_freedom + 1 + problem.released.index(names[0])
-        # The unknowns of the first node that have a unit.
-        self._units = problem.segment.scale
-        self._divisors, self._logarithms = np.where(self._units > 0.0, self._units, 1.0), np.flatnonzero(self._units == 0.0)
         known = problem.parametric.names
         problem.locate_domains([name for name in names if name in problem.released])
         self.domains = tuple(problem.parametric.domain(name) if name in known else (0.0, math.inf) for name in names)
@@ -80,17 +78,12 @@ class ParameterPlane:
         return float(np.abs(at.residual / self.problem.scales(at.y, evaluated=True)[: len(at.residual)]).max())
 
     def position(self, y: np.ndarray) -> np.ndarray:
-        """The first node in units of arclength."""
-        found: np.ndarray = y[: self.problem.size] / self._divisors
-        found[self._logarithms] = np.log(np.abs(y[self._logarithms]))
-        return found
+        """The first node in the coordinates of arclength."""
+        return self.problem.position(y)
 
     def directions(self, y: np.ndarray) -> np.ndarray:
-        """Derivatives of the position, (N, u)."""
-        units = self._units
-        found = np.zeros((len(units), self.size))
-        np.fill_diagonal(found, 1.0 / np.where(units > 0.0, units, y[: len(units)]))
-        return found
+        """Derivatives of the position, (N + 1, u)."""
+        return position_slopes(self.problem.segment.scale, 2 * self.problem.degrees_of_freedom, y)
 
     def scales(self, y: np.ndarray, *, evaluated: bool = False) -> np.ndarray:
         """See `continuation.curves.Surface`. All impacts of an orbit can be at the origin, at rest to rounding. evaluated: y is the orbit
@@ -98,7 +91,7 @@ class ParameterPlane:
         problem = self.problem
         found, width = problem.scales(y, evaluated=evaluated), problem.size + 1
         states = found[: (problem.inner + 1) * width].reshape(-1, width)[:, : 2 * problem.degrees_of_freedom]
-        np.maximum(states, LEAST * self._units[: states.shape[1]], out=states)
+        np.maximum(states, LEAST * problem.segment.scale[: states.shape[1]], out=states)
         found[found == 0.0] = 1.0
         return found
 

@@ -74,7 +74,7 @@ class CompiledCurve(Curve):
         plane, problem, rows = self.plane, self.plane.problem, self._rows
         u, other = plane.size, rows.other or problem
         landing = Landing(np.zeros(u), np.zeros(2 * u), np.zeros(len(RESULT)))
-        metric, zero, bending = np.zeros((4, problem.size)), np.zeros(2 * u), problem.curvature.bending
+        metric, zero, bending = np.zeros((4, problem.coordinates)), np.zeros(2 * u), problem.curvature.bending
         request = Request(0.0, math.nan, LINEARISED)
         step = forced_step.entry(problem.segment, problem._factor, landing.y, zero, request, metric, landing).address
         bend = curvature.second_along.entry(bending, landing.y, landing.y, np.zeros((u - 1, u))).address
@@ -92,7 +92,7 @@ class CompiledCurve(Curve):
             np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(5), np.zeros(u - 1), np.zeros((u, u)), np.zeros(d), np.zeros((d, m)),
             np.zeros((d, s + d)), np.zeros((d, s + d)), np.zeros(2 * d * s), np.zeros((s, u)), np.zeros((u, u)), np.zeros((2, u, u)),
             np.zeros((s + d, s + d)), np.zeros((m, m)), np.zeros(s + d, dtype=np.int64), np.zeros(m), np.zeros(m),
-            np.zeros(self.plane.problem.size), np.zeros(u), np.zeros(u), np.zeros(u),
+            np.zeros(self.plane.problem.coordinates), np.zeros(u), np.zeros(u), np.zeros(u),
         )  # fmt: skip
 
     def corrected(self, y: np.ndarray, tangent: np.ndarray, ds: float) -> Corrected | None:

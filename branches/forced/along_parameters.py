@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +17,10 @@ from continuation.problem import Point
 __all__ = ["AlongParameters", "parameter_bounds", "unbounded"]
 
 _LARGE = 100.0
-"""Size of a state, in units of the metric, from which on a resonance is looked for, and at which a motion without a clock is unbounded."""
+"""Size of a state, in units of the metric, from which on a resonance is looked for."""
+
+_UNBOUNDED = 1e10
+"""The same, at which a motion without a clock is unbounded: the parameter approaches its limit with the inverse of the size."""
 
 _FAST, _LIGHT = 10.0, 1e-3
 """Size of a state, in units of the metric, from which on the masses are looked at; and a mass, beside that of the scene, that vanishes."""
@@ -66,13 +70,15 @@ class AlongParameters:
 def unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
     """The condition that the motion grows without bound, in words: without impacts towards the resonance of an undamped mode, and without
     a clock where the stops lose no more than the motion gains; of free orbits where a mass vanishes, and takes its energy."""
-    place = 2 * problem.degrees_of_freedom
+
+    def reach(point: Point) -> float:
+        return math.exp(point.step.position[-1])
 
     def gains(point: Point) -> str | bool:
-        return max(map(abs, point.step.position[:place])) > _LARGE and "the motion grows without bound"
+        return reach(point) > _UNBOUNDED and "the motion grows without bound"
 
     def grows(point: Point) -> str | bool:
-        if max(map(abs, point.step.position[:place])) < _LARGE:
+        if reach(point) < _LARGE:
             return False
         free = problem.multipliers(point.step.y)
         near = free[np.argmin(np.abs(free - 1.0))]
@@ -80,7 +86,7 @@ def unbounded(problem: ForcedProblem) -> Callable[[Point], str | bool] | None:
         return "the response grows without bound: an undamped mode is near its resonance" if undamped else False
 
     def vanishes(point: Point) -> str | bool:
-        if max(map(abs, point.step.position[:place])) < _FAST:
+        if reach(point) < _FAST:
             return False
         mass, first = (problem.parametric.system(values).mass for values in (problem.parameters(point.step.y), None))
         lightest = float(np.abs(np.linalg.eigvals(np.linalg.solve(first, mass))).min())

@@ -220,8 +220,8 @@ def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, dic
     y = _held_orbit(problem, near.y, moment) if _closed_for_ever(problem, moment) else _touching_orbit(problem, near.y)
     if y is None:
         return None
-    position = _position(problem, y)
-    if np.linalg.norm(position - _position(problem, near.y)) > part * _NEAR:
+    position = problem.position(y)
+    if np.linalg.norm(position - problem.position(near.y)) > part * _NEAR:
         return None
     letter = problem.modes.contact_letters[moment.contact]
     if _closed_for_ever(problem, moment):
@@ -240,14 +240,6 @@ def _exact_end(family: ForcedFamily, near: Step, part: float) -> tuple[Step, dic
         y=y, position=position, parameter=value, residual=residual if math.isfinite(residual) else near.residual,
         extra=replace(near.extra, y=y),
     ), details  # fmt: skip
-
-
-def _position(problem: ForcedProblem, y: np.ndarray) -> np.ndarray:
-    """The first node in units of arclength."""
-    scale, node = problem.segment.scale, y[: problem.size]
-    units = np.where(scale > 0.0, scale, 1.0)
-    position: np.ndarray = np.where(scale > 0.0, node / units, np.log(np.where(scale > 0.0, 1.0, np.abs(node))))
-    return position
 
 
 def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
@@ -291,7 +283,7 @@ def _touching_orbit(problem: ForcedProblem, y: np.ndarray) -> np.ndarray | None:
 def _begun_as(problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times: np.ndarray, parameters: dict[str, float]) -> np.ndarray:
     """An orbit, begun at any of its nodes, in the unknowns of a problem whose orbit `near` is its neighbour. rows: states and times."""
     values, (sign, part) = [parameters[name] for name in problem.released], problem.segment.closing
-    size, count, here = 2 * problem.degrees_of_freedom, len(times), _position(problem, near)
+    size, count, here = 2 * problem.degrees_of_freedom, len(times), problem.position(near)
     found: list[tuple[float, np.ndarray]] = []
     for turn in range(count * (2 if problem.half else 1)):
         past, lasting = turn % count, np.roll(times, -turn)
@@ -303,7 +295,7 @@ def _begun_as(problem: ForcedProblem, near: np.ndarray, rows: np.ndarray, times:
         if problem.has_clock:
             begun[:, size] += round(near[size] - begun[0, size])
         y = problem.pack(begun[:, :size], begun[:, size], values, lasting)
-        distance = np.abs(_position(problem, y) - here).max() + np.abs(lasting - problem.flight_times(near)).max()
+        distance = np.abs(problem.position(y) - here).max() + np.abs(lasting - problem.flight_times(near)).max()
         found.append((float(distance), y))
     return min(found, key=lambda one: one[0])[1]
 

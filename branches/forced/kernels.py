@@ -20,7 +20,7 @@ PLAIN = 9
 """Test functions that every forced family has, before those of values that are asked for."""
 
 _CLEAR = 1e3
-"""Larger clearances and speeds are replaced by this value."""
+"""Clearances and speeds, in units of arclength, from which on they are replaced by this value."""
 
 
 class ForcedWork(NamedTuple):
@@ -39,9 +39,9 @@ def forced_tests(segment, y, ends, work, result, targets, out):
     value = result[entry.ENERGY]
     out[0] = result[entry.SLOPE]
     out[1] = result[entry.BRANCHING]
-    out[2] = min(result[entry.CLEARANCE], _CLEAR)
-    out[3] = min(result[entry.SPEED], _CLEAR)
-    out[4] = result[entry.FLIGHT]
+    out[2] = min(result[entry.CLEARANCE] / segment.scale[0], _CLEAR)
+    out[3] = min(result[entry.SPEED] / segment.scale[segment.flight.enter.shape[0] // 2], _CLEAR)
+    out[4] = result[entry.FLIGHT] / result[entry.QUARTER_PERIOD]
     out[5] = value - work.limits[0] if work.limits[0] > -math.inf else 1.0
     out[6] = work.limits[1] - value if work.limits[1] < math.inf else 1.0
     stroboscopic_tests(segment, y, work.flights, ends, work.map, out[7:PLAIN])

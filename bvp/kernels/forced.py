@@ -81,6 +81,7 @@ class LoadedSegment(NamedTuple):
     kept: Program  # left less right sides of the user's equations, then their derivatives by all that varies
     kept_values: np.ndarray  # (N,) of all parameters; of free orbits (N + 2,), with the energy and the quarter period behind them
     kept_out: np.ndarray  # what that program writes
+    rate: np.ndarray  # (N,) scratch
     shape: np.ndarray  # (5,) int64: inner impacts k; CLOSED or UNFOLDED; quarter periods solved; kind of start; kind of end
     sticking: Any  # `Unstuck` or `Sticking` of `bvp.kernels.forced_sticking`
 
@@ -248,30 +249,39 @@ def fill_loaded(segment, y, factor):
 
 
 @inlined
-def orbit_sizes(segment, y, before):
-    """Sizes of the displacements and velocities of an orbit, and its longest flight. before (k + 1, N): the ends of the flights."""
+def motion_size(segment, y, ends):
+    """Sizes of displacements, velocities and flight times of the orbit y. ends (k + 1, N): the nodes at the ends of its flights.
+
+    All impacts can be at one place, at rest there, as where the only one grazes at the origin. There the acceleration gives the size."""
     width = segment.gap.shape[1]
-    n = segment.flight.enter.shape[0] // 2
+    size = segment.flight.enter.shape[0]
+    n = size // 2
     displacement = 0.0
     velocity = 0.0
     longest = 0.0
+    bend = 0.0
     at = 0
     for i in range(segment.shape[0] + 1):
         for r in range(n):
-            displacement = max(displacement, max(abs(y[at + r]), abs(before[i, r])))
-            velocity = max(velocity, max(abs(y[at + n + r]), abs(before[i, n + r])))
+            displacement = max(displacement, max(abs(y[at + r]), abs(ends[i, r])))
+            velocity = max(velocity, max(abs(y[at + n + r]), abs(ends[i, n + r])))
         longest = max(longest, abs(y[at + width]))
         at += width + 1
-    # All impacts can be at one place, and at rest there.
+        if segment.contact[i, 0] >= 0:
+            loaded_rate(orbit_flight(segment, i), ends[i], segment.rate)
+            for r in range(n):
+                bend = max(bend, abs(segment.rate[n + r]))
+    fastest = segment.scale[n] / segment.scale[0]
+    velocity = max(velocity, bend / fastest)
     w = segment.flight.loads.clock[0]
     if w == 0.0:
-        w = 1.0 / longest if longest > 0.0 else 1.0
+        w = 1.0 / longest if longest > 0.0 else fastest
     displacement = max(displacement, velocity / w)
     velocity = max(velocity, displacement * w)
     if displacement == 0.0:
-        displacement = 1.0
-        velocity = w
-    return displacement, velocity, longest if longest > 0.0 else 1.0
+        displacement = segment.scale[0]
+        velocity = segment.scale[n]
+    return displacement, velocity, longest if longest > 0.0 else 1.0 / w
 
 
 @set_scale.of(LoadedSegment)
@@ -281,7 +291,7 @@ def set_loaded_scale(segment, y, factor):
     width = segment.gap.shape[1]
     size = segment.flight.enter.shape[0]
     n = size // 2
-    displacement, velocity, longest = orbit_sizes(segment, y, factor.before)
+    displacement, velocity, longest = motion_size(segment, y, factor.before)
     scale = factor.scale
     at = 0
     for _ in range(segment.shape[0] + 1):
@@ -290,8 +300,7 @@ def set_loaded_scale(segment, y, factor):
             scale[at + n + r] = velocity
         scale[at + size] = 1.0
         for j in range(width - size - 1):
-            unit = segment.scale[size + 1 + j]
-            scale[at + size + 1 + j] = unit if unit > 0.0 else abs(y[size + 1 + j])
+            scale[at + size + 1 + j] = math.hypot(segment.scale[size + 1 + j], y[size + 1 + j])
         scale[at + width] = longest
         at += width + 1
     if segment.shape[1] == UNFOLDED:
@@ -341,37 +350,74 @@ def scaled_loaded_residual(segment, residual, before, displacement, velocity, lo
     return worst
 
 
+@inlined
+def metric_reach(segment, y):
+    """R = sqrt(1 + |x|^2), x being the first state in its units."""
+    total = 1.0
+    for r in range(segment.flight.enter.shape[0]):
+        total += (y[r] / segment.scale[r]) ** 2
+    return math.sqrt(total)
+
+
 @locate.of(LoadedSegment)
 @inlined
 def locate_loaded(segment, y, out):
-    """The first node in units of arclength; the parameter and the period."""
-    for r in range(out.shape[0]):
-        out[r] = y[r] / segment.scale[r] if segment.scale[r] > 0.0 else math.log(y[r]) if y[r] > 0.0 else -math.inf
+    """The coordinates of `bvp.forced_metric`, and (the parameter, the period)."""
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    reach = metric_reach(segment, y)
+    for r in range(size):
+        out[r] = y[r] / segment.scale[r] / reach
+    for r in range(size, width):
+        unit = segment.scale[r]
+        out[r] = math.asinh(y[r] / unit) if unit > 0.0 else math.log(y[r]) if y[r] > 0.0 else -math.inf
+    out[size] = y[size]
+    out[width] = math.log(reach)
     loads = segment.flight.loads
     period = 0.0
     for i in range(segment.shape[0] + 1):
-        period += y[i * (segment.gap.shape[1] + 1) + segment.gap.shape[1]]
+        period += y[i * (width + 1) + width]
     if loads.clock[0] > 0.0:
         period = 2.0 * math.pi * loads.load_periods / loads.clock[0]
-    return y[segment.flight.enter.shape[0] + 1], period
+    return y[size + 1], period
 
 
 @metric_direction.of(LoadedSegment)
 @inlined
 def metric_direction_loaded(segment, y, position, energy, alpha, tangent, out):
     """See `metric_direction`: (derivative of the parameter, length)."""
-    for r in range(out.shape[0]):
-        out[r] = tangent[r] / (segment.scale[r] if segment.scale[r] > 0.0 else y[r])
-    return tangent[segment.flight.enter.shape[0] + 1], math.sqrt(inner(out, out))
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    reach = math.exp(position[width])
+    radial = 0.0
+    for r in range(size):
+        out[r] = tangent[r] / segment.scale[r] / reach
+        radial += position[r] * out[r]
+    for r in range(size):
+        out[r] -= position[r] * radial
+    out[size] = tangent[size]
+    for r in range(size + 1, width):
+        out[r] = tangent[r] / math.hypot(segment.scale[r], y[r])
+    out[width] = radial
+    return tangent[size + 1], math.sqrt(inner(out, out))
 
 
 @constraint_row.of(LoadedSegment)
 @inlined
 def constraint_row_loaded(segment, y, energy, alpha, position, direction, row):
     """See `constraint_row`."""
+    width = segment.gap.shape[1]
+    size = segment.flight.enter.shape[0]
+    reach = math.exp(position[width])
     set_1(row, 0.0)
-    for r in range(direction.shape[0]):
-        row[r] = direction[r] / (segment.scale[r] if segment.scale[r] > 0.0 else y[r])
+    along = direction[width]
+    for r in range(size):
+        along -= direction[r] * position[r]
+    for r in range(size):
+        row[r] = (direction[r] + position[r] * along) / (segment.scale[r] * reach)
+    row[size] = direction[size]
+    for r in range(size + 1, width):
+        row[r] = direction[r] / math.hypot(segment.scale[r], y[r])
 
 
 @kernel

@@ -17,7 +17,7 @@ from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel
 from bvp.kernels.extrema import Observed, clearance, nearest_turn
 from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
-from bvp.kernels.forced import refresh
+from bvp.kernels.forced import motion_size, refresh
 from bvp.kernels.forced_sticking import (
     add_modal,
     flight_in,
@@ -397,10 +397,7 @@ def observe_with(segment, watched, extended, y, ends, result):
     slowest_node = -1
     shortest = math.inf
     shortest_index = 0
-    reach = 0.0
-    for i in range(ends.shape[0]):
-        for r in range(n, 2 * n):
-            reach = max(reach, abs(ends[i, r]))
+    _, reach, _ = motion_size(segment, y, ends)
     speeds = 1.0
     at = 0
     for i in range(ends.shape[0]):
@@ -472,8 +469,8 @@ def observe_with(segment, watched, extended, y, ends, result):
         room, digits = chatter_room(segment.sticking, segment, i, later - ends[i, 2 * n])
         if math.isnan(room) or math.isnan(digits):
             result[entry.GAVE_UP] = 1.0
-        if min(room, digits) < best:
-            best = min(room, digits)
+        if min(room, digits) * segment.scale[0] < best:
+            best = min(room, digits) * segment.scale[0]
             result[entry.CLEARANCE_FLIGHT] = i
             result[entry.CLEARANCE_STOP] = watched.stops[i]
             result[entry.CLEARANCE_SIDE] = 0.0

@@ -2,7 +2,7 @@
 
 from bvp.kernels.compiled import kernel
 from bvp.kernels.flight import inner
-from bvp.kernels.forced import orbit_sizes
+from bvp.kernels.forced import motion_size
 from bvp.kernels.stroboscopic import map_eigenvalues
 
 
@@ -14,7 +14,7 @@ def orbit_multipliers(segment, y, factor, slowest, found):
     grazes, and the iteration converges."""
     size = found.scale.shape[0]
     n = size // 2
-    displacement, velocity, _ = orbit_sizes(segment, y, factor.before)
+    displacement, velocity, _ = motion_size(segment, y, factor.before)
     for r in range(n):
         found.scale[r] = displacement
         found.scale[n + r] = velocity

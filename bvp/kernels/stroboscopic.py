@@ -15,7 +15,7 @@ import numpy as np
 
 from bvp.kernels.compiled import inlined, kernel
 from bvp.kernels.flight import copy_1, inner, set_1, set_2
-from bvp.kernels.forced import is_loaded_cut, orbit_sizes
+from bvp.kernels.forced import is_loaded_cut, motion_size
 from bvp.kernels.forced_sticking import orbit_flight
 from bvp.kernels.loads import loaded_rate
 from bvp.kernels.newton import reflector
@@ -158,7 +158,7 @@ def stroboscopic_tests(segment, y, flights, ends, found, out):
     size = scale.shape[0]
     n = size // 2
     sign = 1.0
-    displacement, velocity, _ = orbit_sizes(segment, y, ends)
+    displacement, velocity, _ = motion_size(segment, y, ends)
     for r in range(n):
         scale[r] = displacement
         scale[n + r] = velocity

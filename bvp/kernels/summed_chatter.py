@@ -32,7 +32,7 @@ LONGEST = 1.0
 """Duration of a chatter, times the fastest rate, above which it is not summed."""
 
 SUM_ERROR = 1e-10
-"""Largest error of the end of a chatter: the change of the last node by the last order, in the units of the node."""
+"""Largest error of the end of a chatter: the change of the last node by the last order, its state in units of arclength."""
 
 LEAST_ERROR = 1e-30
 
@@ -152,7 +152,7 @@ def extrapolate_nodes(segment, i, orders, ratio, stride):
                 if not last:
                     new[r, c] = (value - power * old) / (1.0 - power)
                     if r == 0 and level == orders - 1:
-                        change = max(change, abs(new[r, c] - value))
+                        change = max(change, abs(new[r, c] - value) / (segment.scale[c] if c < size else 1.0))
         if last:
             break
         # The derivatives of the node by a parameter contain that of q^(level + 1).

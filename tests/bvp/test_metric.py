@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from bvp.forced import ForcedProblem
+from bvp.forced_metric import position_slopes
 from bvp.kernels.step import constraint_row, locate, metric_direction
 from bvp.multipoint import MultipointProblem
+from bvp.parameters import ParametricSystem
 from bvp.system import vibro_impact_nes
 from tests.bvp.orbits import backbone_segment, chain
 
@@ -43,3 +46,41 @@ def test_changes_of_the_coordinates_against_differences(problem, y):
         # h is quadratic, so its central difference is exact
         assert np.isclose(slope, (problem.energy(y + step) - problem.energy(y - step)) / 2.0, rtol=1e-12, atol=1e-12)
         assert abs(row @ step - direction @ expected) < 1e-6 * length * np.linalg.norm(direction)
+
+
+def forced_problem(**values):
+    """x'' + c x' + x = A cos(w t), x <= s, with one impact a period, in w, s and A."""
+    stop = {"c": [1.0], "upper": "s", "restitution": 0.6}
+    system = {"mass": [[1.0]], "damping": [["c"]], "stiffness": [[1.0]], "stops": [stop]}
+    parameters = {"c": 0.1, "A": 1.0, "w": 2.0, "s": 0.1} | values
+    description = {"parameters": parameters, "system": system, "forces": [{"load": [1.0], "amplitude": "A", "harmonic": 1}]}
+    return ForcedProblem(ParametricSystem.from_description(description), ("+",), ["w", "s", "A"], keep=["s = 0.1*w", "A = 3*s"])
+
+
+def test_forced_coordinates_against_differences():
+    problem, rng = forced_problem(), np.random.default_rng(3)
+    units = problem.segment.scale
+    for size in (1e-3, 1.0, 1e3):
+        y = problem.pack(size * rng.normal(size=(1, 2)), [0.3], [1.7, -0.2 * size, size])
+        x = y[:2] / units[:2]
+        reach = np.sqrt(1.0 + x @ x)
+        plain = [*(x / reach), 0.3, np.log(1.7), np.arcsinh(-0.2 * size / units[4]), np.arcsinh(size / units[5]), np.log(reach)]
+        position, direction, change, row = np.empty(7), rng.normal(size=7), np.empty(7), np.empty(problem.unknowns)
+        value, period = locate(problem.segment, y, position)
+        np.testing.assert_allclose(position, plain, rtol=1e-14)
+        np.testing.assert_allclose(problem.position(y), plain, rtol=1e-14)
+        constraint_row(problem.segment, y, value, period, position, direction, row)
+        for step in rng.normal(size=(5, problem.unknowns)) * np.maximum(np.abs(y), units.max()):
+            expected = (problem.position(y + 1e-6 * step) - problem.position(y - 1e-6 * step)) / 2e-6
+            slope, length = metric_direction(problem.segment, y, position, value, period, step, change)
+            np.testing.assert_allclose(change, expected, rtol=1e-6, atol=1e-7 * length)
+            np.testing.assert_allclose(position_slopes(units, 2, y) @ step, expected, rtol=1e-6, atol=1e-7 * length)
+            assert np.isclose(length, np.linalg.norm(change), rtol=1e-13) and slope == step[3]
+            assert abs(row @ step - direction @ expected) < 1e-6 * length * np.linalg.norm(direction)
+
+
+@pytest.mark.parametrize("s", [0.0, 1e-12, 1e-6, 0.05])
+def test_units_do_not_come_from_a_value_of_the_scene(s):
+    """Oracle: the response to the load, 1/(1 + w^2), is the largest length; a load A = 1 + w^2 has the response 1."""
+    units = forced_problem(s=s).segment.scale
+    assert units == pytest.approx([0.2, 0.4, 1.0, 0.0, 0.2, 1.0], rel=1e-14)
