@@ -138,6 +138,8 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
         path = ParameterPath(in_names(problem.parametric, names), names, keep)
     except ValueError as error:
         raise BadInput(f"--keep: {one_line(error)}") from error
+    if arguments.range is None and path.name != given[0].name:
+        raise BadInput(f"--range LO:HI is required: {source} has no range of {path.name}")
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
 
 

@@ -92,13 +92,14 @@ def follow_response(
     Raises
     ------
     ValueError
-        For a start that solves the equations but is no orbit.
+        For a start outside the interval, and for one that solves the equations but is no orbit.
     RuntimeError
         Where the family cannot be followed.
     KeyboardInterrupt
         With the branch up to there as its attribute `branch`, if it has a point.
     """
     settings = SETTINGS if points is None else replace(SETTINGS, maximum_points=points)
+    _require_inside(problem, start, interval, origin)
 
     def follow(problem: ForcedProblem, start: np.ndarray | Step, known: tuple[int, int]) -> tuple[Run, tuple[int, int]]:
         """A run, and the points and events that were reported; `known` were reported before."""
@@ -146,6 +147,16 @@ def follow_response(
     if not run.points:
         raise RuntimeError(f"the family could not be followed: {run.ends[0].text}")
     return _branch_of(problem, run, interval, origin)
+
+
+def _require_inside(problem: ForcedProblem, start: np.ndarray | Step, interval: tuple[float, float], origin: str | None) -> None:
+    """Refuse a start outside a range: a family would end at once, as if it had the end of the range there."""
+    name, (low, high) = problem.released[0], interval
+    value = problem.parameters(start.y if isinstance(start, Step) else np.asarray(start, dtype=float))[name]
+    slack = _ON_BOUND * max(abs(value), abs(problem.values[name]))
+    if not low - slack <= value <= high + slack:
+        where = "" if origin is None else f", where the family begins at {origin}"
+        raise ValueError(f"the range {low:g}:{high:g} does not contain {name} = {value:.10g}{where}")
 
 
 def _in_enough_pieces(problem: ForcedProblem, unknowns: Sequence[np.ndarray], failed: bool = False) -> ForcedProblem:

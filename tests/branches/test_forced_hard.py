@@ -7,20 +7,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from branches.curves.files import read_curves, save_curves
+from branches.curves.starting import curve_at
+from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
 from branches.forced.primitive import full_period
 from branches.forced.switching import beside_grazing
+from branches.forced.tracing import follow_response, switch_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.simulate import simulate
 from continuation.problem import EndReason
 from continuation.run import follow_both_ways
+from saltus import load_scene
 from tests.branches.forced_systems import oscillator, settled
 from tests.branches.test_forced_chains import require_motion
 from tests.branches.test_forced_family import events_of, followed
 from tests.branches.test_forced_parameters import oscillator as with_all_parameters
 from tests.branches.test_forced_switching import two_sided
+from transitions.response.tracing import trace_response
 
 
 @pytest.mark.parametrize("start", [0.1, 0.0, -0.1])
@@ -98,7 +104,50 @@ def test_a_closed_family_is_followed_once(step, direction):
     assert run.closed and EndReason.CLOSED in [end.reason for end in run.ends]
     assert sorted(event.point.parameter for event in run.events) == pytest.approx([-0.1, 0.3], abs=1e-12)
     assert [event.code for event in run.events] == ["SN", "SN"]
-    assert run.points[-1].arclength == pytest.approx(10.8187217, rel=1e-6)  # with all steps
+    assert run.points[-1].arclength == pytest.approx(3.2271348, rel=1e-6)  # with all steps
+
+
+@pytest.mark.parametrize("s", [0.0, 1e-6, 0.1])
+def test_steps_do_not_follow_a_value_of_the_scene(s):
+    """The stop's place runs from -0.1 to its grazing, wherever the scene has it. Oracles: equality of paths, and the response without
+    impacts, whose amplitude is 1/3."""
+    system = {"mass": [[1.0]], "stiffness": [[1.0]], "stops": [{"c": [1.0], "upper": "s", "restitution": 0.4}]}
+    load = {"load": [1.0], "amplitude": 1.0, "harmonic": 1}
+    parametric = ParametricSystem.from_description({"parameters": {"w": 2.0, "s": s}, "system": system, "forces": [load]})
+    (branch,) = trace_response(parametric, "s", (-0.1, 1.0))
+    assert 100 <= len(branch) <= 120
+    assert [(event.type, event.values["s"]) for event in branch.events if event.type == "GR"] == [("GR", pytest.approx(1 / 3, abs=1e-12))]
+
+
+def test_a_grazing_at_a_stop_at_zero(tmp_path):
+    """Oracle: c = 0.2, d = 1, w = 0.8: the response touches the wall at A = d sqrt((1 - w^2)^2 + c^2 w^2), from both sides; all along the
+    curve of grazings in w, too, also read from its file."""
+
+    def grazing(w):
+        return np.sqrt((1.0 - w * w) ** 2 + 0.04 * w * w)
+
+    parametric = load_scene("oscillator_at_wall").parametric
+    (impacting,) = trace_response(parametric, "A", (0.1, 2.0))
+    (free,) = trace_response(parametric, "A", (0.1, 2.0), start="rest", values={"A": 0.3})
+    for branch, neighbour in ((impacting, ""), (free, "+")):
+        (event,) = [event for event in branch.events if event.type == "GR"]
+        assert event.values["A"] == pytest.approx(grazing(0.8), abs=1e-12)
+        assert [sequence for sequence, _ in event.neighbours] == [neighbour]
+        save_curves([follow_curve(curve_at(branch, event, ("A", "w")), ((0.1, 2.0), (0.6, 1.2)))], tmp_path / "curve.json")
+        (curve,) = read_curves(tmp_path / "curve.json")
+        a, w = curve.parameters.T
+        assert w.min() == pytest.approx(0.6) and w.max() == pytest.approx(1.2)
+        np.testing.assert_allclose(a, grazing(w), rtol=1e-10)
+
+
+def test_a_start_outside_the_range_is_refused():
+    """Oracle: the place of the event. At the end of a range the family runs into it."""
+    (branch,) = trace_response(load_scene("oscillator_at_wall").parametric, "A", (0.1, 2.0))
+    (event,) = [event for event in branch.events if event.type == "PD"]
+    (problem, step), *_ = switch_response(branch, event)
+    with pytest.raises(ValueError, match=r"the range 1:2 does not contain A = 0\.517.*, where the family begins at PD1"):
+        follow_response(problem, step, (1.0, 2.0), direction="along", origin="PD1")
+    assert len(follow_response(problem, step, (0.4, step.parameter), direction="along")) > 5
 
 
 def test_a_neimark_sacker_bifurcation_leads_to_a_torus():
