@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from branches.full_family import energy_scale
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
 from branches.presentation import embed, same_orbit
@@ -111,7 +112,7 @@ class Search:
     def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
         """All matches of the first of the levels that has any."""
         low, high = self.energy
-        least = max(low, 1e-3 * (least_energy(self.system) or 1e-3))
+        least = max(low, 1e-3 * (least_energy(self.system) or 1e-3 * energy_scale(self.system)))
         for step, density, *part in levels if self.system.smooth_forces is None else SMOOTH_LEVELS[: len(levels)]:
             energies = np.array([low])
             if low < high:

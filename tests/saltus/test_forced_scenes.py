@@ -10,6 +10,7 @@ from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind
 from bvp.simulate import simulate
 from saltus import load_scene
+from tests.units import CHANGES, require_same_response
 
 FORCED = (
     "impact_oscillator", "damped_impact_oscillator", "oscillator_at_wall", "bouncing_ball", "impact_pair", "absorber",
@@ -194,3 +195,11 @@ def test_each_has_exact_derivatives_by_its_parameters(name):
         ends = [parametric.entries({parameter: value + sign * step}) for sign in (-1, 1)]
         finite = np.isfinite(ends[0])
         np.testing.assert_allclose((ends[1][finite] - ends[0][finite]) / (2 * step), slope[finite], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "units"), [("oscillator_at_wall", CHANGES[0]), ("impact_oscillator", CHANGES[3]), ("forced_impact_damper", CHANGES[0])]
+)
+def test_a_response_does_not_depend_on_units(tmp_path, name, units):
+    """Oracle: the same response in the units of the scene."""
+    require_same_response(name, units, tmp_path)

@@ -179,9 +179,12 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
         solution = problem.solve(problem.pack(np.zeros((1, 2 * n)), [0.0], path.start) if linear else guess)
     except NotConverged as error:
         raise NoOrbit(f"{settled.text}; Newton's method finds no orbit there") from error
-    # A state after an impact without rebound can be zero.
-    scale = max(np.abs(part).max(initial=0.0) for part in (problem.nodes(solution.y)[:, : 2 * n], settled.states, settled.impacts.before))
-    distance = float(np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1].max() / max(scale, 1e-300))
+    # A state after an impact without rebound can be zero; a time is a fraction of the period.
+    sizes = problem.scales(solution.y)[: 2 * n]
+    for states in (settled.states, settled.impacts.before):
+        sizes = np.maximum(sizes, np.repeat(np.abs(states).reshape(-1, 2, n).max(axis=(0, 2), initial=0.0), n))
+    apart = np.abs(problem.nodes(solution.y) - problem.nodes(guess))[:, : 2 * n + 1]
+    distance = float((apart / np.append(sizes, 1.0)).max())
     beyond = unphysical(problem, solution)
     if beyond is not None:
         raise NoOrbit(f"{settled.text}; the orbit found there is no motion: {beyond}")

@@ -1,8 +1,11 @@
 """Long cases of tests/saltus/test_forced_scenes.py."""
 
+import numpy as np
 import pytest
 
-from tests.saltus.test_forced_scenes import require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling
+from bvp.simulate import simulate
+from tests.saltus.test_forced_scenes import FORCED, require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling
+from tests.units import CHANGES, RESPONSES, Units, require_same_response, scaled_scene
 
 
 @pytest.mark.parametrize("e", [0.5, 0.8])
@@ -10,3 +13,23 @@ from tests.saltus.test_forced_scenes import require_the_ball_bounces_once_in_n_p
 def test_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling(e, n):
     """Oracle: see `require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling`."""
     require_the_ball_bounces_once_in_n_periods_between_fold_and_period_doubling(e, n)
+
+
+@pytest.mark.parametrize("units", CHANGES)
+@pytest.mark.parametrize("name", sorted(RESPONSES))
+def test_a_response_does_not_depend_on_units(tmp_path, name, units):
+    """Oracle: the same response in the units of the scene."""
+    require_same_response(name, units, tmp_path)
+
+
+@pytest.mark.parametrize("units", CHANGES)
+@pytest.mark.parametrize("name", FORCED)
+def test_a_motion_does_not_depend_on_units(tmp_path, name, units):
+    """Oracle: the same motion in the units of the scene, over three periods of the load."""
+    states = []
+    for one in (Units(), units):
+        scene = scaled_scene(name, one, tmp_path).scene
+        zero, period = np.zeros(scene.system.degrees_of_freedom), 2.0 * np.pi / scene.parameters["w"]
+        motion = simulate(scene.system, zero, zero, 3.0 * period, forces=scene.forces)
+        states.append(motion.final / np.repeat([one.length, one.of("speed")], len(zero)))
+    np.testing.assert_allclose(states[1], states[0], rtol=0.0, atol=1e-7 * np.abs(states[0]).max())
