@@ -126,7 +126,7 @@ def require_touches_of_a_free_period(name, names):
     event = next(event for event in branch(name).events if "touches" in (event.note or ""))
     window = (0.0, 0.5), (0.6, 0.8) if names[1] == "rho" else (0.015, 0.025)
     found = follow_curve(curve_at(branch(name), event, names), window)
-    assert found.residual.max() < 1e-12 and len(found) > 20
+    assert found.residual.max() < 1e-12 and len(found) > 8
     assert {event.type for event in found.events} <= {"EP", "SN-GR"}
     problem = found.plane.problem
     for i in (1, len(found) - 2):
