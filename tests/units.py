@@ -166,7 +166,7 @@ def response_in_units(name, units, folder):
     parameter, low, high, start, values = RESPONSES[name]
     new = {key: scaled.new(key, value) for key, value in values.items()}
     interval = scaled.new(parameter, low), scaled.new(parameter, high)
-    (branch,) = trace_response(scaled.scene.parametric, parameter, interval, start=start, values=new)
+    branch, *_ = trace_response(scaled.scene.parametric, parameter, interval, start=start, values=new)
     return branch, scaled
 
 

@@ -30,6 +30,6 @@ def test_a_motion_does_not_depend_on_units(tmp_path, name, units):
     for one in (Units(), units):
         scene = scaled_scene(name, one, tmp_path).scene
         zero, period = np.zeros(scene.system.degrees_of_freedom), 2.0 * np.pi / scene.parameters["w"]
-        motion = simulate(scene.system, zero, zero, 3.0 * period, forces=scene.forces)
+        motion = simulate(scene.system, zero, zero + 0.3 * one.of("speed"), 3.0 * period, forces=scene.forces)
         states.append(motion.final / np.repeat([one.length, one.of("speed")], len(zero)))
     np.testing.assert_allclose(states[1], states[0], rtol=0.0, atol=1e-7 * np.abs(states[0]).max())
