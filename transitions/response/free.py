@@ -31,7 +31,7 @@ _PERIODS = 1e5
 """Periods of the slowest vibration in which the impacts must happen."""
 
 _STILL = 1e-14
-"""Largest force at a start that counts as an equilibrium."""
+"""Largest force at a start, beside those of springs and loads, that counts as an equilibrium."""
 
 _DOUBLED = 2.0
 """Growth of the state in the later half of a simulation from which on it counts as unbounded."""
@@ -92,7 +92,8 @@ def settle_free(system: ImpactSystem, forces: Sequence[Force], u: Any = None, v:
     impacts, last, duration = FIRST, math.nan, _PERIODS * 2.0 * math.pi / slowest
     u, v = (zero if given is None else given for given in (u, v))
     constant = sum((force.load for force in forces if isinstance(force, Constant)), zero)
-    if not np.any(v) and np.allclose(system.stiffness @ u, constant, rtol=0.0, atol=_STILL):
+    sizes = np.abs(system.stiffness) @ np.abs(u) + np.abs(constant)
+    if not np.any(v) and np.all(np.abs(system.stiffness @ u - constant) <= _STILL * np.max(sizes)):
         return _settled(SettledKind.AT_REST, simulator.run(u, v, 0.0), 0)
     while True:
         motion = simulator.run(u, v, duration, impacts)
