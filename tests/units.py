@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from copy import deepcopy
 from pathlib import Path
 from typing import NamedTuple
 
@@ -86,7 +87,7 @@ def scaled_scene(name, units, folder):
     if system.pop("model", None) is not None:
         table["parameters"] = {key: system.pop(key) for key in ("mu", "sigma", "lam", "rho")}
         table["system"] = system = {key: _EXPLICIT[key] for key in ("mass", "damping", "stiffness")}
-        table["stops"], table["coordinates"] = _EXPLICIT["stops"], {"names": ["u1", "u2"], "LO": "u2", "NES": "u1"}
+        table["stops"], table["coordinates"] = deepcopy(_EXPLICIT["stops"]), {"names": ["u1", "u2"], "LO": "u2", "NES": "u1"}
     parameters = table.get("parameters", {})
 
     def scale(parameter):

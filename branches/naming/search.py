@@ -112,7 +112,7 @@ class Search:
     def run(self, levels: Sequence[tuple[float, int]]) -> list[Found]:
         """All matches of the first of the levels that has any."""
         low, high = self.energy
-        least = max(low, 1e-3 * (least_energy(self.system) or 1e-3 * energy_scale(self.system)))
+        least = max(low, 1e-3 * least_energy(self.system)) or 1e-6 * energy_scale(self.system)
         for step, density, *part in levels if self.system.smooth_forces is None else SMOOTH_LEVELS[: len(levels)]:
             energies = np.array([low])
             if low < high:
