@@ -37,7 +37,8 @@ def test_a_motion_does_not_depend_on_units(tmp_path, name, units):
 
 
 FREE = {
-    "lee2009": ("S11-", 0.07, 0.5), "impact_damper": ("S11-", 0.1, 0.5), "cubic_nes": ("S11+", 1e-3, 1e-2), "duffing_pair": ("S11-", 0.1, 1.0),
+    "lee2009": ("S11-", 0.07, 0.5), "impact_damper": ("S11-", 0.1, 0.5), "cubic_nes": ("S11+", 1e-3, 1e-2),
+    "duffing_pair": ("S11-", 0.1, 1.0),
 }  # fmt: skip
 
 
