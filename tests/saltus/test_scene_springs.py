@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 import subprocess
 import sys
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import io, sparse
 from scipy.integrate import solve_ivp
 
 from bvp.kernels.taylor import fly_smooth
 from bvp.smooth_flights import smooth_flight
 from saltus import load_scene
+from saltus.errors import BadInput
 from saltus.scene import SHIPPED
+from saltus.scene.matrices import MOST, with_matrices
 from saltus.scene.model import explain_search
 from tests.saltus.running import refused, run
 
@@ -161,6 +169,18 @@ upper = 1.0
 """
 
 
+MARKET = [
+    ("large", "coordinate real general", "4000000000 4000000000 1\n1 1 1.0"),
+    ("many", "coordinate real general", "2 2 1000000000000\n1 1 1.0"),
+    ("wide", "array real general", "2 3\n1 2 3 4 5 6"),
+    ("text_in", "array real general", "2 2\n1 one 3 4"),
+    ("nan", "array real general", "2 2\n1 nan 3 4"),
+    ("outside", "coordinate real general", "2 2 1\n3 1 1.0"),
+    ("pattern", "coordinate pattern general", "2 2 1\n1 1"),
+]
+"""Matrix Market files that are no matrices of a system: name, rest of the first line, content."""
+
+
 def write_matrices(folder):
     """The matrices in three formats, dense and sparse."""
     np.savez(folder / "both.npz", M=MASS, K=STIFFNESS, C=DAMPING)
@@ -170,6 +190,13 @@ def write_matrices(folder):
     io.mmwrite(folder / "damping.mtx", DAMPING, precision=17)
     np.savez(folder / "other.npz", A=MASS)
     np.savez(folder / "list.npz", M=MASS[0], K=STIFFNESS)
+    np.savez(folder / "complex.npz", M=1j * MASS)
+    io.savemat(folder / "complex.mat", {"M": 1j * MASS})
+    io.savemat(folder / "cell.mat", {"M": np.array([MASS, "text"], dtype=object)})
+    io.savemat(folder / "huge.mat", {"M": sparse.csc_matrix((1_000_000, 1_000_000))}, do_compression=True)
+    (folder / "hdf.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    for name, head, body in MARKET:
+        (folder / f"{name}.mtx").write_text(f"%%MatrixMarket matrix {head}\n% a remark\n{body}\n")
     (folder / "text.npz").write_text("no archive")
     (folder / "text.mtx").write_text("no matrix")
     (folder / "text.mat").write_text("no matrix, but as long as a header is\n" * 10)
@@ -193,12 +220,24 @@ def test_matrices_from_files(tmp_path, mass, stiffness, damping):
     [
         ("both.np", "[system]: mass = 'both.np', expected rows of numbers, or a file .mtx (Matrix Market), .npz or .mat"),
         ("boht.npz", "mass = 'boht.npz' does not exist; nearest: both.npz"),
-        ("text.npz", "cannot read"),
-        ("text.mtx", "cannot read"),
-        ("text.mat", "[system]: mass = 'text.mat': "),
-        ("short.npz", "[system]: mass = 'short.npz': "),
+        ("text.npz", "cannot read [system]: mass = 'text.npz': it is damaged, or no NPZ file"),
+        ("text.mtx", "cannot read [system]: mass = 'text.mtx': it is damaged, or no Matrix Market file"),
+        ("text.mat", "cannot read [system]: mass = 'text.mat': it is damaged, or no MAT file"),
+        ("short.npz", "cannot read [system]: mass = 'short.npz': it is damaged, or no NPZ file"),
+        ("large.mtx", "mass = 'large.mtx' is 4000000000 x 4000000000; expected at most 2000 rows: reduce the model"),
+        ("many.mtx", "cannot read [system]: mass = 'many.mtx': it is damaged, or no Matrix Market file"),
+        ("wide.mtx", "mass = 'wide.mtx' is 2 x 3; expected a square matrix"),
+        ("text_in.mtx", "mass = 'text_in.mtx' has 'one' where a number is expected"),
+        ("nan.mtx", "mass = 'nan.mtx' has nan in row 2, column 1; expected finite numbers"),
+        ("outside.mtx", "mass = 'outside.mtx' has an entry outside of its 2 rows and columns"),
+        ("pattern.mtx", "mass = 'pattern.mtx' is no matrix of real numbers; its numbers are 'pattern'"),
+        ("complex.mat", "mass = 'complex.mat' is no matrix of real numbers; its numbers are complex"),
+        ("complex.npz", "mass = 'complex.npz' is no matrix of real numbers; its numbers are complex"),
+        ("cell.mat", "mass = 'cell.mat' is no matrix of real numbers"),
+        ("huge.mat", "mass = 'huge.mat' is 1000000 x 1000000; expected at most 2000 rows: reduce the model"),
+        ("hdf.mat", "mass = 'hdf.mat' is MAT 7.3 (HDF5); expected version 7 or lower: save it with -v7"),
         ("other.npz", "mass = 'other.npz' has no matrix mass or M; it has A"),
-        ("list.npz", "mass = 'list.npz' is no matrix of real numbers; received shape (2,)"),
+        ("list.npz", "mass = 'list.npz' is no matrix of real numbers; received a list of 2"),
     ],
 )
 def test_a_file_without_a_matrix_is_refused(tmp_path, mass, words):
@@ -206,6 +245,78 @@ def test_a_file_without_a_matrix_is_refused(tmp_path, mass, words):
     with pytest.raises(ValueError) as error:
         scene_of(tmp_path, FILES.replace("MASS", mass).replace("STIFFNESS", "both.npz"))
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matrices_of_each_kind(tmp_path, compressed):
+    """Oracle: scipy's writers, of all symmetries, types of numbers and versions; symmetric matrices have their lower part in the file."""
+    whole, integer = np.array([[4.0, 1.0, 0.0], [1.0, 5.0, -2.0], [0.0, -2.0, 6.0]]), np.array([[4, 1], [1, 300]], dtype=np.int16)
+    for k, (matrix, symmetry) in enumerate(
+        (m, s) for m in (whole, sparse.coo_matrix(whole), integer, sparse.coo_matrix(integer)) for s in ("general", "symmetric")
+    ):
+        io.mmwrite(tmp_path / f"{k}.mtx", matrix, symmetry=symmetry, precision=17)
+    skew = np.array([[0.0, -2.0], [2.0, 0.0]])
+    io.mmwrite(tmp_path / "skew.mtx", skew, symmetry="skew-symmetric", precision=17)
+    io.mmwrite(tmp_path / "twice.mtx", sparse.coo_matrix(([1.0, 2.0], ([0, 0], [1, 1])), shape=(2, 2)))
+    content = {"other": np.zeros((3, 5)), "M": integer, "K": sparse.csc_matrix(whole), "text": "damping"}
+    io.savemat(tmp_path / "5.mat", content, do_compression=compressed)
+    io.savemat(tmp_path / "4.mat", content, format="4")
+    (np.savez_compressed if compressed else np.savez)(tmp_path / "all.npz", M=integer, K=whole)
+
+    def read(key, name):
+        return np.array(with_matrices({key: name}, tmp_path, "[system]")[key])
+
+    for k in range(8):
+        assert np.array_equal(read("mass", f"{k}.mtx"), (whole, integer)[k // 4])
+    assert np.array_equal(read("damping", "skew.mtx"), skew) and read("mass", "twice.mtx").tolist() == [[0.0, 3.0], [0.0, 0.0]]
+    for name in ("5.mat", "4.mat", "all.npz"):
+        assert np.array_equal(read("mass", name), integer) and np.array_equal(read("stiffness", name), whole)
+
+
+@cache
+def written():
+    """Files of matrices as bytes, by kind."""
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        write_matrices(folder)
+        io.savemat(folder / "4.mat", {"M": MASS, "K": STIFFNESS, "C": DAMPING}, format="4")
+        io.savemat(folder / "packed.mat", {"M": MASS, "K": sparse.csc_matrix(STIFFNESS), "C": DAMPING}, do_compression=True)
+        names = "both.npz", "complex.npz", "both.mat", "packed.mat", "4.mat", "complex.mat", "mass.mtx", "stiffness.mtx", "nan.mtx"
+        return [(name.partition(".")[2], (folder / name).read_bytes()) for name in names]
+
+
+DAMAGE = st.one_of(
+    st.binary(max_size=6),
+    st.sampled_from([b"nan", b"1e999", b"-1", b"99999999999999999999", b"4294967296", b"complex", b"array", b"symmetric", b"\n"]),
+    st.sampled_from([b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\x00\x00\x00\x80", b"\x0f\x00\x00\x00", b"\x05\x00\x00\x00"]),
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.integers(0, 8),
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.integers(0, 8), DAMAGE), min_size=1, max_size=4),
+    st.booleans(),
+    st.sampled_from(["mass", "damping", "stiffness"]),
+)
+def test_damaged_files_of_matrices(which, damage, cut, key):
+    """Oracle: the result is a square matrix of finite numbers, or an error of one line that names the table, without words of libraries."""
+    kind, content = written()[which]
+    for part, length, bytes_ in damage:
+        at = int(part * len(content))
+        content = content[:at] if cut and length == 0 else content[:at] + bytes_ + content[at + length :]
+    with TemporaryDirectory() as place:
+        (Path(place) / f"m.{kind}").write_bytes(content)
+        try:
+            rows = with_matrices({key: f"m.{kind}"}, Path(place), "[system]")[key]
+        except BadInput as error:
+            text = str(error)
+            assert f"[system]: {key} = 'm.{kind}'" in text and text.isprintable()
+            words = text.partition("'m.")[2].partition("it has")[0]
+            assert not re.search("scipy|numpy|dtype|buffer|unpack|zlib|codec|index|Error", words)
+            return
+    matrix = np.array(rows)
+    assert matrix.ndim == 2 and matrix.shape[0] == matrix.shape[1] <= MOST and np.isfinite(matrix).all()
 
 
 WRONG = [
