@@ -149,7 +149,8 @@ class SolvedFamily:
         self, sampled: Sampled, tests: Sequence[int], begin: int, limit: float, guard: bool, floor: float
     ) -> tuple[int, float, float, float]:
         """See `continuation.resolution.scan`."""
-        found: tuple[int, float, float, float] = scan_tests(sampled, np.array(tests), begin, float(limit), int(guard), floor)
+        indices = np.array(tests, dtype=np.int64)  # a family can have no test functions
+        found: tuple[int, float, float, float] = scan_tests(sampled, indices, begin, float(limit), int(guard), floor)
         return found
 
     def _block(self, rows: int) -> Block:

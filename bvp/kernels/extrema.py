@@ -26,6 +26,12 @@ STEP_LIMIT = 100000
 ROUNDING = 4e-16
 """Of a functional, as a part of its bound: two units."""
 
+TIE = 1e-13
+"""Part of its size by which rounding can change a distance, a speed or a time of an orbit. Of two nearer than this, the earlier counts."""
+
+INSTANT = 1e-8
+"""Part of a flight by which two instants are apart at least; a turning point is found to a tenth of it."""
+
 
 class Observed(NamedTuple):
     """Functionals that are observed along each flight. S stops, N entries a state."""
@@ -264,9 +270,50 @@ def rises(flight, value, rate, second, z, duration, sign, times, work):
 
 
 @inlined
-def nearest_turn(flight, observed, stop, z, duration, sign, steps, work):
+def tie_of(gap, rate, position, velocity, duration):
+    """Difference of two distances w = gap . position, with the speeds w' = rate . velocity, that is a tie in a flight of `duration`."""
+    size = 0.0
+    for r in range(gap.shape[0]):
+        size += abs(gap[r] * position[r]) + duration * abs(rate[r] * velocity[r])
+    return TIE * size
+
+
+@inlined
+def slack_of(time, last, slack):
+    """How much later a contact at `time` may be and still count as the earlier one: any time behind `last`."""
+    return math.inf if time > last else slack
+
+
+@inlined
+def nearer(best, best_side, best_time, distance, side, time, tie, slack):
+    """The nearer of two contacts (distance, side, time). At a tie the distance is the smaller one, side and time are those of the earlier:
+    the second one is where it is not later than the first by `slack`."""
+    if distance < best - tie or (distance < best + tie and time < best_time + slack):
+        best_side = side
+        best_time = time
+    return distance if distance < best else best, best_side, best_time
+
+
+@inlined
+def note_contact(place, best, earliest, moment, flight, stop, distance, side, time, tie, slack):
+    """Write a contact into `place` - flight, stop, side, time - if it is nearer than the nearest so far, at `best`, or as near and earlier.
+
+    moment, earliest: their instants in the orbit; instants apart by less than `slack` are one. Return the distance and the instant of the
+    nearer one."""
+    if distance < best - tie or (distance < best + tie and moment < earliest - slack):
+        earliest = moment
+        place[0] = flight
+        place[1] = stop
+        place[2] = side
+        place[3] = time
+    return distance if distance < best else best, earliest
+
+
+@inlined
+def nearest_turn(flight, observed, stop, z, duration, sign, steps, tie, last, work):
     """See `clearance`, for a piece of a flight: sign is that of w' before it (0: the flight begins here), steps those made before.
 
+    last: turning points after this time are at the end of a closed orbit, and so at its begin: at a tie they are the first.
     Returns (distance, side, time, sign, steps)."""
     gap = observed.rows[stop]
     track = track_of(flight, gap[1], gap[2], gap[3], z, duration, work[0, : z.shape[0]])
@@ -284,19 +331,18 @@ def nearest_turn(flight, observed, stop, z, duration, sign, steps, work):
             path_state(flight, z, turn, state)
             w = inner(gap[0], state)
             distance = observed.bounds[1, stop] - w if sign > 0 else w - observed.bounds[0, stop]
-            if distance < best:
-                best = distance
-                best_side = 1.0 if sign > 0 else -1.0
-                best_time = turn
+            side = 1.0 if sign > 0 else -1.0
+            best, best_side, best_time = nearer(best, best_side, best_time, distance, side, turn, tie, slack_of(turn, last, 0.0))
         sign = 1 if f > 0.0 else -1
 
 
 @inlined
-def clearance(flight, observed, stop, z, duration, work):
+def clearance(flight, observed, stop, z, duration, tie, last, work):
     """Smallest distance of w from the bounds of one stop at its turning points inside a flight: (distance, side, time).
 
-    The distance is infinite if w has no turning point, and NaN if the search gave up. work (2, N)."""
-    distance, side, time, _, _ = nearest_turn(flight, observed, stop, z, duration, 0, 0, work)
+    Of equal distances (`tie_of`) the first counts; last: see `nearest_turn`. The distance is infinite if w has no turning point, and NaN
+    if the search gave up. work (2, N)."""
+    distance, side, time, _, _ = nearest_turn(flight, observed, stop, z, duration, 0, 0, tie, last, work)
     return distance, side, time
 
 

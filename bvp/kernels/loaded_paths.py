@@ -15,7 +15,7 @@ import numpy as np
 
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel
-from bvp.kernels.extrema import Observed, clearance, nearest_turn
+from bvp.kernels.extrema import INSTANT, TIE, Observed, clearance, nearer, nearest_turn, note_contact, slack_of, tie_of
 from bvp.kernels.flight import Flight, block_growth, flow_state, inner, row_dot, set_1, set_2, times_matrix
 from bvp.kernels.forced import motion_size, refresh
 from bvp.kernels.forced_sticking import (
@@ -312,21 +312,21 @@ def rates_of(flight):
 
 
 @chosen
-def loaded_clearance(flight, extended, stop, node, start, duration, growth, decay):
+def loaded_clearance(flight, extended, stop, node, start, duration, growth, decay, tie, last):
     """`bvp.kernels.extrema.clearance` of a flight of `extended`, which begins at a node, from the time `start` on. growth, decay: those of
     `rates_of`."""
 
 
 @loaded_clearance.of(SmoothLoadedFlight)
 @inlined
-def smooth_clearance(flight, extended, stop, node, start, duration, growth, decay):
+def smooth_clearance(flight, extended, stop, node, start, duration, growth, decay, tie, last):
     """See `loaded_clearance`."""
-    return clearance(flight.taylor, extended.observed, stop, node, duration, extended.work)
+    return clearance(flight.taylor, extended.observed, stop, node, duration, tie, last, extended.work)
 
 
 @loaded_clearance.of(LoadedFlight)
 @inlined
-def linear_clearance(flight, extended, stop, node, start, duration, growth, decay):
+def linear_clearance(flight, extended, stop, node, start, duration, growth, decay, tie, last):
     """See `loaded_clearance`: in pieces. What decays fast is gone after the first ones: each is twice as long."""
     begin = extended.work[2]
     longest = max(GROWTH / growth, duration / PIECES) if growth > 0.0 else duration
@@ -342,13 +342,12 @@ def linear_clearance(flight, extended, stop, node, start, duration, growth, deca
         if at + width >= duration:
             width = duration - at
         flow_state(extended.flight, extended.state, at, begin)
-        distance, side, time, sign, steps = nearest_turn(extended.flight, extended.observed, stop, begin, width, sign, steps, extended.work)
+        distance, side, time, sign, steps = nearest_turn(
+            extended.flight, extended.observed, stop, begin, width, sign, steps, tie, last - at, extended.work
+        )
         if math.isnan(distance):
             return math.nan, 0.0, 0.0
-        if distance < best:
-            best = distance
-            best_side = side
-            best_time = at + time
+        best, best_side, best_time = nearer(best, best_side, best_time, distance, side, at + time, tie, slack_of(at + time, last, 0.0))
         if at + width == at:
             break
         at += width
@@ -391,7 +390,10 @@ def observe_with(segment, watched, extended, y, ends, result):
     bounds = extended.observed.bounds
     present = -1
     best = math.inf
-    set_1(result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1], 0.0)
+    earliest = math.inf
+    elapsed = 0.0
+    place = result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1]
+    set_1(place, 0.0)
     result[entry.GAVE_UP] = 0.0
     slowest = math.inf
     slowest_node = -1
@@ -404,15 +406,16 @@ def observe_with(segment, watched, extended, y, ends, result):
         node = y[at : at + width]
         duration = y[at + width]
         at += width + 1
-        if duration < shortest:
-            shortest = duration
+        elapsed += duration
+        if duration < shortest - TIE * elapsed:
             shortest_index = i
+        shortest = min(shortest, duration)
         if segment.contact[i, 0] >= 0:
             speed = segment.side[i] * row_dot(segment.gap_rate, i, ends[i])
             speeds *= speed / reach
-            if speed < slowest:
-                slowest = speed
+            if speed < slowest - TIE * reach:
                 slowest_node = i
+            slowest = min(slowest, speed)
         mode = flight_mode(segment.sticking, i)
         if mode != present:
             extend_flight(flight_in(segment.sticking, segment.flight, mode), watched.gaps, extended)
@@ -421,6 +424,9 @@ def observe_with(segment, watched, extended, y, ends, result):
         extended_state(orbit_flight(segment, i), node, extended)
         growth, decay = rates_of(extended.flight)
         touched = watched.stops[i - 1 if i > 0 else segment.shape[0]]
+        slack = INSTANT * duration
+        last = duration - slack if i + 1 == ends.shape[0] else math.inf
+        late = slack_of(duration, last, slack)
         for stop in range(bounds.shape[1] if duration > 0.0 else 0):
             bounds[0, stop] = entries[watched.bounds[0, stop]]
             bounds[1, stop] = entries[watched.bounds[1, stop]]
@@ -432,7 +438,12 @@ def observe_with(segment, watched, extended, y, ends, result):
             longest = min(duration, GROWTH / growth) if growth > 0.0 else duration
             start = lift_off(segment.sticking, segment, i, stop, touched, extended, longest)
             flight = orbit_flight(segment, i)
-            distance, side, time = loaded_clearance(flight, extended, stop, node, start, duration, growth, decay)
+            gap = watched.gaps[stop]
+            tie = max(
+                tie_of(gap, gap, node[:n], node[n : 2 * n], duration),
+                tie_of(gap, gap, ends[i, :n], ends[i, n : 2 * n], duration),
+            )
+            distance, side, time = loaded_clearance(flight, extended, stop, node, start, duration, growth, decay, tie, last)
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
             if watched.stops[i] != stop and not closed:
@@ -442,29 +453,20 @@ def observe_with(segment, watched, extended, y, ends, result):
                 rate_after = inner(watched.gaps[stop], y[at + n : at + 2 * n]) if i + 1 < ends.shape[0] else (
                     segment.closing[0] * inner(watched.gaps[stop], y[n : 2 * n])
                 )
-                if rate >= 0.0 and rate_after <= 0.0 and bounds[1, stop] - w < distance:
-                    distance = bounds[1, stop] - w
-                    side = 1.0
-                    time = duration
-                if rate <= 0.0 and rate_after >= 0.0 and w - bounds[0, stop] < distance:
-                    distance = w - bounds[0, stop]
-                    side = -1.0
-                    time = duration
+                if rate >= 0.0 and rate_after <= 0.0:
+                    distance, side, time = nearer(distance, side, time, bounds[1, stop] - w, 1.0, duration, tie, late)
+                if rate <= 0.0 and rate_after >= 0.0:
+                    distance, side, time = nearer(distance, side, time, w - bounds[0, stop], -1.0, duration, tie, late)
             if is_summed(segment.sticking, i) and watched.stops[i] != stop and not closed:
                 # Chatter is short: another stop is beyond its bound at the end if it is hit meanwhile.
                 w = inner(watched.gaps[stop], y[at : at + n]) if i + 1 < ends.shape[0] else (
                     segment.closing[0] * inner(watched.gaps[stop], y[:n])
                 )
-                if min(bounds[1, stop] - w, w - bounds[0, stop]) < distance:
-                    distance = min(bounds[1, stop] - w, w - bounds[0, stop])
-                    side = 1.0 if bounds[1, stop] - w < w - bounds[0, stop] else -1.0
-                    time = duration
-            if distance < best:
-                best = distance
-                result[entry.CLEARANCE_FLIGHT] = i
-                result[entry.CLEARANCE_STOP] = stop
-                result[entry.CLEARANCE_SIDE] = side
-                result[entry.CLEARANCE_TIME] = time
+                below, above = bounds[1, stop] - w, w - bounds[0, stop]
+                towards = 1.0 if below < above + tie else -1.0
+                distance, side, time = nearer(distance, side, time, min(below, above), towards, duration, tie, late)
+            moment = 0.0 if time > last else elapsed - duration + time
+            best, earliest = note_contact(place, best, earliest, moment, i, stop, distance, side, time, tie, slack)
         later = y[at + 2 * n] if i + 1 < ends.shape[0] else y[2 * n] + segment.closing[1]
         room, digits = chatter_room(segment.sticking, segment, i, later - ends[i, 2 * n])
         if math.isnan(room) or math.isnan(digits):

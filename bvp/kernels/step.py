@@ -12,7 +12,7 @@ from numpy import int64
 from bvp.kernels import multipoint as entry
 from bvp.kernels.compiled import chosen, inlined, kernel, short_loops, sized
 from bvp.kernels.cuts import is_cut, is_smooth
-from bvp.kernels.extrema import Observed, clearance, sign_changes
+from bvp.kernels.extrema import INSTANT, TIE, Observed, clearance, nearer, note_contact, sign_changes, slack_of, tie_of
 from bvp.kernels.flight import inner, row_dot, set_1
 from bvp.kernels.flights import energy_slope, path_state, rate, slope_times, twice_energy
 from bvp.kernels.multipoint import (
@@ -340,7 +340,9 @@ def observe(segment, observed, y, ends, work, result):
     start_state(segment.start_map, segment.start_offset, y, start)
     stops = observed.bounds.shape[1]
     best = math.inf
-    set_1(result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1], 0.0)
+    earliest = math.inf
+    place = result[entry.CLEARANCE_FLIGHT : entry.CLEARANCE_TIME + 1]
+    set_1(place, 0.0)
     result[entry.GAVE_UP] = 0.0
     slowest = math.inf
     slowest_node = -1
@@ -361,10 +363,10 @@ def observe(segment, observed, y, ends, work, result):
     for i in range(k + 1):
         z = start if i == 0 else y[at - size : at]
         duration = y[at]
-        if duration < shortest:
-            shortest = duration
-            shortest_index = i
         elapsed += duration
+        if duration < shortest - TIE * elapsed:
+            shortest_index = i
+        shortest = min(shortest, duration)
         cut = is_cut(segment.flight, segment.side, i)
         if i < k and not cut:
             impacts += 1
@@ -378,12 +380,16 @@ def observe(segment, observed, y, ends, work, result):
         if not cut and (i < k or segment.shape[4] == STOP or segment.shape[4] == PERIODIC):
             speed = segment.side[i] * row_dot(segment.gap_rate, i, ends[i])
             speeds *= speed / reach
-            if speed < slowest:
-                slowest = speed
+            if speed < slowest - TIE * reach:
                 slowest_node = i
+            slowest = min(slowest, speed)
+        slack = INSTANT * duration
+        last = duration - slack if i == k and segment.shape[4] == PERIODIC else math.inf
         for stop in range(stops if duration > 0.0 else 0):
             # Equation (26) between the turning points of the gap.
-            distance, side, time = clearance(segment.flight, observed, stop, z, duration, work[1:3])
+            gap = observed.rows[stop]
+            tie = max(tie_of(gap[0], gap[1], z, z, duration), tie_of(gap[0], gap[1], ends[i], ends[i], duration))
+            distance, side, time = clearance(segment.flight, observed, stop, z, duration, tie, last, work[1:3])
             if math.isnan(distance):
                 result[entry.GAVE_UP] = 1.0
             for end in range(2):
@@ -392,17 +398,13 @@ def observe(segment, observed, y, ends, work, result):
                     w = row_dot(observed.rows[stop], 0, z) if end == 0 else row_dot(observed.rows[stop], 0, ends[i])
                     above = w - observed.bounds[0, stop]
                     below = observed.bounds[1, stop] - w
-                    nearest = min(below, above)
-                    if nearest < distance:
-                        distance = nearest
-                        side = 1.0 if below < above else -1.0
-                        time = 0.0 if end == 0 else duration
-            if distance < best:
-                best = distance
-                result[entry.CLEARANCE_FLIGHT] = i
-                result[entry.CLEARANCE_STOP] = stop
-                result[entry.CLEARANCE_SIDE] = side
-                result[entry.CLEARANCE_TIME] = time
+                    towards = 1.0 if below < above + tie else -1.0
+                    instant = 0.0 if end == 0 else duration
+                    distance, side, time = nearer(
+                        distance, side, time, min(below, above), towards, instant, tie, slack_of(instant, last, slack)
+                    )
+            moment = 0.0 if time > last else elapsed - duration + time
+            best, earliest = note_contact(place, best, earliest, moment, i, stop, distance, side, time, tie, slack)
         at += size + 1
     result[entry.CLEARANCE] = best
     result[entry.SPEED] = slowest

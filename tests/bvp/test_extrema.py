@@ -5,11 +5,12 @@ resolve every turn. Polynomial flights (rigid-body modes) have roots known exact
 """
 
 import numpy as np
+import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from bvp.kernels.extrema import clearance, sign_changes
+from bvp.kernels.extrema import clearance, sign_changes, tie_of
 from bvp.multipoint import observed_of
 from bvp.system import ImpactSystem, Stop
 
@@ -99,7 +100,7 @@ def test_clearance_against_dense_samples(n, damped, duration, seed):
     up = np.flatnonzero((rates[:-1] > 0.0) & (rates[1:] < 0.0))
     down = np.flatnonzero((rates[:-1] < 0.0) & (rates[1:] > 0.0))
     expected = min([1.0 - max(gaps[i], gaps[i + 1]) for i in up] + [min(gaps[i], gaps[i + 1]) + 1.0 for i in down], default=np.inf)
-    distance, side, time = clearance(modes.flight, observed, 0, z, duration, np.empty((2, 2 * n)))
+    distance, side, time = clearance(modes.flight, observed, 0, z, duration, 0.0, np.inf, np.empty((2, 2 * n)))
     if np.isinf(expected):
         assert np.isinf(distance)
         return
@@ -120,7 +121,7 @@ def test_polynomial_flight_has_its_exact_turning_points():
     assert sign_changes(modes.flight, value, rate, second, z, 0.9, 0, False, False, work) == (1, 1)
     assert sign_changes(modes.flight, value, rate, second, z, 0.29, 0, False, False, work) == (0, -1)
     assert sign_changes(modes.flight, value, rate, second, z, 0.29, 1, False, False, work) == (1, -1)
-    distance, _, _ = clearance(modes.flight, observed_of(system), 0, z, 0.9, np.empty((2, 4)))
+    distance, _, _ = clearance(modes.flight, observed_of(system), 0, z, 0.9, 0.0, np.inf, np.empty((2, 4)))
     assert np.isinf(distance)
 
 
@@ -139,7 +140,19 @@ def test_clearance_of_a_grazing_flight_to_rounding():
     modes = system.modes
     for gap in (1e-3, 1e-9, 1e-14, -1e-9):
         z = modes.from_state @ np.array([0.0, 1.0 - gap])
-        distance, side, time = clearance(modes.flight, observed_of(system), 0, z, 3.0, np.empty((2, 2)))
+        distance, side, time = clearance(modes.flight, observed_of(system), 0, z, 3.0, 0.0, np.inf, np.empty((2, 2)))
         assert abs(distance - gap) < 4e-16 and side == 1.0 and abs(time - np.pi / 2) < 1e-7
-        distance, side, time = clearance(modes.flight, observed_of(system), 0, z, 6.0, np.empty((2, 2)))
+        distance, side, time = clearance(modes.flight, observed_of(system), 0, z, 6.0, 0.0, np.inf, np.empty((2, 2)))
         assert abs(distance - gap) < 4e-16
+
+
+def test_of_equal_turning_points_the_first_counts():
+    """Oracle: w = A cos(t - a) turns at t = a, a + pi, ...: at 0.9, on either side. Rounding makes one of them the nearest."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), -1.0, 1.0),))
+    modes, observed = system.modes, observed_of(system)
+    for angle in np.linspace(0.05, 3.1, 40):
+        z = modes.from_state @ np.array([0.9 * np.cos(angle), 0.9 * np.sin(angle)])
+        for side in (1.0, -1.0):
+            tie = tie_of(*observed.rows[0, :2], z, z, 40.0)
+            distance, found, time = clearance(modes.flight, observed, 0, side * z, 40.0, tie, np.inf, np.empty((2, 2)))
+            assert distance == pytest.approx(0.1, abs=1e-14) and found == side and abs(time - angle) < 1e-7
