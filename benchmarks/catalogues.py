@@ -13,7 +13,7 @@ from pathlib import Path
 
 import saltus
 from benchmarks.measure import run_python
-from benchmarks.report import Table, machine, number, show
+from benchmarks.report import Table, machine, number, progress, show, watched
 from branches.branch import Branch
 from branches.catalogue import Catalogue, Edge
 from branches.events import Ended
@@ -50,7 +50,8 @@ def _run_building(arguments: argparse.Namespace) -> int:
     print("\n".join(machine()), flush=True)
     options = SMALL if arguments.small else ()
     with tempfile.TemporaryDirectory() as folder:
-        show(table([build(workers, options, Path(folder)) for workers in arguments.workers]))
+        numbers = watched(arguments.workers, lambda workers: f"a build with {workers} workers")
+        show(table([build(workers, options, Path(folder)) for workers in numbers]))
     return DONE
 
 
@@ -152,6 +153,7 @@ def browse(families: int, folder: str | None, repeats: int) -> Table:
     """Write a catalogue and read it with each command, as a process of its own beside a Python that does nothing."""
     with tempfile.TemporaryDirectory(dir=folder) as place:
         path = Path(place, "synthetic.sqlite")
+        progress(f"a catalogue of {families} families")
         points, written = fill_catalogue(path, families)
         size = path.stat().st_size
         with Catalogue(path) as catalogue:
@@ -165,7 +167,7 @@ def browse(families: int, folder: str | None, repeats: int) -> Table:
             ("tree", ids[0]), ("path", ids[0], ids[-1]),
         )  # fmt: skip
         rows = [("python -c pass", *_least_of_process(("-c", "pass"), repeats))]
-        for command in commands:
+        for command in watched(commands, " ".join):
             shown = " ".join("ID" if word in ids else word for word in command)
             rows.append((f"saltus {shown}", *_least_of_process(("-m", "saltus", *command, "--catalogue", str(path)), repeats)))
     notes = (

@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.backbone import energy
 from benchmarks.measure import timed
-from benchmarks.report import Table, machine, number, show
+from benchmarks.report import Table, machine, number, show, watched
 from branches.curves.free_start import released_of
 from branches.curves.monitor import Window
 from branches.curves.record import BifurcationCurve
@@ -198,7 +198,7 @@ def curves_table(quick: bool) -> Table:
             "system", "curve", "flights", "us a point", "of the family", "ratio", "in blocks", "ratio", "points", "events",
             "us a point of a run", "of the family", "ratio", f"s for {POINTS} points", "error",
         ),
-        [_row(case, quick) for case in cases],
+        [_row(case, quick) for case in watched(cases, lambda case: f"{case.system}, {case.start.code}")],
         (
             "Least of some repeats. Us a point: single steps, with all test functions. Of the family: the same of the family on which the",
             "curve is started; in blocks: its compiled steps. Of a run: with events and record. For 500 points: a run of them, with steps",

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import branches.family
-from benchmarks.measure import Spread, processor_time, spread
+from benchmarks.measure import Difference, Spread, difference, processor_time, spread
 from branches.family import Family
 from branches.tracing import SETTINGS
 from bvp.kernels.compiled import Kernel, kernel
@@ -209,15 +209,15 @@ class Layers:
     steps: float  # per point, as the next two
     iterations: float
     compiled_calls: float
-    compiled: float  # arithmetic in compiled code
-    entering: float  # passing the same arguments to compiled code and back
-    family: float  # Python in `Family.advance` around the compiled call
-    engine: float  # Python in the engine, per block
+    compiled: Difference  # arithmetic in compiled code
+    entering: Difference  # passing the same arguments to compiled code and back
+    family: Difference  # Python in `Family.advance` around the compiled call
+    engine: Difference  # Python in the engine, per block
     total: Spread
 
 
 def layers_of(problem: MultipointProblem, y: np.ndarray, points: int, repeats: int) -> Layers:
-    """Measure the time of a point layer by layer, in a run of so many points from unknowns y. Each layer is measured `repeats` times.
+    """Measure the time of a point layer by layer, in a run of so many points from unknowns y. `repeats`: of each layer, two or more.
 
     Raises
     ------
@@ -244,16 +244,15 @@ def layers_of(problem: MultipointProblem, y: np.ndarray, points: int, repeats: i
         kernels.append(_seconds(seen) / accepted)
         nothings.append(_seconds([(_nothing, arguments) for _, arguments in seen]) / accepted)
     total = spread(totals)
-    in_family, in_kernel, nothing = (min(x) for x in (families, kernels, nothings))
     return Layers(
         problem.inner,
         1.0 + recorded.tried / accepted,
         float(np.mean([step.iterations for step in recorded.accepted])),
         len(seen) / accepted,
-        in_kernel - nothing,
-        nothing,
-        in_family - in_kernel,
-        total.least - in_family,
+        difference(kernels, nothings),
+        difference(nothings, [0.0, 0.0]),
+        difference(families, kernels),
+        difference(totals, families),
         total,
     )
 

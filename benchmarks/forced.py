@@ -12,10 +12,10 @@ import math
 
 import numpy as np
 
-from benchmarks.measure import timed
+from benchmarks.measure import BELOW, timed
 from benchmarks.peers import auto
 from benchmarks.peers.auto_files import AutoSettings
-from benchmarks.report import Table, machine, number, show
+from benchmarks.report import Table, machine, number, progress, show
 from benchmarks.sweeps import RTOL, integrated
 from branches.family import SETTINGS
 from branches.forced.family import ForcedFamily
@@ -104,6 +104,7 @@ def points_table(quick: bool) -> Table:
         problem, y = one_impact(chain(n))
         for impacts in IMPACTS[: 2 if quick else None]:
             if impacts % len(problem.sequence) == 0:
+                progress(f"{n} degrees of freedom, {impacts} impacts")
                 rows.append(_row(*repeated(problem, y, impacts // len(problem.sequence)), quick))
     return Table(
         "Points of forced families",
@@ -115,6 +116,7 @@ def points_table(quick: bool) -> Table:
         (
             f"Least of five blocks of steps. Error: the residual; of DOP853, at {RTOL:g}, the change of the state over a period;",
             "of AUTO-07p the distance to the orbit that Newton's method finds from its orbit.",
+            BELOW,
         ),
     )  # fmt: skip
 
@@ -158,6 +160,6 @@ def _beside_auto(problem: ForcedProblem, y: np.ndarray, seconds: float, quick: b
             error = max(float(np.abs(problem.solve(orbit).y - orbit).max()) for orbit in orbits)
             if error < WANTED:
                 break
-        long, repeats = (LONG // 4, 1) if quick else (LONG, 3)
+        long, repeats = (LONG // 4, 2) if quick else (LONG, 3)
         time = program.time_a_point(problem, y, settings, short=8, long=8 + long // size, repeats=repeats)
-    return f"{1e6 * time.processor:.3g}", str(intervals), number(error), f"{time.processor / seconds:.0f}"
+    return time.processor.per(1e-6).text, str(intervals), number(error), time.processor.per(seconds).text

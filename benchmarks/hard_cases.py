@@ -83,5 +83,5 @@ def run(arguments: argparse.Namespace) -> int:
             heading, case, error = json.loads(line)
             found[heading, case] = max(error, found.get((heading, case), 0.0))
     write_page(PAGE, page_tables({**errors, **found}, machine()), BEGIN, END)
-    print(f"{PAGE.relative_to(ROOT)}: {len(found)} cases measured")
+    print(f"{PAGE.name}: {len(found)} cases measured")
     return DONE

@@ -17,6 +17,7 @@ from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
+from benchmarks.report import progress, watched
 from saltus import processes
 from saltus.compiling import LIST, compile_kernels
 
@@ -152,7 +153,8 @@ def called(commands: list[str]) -> list[list[Any]]:
 def recorded(examples: Mapping[str, list[str]] = EXAMPLES) -> tuple[list[list[Any]], dict[str, list[int]]]:
     """All kernels that the examples call, and for each group the places of its kernels among them."""
     with ProcessPoolExecutor(1, mp_context=processes.new_processes(), max_tasks_per_child=1) as pool:
-        by_group = dict(zip(examples, pool.map(called, examples.values()), strict=True))
+        results = zip(examples, pool.map(called, examples.values()), strict=True)
+        by_group = dict(watched(results, lambda result: f"found the kernels of {result[0]!r}"))
     kernels = sorted({repr(call): call for calls in by_group.values() for call in calls}.items())
     places = {text: place for place, (text, _) in enumerate(kernels)}
     return [call for _, call in kernels], {group: [places[repr(call)] for call in calls] for group, calls in by_group.items()}
@@ -170,6 +172,7 @@ def run(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = folder
         new = [[0.0, *call] for call in kernels if repr(call) not in seconds]
+        progress(f"compiling {len(new)} new kernels")
         seconds |= {repr(call[1:]): call[0] for call in compile_kernels(new, 1)}
     lines = ",\n".join(json.dumps([round(seconds[repr(call)], 1), *call]) for call in kernels)
     groups = ",\n".join(f"{json.dumps(group)}: {json.dumps(places)}" for group, places in commands.items())

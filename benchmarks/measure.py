@@ -7,13 +7,18 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-__all__ = ["FinishedProcess", "Spread", "least_times", "processor_of_children", "processor_time", "run_python", "spread", "timed"]
+from benchmarks.report import number
+
+__all__ = [
+    "Difference", "FinishedProcess", "Spread", "difference", "least_times", "processor_of_children", "processor_time", "repeated_times",
+    "run_python", "spread", "timed",
+]  # fmt: skip
 
 Result = TypeVar("Result")
 
@@ -35,6 +40,45 @@ def spread(values: list[float]) -> Spread:
     return Spread(min(values), float(np.median(values)))
 
 
+class Difference(NamedTuple):
+    """A time that is the difference of two repeated measurements, and their scatter: a value below it is not a figure."""
+
+    value: float
+    scatter: float
+
+    @property
+    def text(self) -> str:
+        """The value, or the bound below which it is.
+
+        Examples
+        --------
+        >>> Difference(12.34, 0.5).text, Difference(-31.0, 40.0).text, Difference(0.2, 0.5).text
+        ('12.3', 'below 71', 'below 0.7')
+        """
+        return number(self.value) if self.value > self.scatter else f"below {number(abs(self.value) + self.scatter, 2)}"
+
+    def per(self, divisor: float) -> Difference:
+        """Return the difference divided by a number above zero."""
+        return Difference(self.value / divisor, self.scatter / divisor)
+
+
+BELOW = "\"below x\": a difference of two times below their scatter; its bound is x."
+"""Note of a table with differences."""
+
+
+def difference(longer: Sequence[float], shorter: Sequence[float]) -> Difference:
+    """Difference of the least times of two works. Scatter: by how much the medians are longer than the least times, together.
+
+    Raises
+    ------
+    ValueError
+        For a work that is measured once: its scatter is not known.
+    """
+    if min(len(longer), len(shorter)) < 2:
+        raise ValueError("a time that is measured once has no known scatter; expected two or more of each work")
+    return Difference(min(longer) - min(shorter), sum(float(np.median(times)) - min(times) for times in (longer, shorter)))
+
+
 def timed(function: Callable[..., Result], *arguments: Any) -> tuple[Result, float]:
     """Result and processor seconds of one call."""
     began = time.process_time()
@@ -51,7 +95,12 @@ def processor_time(work: Callable[[], object], many: int = 1) -> float:
 
 
 def least_times(works: Mapping[str, Callable[[], object]], seconds: float) -> dict[str, float]:
-    """Least processor time of each work, from at least five measurements and this many seconds of each.
+    """Least of the `repeated_times` of each work."""
+    return {name: min(times) for name, times in repeated_times(works, seconds).items()}
+
+
+def repeated_times(works: Mapping[str, Callable[[], object]], seconds: float) -> dict[str, list[float]]:
+    """Processor times of each work, from at least five measurements and this many seconds of each.
 
     The works alternate, so that a disturbance of the machine affects all of them. A short work is done many times per measurement.
     """
@@ -60,7 +109,7 @@ def least_times(works: Mapping[str, Callable[[], object]], seconds: float) -> di
     while any(len(done) < 5 or sum(done) * many[name] < seconds for name, done in times.items()):
         for name, work in works.items():
             times[name].append(processor_time(work, many[name]))
-    return {name: min(done) for name, done in times.items()}
+    return times
 
 
 def processor_of_children() -> float:

@@ -21,8 +21,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import saltus
-from benchmarks.measure import timed
-from benchmarks.report import Table, machine, number, show
+from benchmarks.measure import Difference, difference, timed
+from benchmarks.report import Table, machine, number, progress, show, watched
 from bvp.fast_path import fast_path_numbers, run_fast_path
 from bvp.system import vibro_impact_nes
 from saltus.errors import DONE
@@ -124,7 +124,7 @@ def section_table(quick: bool) -> Table:
         return found
 
     rows = []
-    for energy in ENERGIES[: 2 if quick else None]:
+    for energy in watched(ENERGIES[: 2 if quick else None], "h = {:g}".format):
         runs = [timed(section, energy) for _ in range(3)]
         found, seconds = runs[0][0], min(run[1] for run in runs)
         ours = len(found) / seconds
@@ -164,8 +164,9 @@ def studies_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _run_studies(arguments: argparse.Namespace) -> int:
     print("\n".join(machine()), flush=True)
-    runs = [study(arguments.runs, workers) for workers in arguments.workers]
+    runs = [study(arguments.runs, workers) for workers in watched(arguments.workers, lambda n: f"{arguments.runs} runs, {n} workers")]
     some = np.random.default_rng(1).permutation(arguments.runs)[: arguments.sample]
+    progress(f"{arguments.sample} runs by solve_ivp")
     other = integrate(runs[0].energies[some], runs[0].last[some]) if arguments.sample else None
     show(study_table(runs, other, tail_time(runs[0].energies[: min(arguments.runs, 50_000)])))
     return DONE
@@ -248,24 +249,24 @@ def _warm(plan: StudyPlan) -> None:
     time.sleep(0.05)
 
 
-def tail_time(energies: np.ndarray) -> tuple[float, float]:
+def tail_time(energies: np.ndarray) -> tuple[float, Difference]:
     """Processor seconds a run: in total, and in the part after the last impact."""
     numbers = fast_path_numbers(vibro_impact_nes(MU, SIGMA, LAM, RHO))
     assert numbers is not None
     which, states = np.zeros(len(energies), dtype=np.int64), np.zeros((len(energies), 4))
     states[:, 3] = np.sqrt(2.0 * energies)
 
-    def seconds(most: Any) -> tuple[float, np.ndarray]:
-        """Least seconds of three, and the impacts of each run."""
+    def seconds(most: Any) -> tuple[list[float], np.ndarray]:
+        """Seconds, three times, and the impacts of each run."""
         runs = partial(
             run_fast_path, numbers[None], which, states, energies, duration=1e4, to_rest=True, max_impacts=most, fractions=(0.5, 0.9, 0.99)
         )
         found = [timed(runs) for _ in range(3)]
-        return min(seconds for _, seconds in found), found[0][0].impacts
+        return [seconds for _, seconds in found], found[0][0].impacts
 
     total, impacts = seconds(10**7)
     # Runs that end with their last impact need no tail.
-    return total / len(energies), (total - seconds(impacts)[0]) / len(energies)
+    return min(total) / len(energies), difference(total, seconds(impacts)[0]).per(len(energies))
 
 
 def integrate(energies: np.ndarray, last: np.ndarray) -> Integrated:
@@ -307,7 +308,7 @@ def integrate(energies: np.ndarray, last: np.ndarray) -> Integrated:
     return Integrated(time.perf_counter() - begin, len(energies), impacts, max(errors), float(np.median(errors)))
 
 
-def study_table(runs: list[Studied], other: Integrated | None, tail: tuple[float, float]) -> Table:
+def study_table(runs: list[Studied], other: Integrated | None, tail: tuple[float, Difference]) -> Table:
     """The figures as rows."""
     columns = ("", "workers", "seconds", "runs/s", "impacts/s", "us an impact", "of processor", "bytes a run", "balance error")
     rows = [
@@ -319,7 +320,7 @@ def study_table(runs: list[Studied], other: Integrated | None, tail: tuple[float
         for run in runs
     ]  # fmt: skip
     notes = [f"{runs[0].runs} runs with {runs[0].impacts} impacts, {runs[0].impacts / runs[0].runs:.1f} a run."]
-    notes.append(f"Of {1e6 * tail[0]:.1f} us of processor a run, about {1e6 * tail[1]:.1f} us come after the last impact.")
+    notes.append(f"Of {1e6 * tail[0]:.1f} us of processor a run, about {tail[1].per(1e-6).text} us come after the last impact.")
     if other is not None:
         rows.append(
             (

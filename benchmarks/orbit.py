@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.peers import nonsmooth_time as paper
 from benchmarks.peers.nonsmooth_time import LEAST_TOLERANCE, TOLERANCE, NonsmoothTimeOrbit, NotMatched, Stagnates
-from benchmarks.report import Table, show
+from benchmarks.report import Table, show, watched
 from saltus.errors import DONE, BadInput
 from saltus.options import positive
 
@@ -87,7 +87,7 @@ def nonsmooth_time_orbit(orbit: Orbit, tolerance: float) -> tuple[NonsmoothTimeO
     assert orbit.velocities is not None
     expected = [(impact.time, impact.stop) for impact in orbit.impacts if impact.time < 2.0 * orbit.alpha]
     failure: NotMatched | None = None
-    for digits in DIGITS:
+    for digits in watched(DIGITS, "shooting in nonsmooth time, from velocities to {} digits".format):
         found = None
         velocities = [float(f"{value:.{digits - 1}e}") for value in orbit.velocities]
         try:

@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmarks import backbone, cases
 from benchmarks.following import BareFamily, Run, layers_of, timed_runs
-from benchmarks.measure import Spread, spread, timed
+from benchmarks.measure import BELOW, Spread, difference, spread, timed
 from benchmarks.peers.shooting import PlainShooting, ShootingError, ShotOrbit
-from benchmarks.report import Table, number, progress
+from benchmarks.report import Table, number, progress, watched
 from branches.family import Family
 from branches.tracing import SETTINGS
 
@@ -123,7 +123,7 @@ def points(scope: Scope) -> Table:
     """Microseconds an accepted point beside shooting, and the errors of both."""
     system = cases.system()
     rows: list[tuple[str, ...]] = []
-    for inner in cases.INNER:
+    for inner in watched(cases.INNER, "{} inner impacts: points".format):
         problem, y = cases.segment(system, inner)
         full = timed_runs(Family(problem), y, scope.points, scope.repeats)
         bare = timed_runs(BareFamily(problem), y, scope.points, scope.repeats)
@@ -153,6 +153,7 @@ def points(scope: Scope) -> Table:
             "Shooting: solve_ivp (DOP853, atol = rtol) with an event on the gap, restitution in a loop, finite-difference Jacobian with",
             f"Broyden's updates, multipliers by differences over the period. Median (least) of {least} to {most} points of the same",
             "spacing. Ratio: shooting to saltus, the least to the least.",
+            BELOW,
         ),
     )  # fmt: skip
 
@@ -162,9 +163,9 @@ def _location(runs: list[Run]) -> str:
     if runs[0].events == 0:
         return "none"
     point = min(run.clean_point for run in runs)
-    eventful = min(float(np.sum(run.seconds[~run.clean])) for run in runs)
-    extra = (eventful - int(np.sum(~runs[0].clean)) * point) / runs[0].events
-    return number(extra / point, 2)
+    eventful = [float(np.sum(run.seconds[~run.clean])) for run in runs]
+    points = int(np.sum(~runs[0].clean))
+    return difference(eventful, [run.clean_point * points for run in runs]).per(runs[0].events * point).text
 
 
 def layers(scope: Scope) -> Table:
@@ -176,8 +177,8 @@ def layers(scope: Scope) -> Table:
         parts = layers_of(*cases.segment(system, inner), scope.points, scope.repeats)
         counts = (parts.steps, parts.iterations, parts.compiled_calls)
         times = (parts.compiled, parts.entering, parts.family, parts.engine)
-        outside = f"{100.0 * (parts.total.least - parts.compiled) / parts.total.least:.0f} %"
-        cells = (*map(number, counts), *(number(1e6 * seconds) for seconds in times), microseconds(parts.total), outside)
+        outside = f"{100.0 * (parts.total.least - parts.compiled.value) / parts.total.least:.0f} %"
+        cells = (*map(number, counts), *(seconds.per(1e-6).text for seconds in times), microseconds(parts.total), outside)
         rows.append((str(inner), *cells))
     return Table(
         "Where the microseconds of a point go, all on",
@@ -190,5 +191,6 @@ def layers(scope: Scope) -> Table:
             "the layer inside it, so the layers sum to the least total, which is measured directly.",
             "Compiled: arithmetic. Entering: the same arguments into compiled code that does nothing. Family, engine: Python",
             f"in Family.advance and continuation.follow. {scope.repeats} repeats.",
+            BELOW,
         ),
     )  # fmt: skip

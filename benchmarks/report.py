@@ -5,16 +5,19 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeVar
 
 from branches.files import write_text
 from saltus import __version__
 from saltus.errors import BadInput
 
-__all__ = ["BEGIN", "END", "Table", "check_page", "machine", "number", "progress", "show", "write_page"]
+__all__ = ["BEGIN", "END", "Table", "check_page", "machine", "number", "progress", "show", "watched", "write_page"]
+
+Item = TypeVar("Item")
 
 BEGIN = "<!-- measured: begin -->"
 END = "<!-- measured: end -->"
@@ -71,9 +74,15 @@ def show(table: Table) -> None:
 
 
 def progress(text: str) -> None:
-    """Print what is being measured, on standard error if it is a terminal."""
-    if sys.stderr.isatty():
-        print(f"  {text}", file=sys.stderr, flush=True)
+    """Print what is being measured, on standard error."""
+    print(f"  {text}", file=sys.stderr, flush=True)
+
+
+def watched(items: Iterable[Item], name: Callable[[Item], str]) -> Iterator[Item]:
+    """Yield items, and print the name of each as `progress` before."""
+    for item in items:
+        progress(name(item))
+        yield item
 
 
 def number(value: float, digits: int = 3) -> str:

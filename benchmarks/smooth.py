@@ -21,9 +21,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.following import timed_runs
-from benchmarks.measure import least_times, processor_of_children, timed
+from benchmarks.measure import BELOW, difference, processor_of_children, repeated_times, timed
 from benchmarks.peers import auto
-from benchmarks.report import Table, machine, number, show
+from benchmarks.report import Table, machine, number, progress, show, watched
 from branches.family import Family
 from branches.naming.at_modes import orbit_at_mode
 from branches.orbit import Orbit
@@ -114,7 +114,7 @@ def shot_quarter(system: Any, velocities: np.ndarray, time: float, energy: float
 def points_table(quick: bool) -> Table:
     """Microseconds a point, with the relative error of the quarter period."""
     rows = []
-    for scene, values, mode, h, aim in CASES[: 2 if quick else None]:
+    for scene, values, mode, h, aim in watched(CASES[: 2 if quick else None], lambda case: f"points of {_name(*case[:2])}"):
         orbit = _orbit(scene, values, mode, h)
         runs = timed_runs(Family(orbit.problem), np.array(orbit.solution.y), 16 if quick else 40, 3 if quick else 15)
         seconds = min(run.clean_point for run in runs)
@@ -126,6 +126,7 @@ def points_table(quick: bool) -> Table:
         for closed in (False, True):
             for mesh in MESHES:
                 form = "period" if closed else "quarter"
+                progress(f"points of {name}: AUTO-07p, {form}, NTST {mesh}")
                 rows.append((*ours, form, str(mesh), *_beside_auto(orbit, mesh, quick, closed=closed)))
     return Table(
         "Points of smooth families",
@@ -139,6 +140,7 @@ def points_table(quick: bool) -> Table:
             "are those of the program's own control; in the last two columns those of AUTO-07p, which are shorter.",
             "AUTO-07p computes multipliers of the period, none of the quarter. Its error is the distance from the quarter period here at",
             "the same energy; its table has eleven digits.",
+            BELOW,
         ),
     )  # fmt: skip
 
@@ -146,7 +148,7 @@ def points_table(quick: bool) -> Table:
 def columns_table(quick: bool) -> Table:
     """Nanoseconds of a Taylor step without the derivatives by the state and with them. A flight of no time is taken off: it is the call."""
     rows = []
-    for scene, values, mode, h, _ in CASES[: 2 if quick else None]:
+    for scene, values, mode, h, _ in watched(CASES[: 2 if quick else None], lambda case: f"Taylor steps of {_name(*case[:2])}"):
         orbit = _orbit(scene, values, mode, h)
         flight = smooth_flight(orbit.system, 1)
         start = orbit.system.modes.from_state @ np.concatenate([np.zeros(2), orbit.velocities])
@@ -155,15 +157,17 @@ def columns_table(quick: bool) -> Table:
             fly = works[f"columns {with_columns}"] = partial(fly_smooth, flight, 0, start, orbit.alpha, with_columns)
             fly()
             steps.append(int(flight.paths.steps[0, 0]))
-        call, plain, derived = least_times(works, 0.02 if quick else 1.0).values()
-        each, with_them = 1e9 * (plain - call) / steps[0], 1e9 * (derived - call) / steps[1]
-        ratios = f"{with_them / each:.2f}", f"{(derived - call) / (plain - call):.2f}"
-        rows.append((_name(scene, values), str(steps[0]), f"{each:.0f}", str(steps[1]), f"{with_them:.0f}", *ratios))
+        call, *flights = repeated_times(works, 0.02 if quick else 1.0).values()
+        plain, derived = (difference(flight, call) for flight in flights)
+        known = plain.value > plain.scatter
+        ratios = [derived.per(plain.value * by).text if known else "unknown" for by in (steps[1] / steps[0], 1.0)]
+        each, with_them = (flight.per(1e-9 * count).text for flight, count in zip((plain, derived), steps, strict=True))
+        rows.append((_name(scene, values), str(steps[0]), each, str(steps[1]), with_them, *ratios))
     return Table(
         "Taylor steps of a quarter, without and with the four columns of derivatives",
         ("family", "steps", "ns each", "steps, with columns", "ns each", "ratio of a step", "ratio of the quarter"),
         rows,
-        ("Least of many flights, in turn. Steps with columns are shorter: the terms of columns decrease more slowly.",),
+        ("Least of many flights, in turn. Steps with columns are shorter: the terms of columns decrease more slowly.", BELOW),
     )
 
 
@@ -185,7 +189,7 @@ def _beside_auto(orbit: Orbit, mesh: int, quick: bool, *, closed: bool) -> tuple
         table = many[0][1]
     if len(table) <= len(few[0][1]):
         return "-", "no convergence", "-", "-"
-    time = (min(used for used, _ in many) - min(used for used, _ in few)) / (len(table) - len(few[0][1]))
+    time = difference(*([used for used, _ in runs] for runs in (many, few))).per(len(table) - len(few[0][1]))
     h, duration = table[len(few[0][1]) // 2]
     alpha = duration / 4.0 if closed else duration
     exact = orbit.problem.solve(orbit.solution.y, energy=float(h))["quarter_period"]
@@ -194,7 +198,7 @@ def _beside_auto(orbit: Orbit, mesh: int, quick: bool, *, closed: bool) -> tuple
     settings = replace(SETTINGS, initial_step=step, maximum_step=step)
     runs = timed_runs(family, np.array(orbit.solution.y), short, 3 if quick else 15, settings)
     seconds = min(run.clean_point for run in runs)
-    return f"{1e6 * time:.0f}", number(abs(alpha / exact - 1.0)), f"{1e6 * seconds:.0f}", f"{time / seconds:.1f}"
+    return time.per(1e-6).text, number(abs(alpha / exact - 1.0)), f"{1e6 * seconds:.0f}", time.per(seconds).text
 
 
 def _write_start(folder: Path, orbit: Orbit, closed: bool) -> None:

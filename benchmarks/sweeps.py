@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.measure import timed
-from benchmarks.report import Table, machine, show
+from benchmarks.report import Table, machine, show, watched
 from bvp.forcing import Constant, Force, Harmonic
 from bvp.system import ImpactSystem
 from saltus.errors import DONE
@@ -89,7 +89,7 @@ def _distance(row: np.ndarray, bound: float, side: float) -> Callable[[float, np
 def sweep_table(quick: bool) -> Table:
     """Impacts a second of processor time, and their ratio."""
     periods, few = (60, 4) if quick else (2000, 40)
-    rows = [_row(name, periods, few) for name in SCENES[: 2 if quick else None]]
+    rows = [_row(name, periods, few) for name in watched(SCENES[: 2 if quick else None], str)]
     return Table(
         "Sweeps",
         ("scene", "n", "impacts a period", "exponent", "impacts a second", "solve_ivp", "ratio"),

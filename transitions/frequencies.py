@@ -124,7 +124,9 @@ def ridges(spectrum: Spectrum, times: np.ndarray, signal: np.ndarray) -> list[Ri
     following, opened = np.empty((2, len(columns)), dtype=np.int64)
     link(maxima, spectrum.octaves, _DRIFT, step, following, np.empty(len(columns), dtype=np.bool_), opened)
     linked = np.flatnonzero(following >= 0)
-    links = coo_array((np.ones(len(linked)), (linked, following[linked])), shape=(len(columns),) * 2)
+    # scipy 1.11 prints an error at other integers, and gives no chains.
+    ends = linked.astype(np.int32), following[linked].astype(np.int32)
+    links = coo_array((np.ones(len(linked)), ends), shape=(len(columns),) * 2)
     count, number = connected_components(links, directed=False)  # chains, in the order of their first maxima
     order = np.argsort(number, kind="stable")
     out: list[Ridge] = []

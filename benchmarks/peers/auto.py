@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.measure import processor_of_children
+from benchmarks.measure import Difference, difference, processor_of_children
 from benchmarks.peers.auto_files import EQUATIONS, AutoError, AutoRun, AutoSettings, constants_text, last_lines, read_run, start_text
 from benchmarks.speed_error.methods import SHORT_STEP, Answer, Method, Task, Work
 from benchmarks.speed_error.tasks import LocateTask, OrbitTask
@@ -52,8 +52,8 @@ REPEATS = 8
 class PointTime(NamedTuple):
     """Time of a point: by the clock, and of the processor, which other work on the machine does not affect."""
 
-    seconds: float
-    processor: float
+    seconds: Difference
+    processor: Difference
 
 
 def missing() -> str | None:
@@ -141,7 +141,7 @@ class Auto:
         self, problem: MultipointProblem | ForcedProblem, y: np.ndarray, settings: AutoSettings, *, short: int = 100, long: int = 2100,
         repeats: int = 3,
     ) -> PointTime:  # fmt: skip
-        """Time of a point, from the least times of short and long runs that keep nothing.
+        """Time of a point, from the least times of short and long runs that keep nothing; two or more of each.
 
         The equations are compiled before. Processor time is accurate to some 20 ms divided by the difference in points.
         """
@@ -149,11 +149,12 @@ class Auto:
         least = []
         for length in (short, long):
             runs = [self.follow(problem, y, replace(settings, points=length), keep=False) for _ in range(repeats)]
-            least.append((min(run.seconds for run in runs), min(run.processor for run in runs), runs[0].count))
+            least.append(([run.seconds for run in runs], [run.processor for run in runs], runs[0].count))
         (first, first_processor, few), (last, last_processor, many) = least
         if many <= few:
             raise AutoError(f"AUTO ended after {many} points: expected a shorter run or a smaller step")
-        return PointTime((last - first) / (many - few), (last_processor - first_processor) / (many - few))
+        pairs = (last, first), (last_processor, first_processor)
+        return PointTime(*(difference(*pair).per(many - few) for pair in pairs))
 
 
 @dataclass(frozen=True)
@@ -192,7 +193,10 @@ def _follow(task: OrbitTask, intervals: int, timed: bool) -> Answer:
         seconds = None
         if timed:
             cost = auto.time_a_point(problem, y, settings, short=SHORT // flights, long=LONG // flights, repeats=REPEATS)
-            seconds = cost.seconds if math.isnan(cost.processor) else cost.processor
+            found = cost.seconds if math.isnan(cost.processor.value) else cost.processor
+            if not found.value > found.scatter:
+                raise AutoError(f"the microseconds of a point are {found.per(1e-6).text}, the scatter of the runs")
+            seconds = found.value
     orbits = tuple(task.answer(point.unknowns(problem), point.h) for point in run.points)
     return Answer(len(orbits), seconds, orbits)
 

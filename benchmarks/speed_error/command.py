@@ -13,7 +13,7 @@ from benchmarks.peers.auto import Auto07p
 from benchmarks.peers.collocation import Collocation
 from benchmarks.peers.integrators import INTEGRATORS
 from benchmarks.peers.nonsmooth_time import NonsmoothTime
-from benchmarks.report import check_page, machine, progress, show, write_page
+from benchmarks.report import check_page, machine, show, write_page
 from benchmarks.speed_error.exact import EXACT
 from benchmarks.speed_error.methods import Method, Task
 from benchmarks.speed_error.results import draw_growth, draw_work_precision, page_text, tables
@@ -28,8 +28,8 @@ __all__ = ["FILES", "METHODS", "add_arguments", "fill", "measure", "read_results
 ROWS, DATA, PAGE, PRECISION, GROWTH = FILES = ("bench.rows.jsonl", "bench.json", "bench.md", "work_precision.png", "growth.png")
 """The files written: each row as soon as it is finished; all data; the tables; the figures."""
 
-SCHEMA = 2
-"""Of `DATA`. In schema 1, rows of discoveries had the key "settled" instead of "complete"."""
+SCHEMA = 3
+"""Of `DATA`. In schema 1, rows of discoveries had the key "settled" instead of "complete". Before schema 3, layers had no scatter."""
 
 METHODS: dict[str, Method] = {
     method.name: method for method in (*EXACT, *INTEGRATORS, NonsmoothTime(), Collocation(), Auto07p())
@@ -71,7 +71,6 @@ def measure(folder: Path, effort: Effort, tasks: Sequence[Task], used: Sequence[
                 for method in used:
                     for row in task_rows(task, method, effort) if method.does(task) else ():
                         file.add(row)
-            progress("growth")
             for row in growth(effort):
                 file.add(row)
         except KeyboardInterrupt:
@@ -110,7 +109,7 @@ def _write(folder: Path, record: dict[str, Any], tasks: Sequence[Task], settings
 
 
 def read_results(folder: Path) -> dict[str, Any]:
-    """Read the data in a folder of results, of schema 1 or 2.
+    """Read the data in a folder of results, of this schema or an earlier one.
 
     Raises
     ------
@@ -124,6 +123,8 @@ def read_results(folder: Path) -> dict[str, Any]:
     for row in record.get("rows", ()):
         if "settled" in row:
             row["complete"] = row.pop("settled")
+        if record.get("schema", 1) < SCHEMA and row.get("layers"):
+            row["layers"] = {name: [seconds, 0.0] for name, seconds in row["layers"].items()}
     return record
 
 

@@ -105,10 +105,8 @@ class Saltus(Method):
         layers = None
         if self.layers:
             parts = layers_of(problem, y, POINTS, RUNS)
-            layers = {
-                "compiled": parts.compiled, "entering": parts.entering, "family": parts.family, "engine": parts.engine,
-                "total": parts.total.least,
-            }  # fmt: skip
+            layers = {name: list(getattr(parts, name)) for name in ("compiled", "entering", "family", "engine")}
+            layers["total"] = [parts.total.least, parts.total.median - parts.total.least]
         orbits = _answers(task, [solutions[i] for i in checked], [multipliers[i] for i in checked])
         return Answer(len(solutions), seconds, tuple(orbits), layers=layers)
 

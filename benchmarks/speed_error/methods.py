@@ -45,7 +45,7 @@ class Answer:
     orbits: tuple[OrbitAnswer, ...] = ()
     located: dict[str, tuple[float, float]] = field(default_factory=dict)  # (alpha, h) by name
     ran: tuple[float, np.ndarray, float] | None = None  # time, state (2 n,) and energy after the last impact of a motion
-    layers: dict[str, float] | None = None  # seconds a point by layer, if the method separates them
+    layers: dict[str, list[float]] | None = None  # seconds a point and their scatter, by layer, if the method separates them
 
 
 class Errors(NamedTuple):

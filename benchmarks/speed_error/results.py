@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from benchmarks.measure import BELOW, Difference
 from benchmarks.report import Table, number
 from benchmarks.speed_error.methods import OWN, OWN_SHORT, Task
 from branches.figures.style import BLACK, BLUE, GREEN, GREY, LINES, VERMILION, figure_settings, new_figure, set_axis
@@ -157,17 +158,17 @@ def _error(value: float | None) -> str:
 def _layers(rows: Sequence[Row]) -> Table:
     cells = []
     for row in rows:
-        layers = row["layers"]
-        outside = 100.0 * (layers["total"] - layers["compiled"]) / layers["total"]
-        cells.append((row["task"], *(number(1e6 * layers[name]) for name in layers), f"{outside:.0f} %"))
+        layers = {name: Difference(*seconds) for name, seconds in row["layers"].items()}
+        outside = 100.0 * (layers["total"].value - layers["compiled"].value) / layers["total"].value
+        cells.append((row["task"], *(seconds.per(1e-6).text for seconds in layers.values()), f"{outside:.0f} %"))
     return Table(
         "Where the microseconds of a point go",
         ("task", *rows[0]["layers"], "not compiled"),
         cells,
         (
             "Compiled: arithmetic. Entering: the call into compiled code and back. Family, engine: Python between the steps.",
-            "The total is that of points without an event before them; the inner layers are those of all blocks. With many events the",
-            "engine can therefore be negative.",
+            "The total is that of points without an event before them; the inner layers are those of all blocks.",
+            BELOW,
         ),
     )
 
@@ -182,7 +183,10 @@ def _growth(rows: Sequence[Row], against: str) -> Table:
     before: Row | None = None
     cells = []
     for row in rows:
-        added = "-" if before is None else number(1e6 * (row["seconds"] - before["seconds"]) / (row["value"] - before["value"]))
+        added = "-"
+        if before is not None:
+            scatter = row.get("scatter", 0.0) + before.get("scatter", 0.0)
+            added = Difference(row["seconds"] - before["seconds"], scatter).per(1e-6 * (row["value"] - before["value"])).text
         cells.append(
             (
                 str(row["value"]), number(1e6 * row["seconds"]), added, number(1e6 * row["orbit_only"]),
@@ -190,7 +194,7 @@ def _growth(rows: Sequence[Row], against: str) -> Table:
             )
         )  # fmt: skip
         before = row
-    return Table(f"A point against {'inner ' * (against == 'impacts')}{against}", columns, cells)
+    return Table(f"A point against {'inner ' * (against == 'impacts')}{against}", columns, cells, (BELOW,))
 
 
 _MARKERS = ("o", "s", "^", "v", "D", "P", "X", "<", ">", "h", "*", "d")

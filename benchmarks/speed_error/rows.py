@@ -15,8 +15,8 @@ from typing import IO, Any
 import numpy as np
 
 from benchmarks import cases
-from benchmarks.measure import least_times
-from benchmarks.report import progress
+from benchmarks.measure import repeated_times, spread
+from benchmarks.report import progress, watched
 from benchmarks.speed_error.methods import Errors, Method, Task
 from benchmarks.speed_error.worker import Failed, Timed, Worker
 from branches.files import WriteFailure, reason
@@ -155,19 +155,25 @@ def growth(effort: Effort) -> Iterator[Row]:
     """Rows of the growth of cost: `growth` (the cost against what), `value`, `seconds`, and more of each kind."""
     from branches.search.discovery import discover_orbits
 
-    for inner in effort.impacts:
+    for inner in watched(effort.impacts, "growth, {} inner impacts".format):
         yield _growth_of_a_point("impacts", inner, *cases.segment(cases.system(), inner), effort.repeat)
-    for degrees in effort.degrees:
+    for degrees in watched(effort.degrees, "growth, {} degrees of freedom".format):
         system = cases.chain(degrees)
         yield _growth_of_a_point("degrees of freedom", degrees, *cases.segment(system, 0, cases.physical_period(system)), effort.repeat)
-    for period in effort.periods:
+    for period in watched(effort.periods, "growth, discovery to quarter period {:g}".format):
 
         def search(period: float = period) -> Any:
             return discover_orbits(cases.system(), DISCOVERY_ENERGY, quarter_period=period, impacts=DISCOVERY_IMPACTS)
 
         found = search()
-        times = least_times({"seconds": search}, effort.repeat)
+        times = _times({"seconds": search}, effort.repeat)
         yield {"growth": "quarter period", "value": period, **times, "orbits": len(found.orbits), "complete": found.complete}
+
+
+def _times(works: dict[str, Callable[[], object]], repeat: float) -> dict[str, float]:
+    """Least seconds of each work, and the scatter of that named "seconds"."""
+    times = {name: spread(found) for name, found in repeated_times(works, repeat).items()}
+    return {**{name: found.least for name, found in times.items()}, "scatter": times["seconds"].median - times["seconds"].least}
 
 
 def _growth_of_a_point(against: str, value: int, problem: MultipointProblem, y: np.ndarray, repeat: float) -> Row:
@@ -191,4 +197,4 @@ def _growth_of_a_point(against: str, value: int, problem: MultipointProblem, y: 
         "orbit_only": lambda: problem.step(here.y, here.tangent, ARCLENGTH, full=False),
         "saddle_point": lambda: saddle_point_multipliers(cycle),
     }
-    return {"growth": against, "value": value, **least_times(works, repeat), "residual": there["residual"]}
+    return {"growth": against, "value": value, **_times(works, repeat), "residual": there["residual"]}

@@ -98,7 +98,7 @@ def test_layers_sum_to_the_point_and_leave_the_module_as_it_was(system):
     before = dict(vars(branches.family))
     parts = layers_of(*cases.segment(system, 2), points=8, repeats=2)
     assert dict(vars(branches.family)) == before
-    layers = parts.compiled + parts.entering + parts.family + parts.engine
+    layers = sum(part.value for part in (parts.compiled, parts.entering, parts.family, parts.engine))
     assert layers == pytest.approx(parts.total.least, rel=1e-9)
     assert parts.steps >= 1.0 and parts.iterations >= 1.0 and 0.0 < parts.compiled_calls <= 1.0
 

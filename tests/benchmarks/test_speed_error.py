@@ -133,17 +133,20 @@ def test_orbits_of_saltus(task, method):
         assert errors.multipliers < (1e-11 if task.closed else 1e-6)
 
 
-@pytest.mark.parametrize("method", EXACT[:2], ids=lambda method: method.name)
+@pytest.mark.parametrize("method", EXACT[:3], ids=lambda method: method.name)
 def test_points_along_a_family_are_all_right(method):
-    """Oracle: the closed form at each point's own quarter period. Layers sum to the point; short steps stay near."""
+    """Oracle: the closed form at each point's own quarter period. Layers sum to the point; short steps stay near. A family has no
+    test functions but the fold where only orbits are followed."""
     answer = method.prepare(IN_PHASE, None).measured()
     errors = IN_PHASE.errors(answer)
-    assert max(errors.orbit, errors.energy, errors.multipliers) < 1e-12
+    assert max(errors.orbit, errors.energy, 0.0 if method.route == "none" else errors.multipliers) < 1e-12
+    if method.route == "none":
+        return
     if method is EXACT[1]:
         assert 0.0 < math.log(answer.orbits[-1].energy / answer.orbits[0].energy) < answer.points * SHORT_STEP
         return
     assert answer.points > 8 and len(answer.orbits) == 4 and len({orbit.alpha for orbit in answer.orbits}) == 4
-    layers = dict(answer.layers)
+    layers = {name: seconds for name, (seconds, _) in answer.layers.items()}
     assert layers.pop("total") == pytest.approx(sum(layers.values()), rel=1e-9)
 
 
@@ -302,10 +305,13 @@ def test_a_tiny_run(tmp_path, capsys):
     """Oracle: what each method does by construction: the error it was given, the failure it raises, the reason for which it is absent."""
     code = measure(tmp_path, TINY, [IN_PHASE], [EXACT[0], Plain(), Failing(), Absent()])
     out, err = capsys.readouterr()
-    assert code == 0 and not err
+    names = "saltus", "plain, off by 1e-02", "plain, off by 1e-04", "failing, off by 1e-02", "failing, off by 1e-04"
+    growths = "1 inner impacts", "2 inner impacts", "2 degrees of freedom", "3 degrees of freedom", "discovery to quarter period 1.8"
+    lines = [f"S13O00+, {name}" for name in names] + [f"growth, {name}" for name in growths]
+    assert code == 0 and [line.strip() for line in err.splitlines()] == lines
     assert "skipped  absent: the program absent is not installed" in out
     record = json.loads((tmp_path / DATA).read_text())
-    assert record["schema"] == 2 and record["skipped"] == {"absent": "the program absent is not installed"}
+    assert record["schema"] == 3 and record["skipped"] == {"absent": "the program absent is not installed"}
     assert any("cores" in line for line in record["machine"])
     rows = [row for row in record["rows"] if "task" in row]
     assert record["rows"] == rows_in(tmp_path)
@@ -366,7 +372,7 @@ def require_a_run_that_is_ended_from_outside_keeps_its_rows(tmp_path, ending):
     _, err = process.communicate(timeout=120)
     assert len(rows_in(tmp_path)) >= 1 and not (tmp_path / DATA).exists()
     if ending == signal.SIGINT:
-        assert process.returncode == 130 and "interrupted" in err and len(err.splitlines()) == 1
+        assert process.returncode == 130 and "interrupted" in err.splitlines()[-1] and "Traceback" not in err
 
 
 def test_a_folder_that_cannot_be_written_is_found_before_the_work(tmp_path, capsys):
