@@ -411,7 +411,9 @@ def one_after_the_other(*pieces):
         signal.append(u @ GAP)
         rate.append(v @ GAP)
         energy.append(np.full(steps, orbit.h))
-        times = [(impact.time - ahead) % orbit.period + k * orbit.period for k in range(count + 1) for impact in orbit.impacts]
+        # An impact at the begin is there, whatever the rounding of its time.
+        begins = [(impact.time - ahead + 1e-9) % orbit.period - 1e-9 for impact in orbit.impacts]
+        times = [begin + k * orbit.period for k in range(count + 1) for begin in begins]
         impacts += sorted(ends[-1] + t for t in times if t < STEP * steps)
         ends.append(ends[-1] + STEP * steps)
     signal, rate, energy = (np.concatenate(values) for values in (signal, rate, energy))

@@ -354,7 +354,7 @@ class Study:
             return self.runs[steps.max(axis=0) == 1]
         places = np.array([self._place(axis) for axis in self.plan.axes])
         distance = np.square(places - places[:, at : at + 1]).sum(axis=0)
-        nearest = np.argsort(distance, kind="stable")
+        nearest = np.argsort(distance.round(12), kind="stable")  # equal to rounding: in the order of runs
         # If all parameters are lists, other runs can have the same parameters as the best one.
         return self.runs[nearest[nearest != at][: 2 * len(places) + 1]]
 
