@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import numpy as np
 
@@ -92,8 +92,9 @@ def _matrix(key: str, path: Path, where: str) -> list[list[float]]:
     except _Unfit as unfit:
         raise BadInput(f"{where} {unfit}") from unfit
     except Exception as error:  # the readers raise many kinds for a damaged file
-        outside = isinstance(error, OSError) and error.errno not in (None, errno.EINVAL)  # a damaged archive has a wrong place in itself
-        cause = reason(error) if outside else f"it is damaged, or no {kind} file"
+        cause = f"it is damaged, or no {kind} file"
+        if isinstance(error, OSError) and error.errno not in (None, errno.EINVAL):  # EINVAL: a place before the begin of the file
+            cause = reason(error)
         raise BadInput(f"cannot read {where}: {cause}") from error
     dense = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
     if dense.dtype.kind not in "iuf":
@@ -196,10 +197,10 @@ def _matlab(file: IO[bytes], names: tuple[str, ...]) -> Any:
     head = file.read(128)
     if 0 in head[:4]:
         return _matlab_4(file, names)
-    order = "<" if head[126:128] == b"IM" else ">"
+    order: Literal["<", ">"] = "<" if head[126:128] == b"IM" else ">"
     if struct.unpack(order + "H", head[124:126])[0] == 0x0200:
         raise _Unfit("is MAT 7.3 (HDF5); expected version 7 or lower: save it with -v7")
-    found: dict[str, Callable[[], Any]] = {}
+    found: dict[str, Callable[[int], bytes]] = {}
     while tag := file.read(8):
         kind, length = struct.unpack(order + "II", tag)
         begin = file.tell()
@@ -211,12 +212,12 @@ def _matlab(file: IO[bytes], names: tuple[str, ...]) -> Any:
 
         *_, name = islice(_parts(content(_HEAD), order), 3)
         text = name.tobytes().decode("latin1")
-        found.setdefault(text, lambda content=content: _matlab_matrix(content, order))
+        found.setdefault(text, content)
         file.seek(begin + length)
-    return found[_wanted(names, list(found))]()
+    return _matlab_matrix(found[_wanted(names, list(found))], order)
 
 
-def _parts(content: bytes, order: str) -> Iterator[np.ndarray]:
+def _parts(content: bytes, order: Literal["<", ">"]) -> Iterator[np.ndarray]:
     """The arrays of which an element of a MAT file consists, one after another."""
     at = 0
     while at + 8 <= len(content):
@@ -228,7 +229,7 @@ def _parts(content: bytes, order: str) -> Iterator[np.ndarray]:
         at += max(length, 4) if length <= 4 else -(-length // 8) * 8
 
 
-def _matlab_matrix(content: Callable[[int], bytes], order: str) -> np.ndarray:
+def _matlab_matrix(content: Callable[[int], bytes], order: Literal["<", ">"]) -> np.ndarray:
     flags, shape, _ = islice(_parts(content(_HEAD), order), 3)
     kind = int(flags[0]) & 0xFF
     if not _SPARSE <= kind <= 15 or int(flags[0]) & 0x800:
