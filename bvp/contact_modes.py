@@ -245,6 +245,10 @@ PARTICULAR_LIMIT = 30.0
 lose digits in the difference z - X y."""
 
 
+Group = list[tuple[int, np.ndarray]]
+"""Loads with the factors (2, 2) by which they act, as of `_groups`."""
+
+
 class Joined(NamedTuple):
     """Blocks joined with loads: Z = states z + loads y, z = inside Z, (r, r') = position Z; `load_states`: where the state of each load
     begins in Z."""
@@ -270,7 +274,7 @@ def join(
     reach = np.array([max(abs(x) for x in (stop.lower, stop.upper) if np.isfinite(x)) for stop in system.stops])
     inverse = blocks.from_state[:, m:] @ blocks.shapes @ blocks.shapes.T if m else np.zeros((0, 0))
     drives = [exact_product(inverse, load) for load in loads]
-    pieces: list[tuple[list[int], np.ndarray, list[int], list[np.ndarray], np.ndarray]] = []
+    pieces: list[tuple[list[int], np.ndarray, list[Group], list[np.ndarray], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
     pace = _pace(blocks, frequency)
     for i, j in blocks.pairs:
@@ -292,28 +296,30 @@ def join(
         if joined:
             ratios = _ratios(own, pace)
             own = own * ratios[:, None] / ratios
-        joint = np.zeros((len(index) + 2 * len(joined),) * 2)
+        groups = _groups(joined, frequency, [drive[index] for drive in drives])
+        joint = np.zeros((len(index) + 2 * len(groups),) * 2)
         joint[: len(index), : len(index)] = own
         units = []
-        for k, g in enumerate(joined):
+        for k, group in enumerate(groups):
             # The units of a block's load are powers of two, in which it moves the block at its own rates: bounds of a flight grow with
             # the largest entry. So are those of level and slope.
-            entries = np.array([1.0, 1.0 if frequency[g] > 0.0 else 1.0 / pace])
-            generator = _generator(frequency[g]) * entries[:, None] / entries
+            lead = group[0][0]
+            entries = np.array([1.0, 1.0 if frequency[lead] > 0.0 else 1.0 / pace])
+            generator = _generator(frequency[lead]) * entries[:, None] / entries
             rate = max(np.abs(own).max(), np.abs(generator).max())
-            drive = ratios[:, None] * drives[g][index]
+            drive = ratios[:, None] * drives[lead][index]
             units.append(entries * 2.0 ** float(np.round(np.log2(np.abs(drive / entries).max() / rate))))
             at = slice(len(index) + 2 * k, len(index) + 2 * k + 2)
             joint[: len(index), at] = drive / units[k]
             joint[at, at] = generator
-        pieces.append((index, ratios, joined, units, joint))
-    pieces += [([], np.ones(0), [g], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
+        pieces.append((index, ratios, groups, units, joint))
+    pieces += [([], np.ones(0), [[(g, np.eye(2))]], [np.ones(2)], _generator(frequency[g])) for g in range(count)]
     plain = not count
     size = sum(len(piece[-1]) for piece in pieces)
     matrix, inside = np.zeros((size, size)), np.zeros((2 * m, size))
     states, into = np.zeros((size, 2 * m)), np.zeros((size, 2 * count))
     pairs, load_states, start = [], [], 0
-    for index, ratios, joined, units, joint in pieces:
+    for index, ratios, groups, units, joint in pieces:
         width = len(joint)
         place = np.array(index) if plain else np.arange(start, start + width)
         pairs.append((place[0], place[1] if width == 2 else -width))
@@ -321,12 +327,13 @@ def join(
         inside[index, place[: len(index)]] = 1.0 / ratios
         states[place[: len(index)], index] = ratios
         into[place[: len(index)]] = -ratios[:, None] * particular[index]
-        for k, g in enumerate(joined):
-            for entry in range(2):
-                into[place[len(index) + 2 * k + entry], 2 * g + entry] = units[k][entry]
+        for k, group in enumerate(groups):
+            for g, turn in group:
+                into[np.ix_(place[len(index) + 2 * k : len(index) + 2 * k + 2], [2 * g, 2 * g + 1])] = units[k][:, None] * turn
         if not index:
             load_states.append(start)
-            inside[:, place] += particular[:, 2 * joined[0] : 2 * joined[0] + 2]
+            own_load = groups[0][0][0]
+            inside[:, place] += particular[:, 2 * own_load : 2 * own_load + 2]
         start += width
     layout = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     mean, delta = traceless(matrix, layout)
@@ -337,6 +344,25 @@ def _pace(blocks: Blocks, frequency: np.ndarray) -> float:
     """The fastest rate of blocks and loads, to a power of two; 1 if nothing has one."""
     rates = [float(np.abs(np.linalg.eigvals(blocks.matrix)).max(initial=0.0)), float(frequency.max(initial=0.0))]
     return 2.0 ** float(np.round(np.log2(max(rates)))) if max(rates) > 0.0 else 1.0
+
+
+def _groups(joined: list[int], frequency: np.ndarray, drives: list[np.ndarray]) -> list[Group]:
+    """Loads that act on a block as one: harmonic ones of one frequency along one direction are multiples of the strongest, which leads.
+
+    A multiple is a complex number, as a matrix (2, 2) on the states of the load: a turn by the difference of the phases, and a factor."""
+    groups: list[Group] = []
+    for g in sorted(joined, key=lambda g: -float(np.abs(drives[g]).max())):
+        own = drives[g] @ [1.0, -1.0j]
+        for group in groups:
+            lead = drives[group[0][0]] @ [1.0, -1.0j]
+            factor = complex(np.vdot(lead, own) / np.vdot(lead, lead).real)
+            same = frequency[g] == frequency[group[0][0]] > 0.0
+            if same and np.abs(own - factor * lead).max() <= 4.0 * EPSILON * np.abs(own).max():
+                group.append((g, np.array([[factor.real, -factor.imag], [factor.imag, factor.real]])))
+                break
+        else:
+            groups.append([(g, np.eye(2))])
+    return groups
 
 
 def _ratios(block: np.ndarray, pace: float) -> np.ndarray:

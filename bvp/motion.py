@@ -243,7 +243,7 @@ class Motion:
         scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
         flights = [flight_of.kinds[type(modes)].function(modes, f) for f in range(len(modes.pairs))]
         for f, state, duration in zip(self.numbers[:, 2].tolist(), self.states, durations.tolist(), strict=True):
-            if not peak_flight(flights[f], modes.leave[f], state, duration, peaks, *scratch):
+            if not peak_flight(flights[f], modes.leave[f], state, duration, peaks, peaks[:0], *scratch):
                 raise RuntimeError("the search for the largest displacements gave up; run a shorter duration")
         return read_only(peaks)
 

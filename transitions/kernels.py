@@ -19,7 +19,7 @@ from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import Log, MotionState, Scratch, begin_anew, contacts_of, flight_of, restitute_state
 from bvp.kernels.energy_budget import Products, integrals
 from bvp.kernels.extrema import peak_flight, rises
-from bvp.kernels.flight import inner, row_dot, times_matrix
+from bvp.kernels.flight import inner, row_dot, set_1, times_matrix
 from bvp.kernels.flights import carry_change, potential_energy
 from bvp.kernels.motion import FULL, GAVE_UP, NEW_MODE, PAUSED, REACHED, move
 from bvp.kernels.shooting import event
@@ -275,17 +275,17 @@ class ExtentsScratch(NamedTuple):
     work: np.ndarray
     integral: np.ndarray  # of `bvp.kernels.energy_budget.integral_work`
     squares: np.ndarray  # (R,)
-    before: np.ndarray  # (R,)
+    when: np.ndarray  # (R,)
 
 
 @kernel
 def extents_of_motion(modes, flights, rows, weight, scratch, best, where, total):
-    """Largest values best (R,), the indices where (R,) of their flights, and the integrals total (R,) of the squares, over flights.
+    """Largest values best (R,), the times where (R,) of those that are raised, and the integrals total (R,) of the squares, over flights.
 
     rows (F, 2 R, N): the functionals and their rates, in each contact mode; weight (R,): ones. Returns False if the search for a peak
     gave up."""
     begins, numbers, states, end = flights
-    before = scratch.before
+    when = scratch.when
     count = best.shape[0]
     # The starts of all flights first: a flight that begins at rest is long searched, unless it is known to stay below these.
     for k in range(begins.shape[0]):
@@ -293,20 +293,19 @@ def extents_of_motion(modes, flights, rows, weight, scratch, best, where, total)
             value = abs(row_dot(rows[numbers[k, 2]], c, states[k]))
             if value > best[c]:
                 best[c] = value
-                where[c] = k
+                where[c] = begins[k]
     for k in range(begins.shape[0]):
         f = numbers[k, 2]
         flight = (begins[k + 1] if k + 1 < begins.shape[0] else end) - begins[k]
         own = flight_of(modes, f)
-        for c in range(count):
-            before[c] = best[c]
-        if not peak_flight(own, rows[f], states[k], flight, best, scratch.peak, scratch.edge, scratch.work):
+        set_1(when, -1.0)
+        if not peak_flight(own, rows[f], states[k], flight, best, when, scratch.peak, scratch.edge, scratch.work):
             return False
         values = rows[f, :count]
         integrals(own, Products(values, values, weight), states[k], flight, scratch.integral, scratch.squares)
         for c in range(count):
-            if best[c] > before[c]:
-                where[c] = k
+            if when[c] >= 0.0:
+                where[c] = begins[k] + when[c]
             total[c] += scratch.squares[c]
     return True
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
@@ -218,7 +218,7 @@ class Extents:
     rms: np.ndarray
 
 
-def extents(motion: Motion, rows: Any = None) -> Extents:
+def extents(motion: Motion, rows: Any = None, on_progress: Callable[[float], object] | None = None) -> Extents:
     """Extents of linear functionals of the displacements over a full motion.
 
     Peaks are turning points, which bounds of the motion locate, as in `Motion.peaks`. Squares are integrated exactly.
@@ -228,6 +228,8 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     motion : Motion
     rows : (R, n) array_like, optional
         row . u for each row; the displacements themselves by default.
+    on_progress : callable, optional
+        Called with the part of the motion that is searched, 0 to 1.
 
     Raises
     ------
@@ -253,32 +255,13 @@ def extents(motion: Motion, rows: Any = None) -> Extents:
     count, size = len(wanted), modes.matrix.shape[1]
     rows = np.concatenate([np.einsum("rn,fnk->frk", wanted, part) for part in (modes.leave[:, :n], modes.leave[:, n:])], axis=1)
     scratch = np.zeros((PEAK_ROWS, 1, size)), np.zeros((2, 1)), work_array(size, 1)
-    peaks, squares, where = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
+    peaks, squares, times = np.zeros(count), np.zeros(count), np.zeros(count)
     work = ExtentsScratch(*scratch, integral_work(size, count), np.empty(count), np.empty(count))
     for part in Pace().blocks(len(motion.times)):
-        higher, at = peaks.copy(), np.zeros(count, dtype=np.int64)
-        if not extents_of_motion(modes, motion.flights(part), rows, np.ones(count), work, higher, at, squares):
+        if not extents_of_motion(modes, motion.flights(part), rows, np.ones(count), work, peaks, times, squares):
             raise RuntimeError("the search for the peaks gave up; run a shorter duration")
-        where = np.where(higher > peaks, part.start + at, where)
-        peaks = higher
-
-    def reached(c: int, duration: float) -> bool:
-        """Whether a peak is reached within this part of its flight."""
-        flight = motion.flights(slice(where[c], where[c] + 1))._replace(begins=read_only(np.zeros(1)), end=duration)
-        own, best = np.ascontiguousarray(rows[:, [c, count + c]]), np.zeros(1)
-        extents_of_motion(modes, flight, own, np.ones(1), work, best, np.zeros(1, dtype=np.int64), np.zeros(1))
-        return bool(best[0] >= peaks[c] * (1.0 - 1e-15))
-
-    times = np.zeros(count)
-    for c in range(count):
-        k = where[c]
-        low, high = 0.0, float(motion.times[k + 1] if k + 1 < len(motion.times) else motion.duration) - float(motion.times[k])
-        if reached(c, 0.0):
-            high = 0.0
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if reached(c, middle) else (middle, high)
-        times[c] = motion.times[k] + high
+        if on_progress is not None:
+            on_progress(part.stop / len(motion.times))
     # Rounding can make a mean square of 0 negative.
     rms = np.sqrt(np.maximum(squares, 0.0) / motion.duration) if motion.duration > 0.0 else peaks.copy()
     return Extents(peaks, times, rms)

@@ -414,7 +414,7 @@ def fly(modes, f, flight, motion, scratch):
     out = scratch.out
     integral_work = scratch.integral
     if peaks.shape[0]:
-        if not peak_flight(flight_of(modes, f), modes.leave[f], z, flight, peaks, scratch.peak, scratch.edge, work):
+        if not peak_flight(flight_of(modes, f), modes.leave[f], z, flight, peaks, work[0, :0], scratch.peak, scratch.edge, work):
             return False
     path_state(flight_of(modes, f), z, flight, work[0])
     for r in range(z.shape[0]):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy import int64
 
 from bvp.kernels.compiled import chosen, inlined, kernel, shared
-from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, inner, row_dot
+from bvp.kernels.flight import Contacts, Flight, amplitudes, circular, copy_1, flow_state, free_step, growth_rate, inner, row_dot
 from bvp.kernels.flights import path_state, rounding_level
 from bvp.kernels.impact import EXHAUSTED, NONE, OUTSIDE, TOUCH, next_impact
 
@@ -346,7 +346,7 @@ def clearance(flight, observed, stop, z, duration, tie, last, work):
     return distance, side, time
 
 
-PEAK_ROWS = 6
+PEAK_ROWS = 7
 """Rows of the scratch array."""
 
 IDLE_LIMIT = 8
@@ -355,11 +355,17 @@ IDLE_LIMIT = 8
 FRUITLESS = 2
 """Such searches after which time is made to pass."""
 
+SHARP = 4.5
+"""A bound over a flight is sharp if it is no more than this times the bound over its first half: a parabola has 4."""
+
 GLANCES = 4
 """Parts of a flight at whose ends |u| is looked at before the search."""
 
 SLOW = 1e-3
 """Part of the bound of a velocity below which it counts as nearly zero."""
+
+TIE = 1.0 + 1e-15
+"""Factor within which two peaks are equal."""
 
 LEAST = 1e-15
 """Part of the bound of |u| that is rounding."""
@@ -383,17 +389,76 @@ def time_to(rise, derivative, power):
 
 
 @chosen
-def peak_flight(flight, leave, z, duration, peaks, scratch, edge, work):
-    """Raise peaks (n,) to the largest |u| over a flight of `duration` from z (N,), with (u, v) = leave z. False if the search gave up.
+def peak_flight(flight, leave, z, duration, peaks, when, scratch, edge, work):
+    """Raise peaks (n,) to the largest |u| over a flight of `duration` from z (N,), with (u, v) = leave z. when (n,), or empty: the times
+    of those that are raised. False if the search gave up.
 
     scratch (PEAK_ROWS, 1, N), edge (2, 1), work of `impact.work_array`."""
 
 
+@inlined
+def raise_peak(i, value, time, peaks, when):
+    """Raise peaks[i] to |value|, reached at a time. Of values that are equal to rounding the first one counts."""
+    if abs(value) > peaks[i]:
+        if when.shape[0] > 0 and abs(value) > TIE * peaks[i]:
+            when[i] = time
+        peaks[i] = abs(value)
+
+
+@kernel
+def sharp_piece(flight, leave, i, z, duration, growth):
+    """The part of a flight of `duration` from z over which the bounds of u and u'' are sharp; and these bounds.
+
+    Beside a resonance large parts of the state cancel, and their bounds grow exponentially where the sum grows as a power of time."""
+    piece = duration
+    level, bend, _ = amplitudes(flight, leave, i, z, piece)
+    while growth * piece > 1.0:
+        half, half_bend, _ = amplitudes(flight, leave, i, z, 0.5 * piece)
+        if level <= SHARP * half:
+            break
+        piece *= 0.5
+        level = half
+        bend = half_bend
+    return piece, level, bend
+
+
 @peak_flight.of(Flight)
 @shared("boolean")
-def peak_exact(flight, leave, z, duration, peaks, scratch, edge, work):
+def peak_exact(flight, leave, z, duration, peaks, when, scratch, edge, work):
     """See `peak_flight`."""
+    _, growth = growth_rate(flight)
+    begin = scratch[6, 0]
+    for i in range(peaks.shape[0]):
+        copy_1(z, begin)
+        time = 0.0
+        while True:
+            piece, level, bend = sharp_piece(flight, leave, i, begin, duration - time, growth)
+            if level > peaks[i] and not peak_of_piece(
+                flight, leave, i, Piece(begin, time, piece, level, bend), peaks, when, scratch, edge, work
+            ):
+                return False
+            if not time < time + piece < duration:
+                break
+            time += piece
+            flow_state(flight, z, time, begin)
+    return True
+
+
+class Piece(NamedTuple):
+    """A part of a flight."""
+
+    z: np.ndarray  # (N,) its start
+    time: float  # at which it begins
+    duration: float
+    level: float  # bound of |u|
+    bend: float  # bound of |u''|
+
+
+@inlined
+def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
+    """Raise peaks[i] to the largest |u_i| over a piece of a flight, as `peak_flight` does."""
     n = peaks.shape[0]
+    z, began, duration, level, bend = piece
     now = scratch[3, 0]
     later = scratch[4, 0]
     side = edge[0]
@@ -401,72 +466,73 @@ def peak_exact(flight, leave, z, duration, peaks, scratch, edge, work):
     bound[0] = 0.0
     # The velocity takes the place of a gap, so that its next zero is found as an impact is, by equation (3).
     watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)
-    for i in range(n):
-        level, bend, _ = amplitudes(flight, leave, i, z, duration)
-        if level <= peaks[i]:
-            continue
-        reached = abs(row_dot(leave, i, z))
-        for k in range(GLANCES):
-            flow_state(flight, z, (k + 1) * duration / GLANCES, later)
-            reached = max(reached, abs(row_dot(leave, i, later)))
-        peaks[i] = max(peaks[i], reached)
-        reached = max(reached, LEAST * level)
-        copy_1(z, now)
-        copy_1(leave[n + i], scratch[0, 0])
-        row_times_matrix(leave, n + i, flight.matrix, scratch[1])
-        row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
-        rate = row_dot(leave, n + i, z)
-        # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative decides where it goes.
-        if abs(rate) <= rounding_level(flight, leave, n + i, z):
-            rate = row_dot(scratch[1], 0, z)
-            if abs(rate) <= rounding_level(flight, scratch[1], 0, z):
-                rate = row_dot(scratch[2], 0, z)
-        side[0] = -1.0 if rate > 0.0 else 1.0
-        left = duration
-        leaving = -1
-        idle = 0
-        while left > 0.0 and peaks[i] < level:
-            step = 0.0
-            rate = row_dot(scratch[0], 0, now)
-            if rate * rate < SLOW * SLOW * bend * level:
-                # What begins at rest and is moved through other coordinates has a velocity that is nearly zero for long. There the terms of
-                # u's Taylor series, and a bound of the fourth derivative, give a time in which |u| stays below a value that it reaches.
-                ahead, _, _ = amplitudes(flight, leave, i, now, left)
-                _, fourth, _ = amplitudes(flight, scratch[1], 0, now, left)
-                rise = 0.25 * max(reached - abs(row_dot(leave, i, now)), 0.0)
-                step = min(left, time_to(rise, rate, 1.0), time_to(2.0 * rise, row_dot(scratch[1], 0, now), 0.5))
-                step = min(step, time_to(6.0 * rise, row_dot(scratch[2], 0, now), 1.0 / 3.0), time_to(24.0 * rise, fourth, 0.25))
-                if ahead <= peaks[i] or step >= left:
-                    break
-                if not step**4 * fourth > SLOW * reached:
-                    step = 0.0
-            if step > 0.0:
-                flow_state(flight, now, step, later)
-                copy_1(later, now)
-                left -= step
-                leaving = -1
-                side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
-                continue
-            status, _, step = next_impact(flight, watched, leaving, now, left, work)
-            if status == NONE:
-                step = left
-            idle = idle + 1 if step == 0.0 else 0
-            if idle > IDLE_LIMIT:
-                return False
-            resumed = idle > FRUITLESS
-            if resumed:
-                # At rest with no derivative that decides where it goes, as where a force on a far coordinate begins. A little later one
-                # does.
-                rate, bend, _ = amplitudes(flight, scratch[0], 0, now, left)
-                step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
+    raise_peak(i, row_dot(leave, i, z), began, peaks, when)
+    highest = 0.0
+    glance = 0.0
+    for k in range(GLANCES):
+        at = duration if k == GLANCES - 1 else (k + 1) * duration / GLANCES
+        flow_state(flight, z, at, later)
+        if abs(row_dot(leave, i, later)) > highest:
+            highest = abs(row_dot(leave, i, later))
+            glance = at
+    reached = max(highest, abs(row_dot(leave, i, z)), LEAST * level)
+    copy_1(z, now)
+    copy_1(leave[n + i], scratch[0, 0])
+    row_times_matrix(leave, n + i, flight.matrix, scratch[1])
+    row_times_matrix(scratch[1], 0, flight.matrix, scratch[2])
+    rate = row_dot(leave, n + i, z)
+    # At rest, or without acceleration too, as where an impulse hits another coordinate, the next derivative decides where it goes.
+    if abs(rate) <= rounding_level(flight, leave, n + i, z):
+        rate = row_dot(scratch[1], 0, z)
+        if abs(rate) <= rounding_level(flight, scratch[1], 0, z):
+            rate = row_dot(scratch[2], 0, z)
+    side[0] = -1.0 if rate > 0.0 else 1.0
+    left = duration
+    leaving = -1
+    idle = 0
+    while left > 0.0 and max(peaks[i], highest) < level:
+        step = 0.0
+        rate = row_dot(scratch[0], 0, now)
+        if rate * rate < SLOW * SLOW * bend * level:
+            # What begins at rest and is moved through other coordinates has a velocity that is nearly zero for long. There the terms of
+            # u's Taylor series, and a bound of the fourth derivative, give a time in which |u| stays below a value that it reaches.
+            ahead, _, _ = amplitudes(flight, leave, i, now, left)
+            _, fourth, _ = amplitudes(flight, scratch[1], 0, now, left)
+            rise = 0.25 * max(reached - abs(row_dot(leave, i, now)), 0.0)
+            step = min(left, time_to(rise, rate, 1.0), time_to(2.0 * rise, row_dot(scratch[1], 0, now), 0.5))
+            step = min(step, time_to(6.0 * rise, row_dot(scratch[2], 0, now), 1.0 / 3.0), time_to(24.0 * rise, fourth, 0.25))
+            if ahead <= max(peaks[i], highest) or step >= left:
+                break
+            if not step**4 * fourth > SLOW * reached:
+                step = 0.0
+        if step > 0.0:
             flow_state(flight, now, step, later)
-            peaks[i] = max(peaks[i], abs(row_dot(leave, i, later)))
             copy_1(later, now)
             left -= step
-            if status != TOUCH and status != EXHAUSTED:
-                side[0] = -side[0]
-            leaving = -1 if status == OUTSIDE or status == EXHAUSTED else 0
-            if resumed:
-                leaving = -1
-                side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
+            leaving = -1
+            side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
+            continue
+        status, _, step = next_impact(flight, watched, leaving, now, left, work)
+        if status == NONE:
+            step = left
+        idle = idle + 1 if step == 0.0 else 0
+        if idle > IDLE_LIMIT:
+            return False
+        resumed = idle > FRUITLESS
+        if resumed:
+            # At rest with no derivative that decides where it goes, as where a force on a far coordinate begins. A little later one
+            # does.
+            rate, bend, _ = amplitudes(flight, scratch[0], 0, now, left)
+            step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
+        flow_state(flight, now, step, later)
+        raise_peak(i, row_dot(leave, i, later), began + (duration - left) + step, peaks, when)
+        copy_1(later, now)
+        left -= step
+        if status != TOUCH and status != EXHAUSTED:
+            side[0] = -side[0]
+        leaving = -1 if status == OUTSIDE or status == EXHAUSTED else 0
+        if resumed:
+            leaving = -1
+            side[0] = -1.0 if row_dot(scratch[0], 0, now) > 0.0 else 1.0
+    raise_peak(i, highest, began + glance, peaks, when)
     return True

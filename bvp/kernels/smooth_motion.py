@@ -14,7 +14,7 @@ from bvp.kernels.compiled import inlined, shared
 from bvp.kernels.contact_mode import BREAK_INDEX, cannot_hit, flight_of, renew_loads, settle, write_loads
 from bvp.kernels.driving import DrivingSources
 from bvp.kernels.energy_budget import integrals
-from bvp.kernels.extrema import next_sign_change, peak_flight, refine, track_of
+from bvp.kernels.extrema import next_sign_change, peak_flight, raise_peak, refine, track_of
 from bvp.kernels.flight import copy_1, inner, row_dot
 from bvp.kernels.pieces import ROOM, MotionFlight, find_piece, on_piece, project_step
 from bvp.kernels.smooth import track_along
@@ -164,18 +164,19 @@ def piece_track(flight, value, rate, second, z, duration, parts):
 
 @peak_flight.of(MotionFlight)
 @shared("boolean")
-def piece_peaks(flight, leave, z, duration, peaks, scratch, edge, work):
+def piece_peaks(flight, leave, z, duration, peaks, when, scratch, edge, work):
     """See `peak_flight`: at the ends, and where the velocity changes its sign."""
     state = scratch[3, 0]
     if find_piece(flight, z, duration, ROOM) < 0.0:
         return False
     n = peaks.shape[0]
     for i in range(n):
-        peaks[i] = max(peaks[i], abs(row_dot(leave, i, z)))
+        raise_peak(i, row_dot(leave, i, z), 0.0, peaks, when)
         on_piece(flight, duration, state)
-        peaks[i] = max(peaks[i], abs(inner(leave[i], state)))
+        end = inner(leave[i], state)
         track = track_of(flight, leave[i], leave[i], leave[i], z, duration, state)
-        if track.level <= peaks[i]:
+        if track.level <= max(peaks[i], abs(end)):
+            raise_peak(i, end, duration, peaks, when)
             continue
         track = track_of(flight, leave[n + i], leave[i], leave[i], z, duration, state)
         sign = int64(0)
@@ -185,9 +186,11 @@ def piece_peaks(flight, leave, z, duration, peaks, scratch, edge, work):
             if not found:
                 break
             if sign != 0:
-                on_piece(flight, refine(track, before, f_before, here, f, 1e-9 * duration), state)
-                peaks[i] = max(peaks[i], abs(inner(leave[i], state)))
+                turn = refine(track, before, f_before, here, f, 1e-9 * duration)
+                on_piece(flight, turn, state)
+                raise_peak(i, inner(leave[i], state), turn, peaks, when)
             sign = int64(1) if f > 0.0 else int64(-1)
         if t != math.inf:
             return False
+        raise_peak(i, end, duration, peaks, when)
     return True

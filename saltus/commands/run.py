@@ -89,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
             if arguments.locked:
                 lock(scene.system, scene.nes, scene.forces)  # what cannot be locked is refused before the work
             compiling.prepare_for(scene.system, "run")
-            with ProgressBar(100, "% of the motion") as bar:
+            with ProgressBar(100, "% of the motion and its peaks") as bar:
                 report = run_scene(scene, start, duration, arguments.max_impacts, _percent(bar, duration))
         locked = modes = None
         code = DONE if report.motion.status.name in ("DURATION_REACHED", "IMPACTS_FULL") else FAILED

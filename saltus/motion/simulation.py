@@ -260,16 +260,18 @@ def _simulate(
     max_impacts: int,
     on_progress: Callable[[float], object] | None,
 ) -> MotionReport:
-    """Simulate the motion and compute its peaks, also for the part before an interrupt."""
+    """Simulate the motion and compute its peaks, also for the part before an interrupt. For `on_progress` each of these is a half."""
     from bvp.motion import MotionStatus
     from bvp.simulate import simulate
     from transitions.record import drift_rows, extents
 
     u, v = state
+    show = on_progress or (lambda time: None)
     try:
         motion = simulate(
-            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=sharing.dampers, on_progress=on_progress
-        )
+            system, u, v, duration, max_impacts, leaving, forces=list(forces), dampers=sharing.dampers,
+            on_progress=lambda time: show(0.5 * time),
+        )  # fmt: skip
     except KeyboardInterrupt as error:
         # The error carries the part of the motion that was computed before the interrupt.
         if not hasattr(error, "motion"):
@@ -285,7 +287,8 @@ def _simulate(
             "drifts": drift_rows(system, nes),
         }
         with contextlib.suppress(KeyboardInterrupt):
-            found = extents(motion, [row for group in rows.values() for row in group.values()])
+            wanted = [row for group in rows.values() for row in group.values()]
+            found = extents(motion, wanted, lambda part: show(0.5 * duration * (1.0 + part)))
             each = zip(found.peaks.tolist(), found.times.tolist(), found.rms.tolist(), strict=True)
             peaks = {group: {name: next(each) for name in names} for group, names in rows.items()}
     # A motion from rest has no initial energy: its percentages refer to the energy that the loads supplied.

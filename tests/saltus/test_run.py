@@ -349,7 +349,7 @@ def test_progress_is_reported_of_the_motion_and_of_its_stages(capsys, monkeypatc
     monkeypatch.setattr("bvp.interrupts.FIRST", 1)
     monkeypatch.setattr(saltus.terminal.ProgressBar, "update", lambda bar, count, more="": seen.setdefault(bar._things, []).append(count))
     assert run(capsys, "run", "--impulsive", "--energy", "0.3", *DAMPED, "--duration", "40", "--stages")[0] == 0
-    motion, stages = seen["% of the motion"], seen["% of the stages"]
+    motion, stages = seen["% of the motion and its peaks"], seen["% of the stages"]
     assert len(motion) > 5 and motion == sorted(motion) and motion[-1] == 100
     assert stages == sorted(stages) and 90 <= stages[-1] <= 100
 

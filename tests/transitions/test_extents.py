@@ -67,3 +67,27 @@ def test_no_sample_lies_beyond_a_peak(rho, forced):
 def test_rows_of_another_length_are_refused():
     with pytest.raises(ValueError, match="2 coordinates"):
         extents(simulate(vibro_impact_nes(), [0.0, 0.0], [0.0, 1.0], 1.0), [[1.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("w", [1.2, 1.03])
+def test_peaks_beside_a_resonance(w):
+    """A ring of five oscillators under a wave, at rest at first: near the resonance of the wave, loads and modes are large and cancel.
+    Oracle: dense samples, between which a peak exceeds them by no more than the bend of the motion allows."""
+    ring = 1.1 * np.eye(5) - 0.05 * (np.roll(np.eye(5), 1, axis=0) + np.roll(np.eye(5), -1, axis=0))
+    system = ImpactSystem(0.98 * np.eye(5), 0.002 * np.eye(5), ring, (Stop(tuple(np.eye(5)[0]), upper=500.0, restitution=0.8),))
+    phases = 2.0 * math.pi * np.arange(5) / 5
+    forces = [Harmonic(w, math.cos(p) * row, -math.sin(p) * row) for p, row in zip(phases, np.eye(5), strict=True)]
+    motion = simulate(system, np.zeros(5), np.zeros(5), 7.0, forces=forces)
+    found = extents(motion)
+    times = np.linspace(0.0, 7.0, 7001)
+    sampled = np.abs(motion.sample(times)[0])
+    assert np.all(sampled.max(axis=0) <= found.peaks * (1.0 + 1e-14)) and np.all(found.peaks - sampled.max(axis=0) < 1e-6 * found.peaks)
+    assert np.abs(found.times - times[np.argmax(sampled, axis=0)]).max() <= 1e-3
+    np.testing.assert_allclose(found.peaks, motion.peaks, rtol=1e-15)
+    assert motion.balance_error < 1e-14
+
+
+def test_of_equal_peaks_the_first_has_the_time():
+    """Oracle: |sin t| is 1 at pi/2, 3 pi/2, ..."""
+    found = extents(simulate(oscillator(0.0), [0.0], [1.0], 40.0))
+    assert found.times[0] == pytest.approx(math.pi / 2, rel=1e-7)

@@ -94,7 +94,7 @@ def measure_flights(segment, measuring, y, peaks, totals):
             piece = min(piece, longest, duration - time)
             flow_state(extended.flight, extended.state, time, measuring.begin)
             if not peak_flight(
-                extended.flight, rows, measuring.begin, piece, peaks, measuring.peak, measuring.edge, measuring.work
+                extended.flight, rows, measuring.begin, piece, peaks, peaks[:0], measuring.peak, measuring.edge, measuring.work
             ):
                 return False
             if time + piece == time:
