@@ -315,9 +315,12 @@ def rounding_level(flight, rows, c, z):
 
 
 @chosen
-def parting(flight, contacts, c, z, window, other):
-    """A time for which a contact is certain to separate. Its distance, rate and acceleration are 0 to rounding, and the third derivative
-    stays above 0. The result is 0 if this is not certain."""
+def parting(flight, contacts, c, z, horizon, window, state, other, further):
+    """(time for which a contact is certain to separate, order of the first derivative of its distance that is not 0 to rounding).
+
+    Distance, rate and acceleration are 0 to rounding. Times are up to `horizon`; bounds of one instant hold over `window`. The
+    time is 0 where that derivative is negative: the contact presses. The order is 0
+    where there is none: the distance stays 0. state, other, further (N,) are scratch."""
 
 
 @chosen

@@ -57,6 +57,9 @@ NEAR = 1e9
 """A start counts as near its stop until the distance is this many contact tolerances: a return from less, at a speed below 1e-2 or so,
 would be known no better than rounding of w over that speed."""
 WORK_ROWS = 5
+RUNGS, HALVINGS = 8, 60
+"""Steps along which one derivative of a distance is followed to its zero, and halvings of a step."""
+
 STEADY_FALL = 1.0 / 3.0
 """Part of its rate at which a distance falls at least until it passes 0, where that certifies the root."""
 
@@ -219,23 +222,91 @@ def start_contact(flight, contacts, leaving, z):
         if c == leaving:
             continue
         d, slope, _, tolerance = gauge(contacts, c, z)
-        if not d >= -tolerance:
+        # Where the bound and all displacements vanish, rounding is that of the velocities.
+        if not d >= -tolerance and not d >= -rounding_level(flight, contacts.gap, c, z):
             return OUTSIDE, c
         if leaving < 0 and d <= tolerance and slope >= -rounding_level(flight, contacts.rate, c, z):
             leaving = c
     return NONE, leaving
 
 
+@kernel
+def differentiate(flight, order, z, state, other):
+    """state = B^order z; other (N,) is scratch."""
+    copy_1(z, state)
+    for _ in range(order):
+        block_product(flight.pairs, flight.matrix, state, other)
+        copy_1(other, state)
+
+
 @parting.of(Flight)
 @kernel
-def exact_parting(flight, contacts, c, z, window, other):
+def exact_parting(flight, contacts, c, z, horizon, window, state, other, further):
     """See `parting`."""
-    block_product(flight.pairs, flight.matrix, z, other)
-    third = -contacts.side[c] * row_dot(contacts.acceleration, c, other)
-    if third <= rounding_level(flight, contacts.acceleration, c, other):
+    rows, side = contacts.acceleration, contacts.side[c]
+    order = 3
+    differentiate(flight, 1, z, state, other)
+    while abs(row_dot(rows, c, state)) <= rounding_level(flight, rows, c, state):
+        # Derivatives that are 0 up to the number of states vanish for ever (Cayley and Hamilton).
+        if order > z.shape[0]:
+            return 0.0, 0
+        block_product(flight.pairs, flight.matrix, state, other)
+        copy_1(other, state)
+        order += 1
+    if -side * row_dot(rows, c, state) < 0.0:
+        return 0.0, order
+    if order == 3:
+        _, fourth, _ = amplitudes(flight, rows, c, z, window)
+        third = -side * row_dot(rows, c, state)
+        return min(third / fourth, window) if fourth > 0.0 else window, order
+    # While a derivative is positive, those below it, and the distance, rise from 0. It is followed towards its zero; then the derivative
+    # below it is, down to the rate.
+    time = 0.0
+    step = horizon
+    for level in range(order, 0, -1):
+        for _ in range(RUNGS):
+            flow_state(flight, z, time, further)
+            step = positive_step(flight, contacts, c, level, further, min(4.0 * step, horizon - time), state, other)
+            time += step
+            if step <= 0.01 * time:
+                break
+        step = max(step, 0.01 * time)
+    return time, order
+
+
+@kernel
+def positive_step(flight, contacts, c, level, z, longest, state, other):
+    """A time, up to `longest`, in which the derivative of order `level` of a contact's distance stays positive; 0 where it is not above
+    rounding."""
+    if level > 1:
+        rows = contacts.acceleration
+        differentiate(flight, level - 2, z, state, other)
+    else:
+        rows = contacts.rate
+        copy_1(z, state)
+    value = -contacts.side[c] * row_dot(rows, c, state)
+    if value <= rounding_level(flight, rows, c, state):
         return 0.0
-    _, fourth, _ = amplitudes(flight, contacts.acceleration, c, z, window)
-    return third / fourth if fourth > 0.0 else window
+    step = longest
+    for _ in range(HALVINGS):
+        # The value exceeds the other terms of its Taylor series, and the remainder.
+        if level > 1:
+            differentiate(flight, level - 2, z, state, other)
+        else:
+            copy_1(z, state)
+        change = 0.0
+        factor = 1.0
+        for k in range(1, NEAR_TERMS):
+            block_product(flight.pairs, flight.matrix, state, other)
+            copy_1(other, state)
+            factor *= step / k
+            change += factor * abs(row_dot(rows, c, state))
+        block_product(flight.pairs, flight.matrix, state, other)
+        bound, _, _ = amplitudes(flight, rows, c, other, step)
+        if change + factor * step / NEAR_TERMS * bound < value:
+            return step
+        step *= 0.5
+    return 0.0
 
 
 @series.of(Flight)
@@ -317,7 +388,9 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
     near = leaving >= 0
     fresh = int64(-1)  # bits of the contacts that have been within the tolerance since the start
     reach = -1.0
-    parts = False
+    parts = 0  # order of the first derivative with which the contact just left opens; 0: the first or second
+    apart = 0.0  # time up to which it is certain not to return
+    rests = int64(0)  # bits of the contacts whose distance stays 0
     near_jerk = 0.0
     t = 0.0
     found = -1
@@ -345,36 +418,48 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                 known = c
                 jerk[c] = third
                 curvature[c] = -1.0 if level < contacts.side[c] * contacts.bound[c] else second  # -1: w cannot reach the bound
-            if curvature[c] < 0.0:
+            if curvature[c] < 0.0 or (rests >> c) & 1 != 0:
                 continue
             d, slope, bend, tolerance = gauge(contacts, c, state)
-            if c == leaving and near:
+            own = c == leaving and near
+            if own:
                 near_jerk = max(near_jerk, jerk[c])
-                # At the start the distance is 0 exactly; its derivatives decide whether the contact opens.
-                if count == 0:
-                    force = -math.inf
-                    still = 0.0
-                    if not (given and slope > 0.0):
-                        force = rounding_level(flight, contacts.acceleration, c, z)
-                        still = rounding_level(flight, contacts.rate, c, z)
-                    if released:
-                        force *= RELEASED
-                        still *= RELEASED
-                    if slope < -still:
-                        return HIT, c, 0.0
-                    ahead = 0.0
-                    if slope <= (0.0 if given else still) and bend <= force:
-                        if bend >= -force:
-                            ahead = parting(flight, contacts, c, z, window, other)
-                        if ahead == 0.0:
-                            if curvature[c] > force:
-                                return PRESSED, c, 0.0
-                            continue  # it stays on the stop without pressing
-                        parts = True
-                    if bend > 0.0 and near_jerk > 0.0:
-                        ahead = max(ahead, 3.0 * bend / near_jerk)
-                    ahead = max(ahead, free_step(0.0, max(slope, 0.0), curvature[c]))
-                    step = min(step, ahead)
+            # At the start of a flight from a contact the distance is 0 exactly; its derivatives decide whether the contact opens. Of
+            # another one without distance and speed they do, too: these are rounding.
+            if count == 0 and (own or (d <= tolerance and abs(slope) <= rounding_level(flight, contacts.rate, c, z))):
+                exact = own and given
+                force = -math.inf
+                still = 0.0
+                if not (exact and slope > 0.0):
+                    force = rounding_level(flight, contacts.acceleration, c, z)
+                    still = rounding_level(flight, contacts.rate, c, z)
+                if own and released:
+                    force *= RELEASED
+                    still *= RELEASED
+                if slope < -still:
+                    return HIT, c, 0.0
+                ahead = 0.0
+                if slope <= (0.0 if exact else still) and bend <= force:
+                    order = 2
+                    if bend >= -force:
+                        ahead, order = parting(flight, contacts, c, z, horizon, window, state, other, coefficients[:size])
+                        copy_1(z, state)
+                    if order == 0:
+                        rests |= int64(1) << c  # it stays on the stop without pressing
+                        continue
+                    if ahead == 0.0:
+                        return PRESSED, c, 0.0
+                    if own:
+                        apart = ahead
+                        parts = order
+                if bend > 0.0 and jerk[c] > 0.0:
+                    ahead = max(ahead, 3.0 * bend / jerk[c])
+                ahead = max(ahead, free_step(0.0, max(slope, 0.0), curvature[c]))
+                step = min(step, ahead)
+                continue
+            if own:
+                if t < apart:
+                    step = min(step, apart - t)
                     continue
                 if d > NEAR * tolerance:
                     near = False
@@ -382,9 +467,8 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                     # Near the stop d is rounding, so d(t)/t comes from the series of d at the start.
                     if reach < 0.0:
                         reach = series(flight, contacts, c, z, coefficients, state, other)
-                        if parts:
-                            coefficients[1] = 0.0
-                            coefficients[2] = 0.0
+                        for k in range(1, min(parts, NEAR_TERMS + 1)):
+                            coefficients[k] = 0.0
                         along_path(flight, z, t, state)
                     near = reach * t <= NEAR_REACH
             if d > tolerance:

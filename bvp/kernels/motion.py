@@ -35,7 +35,9 @@ from bvp.kernels.sticking import (
     bring_to_rest,
     chatter,
     clash,
+    closed_contacts,
     comes_to_rest,
+    driven_together,
     impact_while_sticking,
     sunk,
     touches_sticking,
@@ -76,8 +78,8 @@ def count_impact(modes, c, speed, loss, motion):
 
 
 @shared(("integer", "boolean"))
-def resolve_impact(modes, still, moving, c, motion, scratch):
-    """Resolve the impact at contact c in mode 0. still, moving: of `at_their_bounds`.
+def resolve_impact(modes, still, moving, sticking, c, motion, scratch):
+    """Resolve the impact at contact c in mode 0. still, moving: of `at_their_bounds`; sticking: those of `still` that stick.
 
     Returns (the contacts that keep sticking, whether c is one of them); -1 where restitution does not define what follows."""
     z, clock = motion.z, motion.clock
@@ -97,18 +99,21 @@ def resolve_impact(modes, still, moving, c, motion, scratch):
         if unknown:
             return int64(-1), False
         clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], span)
-    if still and touches_sticking(modes, still, c):
+    closed = closed_contacts(modes, still, sticking, c, z)
+    if closed and touches_sticking(modes, closed, c):
         # Equation (8).
-        stay, loss = impact_while_sticking(modes, still, c, z, scratch.impulses)
+        stay, loss = impact_while_sticking(modes, closed, c, z, scratch.impulses)
         if stay < 0:
             return int64(-1), False
     else:
-        stay = still
+        stay = closed
         # The restitution of both is that of the rounded sum.
         jump = 1.0 + modes.restitution[c]
         bounce(modes.rate[0], modes.push[0], modes.push_rest[0], c, jump, z)
         # Equation (9), with 1 - rho^2 = (2 - jump) jump.
         loss = 0.5 * modes.contact_mass[c] * (2.0 - jump) * jump * speed * speed
+    if still & ~closed and driven_together(modes, still & ~closed, c, z):
+        return int64(-1), False
     count_impact(modes, c, speed, loss, motion)
     return stay, False
 
@@ -285,7 +290,7 @@ def move(modes, duration, most, motion, log, scratch):
             times_matrix(modes.from_modes[0], x, z)
         still |= sticking
         fast = abs(row_dot(modes.rate[0], c, z)) > rounding_level(flight_of(modes, 0), modes.rate[0], c, z)
-        left, resolved = resolve_impact(modes, still, moving & ~sticking, c, motion, scratch)
+        left, resolved = resolve_impact(modes, still, moving & ~sticking, sticking, c, motion, scratch)
         if left < 0:
             return INTERACTING
         if fast:

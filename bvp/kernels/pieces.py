@@ -259,18 +259,24 @@ def fastest_smooth(flight):
 
 @parting.of(MotionFlight)
 @kernel
-def piece_parting(flight, contacts, c, z, window, other):
-    """See `parting`."""
+def piece_parting(flight, contacts, c, z, horizon, window, state, other, further):
+    """See `parting`: by the Taylor coefficients of the first step."""
     row = flight.polynomials[0]
     h = project_step(flight, contacts.gap, c, int64(0), row)
-    third = -contacts.side[c] * 6.0 * row[3]
-    times_matrix(flight.matrix, z, other)
-    if third <= rounding_level(flight, contacts.acceleration, c, other):
-        return 0.0
-    fourth = 0.0
-    for k in range(ORDER, 3, -1):
-        fourth = fourth * h + k * (k - 1) * (k - 2) * (k - 3) * abs(row[k])
-    return min(third / fourth, h) if fourth > 0.0 else h
+    coefficients = flight.taylor.paths.coefficients[flight.current[0], 0]
+    order = 3
+    while order * (order - 1) * abs(row[order]) <= rounding_level(flight, contacts.acceleration, c, coefficients[order - 2]):
+        order += 1
+        if order > ORDER:
+            return 0.0, 0
+    lead = -contacts.side[c] * row[order]
+    if lead < 0.0:
+        return 0.0, order
+    # lead t^order exceeds the rest of the series for all shorter times.
+    rest = 0.0
+    for k in range(ORDER, order, -1):
+        rest = rest * h + abs(row[k])
+    return min(lead / rest, h) if rest > 0.0 else h, order
 
 
 @series.of(MotionFlight)

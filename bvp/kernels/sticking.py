@@ -31,7 +31,7 @@ from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of, sums_of
 from bvp.kernels.flight import copy_1, row_dot, set_1
 from bvp.kernels.flights import fastest, rounding_level
-from bvp.kernels.impact import NEAR, gauge
+from bvp.kernels.impact import NEAR, RELEASED, gauge
 
 LEVELS = 10
 """Orders kept."""
@@ -165,6 +165,33 @@ def touches_sticking(modes, sticking, c):
     for k in range(modes.side.shape[1]):
         if (sticking >> k) & 1 != 0 and interacts(modes.rate[0], modes.push[0], c, k):
             return True
+    return False
+
+
+@kernel
+def closed_contacts(modes, still, sticking, c, z):
+    """The contacts of the bits of `still` that keep closed under an impact at contact c, at the state z of mode 0: those that stick, and
+    those without rebound, which need no force. At an impact of rounding, as where bodies collapse, it is all of them."""
+    level = RELEASED * rounding_level(flight_of(modes, 0), modes.rate[0], c, z)
+    if abs(row_dot(modes.rate[0], c, z)) <= level:
+        return still
+    closed = still & sticking
+    for k in range(modes.side.shape[1]):
+        if (still >> k) & 1 != 0 and modes.restitution[k] == 0.0:
+            closed |= int64(1) << k
+    return closed
+
+
+@kernel
+def driven_together(modes, touching, c, z):
+    """True where the impact at contact c, after which the state is z of mode 0, has made a contact of the bits of `touching` approach.
+
+    These touch without a force between them. The impact goes on through them at the same instant, and its outcome depends on whether they
+    touch: restitution does not define it."""
+    for k in range(modes.side.shape[1]):
+        if (touching >> k) & 1 != 0 and interacts(modes.rate[0], modes.push[0], c, k):
+            if modes.side[0, k] * row_dot(modes.rate[0], k, z) > rounding_level(flight_of(modes, 0), modes.rate[0], k, z):
+                return True
     return False
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from bvp.forcing import Constant, Harmonic, Record, split_damping
 from bvp.motion import EventKind, MotionStatus
 from bvp.simulate import Simulator, simulate
+from bvp.springs import Spring
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp.twins import chain, force_at
 
@@ -324,3 +325,84 @@ def test_of_many_starts_each_has_a_status_of_its_own():
     """Oracle: the gap and its bounds."""
     batch = Simulator(vibro_impact_nes()).run_many([[1.5, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0]], 1.0)
     assert batch.status == (MotionStatus.OUTSIDE, MotionStatus.DURATION_REACHED) and batch.duration[0] == 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("power", [0, 3])
+def test_a_start_on_a_stop_without_force_leaves_it(side, power):
+    """Oracles: x = 1 - t^4/6 to the fourth order, and of the linear spring the closed form (4 cos t - cos 2 t)/3."""
+    bounds = {"upper": 1.0} if side > 0.0 else {"lower": -1.0}
+    springs = [Spring((1.0,), stiffness=1.0, power=power)] if power else []
+    system = ImpactSystem([[1.0]], [[0.0]], [[0.0 if power else 1.0]], (Stop((1.0,), restitution=0.8, **bounds),), springs=springs)
+    motion = simulate(system, [side], [0.0], 3.0, forces=Harmonic(2.0, cosine=[side]))
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 0 and motion.sticking_time == 0.0
+    early = np.array([0.01, 0.02, 0.05])
+    assert np.abs(side * motion.sample(early)[0][:, 0] - (1.0 - early**4 / 6.0)).max() < 1e-8  # the next term is of the sixth order
+    if not power:
+        times = np.linspace(0.0, 3.0, 31)
+        assert np.abs(side * motion.sample(times)[0][:, 0] - (4.0 * np.cos(times) - np.cos(2.0 * times)) / 3.0).max() < 1e-14
+
+
+def test_a_force_that_rises_from_zero_with_the_second_order_keeps_a_contact_closed():
+    """Oracle: on the stop x = 1 the contact force is 1 - cos 2 t, which is never below 0."""
+    system = ImpactSystem([[1.0]], [[0.0]], [[1.0]], (Stop((1.0,), upper=1.0, restitution=0.8),))
+    motion = simulate(system, [1.0], [0.0], 3.0, forces=[Constant([2.0]), Harmonic(2.0, cosine=[-1.0])])
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 0 and motion.sticking_time == 3.0
+
+
+@pytest.mark.parametrize("n", [2, 3, 8, 14])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_first_derivative_that_is_not_zero_decides_of_any_order(n, sign):
+    """A chain of unit masses and springs, pulled or pushed at its far end: the first mass begins with the derivative of order 2 n, as
+    +-t^(2n)/(2n)!. Oracle: the modes of the chain without a stop."""
+    stiffness = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    system = ImpactSystem(np.eye(n), np.zeros((n, n)), stiffness, (Stop(tuple(np.eye(n)[0]), upper=0.0, restitution=0.5),))
+    motion = simulate(system, np.zeros(n), np.zeros(n), 2.5, forces=Constant(sign * np.eye(n)[-1]))
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 0
+    assert motion.sticking_time == (2.5 if sign > 0.0 else 0.0)
+    if sign < 0.0:
+        squares, shapes = np.linalg.eigh(stiffness)
+        times = np.linspace(0.0, 2.5, 11)
+        free = -(1.0 - np.cos(np.outer(times, np.sqrt(squares)))) @ (shapes[0] * shapes[-1] / squares)
+        assert np.abs(motion.sample(times)[0][:, 0] - free).max() < 1e-14
+
+
+def balls(gap):
+    """Two unit masses under unit gravity, above a floor and above each other."""
+    stops = Stop((1.0, 0.0), lower=0.0, restitution=1.0, name="a"), Stop((-1.0, 1.0), lower=0.0, restitution=1.0, name="b")
+    return simulate(
+        ImpactSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), stops), [1.0, 1.0 + gap], [0.0, 0.0], 2.0, forces=Constant([-1.0, -1.0])
+    )
+
+
+def test_an_impact_through_touching_bodies_ends_the_motion():
+    """Balls that touch and fall together have no force between them. What the impact of the lower one does depends on whether they touch:
+    restitution does not define it. Oracle: with a gap the equal balls exchange their speeds, so that the upper one rises to its height."""
+    touching = balls(0.0)
+    assert touching.status is MotionStatus.SIMULTANEOUS and touching.impacts == 0 and touching.sticking_time == 0.0
+    assert touching.duration == pytest.approx(math.sqrt(2.0), rel=1e-14)
+    apart = balls(1e-9)
+    assert apart.status is MotionStatus.DURATION_REACHED
+    assert [apart.stop_events.contacts[k] for k in range(3)] == ["a-", "b-", "a-"]
+
+
+def test_a_body_that_touches_another_one_and_is_not_driven_into_it_goes_on():
+    """Two masses fall together and touch sideways; a third one, on which neither acts, bounces. Oracle: free fall, without an impact."""
+    stops = Stop((0.0, 0.0, 1.0), lower=0.0, restitution=1.0, name="a"), Stop((-1.0, 1.0, 0.0), lower=0.0, restitution=0.5, name="b")
+    system = ImpactSystem(np.eye(3), np.zeros((3, 3)), np.zeros((3, 3)), stops)
+    motion = simulate(system, [1.0, 1.0, 0.5], [0.0] * 3, 4.0, forces=Constant([-1.0, -1.0, -1.0]))
+    assert motion.status is MotionStatus.DURATION_REACHED and set(motion.stop_events.contacts) == {"a-"} and motion.impacts == 2
+    assert np.abs(motion.final[:2] - (1.0 - 8.0)).max() < 1e-14 * 8.0
+
+
+@pytest.mark.parametrize("n", [6, 21, 51])
+def test_a_bar_that_lands_without_rebound_stays_on_the_wall(n):
+    """A free elastic bar meets a wall with its first mass, which stops. Until then the bar is not strained, so that the contact force
+    begins at 0. Oracle: the bar is twice the time of a wave on the wall, about 2, and has one impact of each landing."""
+    stiffness = n * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    stiffness[0, 0] = stiffness[-1, -1] = n
+    system = ImpactSystem(np.eye(n) / n, np.zeros((n, n)), stiffness, (Stop(tuple(np.eye(n)[0]), lower=0.0, restitution=0.0),))
+    motion = simulate(system, np.full(n, 0.1), -np.ones(n), 10.0)
+    assert motion.status is MotionStatus.DURATION_REACHED
+    assert motion.impacts == 1 and motion.stop_events.speeds[0] == pytest.approx(1.0, rel=1e-13)
+    assert 1.8 < motion.sticking_time < 2.2
