@@ -211,7 +211,8 @@ class Simulator:
     def _energies_at_start(self, starts: np.ndarray) -> np.ndarray:
         """Energies of starts (b, 2n); a ValueError for one that has none."""
         n, smooth = self.system.degrees_of_freedom, self.system.smooth_forces
-        energies = np.atleast_1d(self.system.energy(starts[:, :n], starts[:, n:]))
+        to_modes = self.system.mass @ self.system.modes.shapes
+        energies = self._energies(starts, np.hstack([starts[:, :n] @ to_modes, starts[:, n:] @ to_modes]))
         for start, energy in zip(starts, energies.tolist(), strict=True):
             if not math.isfinite(energy):
                 why = None if smooth is None else smooth.why_no_energy(start[:n])
@@ -219,11 +220,9 @@ class Simulator:
         return energies
 
     def _energies(self, final: np.ndarray, modal: np.ndarray) -> np.ndarray:
-        """Energies of states (b, 2n), (u, v) and as modal coordinates: from these where there is a free translation, whose square would
-        cancel in the energy of a long one."""
+        """Energies of states (b, 2n), (u, v) and as modal coordinates. They are sums over the modes: u . K u would cancel where stiff
+        springs move together, as in a bar, or far from the origin."""
         n, squares = self.system.degrees_of_freedom, self.system.modes.squares
-        if not np.any(squares == 0.0):
-            return np.atleast_1d(self.system.energy(final[:, :n], final[:, n:]))
         found: np.ndarray = 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
         return found if self.system.smooth_forces is None else found + self.system.smooth_forces.energy(final[:, :n])
 
