@@ -32,10 +32,14 @@ from bvp.kernels.forced_sticking import (
 )
 from bvp.kernels.loads import NEAR_RESONANCE, LoadedFlight
 from bvp.kernels.smooth_loads import SmoothLoadedFlight
+from bvp.kernels.sticking import INTERACTION_LEVEL
 from bvp.kernels.summed_chatter import chatter_room, is_summed
 
 PIECES = 1000
 """A piece is not shorter than this part of a flight where bounds grow."""
+
+AT_ONCE = 1e-12
+"""Part of an orbit by which one of two impacts at once may come before or after the other, where they do not act on each other."""
 
 GROWTH = 2.0
 """What a state can grow or decay by in a piece, as a logarithm."""
@@ -382,6 +386,21 @@ def forced_observe(segment, watched, y, ends, work, result):
 
 
 @kernel
+def no_order(segment, watched, i):
+    """True where flight i lies between impacts at two stops that do not act on each other."""
+    before = i - 1 if i > 0 else segment.shape[0]
+    if before == i or segment.contact[i, 0] < 0 or segment.contact[before, 0] < 0 or watched.stops[before] == watched.stops[i]:
+        return False
+    change = 0.0
+    size = 0.0
+    for r in range(segment.gap_rate.shape[1]):
+        part = segment.gap_rate[i, r] * segment.push[before, r]
+        change += part
+        size += abs(part)
+    return abs(change) <= INTERACTION_LEVEL * size
+
+
+@kernel
 def observe_with(segment, watched, extended, y, ends, result):
     """See `forced_observe`."""
     width = segment.gap.shape[1]
@@ -401,15 +420,20 @@ def observe_with(segment, watched, extended, y, ends, result):
     shortest_index = 0
     _, reach, _ = motion_size(segment, y, ends)
     speeds = 1.0
+    whole = 0.0
+    for i in range(ends.shape[0]):
+        whole += y[i * (width + 1) + width]
     at = 0
     for i in range(ends.shape[0]):
         node = y[at : at + width]
         duration = y[at + width]
         at += width + 1
         elapsed += duration
-        if duration < shortest - TIE * elapsed:
+        # Two impacts at once that do not act on each other have no order: a flight of no time between them is none that ends.
+        lasting = duration + AT_ONCE * whole if no_order(segment, watched, i) else duration
+        if lasting < shortest - TIE * elapsed:
             shortest_index = i
-        shortest = min(shortest, duration)
+        shortest = min(shortest, lasting)
         if segment.contact[i, 0] >= 0:
             speed = segment.side[i] * row_dot(segment.gap_rate, i, ends[i])
             speeds *= speed / reach

@@ -132,3 +132,39 @@ def test_an_orbit_can_be_begun_at_any_impact():
     assert turned.sequence == (*problem.sequence[1:], problem.sequence[0])
     assert np.abs(turned.residual(moved)).max() < 1e-13
     assert np.sort_complex(turned.multipliers(moved)) == pytest.approx(np.sort_complex(problem.multipliers(y)), abs=1e-12)
+
+
+def alike(count):
+    """So many oscillators, each before its own stop at 1, under loads F cos 1.1 t."""
+    unit = np.eye(count)
+    return ParametricSystem.from_description(
+        {
+            "parameters": {"F": 0.5, "w": 1.1},
+            "system": {
+                "mass": unit.tolist(), "damping": (0.1 * unit).tolist(), "stiffness": unit.tolist(),
+                "stops": [{"c": row.tolist(), "upper": 1.0, "restitution": 0.8} for row in unit],
+            },
+            "forces": [{"load": [1.0] * count, "amplitude": "F", "harmonic": 1}],
+        }
+    )  # fmt: skip
+
+
+def test_independent_impacts_at_one_instant_are_followed():
+    """Oracle: the response of a single oscillator, which each of two and of three is; where the impact's speed vanishes, F is the distance
+    of the stop over the amplification."""
+    single, _ = settled(alike(1), ["F"])
+    for count in (2, 3):
+        problem, begun = settled(alike(count), ["F"])
+        run = follow_both_ways(ForcedFamily(problem, (0.05, 2.0)), problem.solve(begun).y, SETTINGS)
+        parameters = np.array([point.step.parameter for point in run.points])
+        assert parameters.max() == pytest.approx(2.0, abs=1e-12) and not [event for event in run.events if event.code == "LB"]
+        (grazing,) = [event for event in run.events if event.code == "GR"]
+        assert grazing.point.parameter == pytest.approx(math.hypot(1.0 - 1.1**2, 0.11), abs=1e-10)
+        upper = [point.step.y for point in run.points if point.step.parameter > 0.3]
+        assert len(upper) > 20
+        for y in upper[::8]:
+            last = problem.nodes(y)[-1]  # after all impacts
+            for k in range(count):
+                fraction, value = last[2 * count], last[2 * count + 1]
+                alone = single.pack(last[[[k, count + k]]], np.array([fraction]), [value], np.array([problem.period(y)]))
+                assert single.scaled_residual(alone) < 1e-12
