@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from bvp.expressions import normalised
 from saltus import compiling, curves, inputs, options
 from saltus.errors import BadInput, nearest, one_line
+from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
     from branches.curves.record import BifurcationCurve
@@ -327,7 +328,9 @@ def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, di
         for option in ("phase", "transient"):
             if getattr(arguments, option) is not None:
                 raise BadInput(f"--{option} counts in periodic loads, and the scene has none; expected --start alone")
-    settled, found = simulated_start(path, u, v, phase=arguments.phase or 0.0, most=arguments.transient or MOST)
+    most = arguments.transient or MOST
+    with ProgressBar(most, "periods until the motion repeats") as bar:
+        settled, found = simulated_start(path, u, v, phase=arguments.phase or 0.0, most=most, on_progress=bar.update)
     over = "half of the period" if found.problem.half else "the period"
     report([f"start  {settled.text}", f"orbit  solved over {over}; the simulated states are {found.distance:.1e} of its size away from it"])
     return ResponseStart(found.problem, found.y, direction)

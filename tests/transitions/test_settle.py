@@ -195,3 +195,11 @@ def test_a_motion_that_is_at_zero_at_phase_0_returns():
     found = settle(scene.system, scene.forces)
     assert found.kind is SettledKind.PERIODIC and found.period == 1 and not found.stops
     assert np.abs(found.states).max() < 1e-9 and np.allclose(found.multipliers, 1.0, atol=1e-6)
+
+
+def test_progress_counts_the_periods():
+    """Oracle: the numbers rise, and the last one is that of the result."""
+    oscillator = ImpactSystem([[1.0]], [[0.1]], [[1.0]], [Stop((1.0,), upper=1.0, restitution=0.8)])
+    seen = []
+    found = settle(oscillator, [Harmonic(1.0, [0.099])], on_progress=seen.append)
+    assert len(seen) > 1 and seen == sorted(seen) and seen[-1] == found.elapsed

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,7 +63,15 @@ def rest_starts(path: ParameterPath, interval: tuple[float, float], direction: s
     return starts, reasons
 
 
-def simulated_start(path: ParameterPath, u: Any = None, v: Any = None, *, phase: float = 0.0, most: int = MOST) -> tuple[Settled, Periodic]:
+def simulated_start(
+    path: ParameterPath,
+    u: Any = None,
+    v: Any = None,
+    *,
+    phase: float = 0.0,
+    most: int = MOST,
+    on_progress: Callable[[int], object] | None = None,
+) -> tuple[Settled, Periodic]:
     """What a simulation settles to, and its orbit; the parameters are those of `settle`.
 
     Raises
@@ -74,7 +82,7 @@ def simulated_start(path: ParameterPath, u: Any = None, v: Any = None, *, phase:
     system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
     if path.parametric.layout.harmonics:
         path.problem(())  # what cannot be followed is refused before the work
-        settled = settle(system, forces, u, v, phase=phase % (2.0 * math.pi), most=most)
+        settled = settle(system, forces, u, v, phase=phase % (2.0 * math.pi), most=most, on_progress=on_progress)
     else:
         settled = settle_free(system, forces, u, v)
     return settled, settled_orbit(path, settled)

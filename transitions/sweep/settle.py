@@ -176,6 +176,7 @@ def settle(
     phase: float = 0.0,
     most: int = MOST,
     longest: int = 128,
+    on_progress: Callable[[int], object] | None = None,
 ) -> Settled:
     """Simulate a motion under periodic loads until its transient is gone.
 
@@ -196,6 +197,8 @@ def settle(
         Most periods.
     longest : int
         Largest period p that is sought.
+    on_progress : callable, optional
+        Called with the number of periods that were simulated.
 
     Returns
     -------
@@ -233,6 +236,8 @@ def settle(
         motion.renew_tangent()
         record = motion.advance(max(1, min(block, most - elapsed)), peaks=True)
         elapsed += len(record.states)
+        if on_progress is not None:
+            on_progress(elapsed)
         # Of the growths the later half counts: the tangent vector has turned by then.
         growths = np.concatenate([growths, record.growths])
         states = np.concatenate([states, without_drift(system, record.states)])[-2 * longest :]
