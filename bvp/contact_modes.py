@@ -329,7 +329,7 @@ def join(
         into[place[: len(index)]] = -ratios[:, None] * particular[index]
         for k, group in enumerate(groups):
             for g, turn in group:
-                into[np.ix_(place[len(index) + 2 * k : len(index) + 2 * k + 2], [2 * g, 2 * g + 1])] = units[k][:, None] * turn
+                into[place[len(index) + 2 * k : len(index) + 2 * k + 2], 2 * g : 2 * g + 2] = units[k][:, None] * turn
         if not index:
             load_states.append(start)
             own_load = groups[0][0][0]
