@@ -344,7 +344,7 @@ class _Collected:
         used = [k for k, moves in enumerate(on) if moves or {self.input(self.unit(k)), self.input(self.unit(k), 1)} & seen]
         rows = [element.row] if local else [self.unit(k) for k in used]
         symbols = [self.input(row, order) for row in rows]
-        if not element.row and not used:
+        if not rows and expression != 0:  # it can be 0 at a value of a parameter
             raise InvalidSystem(f"the {'potential' if isinstance(element, Spring) else 'force'} of {place} has no coordinate: {expression}")
         if isinstance(element, Spring) and element.potential:
             parts = {tuple(rows): expression} if local else self._along_rows(expression, rows)
@@ -387,7 +387,7 @@ class _Collected:
         rests = [_without(force, symbols, list(linear.row(k)), place) for k, force in enumerate(forces)]
         for row, rest in zip(rows, rests, strict=True):
             self.add(row, rest, place if damper else "")
-        table = np.array(rows, dtype=object)
+        table = np.array(rows, dtype=object).reshape(len(rows), len(self.coordinates))
         return rests, np.asarray(table.T @ np.array(linear.tolist(), dtype=object).reshape(len(rows), len(rows)) @ table)
 
     def _along_rows(self, potential: Any, rows: Sequence[tuple[float, ...]]) -> dict[tuple[tuple[float, ...], ...], Any]:

@@ -364,7 +364,7 @@ GLANCES = 4
 SLOW = 1e-3
 """Part of the bound of a velocity below which it counts as nearly zero."""
 
-TIE = 1.0 + 1e-15
+EQUAL_PEAKS = 1.0 + 1e-15
 """Factor within which two peaks are equal."""
 
 LEAST = 1e-15
@@ -400,7 +400,7 @@ def peak_flight(flight, leave, z, duration, peaks, when, scratch, edge, work):
 def raise_peak(i, value, time, peaks, when):
     """Raise peaks[i] to |value|, reached at a time. Of values that are equal to rounding the first one counts."""
     if abs(value) > peaks[i]:
-        if when.shape[0] > 0 and abs(value) > TIE * peaks[i]:
+        if when.shape[0] > 0 and abs(value) > EQUAL_PEAKS * peaks[i]:
             when[i] = time
         peaks[i] = abs(value)
 
