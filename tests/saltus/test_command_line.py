@@ -135,8 +135,8 @@ def test_an_orbit(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("words", "h", "counted"),
     [
-        (("U5231-",), 1.1710685, "U4231-"),  # by its event it ends with the oscillator's velocity alone
-        (("U4122-",), 2.9873673, "U3122-"),
+        (("U5231-",), 1.1710685, "U4231+"),  # by its event it ends with the oscillator's velocity alone
+        (("U4122-",), 2.9873673, "U3122+"),
         (("S31O11-",), 1.6363853, "S13O11+"),
         (("S13+", "--scene", "smooth_wall"), 1.9605284, ""),
     ],
