@@ -26,7 +26,7 @@ def orbit_at_event(branch: Branch, name: str, family: str = "") -> Orbit:
     name : str
         Id of an event of type GR, BP, SB, PD or RT; its type is enough if there is one.
     family : str
-        The beginning of the id of one of several families.
+        The id of one of several families, or its beginning.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def orbit_at_event(branch: Branch, name: str, family: str = "") -> Orbit:
         found = [(item.problem, item.step.y) for item in emanating_families(branch, event)]
     orbits = [Orbit(problem, problem.solve(y, energy=problem.energy(y))) for problem, y in found]
     ids = [_id_of(orbit) for orbit in orbits]
-    if len(set(ids)) < len(ids):  # the hash tells them apart
+    if len(set(ids)) < len(ids) or family.count(":") == 2:  # the hash tells them apart, or is asked for
         ids = [follow_family(orbit.problem, orbit.solution.y, points=1).id for orbit in orbits]
     chosen = {id: orbit for id, orbit in zip(ids, orbits, strict=True) if id.startswith(family)}
     if family in chosen or len(chosen) == 1:

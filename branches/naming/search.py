@@ -304,7 +304,11 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     assert name.family is not None
     ends, sequence, _ = split_family_id(name.family)
     if ends == PERIODIC:
-        raise NameNotFound(f"{name.family} has orbits without a reversal, which no search finds; {KEPT}")
+        raise NameNotFound(
+            f"{name.family} has orbits without a reversal; without a catalogue only ids of orbits with one are searched (ends origin, rest "
+            f"or stop); {KEPT}, as saltus build makes it in bounds that contain a family that it meets, or saltus continue "
+            f"--from FILE:EVENT,{name.family} with a file of that family"
+        )
     # `discover_orbits` says which systems with smooth forces it covers.
     smooth = system.smooth_forces is not None
     require_system(system, two_dof="" if smooth else "families are searched by id for", advice=KEPT, smooth=True)

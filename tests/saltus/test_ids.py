@@ -179,6 +179,24 @@ def test_an_id_that_no_family_has_is_answered_with_those_that_exist(capsys, scen
     refused(run(capsys, "continue", f"{id}@h=1,alpha=3.9", "--scene", scene), "alpha = 3.9", "@h=1,alpha=")
 
 
+@pytest.mark.parametrize(
+    ("id", "meets", "energy", "event"),
+    [
+        ("periodic:+-:60a5a8a0", "origin-origin:+:eaae1c2a", "0.05:0.1", "SB1"),
+        ("periodic:++--:7cedfa25", "origin-stop+:-:fbaea3dc", "0.17:0.3", "GR2"),
+    ],
+)
+def test_an_id_of_orbits_without_a_reversal_is_refused_with_the_command_that_follows_it(capsys, tmp_path, id, meets, energy, event):
+    """Oracle: the id of the family that begins at the event of the family that it meets, as the catalogue of the scene has both."""
+    path = tmp_path / "family.json"
+    err = refused(run(capsys, "continue", id, "--energy", energy), "only ids of orbits with one are searched", f"FILE:EVENT,{id}")
+    assert err.count("\n") == 1
+    assert run(capsys, "continue", meets, "--energy", energy, "--json", path)[0] == 0
+    code, out, err = run(capsys, "continue", "--from", f"{path}:{event},{id}", "--energy", energy, "--json", "-")
+    assert code == 0 and json.loads(out)["branch"]["id"] == id, err
+    refused(run(capsys, "continue", "--from", f"{path}:{event},{id[:-8]}00000000"), f"{id[:-8]}00000000 begins at {event}", f"{event},{id}")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="the data folder is given by a variable of this system")
 @pytest.mark.parametrize("saves", [False, True])
 def test_an_id_is_looked_up_in_the_scenes_own_catalogue(capsys, tmp_path, monkeypatch, saves):
