@@ -29,11 +29,26 @@ if TYPE_CHECKING:
     from bvp.smooth_motion import SmoothModeTable
     from bvp.system import ImpactSystem
 
-__all__ = ["BeyondStop", "Simulator", "simulate"]
+__all__ = ["BeyondStop", "Simulator", "energies_of", "simulate"]
 
 
 class BeyondStop(ValueError):
     """A start beyond a stop: the message names the stop, its gap and its bounds."""
+
+
+def energies_of(system: ImpactSystem, states: np.ndarray, modal: np.ndarray | None = None) -> np.ndarray:
+    """Energies of states (b, 2n), (u, v), which are also given as modal coordinates if these are known more exactly.
+
+    They are sums over the modes: u . K u would cancel where stiff springs move together, as in a bar, or far from the origin. That of a
+    state does not depend on the others."""
+    n, squares = system.degrees_of_freedom, system.modes.squares
+    if modal is None:
+        to_modes = system.mass @ system.modes.shapes
+        # Sums in the order of the coordinates; that of a matrix product depends on the number of states.
+        modal = np.hstack([(part[:, :, None] * to_modes).sum(axis=1) for part in (states[:, :n], states[:, n:])])
+    found: np.ndarray = 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
+    smooth = system.smooth_forces
+    return found + smooth.energy(states[:, :n]) if smooth is not None and system.has_potential else found
 
 
 @brief
@@ -171,7 +186,7 @@ class Simulator:
                 sticking_time=float(clock[places.STICKING_TIME]),
                 switch_error=float(clock[places.SWITCH_ERROR]),
                 initial_energy=initial,
-                energy=float(self._energies(final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
+                energy=float(energies_of(system, final[None], (modes.to_modes[counts[places.MODE]] @ last)[None])[0]),
                 marks=tuple(
                     EnergyMark(float(row[0]), float(row[1]), dict(zip(self.parts, row[2:-1].tolist(), strict=True)))
                     if k < counts[places.MARK]
@@ -211,20 +226,12 @@ class Simulator:
     def _energies_at_start(self, starts: np.ndarray) -> np.ndarray:
         """Energies of starts (b, 2n); a ValueError for one that has none."""
         n, smooth = self.system.degrees_of_freedom, self.system.smooth_forces
-        to_modes = self.system.mass @ self.system.modes.shapes
-        energies = self._energies(starts, np.hstack([starts[:, :n] @ to_modes, starts[:, n:] @ to_modes]))
+        energies = energies_of(self.system, starts)
         for start, energy in zip(starts, energies.tolist(), strict=True):
             if not math.isfinite(energy):
                 why = None if smooth is None else smooth.why_no_energy(start[:n])
                 raise ValueError(f"the energy at the start is {energy}, expected a finite number{f': {why}' if why else ''}")
         return energies
-
-    def _energies(self, final: np.ndarray, modal: np.ndarray) -> np.ndarray:
-        """Energies of states (b, 2n), (u, v) and as modal coordinates. They are sums over the modes: u . K u would cancel where stiff
-        springs move together, as in a bar, or far from the origin."""
-        n, squares = self.system.degrees_of_freedom, self.system.modes.squares
-        found: np.ndarray = 0.5 * (modal[:, n:] ** 2 + squares * modal[:, :n] ** 2).sum(axis=1)
-        return found if self.system.smooth_forces is None else found + self.system.smooth_forces.energy(final[:, :n])
 
     def run_many(
         self,
@@ -279,7 +286,7 @@ class Simulator:
             clear_from=summary[:, 5],
             sticking_time=summary[:, 6],
             initial_energy=summary[:, 7],
-            energy=self._energies(starts, modal),
+            energy=energies_of(self.system, starts, modal),
             totals=summary[:, 9 : 10 + parts],
             marks=summary[:, 10 + parts : -n].reshape(len(starts), len(fractions), parts + 2),
             peaks=summary[:, -n:] if with_peaks else None,

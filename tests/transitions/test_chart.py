@@ -84,7 +84,8 @@ def test_every_point_with_one_impact_is_on_its_closed_form(chart):
             if code == "GR" or abs(w - float(forms.meeting(2 * periods))) > 1e-9:
                 assert amplitude == pytest.approx(float(form(w).amplitude), rel=ROUNDING), (code, w)
                 checked += 1
-    assert checked > 200
+    # All but the two ends of a curve.
+    assert checked >= sum(len(curve) - 2 for curve in chart.curves if shape(curve)[1] == 1) > 0
     assert {shape(curve) for curve in chart.curves} >= {("SN", 1, 1), ("PD", 1, 1), ("GR", 1, 1), ("PD", 1, 2)}
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from bvp.fast_path import CLEARED, DECLINED, FULL_COUNT, fast_path_numbers, run_fast_path, with_restitution
 from bvp.motion import MotionStatus
-from bvp.simulate import BeyondStop, Simulator
+from bvp.simulate import BeyondStop, Simulator, energies_of
 from bvp.system import ImpactSystem
 from transitions.sharing import Sharing, sharing_of
 from transitions.study.plan import CLEAR, FRACTIONS, IMPULSIVE, StudyPlan
@@ -156,12 +156,9 @@ def _states(
         on = np.array([name != IMPULSIVE for name in plan.families])[index]
         states[on] = starts.states[on]
         leaving[on] = starts.leaving[on]
-    mass, stiffness = (np.array([getattr(one.system, key) for one in systems])[which] for key in ("mass", "stiffness"))
-    u, v = states[:, :n], states[:, n:]
-    energies = 0.5 * (np.einsum("bi,bij,bj->b", v, mass, v) + np.einsum("bi,bij,bj->b", u, stiffness, u))
-    smooth = systems[0].system.smooth_forces  # a study changes no spring of theirs
-    if smooth is not None:
-        energies += smooth.energy(u)
+    energies = np.empty(count)
+    for k in np.unique(which):
+        energies[which == k] = energies_of(systems[k].system, states[which == k])
     return states, energies, leaving
 
 
