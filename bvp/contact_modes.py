@@ -276,7 +276,7 @@ def join(
     drives = [exact_product(inverse, load) for load in loads]
     pieces: list[tuple[list[int], np.ndarray, list[Group], list[np.ndarray], np.ndarray]] = []
     particular = np.zeros((2 * m, 2 * count))
-    pace = _pace(blocks, frequency)
+    pace = _pace(system, frequency)
     for i, j in blocks.pairs:
         index = [i, j] if j >= 0 else list(range(i, i - j))
         own = blocks.matrix[np.ix_(index, index)]
@@ -340,10 +340,14 @@ def join(
     return Joined(layout, mean, delta, matrix, inside, blocks.to_state @ inside, states, into, load_states)
 
 
-def _pace(blocks: Blocks, frequency: np.ndarray) -> float:
-    """The fastest rate of blocks and loads, to a power of two; 1 if nothing has one."""
-    rates = [float(np.abs(np.linalg.eigvals(blocks.matrix)).max(initial=0.0)), float(frequency.max(initial=0.0))]
-    return 2.0 ** float(np.round(np.log2(max(rates)))) if max(rates) > 0.0 else 1.0
+def _pace(system: ImpactSystem, frequency: np.ndarray) -> float:
+    """The slowest natural frequency but 0, to a power of two; without one that of the loads; 1 if nothing has one.
+
+    Bounds of a flight grow with it, so that a stiff spring or a strong damper elsewhere must not set it."""
+    for rates in (np.sqrt(np.abs(system.modes.squares)), frequency):
+        if np.any(rates > 0.0):
+            return 2.0 ** float(np.round(np.log2(rates[rates > 0.0].min())))
+    return 1.0
 
 
 def _groups(joined: list[int], frequency: np.ndarray, drives: list[np.ndarray]) -> list[Group]:
