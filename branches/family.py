@@ -234,7 +234,7 @@ class Family(SolvedFamily):
             counted = self._near(before, before.step, location.s, -1)
         if code == "GR":
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
-            data.update(describe_grazing(self.problem, solution, verb))
+            data.update(describe_grazing(getattr(solution, "problem", self.problem), solution, verb))
         elif code == "SB":
             data["breaks"] = "reversal" if "last" in test.label else "half-period symmetry"
         elif code == "NS" and not self._is_krein_collision(solution):

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from bvp.checks import InvalidSystem
 from bvp.closures import Cycle, EndsError, cycle_of, parse_end
 from bvp.contact_sequence import ContactEvent
 from bvp.description import RESERVED
@@ -226,8 +227,11 @@ class ReleasedProblem(ForcedProblem):
 
     def changed(self, y: np.ndarray, change: Callable[[MultipointProblem, np.ndarray], np.ndarray | None]) -> np.ndarray | None:
         """The unknowns of the orbit that a function of problem and unknowns makes of the orbit y of its system; None where that is None. A
-        closed orbit has an impact."""
-        problem, at = self._plain(y)
+        closed orbit has an impact. Where the parameters leave their domain there is no system, and so no image."""
+        try:
+            problem, at = self._plain(y)
+        except (InvalidSystem, EndsError):
+            return None
         found = change(problem, at)
         return None if found is None else self._unknowns_of(problem, found, 0.0, y[2 * self.degrees_of_freedom + 1 : self.size].tolist())
 

@@ -298,7 +298,7 @@ def test_symmetries_take_solutions_to_solutions():
     closed = segment.switch("SB1", points=5)[0]
     released = saltus.trace_in_parameter(segment.orbit(2), "sigma", (0.099, 0.101), keep="energy = 0.58", points=8)
     families = [(Family(branch.problem), branch.unknowns(3)) for branch in (segment, closed)]
-    families.append((parameter_family(released.problem), released.unknowns[3]))
+    families.append((parameter_family(released.problem), released.unknowns[len(released) // 2]))
     ueda = saltus.load_scene("ueda_oscillator").parametric
     (response,) = saltus.trace_response(ueda, "B", (2.0, 2.4), values={"B": 2.1}, points=40)
     problem, step = switch_response(response, next(event for event in response.events if event.type == "SB"))[0]
