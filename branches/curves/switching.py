@@ -131,7 +131,8 @@ def _angles(multipliers: np.ndarray) -> list[float]:
 
 def _grazing_through(curve: BifurcationCurve, y: np.ndarray, origin: str) -> CurveStart:
     """The curve of grazings through a point where a curve leaves the orbits; of those themselves, that of what else grazes there."""
-    plane, n = curve.plane, curve.plane.problem.degrees_of_freedom
+    # What the orbit repeats is solved at the parameters of the point, not at those where the curve was started.
+    (plane, y), n = curve.plane.of(curve.plane.problem, y), curve.plane.problem.degrees_of_freedom
     try:
         if curve.grazing is not None:
             monitor = CurveStart(plane, "GR", curve.grazing, y, origin).curve(curve.window).monitor

@@ -143,6 +143,20 @@ def test_fold_doubling_and_grazing_meet(case, code, types):
     assert not {"NS", "R1", "R2"} & {event.type for event in curve.events}
 
 
+def test_the_grazing_where_a_fold_ends_is_that_of_the_family():
+    """Oracle: the closed form of the grazing. The orbit of two periods repeats itself but for its touch, so the touch of its image is no
+    second grazing, wherever the curve is started: it runs through the whole window."""
+    fold, family = (meeting_curves("wall")[code] for code in ("SN", "GR"))
+    place = min((event.point for event in fold.events if event.type == "SN-GR"), key=lambda k: abs(fold.parameters[k, 0] - WALL.meeting(5)))
+    start = curve_through(fold, place, "GR")
+    found = follow_curve(start, ((0.7, 0.95), (0.01, 3.0)))
+    assert start.grazing.repeats == (1, False)
+    assert sorted(ids(found)) == sorted(ids(family)) and "GR-GR" not in {event.type for event in found.events}
+    assert found.parameters[:, 0].min() == pytest.approx(0.7, rel=1e-12) and found.parameters[:, 0].max() == pytest.approx(0.95, rel=1e-12)
+    for w, amplitude in found.parameters[::5]:
+        assert amplitude == pytest.approx(float(WALL.grazing(w).amplitude), rel=1e-12)
+
+
 def test_the_fold_at_the_wall_becomes_inadmissible_by_a_touch():
     """Oracle: the touch in the other swing, in 40 digits. The curve ends there, with that reason."""
     curve = meeting_curves("wall")["SN"]
