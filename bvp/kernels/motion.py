@@ -253,6 +253,8 @@ def move(modes, duration, most, motion, log, scratch):
                 reset_loads(modes, f, ahead, z)
             log_event(log, entry.BREAK, -1, motion, before, z)
             continue
+        if status == HIT and not releases and modes.side[f, c] * row_dot(modes.rate[f], c, z) < 0.0:
+            status = TOUCH  # the distance is rounding there, and the contact opens
         if f != 0 or status != HIT:
             times_matrix(modes.to_modes[f], z, x)
         if status == EXHAUSTED or status == NONE:
