@@ -12,7 +12,7 @@ from continuation.problem import Step
 if TYPE_CHECKING:
     from branches.solved_family import SolvedFamily
 
-__all__ = ["DISTANCE", "across_null_space", "first_orbits"]
+__all__ = ["DISTANCE", "across_null_space", "first_orbits", "is_denied"]
 
 DISTANCE = 0.02
 """Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
@@ -32,6 +32,15 @@ _NUDGE = 1e-7
 
 _BEND = 0.1
 """How far the middle of a family's first piece may be from the middle of its chord, as a part of the chord."""
+
+
+def is_denied(problem: Any, y: np.ndarray) -> bool:
+    """Whether the Jacobian of the wider problem of a bifurcation is regular there; False where it cannot be computed."""
+    matrix = problem.jacobian(y) * problem.scales(y)
+    if not np.isfinite(matrix).all():
+        return False
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    return bool(singular[-1] > _GAP * singular[0])
 
 
 def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str) -> np.ndarray:

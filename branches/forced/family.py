@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.admissible import GRAZING, describe_grazing
+from branches.first_orbits import is_denied
 from branches.forced.along_parameters import AlongParameters, parameter_bounds
 from branches.forced.kernels import ForcedWork, advance_forced_block, forced_tests, narrow_forced_bracket
-from branches.forced.primitive import half_later, later_sign
+from branches.forced.primitive import full_period, half_later, later_sign, twice
 from branches.forced.resonance import RESONANCE, resonances_around
 from branches.kernels.blocks import WatchedTests
 from branches.kernels.functions import is_orbit
@@ -156,6 +157,8 @@ class ForcedFamily(AlongParameters, SolvedFamily):
                 return EventDetails("LB", True, data | {"note": f"{data['note']}: that is an impact of its own; the family continues"})
             if verb == "merge":
                 return self.merging(solution, data)
+        elif test.code in ("PD", "SB") and is_denied(*(twice if test.code == "PD" else full_period)(self.problem, at.y)):
+            return None
         elif test.code == "NS":
             angle = self._angle_of_pair(at)
             if angle is None:

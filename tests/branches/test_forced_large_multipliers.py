@@ -10,6 +10,7 @@ import pytest
 from branches.forced.family import parameter_family
 from branches.forced.primitive import full_period
 from bvp.kernels.stroboscopic import bounded_product
+from continuation.location import Location
 from tests.branches.forced_systems import absorber_families
 
 
@@ -57,3 +58,18 @@ def test_a_bounded_product_is_small_beside_one_small_factor(factors):
                 sums[j] += mp.fprod(mp.mpmathify(x) for k, x in enumerate(factors) if k not in left) / math.comb(len(factors), j)
         exact = sums[0].real / mp.sqrt(sum(mp.re(one) ** 2 for one in sums))
     assert found == pytest.approx(float(exact.real), rel=1e-13)
+
+
+@pytest.mark.parametrize(("which", "code", "wanted"), [(1, "SB", 1), (2, "PD", 2)])
+def test_a_zero_that_the_wider_problem_denies_is_no_event(which, code, wanted):
+    """Oracle: the Jacobian of the full or double period is singular at these events, and at no orbit beside them."""
+    branch = absorber_families()[which]
+    family = parameter_family(branch.problem)
+    index = next(i for i, test in enumerate(family.tests) if test.code == code)
+    places = [event.point for event in branch.events if event.type == code]
+    assert len(places) == wanted
+    for place in places:
+        for point, kept in ((place, True), (place + 3, False), (place - 3, False)):
+            at = family.uncorrected(branch.unknowns[point])
+            location = Location("zero", "located", 0.0, at, 0.0, at, at)
+            assert (family.classify(index, None, at, None, location) is not None) is kept
