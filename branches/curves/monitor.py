@@ -17,6 +17,7 @@ from branches.forced.primitive import apart_from_image, image_sign
 from bvp.criticality import CriticalOrbit, NormalForms
 from bvp.forced import ForcedProblem
 from bvp.kernels.multipoint import RESULT
+from bvp.kernels.stroboscopic import bounded_product
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised, Null
 from continuation.location import Location
@@ -236,15 +237,19 @@ def _bounded(value: float) -> float:
 
 
 def _rest_tests(rest: Sequence[complex]) -> list[float]:
-    """Products over multipliers: of 1 - mu, of 1 + mu, and of 1 - mu_i mu_j over pairs."""
-    less, more = math.prod(1.0 - mu for mu in rest), math.prod(1.0 + mu for mu in rest)
-    return [complex(less).real, complex(more).real, pair_product(rest)]
+    """Bounded products over multipliers: of 1 - mu, of 1 + mu, and of 1 - mu_i mu_j over pairs."""
+    return [_product([1.0 - mu for mu in rest]), _product([1.0 + mu for mu in rest]), pair_product(rest)]
+
+
+def _product(factors: Sequence[complex]) -> float:
+    """See `bvp.kernels.stroboscopic.bounded_product`."""
+    return float(bounded_product(np.array(factors, dtype=complex), np.empty(5, dtype=complex)))
 
 
 def pair_product(multipliers: Sequence[complex]) -> float:
-    """The product of 1 - mu_i mu_j over pairs of those that are finite; nan where there is no pair."""
+    """The bounded product of 1 - mu_i mu_j over pairs of those that are finite; nan where there is no pair."""
     known = [mu for mu in multipliers if cmath.isfinite(mu)]
-    return complex(math.prod(1.0 - a * b for a, b in combinations(known, 2))).real if len(known) > 1 else math.nan
+    return _product([1.0 - a * b for a, b in combinations(known, 2)]) if len(known) > 1 else math.nan
 
 
 def has_pair(multipliers: np.ndarray, known: float) -> bool:

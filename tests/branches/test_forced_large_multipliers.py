@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
+from branches.curves.monitor import pair_product
 from branches.forced.family import parameter_family
 from branches.forced.primitive import full_period
 from bvp.kernels.stroboscopic import bounded_product
@@ -73,3 +74,11 @@ def test_a_zero_that_the_wider_problem_denies_is_no_event(which, code, wanted):
             at = family.uncorrected(branch.unknowns[point])
             location = Location("zero", "located", 0.0, at, 0.0, at, at)
             assert (family.classify(index, None, at, None, location) is not None) is kept
+
+
+def test_test_functions_of_curves_are_bounded_beside_huge_multipliers():
+    """Oracle: exact signs. Plain products of 1 - mu_i mu_j overflow in the second case."""
+    for rest in ((1e100, 2e100, 3e-101, -1e-110), (1e150, 2e150, -4e150, 3e-149), (1e150, 0.5e-150, 3e100)):
+        exact = math.prod(1 if mp.mpf(a) * mp.mpf(b) < 1 else -1 for a, b in combinations(rest, 2))
+        found = pair_product(rest)
+        assert math.copysign(1.0, found) == exact and 0.0 < abs(found) <= 1.0
