@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 __all__ = ["AlongParameter", "SweepPlan", "SweepRun", "check_plan", "failures", "run_sweeps", "sweeps_table"]
 
 PIECES = 16
-"""Pieces of a sweep, each one task of a process. After each of them progress is reported, and an interrupt can end the sweep."""
+"""Least number of pieces of a sweep, each one task of a process. After each of them progress is reported, and an interrupt can end it."""
+
+LONGEST = 64
+"""Most values of a piece: what an interrupt can lose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +122,7 @@ class _Job:
 
     def __init__(self, plan: SweepPlan, direction: str, number: int) -> None:
         self.direction, self.number = direction, number
-        self.waiting = np.array_split(plan.values(direction), min(PIECES, plan.points))
+        self.waiting = np.array_split(plan.values(direction), min(max(PIECES, plan.points // LONGEST), plan.points))
         self.carried = Carried(plan.starts[number]) if plan.starts else None
         self.at, self.settings = plan.at, plan.settings
         self.parts: list[Sweep] = []
