@@ -342,7 +342,7 @@ class _Collected:
         seen = expression.free_symbols
         on = [bool(entry) for entry in element.row] or [False] * len(self.coordinates)
         used = [k for k, moves in enumerate(on) if moves or {self.input(self.unit(k)), self.input(self.unit(k), 1)} & seen]
-        rows = [element.row] if local else [self.unit(k) for k in used]
+        rows = [element.row] if local and element.row else [self.unit(k) for k in used]
         symbols = [self.input(row, order) for row in rows]
         if not rows and expression != 0:  # it can be 0 at a value of a parameter
             raise InvalidSystem(f"the {'potential' if isinstance(element, Spring) else 'force'} of {place} has no coordinate: {expression}")

@@ -282,7 +282,8 @@ def printed_event(catalogue: Catalogue, event: BranchEvent) -> BranchEvent:
     return event._replace(label=spelled(event.label, cited), note=note)
 
 
-_CHANGED = re.compile(r"\b[SU][\d(]\S*(?= becomes )|(?<= becomes )[SU][\d(]\S*")
+_LABEL = r"[SU][\d(][\dEO()]*[+-]?"
+_CHANGED = re.compile(rf"\b{_LABEL}(?= becomes )|(?<= becomes ){_LABEL}")
 """Both labels of a note such as "U3502+ becomes U4502-"."""
 
 
