@@ -65,8 +65,8 @@ def scene(folder):
 
 
 def test_a_response_is_followed_written_and_switched(capsys, scene):
-    """Oracle: where the symmetry breaks, the other family has a branch point: another problem, with twice the unknowns. It begins at one such
-    point, and at the other one it is its own image."""
+    """Oracle: where the symmetry breaks, the other family has a branch point: another problem, with twice the unknowns. It begins at one
+    such point, and at the other one it is its own image."""
     words = "continue", "--scene", scene(DUFFING), "--set", "F=3", "--from", "rest", "--in", "w", "--range", "0.85:1.1"
     code, out, err = run(capsys, *words, "--json", "a.json", "--csv", "a.csv", "--plot", "a.png")
     assert code == 0 and "the half-period symmetry breaks" in out, err
