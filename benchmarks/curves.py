@@ -182,7 +182,8 @@ def _critical_error(curve: BifurcationCurve) -> float:
             worst = max(worst, float(np.abs(problem.impact_speeds(y[: curve.plane.size])).min()))
             continue
         value = 1.0 if curve.code == "SN" else -1.0 if curve.code != "NS" else complex(y[-1], math.sqrt(max(0.0, 1.0 - y[-1] ** 2)))
-        distances = np.sort(np.abs(multipliers - value))
+        # The multipliers are those of the full period; of half of it the event has its value.
+        distances = np.sort(np.abs(multipliers - (value**2 if getattr(problem, "half", False) else value)))
         if distances[1] > NEXT:
             worst = max(worst, float(distances[0]))
     return worst

@@ -110,9 +110,13 @@ OPEN = ("origin-origin:++++---+++:f15c85e2", 85.116314855647)
 def born_at(parent, energy):
     """Follow the family that is born at the symmetry-breaking point of a parent: the branch, and its branch point at that energy."""
     around = (0.999 * energy, 1.001 * energy)
-    # A family can pass an energy twice, before and behind a fold near it: both are in a wider range.
-    parents = trace_named(f"{parent}@h={energy}", SYSTEM, energy=(0.995 * energy, 1.005 * energy))
-    (breaking,) = [event for event in parents.events if event.type == "SB" and abs(event.h / energy - 1.0) < 1e-9]
+    # A family can pass an energy several times: the piece of its whole range, or that of the orbit of a name, has the point.
+    pieces = (trace_named(name, SYSTEM, energy=(0.5 * energy, 1.5 * energy)) for name in (parent, f"{parent}@h={energy}"))
+
+    def near(event):
+        return abs(event.h / energy - 1.0) < 1e-9
+
+    parents, breaking = next((piece, event) for piece in pieces for event in piece.events if event.type == "SB" and near(event))
     (family,) = emanating_families(parents, breaking)
     born = follow_family(family.problem, family.step.y, energy=around)
     (crossing,) = [event for event in born.events if event.type == "BP"]
