@@ -16,6 +16,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from benchmarks.report import progress, watched
 from saltus import processes
@@ -169,8 +170,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the list, with the processor time that each kernel takes to compile. That of a kernel which is listed already stays."""
     kernels, commands = recorded()
     seconds = {repr(call[1:]): call[0] for call in json.loads(LIST.read_text(encoding="utf-8"))["kernels"]}
-    with tempfile.TemporaryDirectory() as folder:
-        os.environ["NUMBA_CACHE_DIR"] = folder
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, NUMBA_CACHE_DIR=folder):
         new = [[0.0, *call] for call in kernels if repr(call) not in seconds]
         progress(f"compiling {len(new)} new kernels")
         seconds |= {repr(call[1:]): call[0] for call in compile_kernels(new, 1)}

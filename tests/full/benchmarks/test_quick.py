@@ -1,5 +1,6 @@
 """Every benchmark in its quick form. No time is asserted."""
 
+import os
 import shutil
 
 import pytest
@@ -46,7 +47,8 @@ def test_each_task_is_here():
 
 @pytest.mark.parametrize("task", QUICK)
 def test_a_quick_run_ends_and_shows_progress(task, tmp_path, capfd, monkeypatch):
-    """Oracle: exit code 0, some lines of results, and a line on standard error before them that names what is measured first."""
+    """Oracle: exit code 0, some lines of results, and a line on standard error before them that names what is measured first;
+    the environment is what it was."""
     page, listed = tmp_path / "page.md", tmp_path / "kernels.json"
     shutil.copy(hard_cases.PAGE, page)
     shutil.copy(kernels.LIST, listed)
@@ -54,7 +56,9 @@ def test_a_quick_run_ends_and_shows_progress(task, tmp_path, capfd, monkeypatch)
     monkeypatch.setattr(hard_cases, "PAGE", page)
     monkeypatch.setattr(kernels, "LIST", listed)
     monkeypatch.setattr(kernels, "recorded", lambda: found)
+    environment = dict(os.environ)
     assert main([task, *QUICK[task].replace("DIR", str(tmp_path)).split()]) == 0
+    assert dict(os.environ) == environment
     out, err = capfd.readouterr()
     assert len(out.splitlines()) > (1 if task in FIRST and task != "kernels" else 0)
     if task in FIRST:
