@@ -189,6 +189,17 @@ def test_a_plan_of_other_kinds_of_values_is_damaged(finished, tmp_path, capsys, 
     refused(run(capsys, "plot", out, "--csv", tmp_path / "a.csv"), "study.json is damaged")
 
 
+@pytest.mark.parametrize("text", ["", "{}", "null", "[]", '"a"', '{"plan": 1}', '[{"plan": {}}]'])
+def test_a_file_that_holds_no_plan_is_damaged(finished, tmp_path, capsys, text):
+    """Oracle: one line, exit code 2, and no words of Python; the study writes it again."""
+    out = tmp_path / "copy"
+    shutil.copytree(finished[1], out)
+    (out / "study.json").write_text(text)
+    refused(run(capsys, "plot", out, "--csv", tmp_path / "a.csv"), "study.json is damaged: it differs from the plan that was written")
+    assert run(capsys, "study", finished[0], "--out", out, "--workers", 1)[0] == 0
+    assert_same(out, finished[1])
+
+
 def test_another_study_s_folder_is_refused(finished, tmp_path, capsys):
     """Oracle: exit code 2, and every file as it was; so without its plan."""
     other, out = written(tmp_path, SMALL.replace("seed = 4", "seed = 5")), tmp_path / "copy"

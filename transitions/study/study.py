@@ -55,14 +55,15 @@ def read_plan(folder: Path) -> tuple[StudyPlan, str, str]:
         about = json.loads((folder / PLAN).read_text(encoding="utf-8"))
         plan, digest, kind = about["plan"], about["digest"], about["format"]
         if digest_of(plan) != digest or not isinstance(plan["title"], str) or kind not in FORMATS:
-            raise ValueError("it differs from the plan that was written")
+            raise ValueError
         return StudyPlan.from_plain(plan), digest, kind
     except FileNotFoundError:
         raise NoStudy(f"{folder} is not a study; expected a folder that saltus study has made, with {PLAN} in it") from None
     except OSError as error:
         raise NoStudy(f"cannot read {folder / PLAN}: {reason(error)}") from error
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise NoStudy(f"{folder / PLAN} is damaged: {one_line(error)}; the same saltus study command writes it again") from error
+        damaged = f"{folder / PLAN} is damaged: it differs from the plan that was written"
+        raise NoStudy(f"{damaged}; the same saltus study command writes it again") from error
 
 
 def block_path(folder: Path, number: int, kind: str) -> Path:
