@@ -194,7 +194,7 @@ class Family(SolvedFamily):
         tests = [0.0] * self._computed
         common_tests(result, *self._limits, tests)
         if self._two_dof:
-            two_dof_tests(result, problem.quarters, self._targets, tests)
+            two_dof_tests(result, problem.segment.shape, self._targets, tests)
         else:
             values = np.empty(self._computed)
             take, targets = _general_tests(problem, work)[0], np.array(self._targets, dtype=float)

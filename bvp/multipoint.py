@@ -190,7 +190,7 @@ class MultipointProblem:
         )
         if periodic and not contacts:
             arrays[0][self.inner, self.half :] = 1.0
-        shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds], dtype=np.int64)
+        shape = np.array([self.inner, int(periodic), self.quarters, *self.kinds, modes.pace], dtype=np.int64)
         flight = smooth_flight(system, self.inner + 3) if self.is_smooth else modes.flight
         self.segment = Segment._make([flight, *(np.ascontiguousarray(array, dtype=np.float64) for array in arrays), shape])
         self.parameters = self.segment.start_map.shape[1]

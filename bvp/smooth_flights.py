@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["flight_of", "loaded_steps", "modal_energies", "sample_path", "smooth_flight", "smooth_steps", "why_not_flown"]
 
-PIECE = 5.0
-"""Time in which a flight is computed at once, where only its path is wanted."""
+PIECES = 1, 8, 64, 512
+"""Parts in which a flight is computed where only its path is wanted."""
 
 
 def smooth_flight(system: ImpactSystem, flights: int) -> SmoothFlight:
@@ -130,18 +130,25 @@ def sample_path(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, t
 def _sample_smooth(system: ImpactSystem, begins: np.ndarray, flights: np.ndarray, times: np.ndarray, states: np.ndarray) -> None:
     """See `sample_path`.
 
-    Each flight is computed piece by piece, so a long one is no matter; from one time to the next no more steps than a flight can have."""
+    Each flight is computed from one time to the next: in one piece, or, where it has too many steps for that, in more.
+    """
     path = smooth_flight(system, 1)
     place = np.searchsorted(begins, times, side="right") - 1
     for k in range(len(begins)):
         here, state = float(begins[k]), np.array(flights[k], float)
         for i in sorted(np.flatnonzero(place == k), key=lambda i: times[i]):
             ahead = float(times[i]) - here
-            pieces = max(1, round(ahead / PIECE))
-            for _ in range(pieces if ahead > 0.0 else 0):
-                if not fly_smooth(path, 0, state, ahead / pieces, False):
-                    state = np.full_like(state, np.nan)
-                    break
-                state = path.paths.ends[0].copy()
+            if ahead > 0.0:
+                tried = (_flown(path, state, ahead, pieces) for pieces in PIECES)
+                state = next((found for found in tried if found is not None), np.full_like(state, np.nan))
             here = float(times[i])
             states[i] = state
+
+
+def _flown(path: SmoothFlight, state: np.ndarray, ahead: float, pieces: int) -> np.ndarray | None:
+    """The state after a time, in so many pieces; None where one has too many steps, or leaves where forces are known."""
+    for _ in range(pieces):
+        if not fly_smooth(path, 0, state, ahead / pieces, False):
+            return None
+        state = path.paths.ends[0].copy()
+    return state

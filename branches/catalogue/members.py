@@ -76,7 +76,7 @@ class _Curve:
         modes = branch.system.modes
         states = np.hstack([columns["start_u"], columns["start_v"]]) @ modes.from_state.T
         self.branch = branch
-        self.positions = np.column_stack([states / np.sqrt(2.0 * columns["h"])[:, None], np.log(columns["h"]), np.log(columns["alpha"])])
+        self.positions = modes.position(states, columns["h"], columns["alpha"])
         self.chords = np.diff(self.positions, axis=0)
         self.lengths = np.maximum(np.linalg.norm(self.chords, axis=1), 1e-150)
         self.reach = NEAR * self.lengths + ON
@@ -189,7 +189,7 @@ class KnownFamilies:
             if not curves:
                 continue
             energy = float(modal_energies(system, image.start))
-            position = np.concatenate([image.start / np.sqrt(2.0 * energy), [np.log(energy), np.log(image.quarter_period)]])
+            position = system.modes.position(image.start, energy, image.quarter_period)
             for id, curve in curves:
                 at = curve.arclength(position, image.times)
                 if at is not None:

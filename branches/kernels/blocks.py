@@ -144,7 +144,7 @@ def land_tested(compiled, most, watched, y, tangent, ds, metric, point):
     if full:
         first_tests(packed, result, watched.limits, values)
         if watched.general == 0:
-            _two_dof_tests(result, packed.shape[2], watched.targets, values)
+            _two_dof_tests(result, packed.shape, watched.targets, values)
         else:
             call_at(watched.general, (packed, new, ends, watched.work, result, watched.targets, values))
     else:

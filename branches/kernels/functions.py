@@ -53,8 +53,8 @@ PIVOT_NOISE = 5e-14
 rounding over the pivot, in the direction of the other family."""
 
 TANGENT_NOISE = 2e-13
-"""Noise of the slope times the square of the smallest pivot over the steepness: the direction of the tangent is uncertain by as much. The
-steepness is the change of the scaled unknowns for a unit of arclength."""
+"""Noise of the slope, as a part of the energy, times the square of the smallest pivot over the steepness: the direction of the tangent is
+uncertain by as much. The steepness is the change of the scaled unknowns for a unit of arclength."""
 
 SMOOTH_TANGENT_NOISE = 6e-14
 """The same for smooth flights. Long sequences of impacts, which magnify rounding, are rare among them. Measured: 2e-16 as a rule, at most
@@ -83,9 +83,10 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, tangent_noise: 
     pivot = result[entry.BRANCHING]
     slope = abs(result[entry.SLOPE])
     square = result[entry.CONDITIONING] * result[entry.CONDITIONING]
-    error = CONDITION_NOISE * result[entry.STEEPNESS]
-    certain = slope * pivot * pivot > tangent_noise * result[entry.STEEPNESS]
-    certain = certain and (error < _CLEAR_SLOPE * square or slope * square > error * result[entry.ENERGY])
+    unit = result[entry.STEEPNESS] * result[entry.ENERGY]
+    error = CONDITION_NOISE * unit
+    certain = slope * pivot * pivot > tangent_noise * unit
+    certain = certain and (error < _CLEAR_SLOPE * result[entry.ENERGY] * square or slope * square > error)
     out[0] = result[entry.SLOPE] if certain else math.nan
     out[1] = pivot
     out[2] = result[entry.CLEARANCE] if result[entry.CLEARANCE] < _CLEAR else _CLEAR
@@ -100,10 +101,10 @@ def common_tests(result: Any, low: Any, high: Any, longest: Any, tangent_noise: 
     out[10] = (waves * 4096.0 + result[entry.FIRST_QUARTER]) * 8192.0 + result[entry.SECOND_QUARTER] * 4.0 + result[entry.IN_PHASE]
 
 
-def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
+def two_dof_tests(result: Any, shape: Any, targets: Any, out: Any) -> None:
     """The entries of `out` after the common ones, n = 2: the entries of the half map (`bvp.kernels.stability`), each bifurcation a plain
     zero of one, then the distances from the `targets` of a trace: of a quarter that of the half map (tau_half), else that of the full
-    period (tau). `quarters`: quarter periods solved.
+    period (tau). shape: of the segment.
 
     The linearised impacts are rank-one terms over the impact's speed, so an entry times the product of all speeds is smooth at a grazing,
     where the entry itself grows without bound. Traces contain each impact of a segment with a reversal twice."""
@@ -112,17 +113,20 @@ def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
     c = result[entry.HALF_C]
     d = result[entry.HALF_D]
     product = b * c
-    largest = max(abs(a), abs(b), abs(c), abs(d))
+    # In the arclength's unit of time all are displacements. The origin keeps a velocity, any other end a displacement.
+    first, far = min(shape[3], 1), min(shape[4], 1)
+    of_a, of_b = 2.0 ** (shape[5] * (far - first)), 2.0 ** (shape[5] * (first + far - 1))
+    largest = max(abs(a) * of_a, abs(b) * of_b, abs(c) / of_b, abs(d) / of_a)
     pivot = abs(result[entry.BRANCHING])
     noise = largest * (NOISE + PIVOT_NOISE / pivot) if pivot > 0.0 else math.inf
-    if abs(a) < noise:
+    if abs(a) * of_a < noise:
         a = math.nan
-    if abs(b) < noise:
+    if abs(b) * of_b < noise:
         b = math.nan
-    if abs(d) < noise:
+    if abs(d) / of_a < noise:
         d = math.nan
     speeds = result[entry.SPEEDS]
-    if quarters == 4:
+    if shape[2] == 4:
         tau = result[entry.TRACE]
         weight = speeds
         out[11] = weight * (tau + 2.0)
@@ -134,7 +138,7 @@ def two_dof_tests(result: Any, quarters: Any, targets: Any, out: Any) -> None:
         out[12] = speeds * a
         out[13] = speeds * d
         at = 14
-        if quarters == 1:
+        if shape[2] == 1:
             out[14] = weight * tau
             at = 15
     for i in range(len(targets)):
@@ -260,24 +264,26 @@ def general_tests(packed, y, ends, pairs_work, result, targets, out):
     if m == 0:
         return
     half_map(unpack(packed), y, ends, work.held, work.rows, work.square, work.small, phi)
-    largest = 0.0
     for r in range(2 * m):
         for c in range(2 * m):
             if not abs(phi[r, c]) < math.inf:
                 return
-            largest = max(largest, abs(phi[r, c]))
+    first, far = min(packed.shape[3], 1), min(packed.shape[4], 1)
+    of_a, of_b = 2.0 ** (packed.shape[5] * (far - first)), 2.0 ** (packed.shape[5] * (first + far - 1))
+    block = square(work.block, m)
+    inverse = square(work.inverse, m)
+    size_b = _block(phi, 0, 1, block)
+    size_c = _block(phi, 1, 0, block)
+    largest = max(_block(phi, 0, 0, block) * of_a, size_b * of_b, size_c / of_b)
+    largest = max(largest, _block(phi, 1, 1, block) / of_a)
     pivot = abs(result[entry.BRANCHING])
     noise = NOISE + PIVOT_NOISE / pivot if pivot > 0.0 else math.inf
     speeds = result[entry.SPEEDS]
-    block = square(work.block, m)
-    inverse = square(work.inverse, m)
+    after[2] = speeds * _certain_determinant(block, noise * largest * of_a, inverse)
     _block(phi, 0, 0, block)
-    after[1] = speeds * _certain_determinant(block, noise * largest, inverse)
-    _block(phi, 1, 1, block)
-    after[2] = speeds * _certain_determinant(block, noise * largest, inverse)
-    size_c = _block(phi, 1, 0, block)
-    size_b = _block(phi, 0, 1, block)
-    after[0] = speeds * _certain_determinant(block, noise * largest, inverse)
+    after[1] = speeds * _certain_determinant(block, noise * largest / of_a, inverse)
+    _block(phi, 0, 1, block)
+    after[0] = speeds * _certain_determinant(block, noise * largest / of_b, inverse)
     for r in range(m):
         set_1(work.product[r], 0.0)
         for i in range(m):

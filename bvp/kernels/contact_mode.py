@@ -171,7 +171,7 @@ def stays_within(modes, f, z):
     for c in range(modes.side.shape[1]):
         if (modes.sticking[f] >> c) & 1 != 0:
             return False
-        level, _, _ = amplitudes(flight_of(modes, f), modes.gap[f], c, z, math.inf)
+        level, _, _ = amplitudes(flight_of(modes, f), modes.gap[f, c], z, math.inf)
         if not level < modes.side[f, c] * modes.bound[f, c]:
             return False
     return True

@@ -81,7 +81,7 @@ def separate(flight, value, z, horizon, parts):
         i = pairs[k, 0]
         j = pairs[k, 1]
         if j < 0 or mean[k] != 0.0 or delta[k] > 0.0:
-            level, curvature, jerk = amplitudes(flight, value[None, :], 0, z, horizon)
+            level, curvature, jerk = amplitudes(flight, value, z, horizon)
             return False, level, curvature, jerk
         # f = alpha cos w t + beta sin(w t)/w for this mode; equation (24) sums its bounds.
         alpha = value[i] * z[i] + value[j] * z[j]
@@ -411,9 +411,9 @@ def sharp_piece(flight, leave, i, z, duration, growth):
 
     Beside a resonance large parts of the state cancel, and their bounds grow exponentially where the sum grows as a power of time."""
     piece = duration
-    level, bend, _ = amplitudes(flight, leave, i, z, piece)
+    level, bend, _ = amplitudes(flight, leave[i], z, piece)
     while growth * piece > 1.0:
-        half, half_bend, _ = amplitudes(flight, leave, i, z, 0.5 * piece)
+        half, half_bend, _ = amplitudes(flight, leave[i], z, 0.5 * piece)
         if level <= SHARP * half:
             break
         piece *= 0.5
@@ -496,8 +496,8 @@ def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
         if rate * rate < SLOW * SLOW * bend * level:
             # What begins at rest and is moved through other coordinates has a velocity that is nearly zero for long. There the terms of
             # u's Taylor series, and a bound of the fourth derivative, give a time in which |u| stays below a value that it reaches.
-            ahead, _, _ = amplitudes(flight, leave, i, now, left)
-            _, fourth, _ = amplitudes(flight, scratch[1], 0, now, left)
+            ahead, _, _ = amplitudes(flight, leave[i], now, left)
+            _, fourth, _ = amplitudes(flight, scratch[1, 0], now, left)
             rise = 0.25 * max(reached - abs(row_dot(leave, i, now)), 0.0)
             step = min(left, time_to(rise, rate, 1.0), time_to(2.0 * rise, row_dot(scratch[1], 0, now), 0.5))
             step = min(step, time_to(6.0 * rise, row_dot(scratch[2], 0, now), 1.0 / 3.0), time_to(24.0 * rise, fourth, 0.25))
@@ -522,7 +522,7 @@ def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
         if resumed:
             # At rest with no derivative that decides where it goes, as where a force on a far coordinate begins. A little later one
             # does.
-            rate, bend, _ = amplitudes(flight, scratch[0], 0, now, left)
+            rate, bend, _ = amplitudes(flight, scratch[0, 0], now, left)
             step = min(left, PAUSE * math.sqrt(rate / bend)) if bend > 0.0 else left
         flow_state(flight, now, step, later)
         raise_peak(i, row_dot(leave, i, later), began + (duration - left) + step, peaks, when)

@@ -362,7 +362,7 @@ def fastest_rate(flight):
 
 
 @allocating
-def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
+def block_amplitudes(matrix, start, size, row, z, weight, growth, horizon):
     """The bounds of `amplitudes` for the block of `size` indices from `start`, by Taylor's series with its remainder. `weight`: norm of the
     row's part.
 
@@ -379,7 +379,7 @@ def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
         value = 0.0
         norm = 0.0
         for r in range(size):
-            value += rows[c, start + r] * state[r]
+            value += row[start + r] * state[r]
             norm += state[r] * state[r]
         if k < SERIES_TERMS:
             value = abs(value)
@@ -401,8 +401,8 @@ def block_amplitudes(matrix, start, size, rows, c, z, weight, growth, horizon):
 
 
 @shared(("float", "float", "float"))
-def amplitudes(flight, rows, c, z, horizon):
-    """Bounds of |f|, |f''| and |f'''| for f(t) = rows[c] . exp(B t) z over 0 <= t <= horizon."""
+def amplitudes(flight, row, z, horizon):
+    """Bounds of |f|, |f''| and |f'''| for f(t) = row . exp(B t) z over 0 <= t <= horizon."""
     pairs, mean, delta, matrix = flight
     level = 0.0
     second = 0.0
@@ -413,15 +413,15 @@ def amplitudes(flight, rows, c, z, horizon):
         m = mean[k]
         # A single rate: f = a exp(m t).
         if j == -1:
-            size = abs(rows[c, i] * z[i]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
+            size = abs(row[i] * z[i]) * (math.exp(m * horizon) if m > 0.0 else 1.0)
             level += size
             second += m * m * size
             third += abs(m * m * m) * size
         elif j >= 0:
             # f = exp(m t) (C alpha + S beta); a derivative takes (alpha, beta) to (m alpha + beta, m beta + delta alpha)
-            alpha = rows[c, i] * z[i] + rows[c, j] * z[j]
-            beta = rows[c, i] * ((matrix[i, i] - m) * z[i] + matrix[i, j] * z[j])
-            beta += rows[c, j] * (matrix[j, i] * z[i] + (matrix[j, j] - m) * z[j])
+            alpha = row[i] * z[i] + row[j] * z[j]
+            beta = row[i] * ((matrix[i, i] - m) * z[i] + matrix[i, j] * z[j])
+            beta += row[j] * (matrix[j, i] * z[i] + (matrix[j, j] - m) * z[j])
             # Equation (24) for an undamped mode.
             if m == 0.0 and delta[k] < 0.0:
                 size = math.sqrt(alpha * alpha - beta * beta / delta[k])
@@ -456,14 +456,14 @@ def amplitudes(flight, rows, c, z, horizon):
             norm = 0.0
             square = 0.0
             for r in range(i, i - j):
-                weight += rows[c, r] * rows[c, r]
+                weight += row[r] * row[r]
                 norm += z[r] * z[r]
                 for q in range(i, i - j):
                     square += matrix[r, q] * matrix[r, q]
             size *= math.sqrt(weight * norm)
             near, near_second, near_third = size, square * size, square * math.sqrt(square) * size
             if weight > 0.0 and horizon < math.inf:
-                series = block_amplitudes(matrix, i, -j, rows, c, z, math.sqrt(weight), growth, horizon)
+                series = block_amplitudes(matrix, i, -j, row, z, math.sqrt(weight), growth, horizon)
                 near, near_second, near_third = min(near, series[0]), min(near_second, series[1]), min(near_third, series[2])
             level += near
             second += near_second

@@ -273,7 +273,7 @@ def path_bounds(flight, rows, c, t, state, window):
 @inlined
 def exact_bounds(flight, rows, c, t, state, window):
     """See `path_bounds`."""
-    return amplitudes(flight, rows, c, state, window)
+    return amplitudes(flight, rows[c], state, window)
 
 
 @chosen

@@ -368,7 +368,7 @@ def lift_off_slowly(sticking, segment, i, stop, touched, extended, horizon):
     if sticking.release[begin] < 0 and segment.jump[begin] != AT_ONCE:
         return 0.0
     rows = extended.observed.rows[stop]
-    _, second, third = amplitudes(extended.flight, rows[1][None, :], 0, extended.state, horizon)
+    _, second, third = amplitudes(extended.flight, rows[1], extended.state, horizon)
     slope = abs(inner(rows[2], extended.state))
     bend = abs(inner(rows[3], extended.state))
     # w' = w'' t + w''' t^2/2 keeps its sign up to 2 w''/max w''', and without w'' up to 3 w'''/max w''''.

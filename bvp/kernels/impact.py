@@ -256,7 +256,7 @@ def exact_parting(flight, contacts, c, z, horizon, window, state, other, further
     if -side * row_dot(rows, c, state) < 0.0:
         return 0.0, order
     if order == 3:
-        _, fourth, _ = amplitudes(flight, rows, c, z, window)
+        _, fourth, _ = amplitudes(flight, rows[c], z, window)
         third = -side * row_dot(rows, c, state)
         return min(third / fourth, window) if fourth > 0.0 else window, order
     # While a derivative is positive, those below it, and the distance, rise from 0. It is followed towards its zero; then the derivative
@@ -302,7 +302,7 @@ def positive_step(flight, contacts, c, level, z, longest, state, other):
             factor *= step / k
             change += factor * abs(row_dot(rows, c, state))
         block_product(flight.pairs, flight.matrix, state, other)
-        bound, _, _ = amplitudes(flight, rows, c, other, step)
+        bound, _, _ = amplitudes(flight, rows[c], other, step)
         if change + factor * step / NEAR_TERMS * bound < value:
             return step
         step *= 0.5

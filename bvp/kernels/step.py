@@ -207,9 +207,17 @@ class Metric(NamedTuple):
     direction: np.ndarray  # (N + 2,)
 
 
+@inlined
+def stretch(segment, position, power):
+    """Multiply the displacements of a state by the unit of the arclength, a power of two (1), or divide them (-1)."""
+    unit = 2.0 ** (power * segment.shape[5])
+    for r in range(segment.flight.matrix.shape[1] // 2):
+        position[r] *= unit
+
+
 @chosen
 def locate(segment, y, out):
-    """(start state / sqrt(2 h), log h, log alpha) and (h, alpha)."""
+    """(start displacements times the unit of `shape`, and velocities, / sqrt(2 h); log h, log alpha) and (h, alpha)."""
 
 
 @locate.of(Segment)
@@ -223,6 +231,7 @@ def locate_free(segment, y, out):
     speed = math.sqrt(2.0 * energy)
     for r in range(size):
         out[r] /= speed
+    stretch(segment, out, 1)
     out[size] = math.log(energy)
     out[size + 1] = math.log(alpha) if alpha > 0.0 else -math.inf
     return energy, alpha
@@ -242,6 +251,7 @@ def metric_direction_free(segment, y, position, energy, alpha, tangent, out):
     s = segment.start_map.shape[1]
     speed = math.sqrt(2.0 * energy)
     change = 0.0
+    stretch(segment, position, -1)
     slope = energy_slope(segment.flight, segment.weights, position[:size], speed)
     for r in range(size):
         total = row_dot(segment.start_map, r, tangent[:s])
@@ -249,6 +259,8 @@ def metric_direction_free(segment, y, position, energy, alpha, tangent, out):
         change += slope_times(slope, r, 1.0) * total
     for r in range(size):
         out[r] -= position[r] * change / (2.0 * energy)
+    stretch(segment, position, 1)
+    stretch(segment, out, 1)
     out[size] = change / energy
     out[size + 1] = total_time(segment.flight.matrix, segment.start_map, segment.shape, tangent) / segment.shape[2] / alpha
     return change, math.sqrt(inner(out, out))
@@ -270,12 +282,16 @@ def constraint_row_free(segment, y, energy, alpha, position, direction, row):
     along = inner(direction[:size], position[:size])
     set_1(row, 0.0)
     radial = direction[size] / energy - along / (2.0 * energy)
+    stretch(segment, position, -1)
+    stretch(segment, direction, 1)
     slope = energy_slope(segment.flight, segment.weights, position[:size], speed)
     for j in range(s):
         total = 0.0
         for r in range(size):
             total += segment.start_map[r, j] * (direction[r] / speed + slope_times(slope, r, radial))
         row[j] = total
+    stretch(segment, position, 1)
+    stretch(segment, direction, -1)
     at = s
     for _ in range(segment.shape[0] + 1):
         row[at] = direction[size + 1] / segment.shape[2] / alpha

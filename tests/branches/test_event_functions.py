@@ -11,7 +11,22 @@ import pytest
 
 from branches.family import RESONANCES, multiplication
 from branches.kernels.functions import COMMON, TANGENT_NOISE, common_tests, two_dof_tests
-from bvp.kernels.multipoint import BRANCHING, ENERGY, HALF_A, HALF_B, HALF_C, HALF_D, QUARTER_PERIOD, RESULT, SPEEDS, TRACE
+from bvp.kernels.multipoint import (
+    BRANCHING,
+    ENERGY,
+    HALF_A,
+    HALF_B,
+    HALF_C,
+    HALF_D,
+    ORIGIN,
+    PERIODIC,
+    QUARTER_PERIOD,
+    REST,
+    RESULT,
+    SPEEDS,
+    STOP,
+    TRACE,
+)  # fmt: skip
 
 TARGETS = [multiplication(p, q) for p, q in RESONANCES]
 HALF_TARGETS = [sign * math.cos(math.pi * p / q) for p, q in RESONANCES for sign in (2.0, -2.0)]
@@ -30,8 +45,8 @@ def test_traces_are_those_of_the_return_map(seed):
     reversal = np.diag([1.0, -1.0])
     closed = reversal @ np.linalg.inv(phi) @ reversal @ phi
     half, quarter = np.zeros(14 + len(TARGETS)), np.zeros(15 + len(HALF_TARGETS))
-    two_dof_tests(result, 2, TARGETS, half)
-    two_dof_tests(result, 1, HALF_TARGETS, quarter)
+    two_dof_tests(result, (0, 0, 2, ORIGIN, REST, 0), TARGETS, half)
+    two_dof_tests(result, (0, 0, 1, ORIGIN, STOP, 0), HALF_TARGETS, quarter)
     half[11:14] /= SPEED
     half[14:] /= SPEED**2
     quarter[11:14] /= SPEED
@@ -50,7 +65,7 @@ def test_periodic_orbits_have_the_trace_itself(tau):
     result[TRACE] = tau
     result[SPEEDS] = SPEED
     out = np.zeros(12 + len(TARGETS))
-    two_dof_tests(result, 4, TARGETS, out)
+    two_dof_tests(result, (0, 1, 4, PERIODIC, PERIODIC, 0), TARGETS, out)
     assert (out[11] > 0.0, out[11] == 0.0) == (tau > -2.0, tau == -2.0)
     np.testing.assert_allclose(out[12:] / SPEED, [tau - 2.0 * math.cos(2.0 * math.pi * p / q) for p, q in RESONANCES], atol=1e-15)
 

@@ -48,7 +48,7 @@ def test_amplitudes_bound_what_dense_sampling_finds(n, seed, damping, shift, hor
     rng = np.random.default_rng(seed)
     modes = random_system(rng, n, damping, shift).modes
     z = rng.normal(size=2 * n)
-    bounds = amplitudes(modes.flight, modes.contacts.gap, 0, z, horizon)
+    bounds = amplitudes(modes.flight, modes.contacts.gap[0], z, horizon)
     for order, bound in zip((0, 2, 3), bounds, strict=True):
         samples = amplitude_samples(modes.matrix, modes.contacts.gap[0], z, horizon, order)
         assert samples.max() <= bound * (1.0 + 1e-9)
@@ -57,7 +57,7 @@ def test_amplitudes_bound_what_dense_sampling_finds(n, seed, damping, shift, hor
 def test_amplitudes_of_a_larger_block_bound_what_dense_sampling_finds():
     modes = exceptional_point().modes
     z = np.array([1.0, -0.3, 0.2, 0.7])
-    bounds = amplitudes(modes.flight, modes.contacts.gap, 0, z, 10.0)
+    bounds = amplitudes(modes.flight, modes.contacts.gap[0], z, 10.0)
     for order, bound in zip((0, 2, 3), bounds, strict=True):
         assert amplitude_samples(modes.matrix, modes.contacts.gap[0], z, 10.0, order).max() <= bound
 
@@ -66,7 +66,7 @@ def test_amplitudes_of_one_mode_are_its_amplitude():
     """|u| <= hypot(u, v/w), |u''| <= w^2 of it, |u'''| <= w^3 of it: attained."""
     modes = oscillator(upper=1.0, k=4.0).modes
     size = math.hypot(0.3, 0.8 / 2.0)
-    bounds = amplitudes(modes.flight, modes.contacts.gap, 0, modes.from_state @ [0.3, 0.8], math.inf)
+    bounds = amplitudes(modes.flight, modes.contacts.gap[0], modes.from_state @ [0.3, 0.8], math.inf)
     np.testing.assert_allclose(bounds, [size, 4 * size, 8 * size], rtol=1e-8)
 
 

@@ -13,9 +13,11 @@ from tests.bvp.orbits import backbone_segment, chain
 
 
 def position_of(problem, y):
-    """(start state / sqrt(2 h), log h, log alpha)."""
-    h = problem.energy(y)
-    return np.concatenate([problem.start(y) / np.sqrt(2.0 * h), [np.log(h), np.log(problem.quarter_period(y))]])
+    """(start displacements times a frequency, and velocities, / sqrt(2 h); log h, log alpha)."""
+    h, squares = problem.energy(y), problem.system.modes.squares
+    power = np.floor(0.5 * np.log2(squares[squares > 0.0].min()) + 0.6)
+    unit = np.repeat([2.0**power, 1.0], len(squares))
+    return np.concatenate([unit * problem.start(y) / np.sqrt(2.0 * h), [np.log(h), np.log(problem.quarter_period(y))]])
 
 
 def problems():
