@@ -11,6 +11,7 @@ import pytest
 import scipy.io
 
 from saltus import load_scene, trace_response
+from tests.saltus.running import read_json, reported
 
 CATALOGUES = Path(__file__).parent.parent / "catalogues"
 
@@ -148,6 +149,7 @@ def _value(value):
 
 RESPONSES = {
     "absorber": ("F", 0.01, 0.3, "rest", {}),
+    "bouncing_ball": ("Gamma", 1.1, 1.4, "simulate", {"Gamma": 1.2}),
     "damped_impact_oscillator": ("A", 0.1, 0.5, "simulate", {"A": 0.2}),
     "forced_chain": ("F", 0.4, 0.7, "simulate", {}),
     "forced_impact_damper": ("w", 0.95, 1.1, "simulate", {}),
@@ -156,7 +158,15 @@ RESPONSES = {
     "oscillator_at_wall": ("A", 0.3, 1.0, "simulate", {}),
     "ueda_oscillator": ("B", 0.1, 0.5, "rest", {"B": 0.2}),
 }
-"""A response of each shipped scene with a harmonic load and without chatter: parameter, range, start and other values."""
+"""A response of each shipped scene with a harmonic load, but for chatter: parameter, range, start and other values."""
+
+FAMILIES = [
+    ("lee2009", "S11-", 0.07, 0.5), ("lee2009", "S13O00+", 0.2, 2.0), ("lee2009", "U2111-", 0.5, 2.0), ("impact_damper", "S11-", 0.1, 0.5),
+    ("impact_damper", "S13+", 0.1, 1.0), ("cubic_nes", "S11+", 1e-3, 1e-2), ("cubic_and_stops", "S11-", 0.1, 1.0),
+    ("duffing_pair", "S11-", 0.1, 1.0), ("duffing_pair", "mode:2", 0.1, 1.0), ("smooth_wall", "S11-", 0.05, 0.5),
+    ("three_mass_chain", "mode:2", 0.3, 3.0), ("beam_on_cubic_spring", "mode:1", 1e-3, 1e-2),
+]  # fmt: skip
+"""Families of all shipped scenes without loads: the scene, the start, and the lowest and the highest energy."""
 
 CHANGES = [Units(**{what: size}) for what in ("length", "time", "mass") for size in (1e-6, 1e6)]
 
@@ -169,6 +179,23 @@ def response_in_units(name, units, folder):
     interval = scaled.new(parameter, low), scaled.new(parameter, high)
     branch, *_ = trace_response(scaled.scene.parametric, parameter, interval, start=start, values=new)
     return branch, scaled
+
+
+def require_same_family(name, start, energies, units, folder):
+    """A family in other units has the events that it has in those of the scene, and about as many points."""
+    found = []
+    for one in (Units(), units):
+        scaled_scene(name, one, folder)
+        unit, file = one.of("energy"), Path(folder) / "family.json"
+        energy = ":".join(repr(h * unit) for h in energies)
+        start_words = f"--from {start}" if ":" in start else start
+        code, _, err = reported(f"continue {start_words} --scene {Path(folder) / name}.toml --energy {energy} --json {file}")
+        assert code == 0, err
+        branch = read_json(file)
+        found.append((len(branch["points"]), sorted((e["h"] / unit, e["type"], e["alpha"] / one.time) for e in branch["events"])))
+    assert abs(found[1][0] - found[0][0]) <= 0.1 * found[0][0] and len(found[0][1]) == len(found[1][1])
+    for (h, code, alpha), (other_h, other, other_alpha) in zip(found[0][1], found[1][1], strict=True):
+        assert code == other and (other_h, other_alpha) == pytest.approx((h, alpha), rel=1e-8)
 
 
 def require_same_response(name, units, folder):

@@ -151,7 +151,7 @@ def extrapolate_nodes(segment, i, orders, ratio, stride):
                 table[level, r, c] = value
                 if not last:
                     new[r, c] = (value - power * old) / (1.0 - power)
-                    if r == 0 and level == orders - 1:
+                    if r == 0 and c <= size and level == orders - 1:  # behind the clock are parameters, which stay
                         change = max(change, abs(new[r, c] - value) / (segment.scale[c] if c < size else 1.0))
         if last:
             break

@@ -10,7 +10,7 @@ from bvp.forcing import Constant, Harmonic
 from bvp.motion import EventKind
 from bvp.simulate import simulate
 from saltus import load_scene
-from tests.units import CHANGES, require_same_response
+from tests.units import CHANGES, require_same_family, require_same_response
 
 FORCED = (
     "impact_oscillator", "damped_impact_oscillator", "oscillator_at_wall", "bouncing_ball", "impact_pair", "absorber",
@@ -203,3 +203,17 @@ def test_each_has_exact_derivatives_by_its_parameters(name):
 def test_a_response_does_not_depend_on_units(tmp_path, name, units):
     """Oracle: the same response in the units of the scene."""
     require_same_response(name, units, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "energies", "units"),
+    [
+        ("lee2009", "S13O00+", (0.2, 2.0), CHANGES[2]),
+        ("cubic_and_stops", "S11-", (0.1, 1.0), CHANGES[0]),
+        ("three_mass_chain", "mode:2", (0.3, 3.0), CHANGES[3]),
+        ("duffing_pair", "mode:2", (0.1, 1.0), CHANGES[3]),
+    ],
+)
+def test_a_family_does_not_depend_on_units(tmp_path, name, start, energies, units):
+    """Oracle: the same family in the units of the scene. Once an SB, an SN and an end were missing here, and one took minutes."""
+    require_same_family(name, start, energies, units, tmp_path)
