@@ -5,12 +5,14 @@ from __future__ import annotations
 import atexit
 import contextlib
 import importlib
+import io
 import os
 import signal
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn, cast
 
+from branches.files import reason
 from bvp.interrupts import SIGNALS, end_by, ended_by
 from saltus import __version__
 from saltus.errors import BAD_INPUT, DONE, FAILED, INTERRUPTED, BadInput, exit_code, one_line, plain_warnings, say
@@ -62,11 +64,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     one_thread()
     plain_warnings()
-    # Where standard error is None, `print` would write to standard output instead. What is opened to read cannot be written.
-    output = GuardedStream(sys.stdout or open(os.devnull, encoding="utf-8"))  # noqa: SIM115
-    errors = GuardedStream(sys.stderr or open(os.devnull, "w", encoding="utf-8"), outlasts=True)  # noqa: SIM115
-    if getattr(sys.stdout, "errors", None) == "strict":
-        cast(Any, sys.stdout).reconfigure(errors="backslashreplace")
+    output, errors = GuardedStream(sys.stdout or io.StringIO()), GuardedStream(sys.stderr or io.StringIO(), outlasts=True)
     with contextlib.redirect_stdout(cast(Any, output)), contextlib.redirect_stderr(cast(Any, errors)):
         try:
             code = _command(list(sys.argv[1:] if argv is None else argv))
@@ -84,10 +82,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = known
             if interrupted:
                 say("interrupted; nothing more is written")
-            elif str(error) != output.failure:
+            elif error is not output.failure:
                 say(one_line(error))
-        if output.failure is not None:
-            say(output.failure)
+        if output.failure is not None and not isinstance(output.failure, BrokenPipeError):
+            say(f"cannot write standard output: {reason(output.failure)}")
             code = max(code, BAD_INPUT)
     return 128 + ended_by() if code == INTERRUPTED else code
 
@@ -116,7 +114,7 @@ def _leave(codes: Sequence[int]) -> None:
     """End the process with its exit code. After a fault of the program there is none, and Python ends the process."""
     for code in codes:
         for stream in (sys.stdout, sys.stderr):
-            with contextlib.suppress(OSError, ValueError, AttributeError):
+            with contextlib.suppress(OSError, AttributeError):
                 stream.flush()
         os._exit(code)
 

@@ -6,13 +6,12 @@ A file is written completely or not at all. ``-`` is standard output.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import json
 import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,64 +49,39 @@ __all__ = [
 STANDARD_OUTPUT = "-"
 
 
-@dataclass(eq=False)
 class GuardedStream:
-    """Standard output or standard error, which may be closed or full, or whose reader may have left. Control characters are escaped.
+    """Standard output or standard error, whose disk may be full, or whose reader may have left. After a failure nothing more is printed.
 
     Attributes
     ----------
-    stream : text stream
     outlasts : bool
         Whether the command goes on where printing fails: it has files to write.
-    failure : str or None
+    failure : OSError or None
         Why text could not be printed.
-    escapes : bool
-        Whether control characters are escaped.
     """
 
-    stream: Any
-    outlasts: bool = False
-    failure: str | None = None
-    escapes: bool = True
-    _gone: bool = False
+    def __init__(self, stream: Any, *, outlasts: bool = False) -> None:
+        self._stream = stream
+        self.outlasts = outlasts
+        self.failure: OSError | None = None
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.stream, name)
-
-    @property
-    def for_drawing(self) -> GuardedStream:
-        """The same stream with control characters as they are: those of a progress bar."""
-        return replace(self, escapes=False)
+        return getattr(self._stream, name)
 
     def write(self, text: str) -> int:
-        """Print and flush. Raise `BrokenPipeError` or `WriteFailure` where that fails and the command has no files to write.
-
-        Examples
-        --------
-        >>> _ = GuardedStream(sys.stdout).write("red \\x1b[31m, a byte that is no text \\udcff")
-        red \\x1b[31m, a byte that is no text \\xff
-        """
-        if self._gone:
-            return len(text)
-        plain = "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text) if self.escapes else text
-        try:
-            self.stream.write(plain)
-            self.stream.flush()
-        except OSError as error:
-            self._gone = True
-            # What is left in the buffer must not raise a second error when the process ends.
-            with contextlib.suppress(OSError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
-            if not isinstance(error, BrokenPipeError):
-                self.failure = f"cannot write standard output: {reason(error)}"
-            if not self.outlasts:
-                raise error if self.failure is None else WriteFailure(self.failure) from error
+        """Print and flush. Raise `OSError` where that fails and the command has no files to write."""
+        if self.failure is None:
+            try:
+                self._stream.write(text)
+                self._stream.flush()
+            except OSError as error:
+                self.failure = error
+                if not self.outlasts:
+                    raise
         return len(text)
 
-
-def _escape(character: str) -> str:
-    # Python reads a byte b of a file name that is not UTF-8 as the character U+DC00 + b.
-    return character.encode("unicode_escape").decode("ascii").replace("\\udc", "\\x")
+    def flush(self) -> None:
+        """Do nothing: `write` flushes."""
 
 
 def check_writable(path: str, *, database: bool = False, figure: bool = False) -> None:
@@ -169,16 +143,11 @@ def output_folder(option: str, place: str, names: Iterable[str]) -> Path:
 
 
 def write_data(path: str, text: str) -> None:
-    """Write text to a file, completely or not at all, or to standard output, where it is not escaped. Raises `WriteFailure`."""
-    if path != STANDARD_OUTPUT:
+    """Write text to a file, completely or not at all, or to standard output. Raises `WriteFailure`."""
+    if path == STANDARD_OUTPUT:
+        print(text, end="")
+    else:
         write_text(path, text)
-        return
-    stream = getattr(sys.stdout, "stream", sys.stdout)
-    try:
-        stream.write(text)
-        stream.flush()
-    except OSError as error:
-        raise WriteFailure(f"cannot write standard output: {reason(error)}") from error
 
 
 WRITTEN = "what was computed is written"
@@ -228,18 +197,13 @@ def outputs_of(arguments: argparse.Namespace) -> Outputs:
             continue
         if not path:
             raise BadInput(f"--{kind}: the name of the file is empty")
-        special = is_special(path)
-        # /dev/stdout is standard output too. What goes to the null device does not mix there.
-        with contextlib.suppress(OSError):
-            if special and path != os.devnull and os.path.samestat(os.stat(path), os.fstat(1)):
-                path = STANDARD_OUTPUT
         if kind != "catalogue":
             if kind in ARRAYS and path == STANDARD_OUTPUT:
                 raise BadInput(f"{kind} cannot go to standard output: expected a file")
             check_writable(path, figure=kind == "plot")
             places[kind] = path
         place = path if path == STANDARD_OUTPUT else os.path.realpath(path)
-        if place in taken and (place == STANDARD_OUTPUT or not special):
+        if place in taken:
             where = "standard output" if path == STANDARD_OUTPUT else path
             raise BadInput(f"{taken[place]} and --{kind} both go to {where}: expected a place for each")
         taken[place] = f"--{kind}"

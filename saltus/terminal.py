@@ -40,7 +40,7 @@ EVENT_COLUMNS = ("point", "type", "label", "energy h", "quarter alpha", "stable"
 
 def terminal_width(stream: TextIO) -> int | None:
     """The width of the terminal that a stream writes to; None where it writes to no terminal."""
-    return shutil.get_terminal_size().columns if stream is not None and stream.isatty() else None
+    return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
 def table_lines(head: Sequence[str], rows: Iterable[Sequence[str]], *, width: int | None = None, columns: str = "") -> list[str]:
@@ -257,7 +257,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         self._count: int | None = None
         self._more = more
         self._done = threading.Event()
-        self._terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._terminal = sys.stderr.isatty()
         threading.Thread(target=self._report, daemon=True).start()
 
     def __exit__(self, *error: object) -> None:
@@ -273,8 +273,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
             from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
             columns = BarColumn(), TextColumn(f"{{task.completed}} {self._things}"), TextColumn("{task.description}"), TimeElapsedColumn()
-            console = Console(file=getattr(sys.stderr, "for_drawing", sys.stderr))
-            self._bar = Progress(*columns, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+            self._bar = Progress(*columns, console=Console(file=sys.stderr), transient=True, redirect_stdout=False, redirect_stderr=False)
             self._bar.add_task("", total=self._total)
             self._bar.start()
         if self._bar is not None:
