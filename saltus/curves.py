@@ -22,21 +22,11 @@ if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
 
 __all__ = [
-    "catalogue_lines", "in_catalogue", "list_lines", "no_curve", "place_named", "read", "refuse_curve", "report_lines",
-    "row_lines", "row_record", "rows_record", "save", "show", "write",
+    "catalogue_lines", "in_catalogue", "interval_on", "list_lines", "no_curve", "place_named", "refuse_curve", "report_lines",
+    "require_plane", "row_lines", "row_record", "rows_record", "save", "show", "start_line", "write",
 ]  # fmt: skip
 
 _POINT = re.compile(r"(?:(\d+)\.)?#(.*)")
-
-
-def read(path: str) -> list[BifurcationCurve]:
-    """The curves of a file; BadInput for one that cannot be read."""
-    from branches.reading import RecordError
-
-    try:
-        return inputs.curves_in(path)
-    except RecordError as error:
-        raise BadInput(one_line(error)) from error
 
 
 def place_named(curves: Sequence[BifurcationCurve], source: str, place: str | None) -> tuple[BifurcationCurve, int, str]:
@@ -45,10 +35,7 @@ def place_named(curves: Sequence[BifurcationCurve], source: str, place: str | No
     from branches.forced.record import named_events
 
     known = named_events(curves)
-    events = ", ".join(known) or "none"
-    if place is None:
-        raise BadInput(f"{source}: which point? expected {source}:EVENT with one of {events}, or {source}:#N, a point by its number")
-    match = _POINT.fullmatch(place)
+    match = _POINT.fullmatch(place or "")
     if match:
         number = int(match[1] or 1)
         if not 1 <= number <= len(curves):
@@ -56,14 +43,29 @@ def place_named(curves: Sequence[BifurcationCurve], source: str, place: str | No
         curve = curves[number - 1]
         if not match[2].isdecimal() or int(match[2]) >= len(curve):
             raise BadInput(f"{source}:{place}: no such point; the curve has the points #0 to #{len(curve) - 1}")
-        return curve, int(match[2]), place
-    matches = [key for key in known if key == place or key.rpartition(".")[2].rstrip("0123456789") == place]
-    if len(matches) > 1:
-        raise BadInput(f"{source}:{place}: matches {', '.join(matches)}; expected one of them")
-    if not matches:
-        raise BadInput(f"{source} has no event {place}{nearest(place, known)}; it has {events}, and the points #0 to #{len(curves[0]) - 1}")
-    curve, event = known[matches[0]]
-    return curve, event.point, matches[0]
+        return curve, int(match[2]), match[0]
+    key = inputs.event_named(source, place, known, f", and points by number, #N from #0 to #{len(curves[0]) - 1}")
+    curve, event = known[key]
+    return curve, event.point, key
+
+
+def interval_on(curve: BifurcationCurve, source: str, name: str, given: tuple[float, float] | None) -> tuple[float, float]:
+    """The range of a parameter that is given, else that of a curve."""
+    if given is None and name not in curve.names:
+        raise BadInput(f"--range LO:HI is required: {source} has no range of {name}")
+    return given or curve.window[curve.names.index(name)]
+
+
+def start_line(curve: BifurcationCurve, index: int, source: str | None, name: str | None) -> str:
+    """The line about a family that starts at a point of a curve."""
+    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, curve.parameters[index].tolist(), strict=True))
+    return f"start  {name} of {source}, a point of a curve {curve.code} at {where}"
+
+
+def require_plane(names: Sequence[str]) -> None:
+    """Refuse parameters of ``--in`` that span no plane."""
+    if len(names) < 2:
+        raise BadInput(f"--in {','.join(names)}: a curve lies in the plane of two parameters; received {len(names)}, expected P1,P2")
 
 
 # -- printing -----------------------------------------------------------------------------------------------------------------
@@ -95,7 +97,7 @@ _CHANGES = {"SB": "DP", "PD": "GPD", "NS": "GH"}
 def show(arguments: argparse.Namespace) -> int:
     """Print what a file of curves has, and draw it; return the exit code."""
     files = outputs.outputs_of(arguments)
-    curves = read(arguments.name)
+    curves = inputs.curves_in(arguments.name)
     if not files.to_stdout:
         for number, curve in enumerate(curves, 1):
             files.report(report_lines(curve, terminal_width(files.words), number if len(curves) > 1 else None))

@@ -5,22 +5,56 @@ from __future__ import annotations
 import difflib
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from branches.files import WriteFailure, one_line
 
-__all__ = ["BAD_INPUT", "DONE", "FAILED", "INTERRUPTED", "BadInput", "exit_code", "nearest", "one_line", "plain_warnings", "say"]
+__all__ = [
+    "BAD_INPUT", "DONE", "FAILED", "FAILURES", "INTERRUPTED", "BadInput", "computed", "exit_code", "nearest", "one_line", "plain_warnings",
+    "refusing", "say",
+]  # fmt: skip
 
 DONE = 0
 FAILED = 1
 BAD_INPUT = 2
 INTERRUPTED = 130
+FAILURES = ("MINIMUM_STEP", "NO_START")
+"""The reasons of an end, as `continuation.problem.EndReason` names them, that are numerical failures."""
 LONGEST = 800
 """Characters of a message."""
 
 
 class BadInput(ValueError):
     """Input that cannot be used; the message is one line for the user."""
+
+
+@contextmanager
+def refusing(what: str = "", kinds: type[Exception] | tuple[type[Exception], ...] = ValueError) -> Iterator[None]:
+    """Make `BadInput` of errors of some kinds, by default `ValueError`: one line, behind `what` and a colon.
+
+    Examples
+    --------
+    >>> with refusing("--keep"):
+    ...     raise ValueError("F is no parameter")
+    Traceback (most recent call last):
+    saltus.errors.BadInput: --keep: F is no parameter
+    """
+    try:
+        yield
+    except kinds as error:
+        raise BadInput(f"{what}: {one_line(error)}" if what else one_line(error)) from error
+
+
+def computed(error: BaseException) -> tuple[Any, int]:
+    """What a run has computed before an interrupt or a numerical failure, which is said, and the exit code. Raise an error without it."""
+    found = getattr(error, "branch", None)
+    if found is None:
+        raise error
+    interrupted = isinstance(error, KeyboardInterrupt)
+    say("interrupted, with the points that were computed so far" if interrupted else one_line(error))
+    return found, INTERRUPTED if interrupted else FAILED
 
 
 def nearest(text: str, known: Iterable[str]) -> str:

@@ -12,9 +12,9 @@ import numpy as np
 
 from bvp.forcing import Constant
 from saltus import curves, options, starts
-from saltus.errors import BadInput, one_line
-from saltus.inputs import is_curve_file, is_response_file, responses_in
-from saltus.response_starts import check_range, event_named, file_and_event, further, in_names
+from saltus.errors import BadInput, refusing
+from saltus.inputs import curves_in, file_and_event, is_curve_file, is_response_file, responses_in
+from saltus.response_starts import check_equations, check_range, event_named, further, in_names, kept_lines, refuse_scene
 from saltus.terminal import stability_word
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def wants_free_family(arguments: argparse.Namespace) -> bool:
     start = arguments.start or ""
     source, _ = file_and_event(start)
     if is_curve_file(source):
-        return curves.read(source)[0].plane.problem.ends is not None
+        return curves_in(source)[0].plane.problem.ends is not None
     if arguments.parameter is None and not _free_branches(start):
         return False
     if start == "simulate" and arguments.name is None:
@@ -114,6 +114,15 @@ def free_start(
     return [_start(parametric, orbit, names, keep, arguments.direction or "both", report)], interval, title
 
 
+def _source(arguments: argparse.Namespace) -> tuple[str, str | None]:
+    """The file of ``--from`` and the event in it. A name or a scene beside it is refused."""
+    source, event = file_and_event(arguments.start)
+    if arguments.name is not None:
+        raise BadInput(f"received {arguments.name} and --from {source}; expected one of them")
+    refuse_scene(arguments, source)
+    return source, event
+
+
 def _from_curve(
     arguments: argparse.Namespace, report: Callable[[Sequence[str]], object]
 ) -> tuple[list[ResponseStart], tuple[float, float], str]:
@@ -121,30 +130,19 @@ def _from_curve(
     from bvp.description import RESERVED
     from transitions.response.curve_points import free_start_on_curve
 
-    source, place = file_and_event(arguments.start)
-    if arguments.name is not None:
-        raise BadInput(f"received {arguments.name} and --from {source}; expected one of them")
-    if arguments.scene is not None or options.parameters_of(arguments):
-        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
-    curve, index, name = curves.place_named(curves.read(source), source, place)
+    source, place = _source(arguments)
+    curve, index, name = curves.place_named(curves_in(source), source, place)
     problem, y = curve.plane.problem, curve.unknowns[index, : curve.plane.size]
     if not arguments.keep and len(arguments.parameter) == 1:
         kept = next((one for one in curve.names if one in RESERVED), RESERVED[0])
         arguments.keep = [f"{kept} = {problem.known_values(y)[kept]!r}"]
     names, keep = _names(arguments)
     parametric = in_names(problem.parametric.replaced(problem.parameters(y)), names)
-    interval = arguments.range
-    if interval is None and names[0] in curve.names:
-        interval = curve.window[curve.names.index(names[0])]
-    if interval is None:
-        raise BadInput(f"--range LO:HI is required: {source} has no range of {names[0]}")
+    interval = curves.interval_on(curve, source, names[0], arguments.range)
     check_range(names[0], parametric.values[names[0]], interval)
-    try:
+    with refusing(f"{source}:{name}"):
         start = free_start_on_curve(curve, index, parametric, names, keep, arguments.direction or "both")
-    except ValueError as error:
-        raise BadInput(f"{source}:{name}: {one_line(error)}") from error
-    where = " and ".join(f"{one} = {value:.12g}" for one, value in zip(curve.names, curve.parameters[index].tolist(), strict=True))
-    report([f"start  {name} of {source}, a point of a curve {curve.code} at {where}"])
+    report([curves.start_line(curve, index, source, name)])
     return [start], _until_limit(parametric, names[0], interval), ""
 
 
@@ -156,10 +154,8 @@ def _until_limit(parametric: ParametricSystem, name: str, interval: tuple[float,
     low, high = interval
     if not name.startswith("1/") or not low <= 0.0 < NEAREST < high:
         return interval
-    try:
+    with refusing(f"--in {name} --range {low:g}:{high:g}"):
         system, _ = stiff_limit(parametric, name)
-    except ValueError as error:
-        raise BadInput(f"--in {name} --range {low:g}:{high:g}: {one_line(error)}") from error
     if system is not None and low < 0.0:
         raise BadInput(
             f"--in {name} --range {low:g}:{high:g}: springs become stops at {name} = 0; expected a range from 0, or from above 0"
@@ -198,12 +194,7 @@ def _names(arguments: argparse.Namespace, scene: Scene | None = None) -> tuple[t
 
         name = parse_name(catalogues.named(arguments.name, arguments, scene))
         keep = (f"energy = {name.h!r}",) if name.h is not None else (f"quarter_period = {name.alpha!r}",) if name.alpha is not None else ()
-    if len(set(names)) < len(names):
-        raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
-    if len(keep) != len(names):
-        count = f"{len(names)} parameter{'s' * (len(names) > 1)}"
-        wanted = f"{len(names)} equation{'s' * (len(names) > 1)} --keep, such as --keep energy=0.8 or --keep quarter_period=1.3"
-        raise BadInput(f"--in {','.join(names)}: free orbits in {count} need {wanted}; received {len(keep)}")
+    check_equations(names, keep, len(names), ", such as --keep energy=0.8 or --keep quarter_period=1.3")
     return names, keep
 
 
@@ -219,18 +210,11 @@ def _start(
     from bvp.multipoint import NotConverged
     from transitions.response.tracing import orbit_start
 
-    try:
+    with refusing(), refusing("--keep", NotConverged):
         start = orbit_start(parametric, orbit, names, keep, direction)
-    except NotConverged as error:
-        raise BadInput(f"--keep: {one_line(error)}") from error
-    except ValueError as error:
-        raise BadInput(one_line(error)) from error
     found = start.problem.known_values(np.asarray(start.orbit))
     report([f"start  {orbit.label or '-'.join(orbit.ends)}: from h = {found['energy']:.10g}, alpha = {found['quarter_period']:.10g}"])
-    for name in names[1:]:
-        if abs(found[name] - parametric.values[name]) > 1e-12 * abs(parametric.values[name]):
-            where = f"{names[0]} = {found[names[0]]:.10g}"
-            report([f"keep   {name} = {found[name]:.10g} at {where}, from --keep; the scene has {parametric.values[name]:.10g}"])
+    report(kept_lines(names, found, parametric.values))
     return start
 
 
@@ -248,10 +232,8 @@ def _orbit(
     from saltus import catalogues
     from saltus.families import family_named, list_orbits, orbits_of, select, trace
 
-    try:
+    with refusing("--keep"):
         parametric.equations(keep, names, RESERVED)
-    except ValueError as error:
-        raise BadInput(f"--keep: {one_line(error)}") from error
     fixed = {match[1]: float(match[2]) for text in keep if (match := _FIXED.fullmatch(text)) and _is_number(match[2])}
     energy, alpha = fixed.get("energy"), fixed.get("quarter_period")
     place = None  # the quarter period at this energy that the name gives
@@ -338,12 +320,8 @@ def _from_file(arguments: argparse.Namespace, given: list[ReleasedBranch]) -> tu
     from branches.forced.onwards import ResponseStart
     from branches.released.branch import ReleasedBranch
 
-    source, event = file_and_event(arguments.start)
+    source, event = _source(arguments)
     branch = given[0]
-    if arguments.name is not None:
-        raise BadInput(f"received {arguments.name} and --from {source}; expected one of them")
-    if arguments.scene is not None or options.parameters_of(arguments):
-        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
     interval = arguments.range or branch.interval
     direction = arguments.direction or "both"
     if event is not None:

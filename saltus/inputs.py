@@ -1,18 +1,20 @@
-"""JSON files that a command is given: their kind and their contents. A file is parsed once to find its kind, and read once."""
+"""JSON files that a command is given: their kind, contents and events. A file is parsed once to find its kind, and read once."""
 
 from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING
+
+from saltus.errors import BadInput, nearest, refusing
 
 if TYPE_CHECKING:
     from branches.curves.record import BifurcationCurve
     from branches.forced.branch import ForcedBranch
 
-__all__ = ["curves_in", "is_curve_file", "is_response_file", "responses_in"]
+__all__ = ["curves_in", "event_named", "file_and_event", "is_curve_file", "is_response_file", "responses_in"]
 
 _State = tuple[int, ...]
 
@@ -74,8 +76,11 @@ def _responses(path: str, _: _State | None) -> tuple[ForcedBranch, ...]:
 
 
 def curves_in(path: str) -> list[BifurcationCurve]:
-    """The curves of a file of curves; errors as for `branches.curves.files.read_curves`."""
-    return list(_curves(path, _state(path)))
+    """The curves of a file of curves; BadInput for one that cannot be read."""
+    from branches.reading import RecordError
+
+    with refusing("", RecordError):
+        return list(_curves(path, _state(path)))
 
 
 @lru_cache(maxsize=1)
@@ -83,3 +88,24 @@ def _curves(path: str, _: _State | None) -> tuple[BifurcationCurve, ...]:
     from branches.curves.files import read_curves
 
     return tuple(read_curves(path))
+
+
+def file_and_event(text: str) -> tuple[str, str | None]:
+    """The path and the event of FILE[:EVENT]."""
+    if os.path.exists(text) or ":" not in text:
+        return text, None
+    path, _, event = text.rpartition(":")
+    return path, event
+
+
+def event_named(source: str | None, event: str | None, known: Collection[str], more: str = "") -> str:
+    """The one event of a file that a name or a type means. `more`: what else the file has, for messages."""
+    listed = (", ".join(known) or "none") + more
+    if event is None:
+        raise BadInput(f"{source}: which event? expected {source}:EVENT with one of {listed}")
+    matches = [key for key in known if key == event or key.rpartition(".")[2].rstrip("0123456789") == event]
+    if not matches:
+        raise BadInput(f"{source} has no event {event}{nearest(event, known)}; it has {listed}")
+    if len(matches) > 1:
+        raise BadInput(f"{source}:{event}: matches {', '.join(matches)}; expected one of them")
+    return matches[0]

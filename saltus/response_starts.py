@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from bvp.expressions import normalised
 from saltus import compiling, curves, inputs, options
-from saltus.errors import BadInput, nearest, one_line
-from saltus.terminal import ProgressBar
+from saltus.errors import BadInput, nearest, one_line, refusing
+from saltus.inputs import file_and_event
+from saltus.terminal import ProgressBar, counted
 
 if TYPE_CHECKING:
     from branches.curves.record import BifurcationCurve
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from transitions.response.path import ParameterPath
 
 __all__ = [
-    "ResponseRequest", "add_start_arguments", "check_range", "event_named", "file_and_event", "further",
-    "in_names", "no_such_parameter", "prepare_kernels", "request_of", "require_same_scene", "starts_of",
+    "ResponseRequest", "add_start_arguments", "check_equations", "check_range", "event_named", "further", "in_names", "kept_lines",
+    "no_such_parameter", "prepare_kernels", "refuse_scene", "request_of", "require_same_scene", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -81,14 +82,6 @@ def add_start_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def file_and_event(text: str) -> tuple[str, str | None]:
-    """The path and the event of FILE[:EVENT]."""
-    if os.path.exists(text) or ":" not in text:
-        return text, None
-    path, _, event = text.rpartition(":")
-    return path, event
-
-
 def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     """The response that a command line asks for. What cannot be followed is refused."""
     from transitions.response.path import ParameterPath
@@ -110,11 +103,9 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     if not names:
         raise BadInput(f"--in NAME is required: the parameter in which the response is followed; known: {', '.join(parametric.names)}")
     parametric = in_names(parametric, names)
-    try:
+    with refusing("--keep"):
         path = ParameterPath(parametric, names, keep).at()
         path.parametric.system(path.values)
-    except ValueError as error:
-        raise BadInput(f"--keep: {one_line(error)}") from error
     check_range(path.name, path.values[path.name], arguments.range)
     return ResponseRequest(path, arguments.range, scene.title)
 
@@ -135,10 +126,8 @@ def _request_of_file(arguments: argparse.Namespace, names: tuple[str, ...], keep
     title = require_same_scene(arguments, source, problem.parametric)
     if not names:
         names, keep = problem.released, problem.keep
-    try:
+    with refusing("--keep"):
         path = ParameterPath(in_names(problem.parametric, names), names, keep)
-    except ValueError as error:
-        raise BadInput(f"--keep: {one_line(error)}") from error
     if arguments.range is None and path.name != given[0].name:
         raise BadInput(f"--range LO:HI is required: {source} has no range of {path.name}")
     return ResponseRequest(path, arguments.range or given[0].interval, title, tuple(given), source, event)
@@ -165,29 +154,28 @@ def require_same_scene(arguments: argparse.Namespace, source: str, parametric: P
     return scene.title
 
 
+def refuse_scene(arguments: argparse.Namespace, source: str) -> None:
+    """Refuse a scene beside a file that has a system."""
+    if arguments.scene is not None or options.parameters_of(arguments):
+        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
+
+
 def _request_of_curve(
     arguments: argparse.Namespace, names: tuple[str, ...], keep: tuple[str, ...], source: str, place: str | None
 ) -> ResponseRequest:
     """The response through a point of a curve."""
     from transitions.response.path import ParameterPath
 
-    if arguments.scene is not None or options.parameters_of(arguments):
-        raise BadInput(f"--from {source} has a system of its own; expected no --scene and no parameters")
-    curve, index, name = curves.place_named(curves.read(source), source, place)
+    refuse_scene(arguments, source)
+    curve, index, name = curves.place_named(inputs.curves_in(source), source, place)
     problem = curve.plane.problem
     if problem.ends is not None:
         raise BadInput(f"{source}: the curve is one of free orbits; expected one of responses to periodic loads")
     values = problem.parameters(curve.unknowns[index, : curve.plane.size])
     parametric = in_names(problem.parametric.replaced(values), names)
-    try:
+    with refusing("--keep"):
         path = ParameterPath(parametric, names, keep)
-    except ValueError as error:
-        raise BadInput(f"--keep: {one_line(error)}") from error
-    interval = arguments.range
-    if interval is None and path.name in curve.names:
-        interval = curve.window[curve.names.index(path.name)]
-    if interval is None:
-        raise BadInput(f"--range LO:HI is required: {source} has no range of {path.name}")
+    interval = curves.interval_on(curve, source, path.name, arguments.range)
     check_range(path.name, path.values[path.name], interval, "")
     return ResponseRequest(path, interval, "", (), source, name, (curve, index))
 
@@ -206,13 +194,20 @@ def starts_of(request: ResponseRequest, arguments: argparse.Namespace, report: R
     if request.given:
         return _from_file(request, direction)
     path = request.path
-    for name in path.names[1:]:
-        if path.values[name] != path.parametric.values[name]:
-            where = f"{path.name} = {path.values[path.name]:.10g}"
-            report([f"keep   {name} = {path.values[name]:.10g} at {where}, from --keep; the scene has {path.parametric.values[name]:.10g}"])
+    report(kept_lines(path.names, path.values, path.parametric.values))
     if arguments.start == "rest":
         return _from_rest(request, direction, report)
     return [_from_simulation(request, arguments, direction, report)]
+
+
+def kept_lines(names: Sequence[str], found: Mapping[str, float], given: Mapping[str, float]) -> list[str]:
+    """The lines about parameters that have other values at the start, by the equations that hold, than in the scene."""
+    where = f"{names[0]} = {found[names[0]]:.10g}"
+    return [
+        f"keep   {name} = {found[name]:.10g} at {where}, from --keep; the scene has {given[name]:.10g}"
+        for name in names[1:]
+        if abs(found[name] - given[name]) > 1e-12 * abs(given[name])
+    ]
 
 
 def _parametric(scene: Scene) -> ParametricSystem:
@@ -224,16 +219,20 @@ def _parametric(scene: Scene) -> ParametricSystem:
 def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The parameters of ``--in`` and the equations of ``--keep``; there is one equation less."""
     names, keep = tuple(arguments.parameter or ()), tuple(arguments.keep or ())
-    if len(set(names)) < len(names):
-        raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
     if keep and not names:
         raise BadInput(f"--keep {keep[0]!r} needs --in NAME1,NAME2: the parameters that vary")
-    if names and len(keep) != len(names) - 1:
-        wanted = len(names) - 1
-        count = f"{len(names)} parameters need {wanted} equation{'s' * (wanted != 1)} --keep" if wanted else "one parameter needs no --keep"
-        more = "" if wanted else f"; expected another parameter that it determines, --in {names[0]},NAME"
-        raise BadInput(f"--in {','.join(names)}: {count}, received {len(keep)}{more}")
+    if names:
+        check_equations(names, keep, len(names) - 1, "" if names[1:] else f", and one with --in {names[0]},NAME")
     return names, keep
+
+
+def check_equations(names: Sequence[str], keep: Sequence[str], wanted: int, more: str = "") -> None:
+    """Refuse a parameter that is given twice, and another number of equations than wanted; `more` says what else is possible."""
+    given = f"--in {','.join(names)}"
+    if len(set(names)) < len(names):
+        raise BadInput(f"{given}: a parameter is given twice; expected each of them once")
+    if len(keep) != wanted:
+        raise BadInput(f"{given} needs {counted(wanted, 'equation') if wanted else 'no'} --keep{more}; received {len(keep)}")
 
 
 def _check_system(parametric: ParametricSystem, start: str) -> None:
@@ -260,10 +259,8 @@ def in_names(parametric: ParametricSystem, names: Sequence[str]) -> ParametricSy
     for name in names:
         of = name.removeprefix("1/").strip()
         if name.startswith("1/") and name not in known and of in known:
-            try:
+            with refusing(f"--in {name}"):
                 parametric = parametric.in_reciprocal(of)
-            except ValueError as error:
-                raise BadInput(f"--in {name}: {one_line(error)}") from error
         elif name in parametric.derived:
             raise BadInput(f"--in {name}: it is the expression {parametric.derived[name]}; expected one of {', '.join(known)}")
         elif name not in known:
@@ -292,13 +289,10 @@ def _from_curve(request: ResponseRequest, direction: str, report: Report) -> lis
 
     assert request.point is not None
     curve, index = request.point
-    try:
+    with refusing(f"{request.source}:{request.event}"):
         starts = starts_on_curve(curve, index, request.path, direction)
-    except ValueError as error:
-        raise BadInput(f"{request.source}:{request.event}: {one_line(error)}") from error
-    where = " and ".join(f"{name} = {value:.12g}" for name, value in zip(curve.names, curve.parameters[index].tolist(), strict=True))
     sides = f": {len(starts)} families meet at this grazing" if len(starts) > 1 else ""
-    report([f"start  {request.event} of {request.source}, a point of a curve {curve.code} at {where}{sides}"])
+    report([curves.start_line(curve, index, request.source, request.event) + sides])
     return starts
 
 
@@ -346,11 +340,8 @@ def _from_file(request: ResponseRequest, direction: str) -> list[ResponseStart]:
     if request.event is None:
         if same:
             return [further(branch, request.interval, direction) for branch in branches]
-        try:
+        with refusing("--keep" if path.keep else f"--in {path.name}"):
             return [ResponseStart(*path.through(branch.problem, branch.unknowns[branch.start]), direction) for branch in branches]
-        except ValueError as error:
-            option = "--keep" if path.keep else f"--in {path.name}"
-            raise BadInput(f"{option}: {one_line(error)}") from error
     source, event, name = request.source, request.event, branches[0].name
     if not same:
         raise BadInput(f"--in {path.name}: the events of {source} are those of {name}; expected no --in, or --in {name}")
@@ -377,9 +368,5 @@ def event_named(branches: Sequence[ForcedBranch], source: str | None, event: str
     from branches.forced.record import named_events
 
     known = named_events(branches)
-    matches = [key for key in known if key == event or key.rpartition(".")[2].rstrip("0123456789") == event]
-    if len(matches) == 1:
-        return matches[0], *known[matches[0]]
-    if matches:
-        raise BadInput(f"{source}:{event}: matches {', '.join(matches)}; expected one of them")
-    raise BadInput(f"{source}:{event}: no such event{nearest(event, known)}; known: {', '.join(known) or 'none'}")
+    key = inputs.event_named(source, event, known)
+    return key, *known[key]

@@ -15,9 +15,9 @@ import numpy as np
 from bvp.expressions import normalised
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
-from saltus.inputs import is_curve_file, is_response_file, responses_in
-from saltus.response_starts import add_start_arguments, file_and_event, prepare_kernels, request_of, starts_of
+from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, BadInput, refusing, say
+from saltus.inputs import file_and_event, is_curve_file, is_response_file, responses_in
+from saltus.response_starts import add_start_arguments, prepare_kernels, request_of, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ __all__ = [
 ]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
-FAILURES = ("MINIMUM_STEP", "NO_START")
 _OTHERS = ("name", "energy", "frequency", "save", "catalogue")
 """Options of families in the energy."""
 _FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
@@ -312,10 +311,8 @@ def _backbone(place: str, branches: Sequence[ForcedBranch], arguments: argparse.
     if branches[0].problem.ends is not None:
         raise BadInput(f"--beside {place}: free orbits have no backbone beside them; expected a file of responses to a load")
     family = read_branch(place)
-    try:
+    with refusing(f"--beside {place}"):
         return backbone(family, branches, arguments.y or default_column(branches[0].problem))
-    except ValueError as error:
-        raise BadInput(f"--beside {place}: {one_line(error)}") from error
 
 
 def read(paths: Sequence[str]) -> list[ForcedBranch]:
@@ -359,10 +356,8 @@ def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: 
         same = same and all(branch.problem.values[key] == wanted.values[key] for key in given.names if key != name)
     if not same:
         raise BadInput(f"--over {path} has another system or other parameters than the sweep; expected those of its scene")
-    try:
+    with refusing("--over"):
         curves = curves_over(branches, y)
-    except ValueError as error:
-        raise BadInput(f"--over: {one_line(error)}") from error
     low, high = interval
     inside = [(curve.x >= low) & (curve.x <= high) for curve in curves]
     return [replace(curve, y=np.where(part, curve.y, np.nan)) for curve, part in zip(curves, inside, strict=True) if part.any()]
@@ -417,10 +412,8 @@ def _check_axes(arguments: argparse.Namespace, parametric: ParametricSystem, imp
 def check_column(option: str, name: str, parametric: ParametricSystem, impacts: int, free: bool) -> None:
     from transitions.response.figure import require_column
 
-    try:
+    with refusing(option):
         require_column(name, parametric, impacts, free)
-    except ValueError as error:
-        raise BadInput(f"{option}: {error}") from error
 
 
 def _through(arguments: argparse.Namespace) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import re
 from typing import TYPE_CHECKING
 
 from saltus import catalogues, compiling, options
-from saltus.errors import BadInput, one_line
+from saltus.errors import BadInput, refusing
 
 if TYPE_CHECKING:
     from branches.orbit import Orbit
@@ -99,7 +99,5 @@ def _orbit_at_event(source: str, event: str, family: str) -> Orbit:
     if isinstance(found, Orbit):
         raise BadInput(f"{source} holds one orbit; expected no event behind it")
     compiling.prepare("continue")
-    try:
+    with refusing(f"{source}:{event}", (RuntimeError, ValueError)):
         return orbit_at_event(found, event, family)
-    except (RuntimeError, ValueError) as error:
-        raise BadInput(f"{source}:{event}: {one_line(error)}") from error

@@ -13,7 +13,7 @@ import numpy as np
 
 from bvp.expressions import normalised
 from saltus import compiling, options, outputs, processes, responses
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, refusing, say
 from saltus.options import ValueType, finite
 from saltus.terminal import ProgressBar, table_lines, terminal_width
 
@@ -153,16 +153,14 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
     from transitions.basin.plan import PERIODS, BasinPlan, path_of
     from transitions.sweep.forced import harmonics_of
 
-    try:
+    with refusing():
         harmonics_of(scene.forces)
-    except ValueError as error:
-        raise BadInput(one_line(error)) from error
     coordinates = scene.system.coordinates
     names = default_axes(coordinates)
     fixed = dict(arguments.fix or ())
     (x, x_range), (y, y_range) = arguments.x or (names[0], None), arguments.y or (names[1], None)
     free = sum(name in coordinates for name in (x, y))
-    try:
+    with refusing():
         ranges = [
             given or default_range(scene.system, scene.forces, name, fixed, free) for name, given in ((x, x_range), (y, y_range))
         ]  # fmt: skip
@@ -170,8 +168,6 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
         grid = StartGrid(coordinates, axes[0], axes[1], fixed, arguments.phase % (2.0 * math.pi))
         path = path_of(scene.parametric or ParametricSystem.of(scene.system, scene.forces))
         path.problem(())
-    except ValueError as error:
-        raise BadInput(one_line(error)) from error
     if not grid.possible(scene.system).any():
         raise BadInput(f"every start over {x} and {y} is beyond a stop; expected another range, or another --fix")
     branches = _branches(arguments.sources, path) if arguments.sources else ()
@@ -198,10 +194,8 @@ def _branches(sources: Sequence[str], path: ParameterPath) -> list[ForcedBranch]
 def _check_orbits(plan: BasinPlan, sources: Sequence[str] | None) -> None:
     """Refuse responses without an orbit at the parameters of the basin."""
     source = " and ".join(sources or ())
-    try:
+    with refusing(f"--from {source}"):
         found = plan.orbits
-    except ValueError as error:
-        raise BadInput(f"--from {source}: {one_line(error)}") from error
     if plan.branches and not found:
         name = plan.branches[0].name
         low = min(branch.parameter.min() for branch in plan.branches)

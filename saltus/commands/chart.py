@@ -8,10 +8,10 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from bvp.expressions import normalised
-from saltus import compiling, options, outputs, processes
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, one_line, say
+from saltus import compiling, curves, options, outputs, processes
+from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, BadInput, refusing, say
 from saltus.options import ValueType, whole_above_zero
-from saltus.response_starts import no_such_parameter, require_same_scene
+from saltus.response_starts import check_equations, no_such_parameter, require_same_scene
 from saltus.terminal import ProgressBar, counted, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from transitions.chart.curves import Stage
     from transitions.chart.plan import ChartPlan
     from transitions.chart.regions import Regions
-
-FAILURES = ("MINIMUM_STEP", "NO_START")
 
 MOST_ROWS = 20
 """Rows of the table of regions on the terminal; the files have all."""
@@ -84,16 +82,13 @@ def run(arguments: argparse.Namespace) -> int:
         files.report([f"chart    {counted(len(plan.events), 'event')} of {arguments.source} in {' and '.join(plan.names[:2])}", *words])
         bar = stack.enter_context(ProgressBar())
 
-        def found(number: int, curve: BifurcationCurve) -> None:
-            bar.line(_curve_line(number, curve), files.words)
-
-        def finished(stage: Stage) -> None:
-            bar.line(_stage_line(stage), files.words)
-
-        def moved(count: int) -> None:
-            bar.update(count, "motions simulated for the regions")
-
-        chart, interrupted = find_chart(plan, executor, on_curve=found, on_point=bar.update, on_stage=finished, on_motion=moved)
+        chart, interrupted = find_chart(
+            plan, executor,
+            on_curve=lambda number, curve: bar.line(_curve_line(number, curve), files.words),
+            on_point=bar.update,
+            on_stage=lambda stage: bar.line(_stage_line(stage), files.words),
+            on_motion=lambda count: bar.update(count, "motions simulated for the regions"),
+        )  # fmt: skip
     if interrupted:
         say("interrupted, with what was computed so far")
     files.report(report_lines(chart, width))
@@ -223,13 +218,11 @@ def _plan(arguments: argparse.Namespace) -> tuple[ChartPlan, str, list[str]]:
         why = parametric.violation({**parametric.values, name: 0.5 * (low + high)})
         if why is not None:
             raise BadInput(f"--range {low:g}:{high:g} of {name}: {why}")
-    try:
+    with refusing(f"--in {','.join(names)}"):
         plan = ChartPlan(
             branches, names, window, keep, LEVELS if arguments.levels is None else arguments.levels, arguments.grid or GRID,
             arguments.curves or MOST_CURVES, arguments.periods or PERIODS,
         )  # fmt: skip
-    except ValueError as error:
-        raise BadInput(f"--in {','.join(names)}: {one_line(error)}") from error
     _check_start(arguments, plan)
     return plan, title or os.path.basename(arguments.source), [f"range    {word}" for word in words]
 
@@ -239,18 +232,8 @@ def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, .
     names, keep = arguments.parameters, tuple(arguments.keep or ())
     if names is None:
         raise BadInput("--in P1,P2 is required: the two parameters of the plane")
-    given = f"--in {','.join(names)}"
-    if len(names) < 2:
-        raise BadInput(f"{given}: a chart covers the plane of two parameters; received one, expected P1,P2")
-    if len(set(names)) < len(names):
-        raise BadInput(f"{given}: a parameter is given twice; expected each of them once")
-    if len(keep) != len(names) - 2:
-        wanted = (
-            f"{len(names)} parameters need {counted(len(names) - 2, 'equation')} --keep"
-            if len(names) > 2
-            else "two parameters need no --keep"
-        )
-        raise BadInput(f"{given}: {wanted}; received {len(keep)}")
+    curves.require_plane(names)
+    check_equations(names, keep, len(names) - 2)
     return names, keep
 
 

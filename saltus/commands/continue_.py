@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from bvp.interrupts import InterruptHandler, defer_interrupts
 from saltus import catalogues, compiling, free_families, options, outputs, responses, starts
-from saltus.errors import DONE, FAILED, INTERRUPTED, one_line, say
+from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, computed, one_line, say
 from saltus.options import energy_range, whole_above_zero
 from saltus.terminal import EVENT_COLUMNS, EVENT_ROW, ProgressBar, event_cells
 
@@ -35,9 +35,6 @@ EVENT_TYPES = {
     "LB": "change of label",
     "EP": "end",
 }
-
-FAILURES = ("MINIMUM_STEP", "NO_START")
-"""The reasons of an end, as `continuation.problem.EndReason` names them, that are numerical failures."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -167,13 +164,7 @@ def _follow(
                 normal_forms=True,
             )
         except (KeyboardInterrupt, RuntimeError) as error:
-            # The error carries the results computed before the interrupt.
-            partial_branch = getattr(error, "branch", None)
-            if partial_branch is None:
-                raise
-            interrupted = isinstance(error, KeyboardInterrupt)
-            say("interrupted, with the points that were computed so far" if interrupted else one_line(error))
-            return partial_branch, INTERRUPTED if interrupted else FAILED
+            return computed(error)
     return branch, FAILED if any(end.reason in FAILURES for end in branch.ended) else DONE
 
 

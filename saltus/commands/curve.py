@@ -13,9 +13,10 @@ from bvp.description import RESERVED
 from bvp.expressions import normalised
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, curves, inputs, options, outputs
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
+from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, BadInput, computed, nearest, one_line, refusing, say
+from saltus.inputs import file_and_event
 from saltus.options import whole_above_zero
-from saltus.response_starts import file_and_event, require_same_scene
+from saltus.response_starts import check_equations, require_same_scene
 from saltus.terminal import ProgressBar, terminal_width
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from branches.curves.starting import CurveStart
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from continuation.problem import Event
-
-FAILURES = ("MINIMUM_STEP", "NO_START")
 
 Window = tuple[tuple[float, float], tuple[float, float]]
 
@@ -41,8 +40,7 @@ class _Given(NamedTuple):
 
 
 def _windows(text: str) -> tuple[tuple[float, float], ...]:
-    ranges = tuple(options.value_range(part) for part in text.split(","))
-    return ranges
+    return tuple(options.value_range(part) for part in text.split(","))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -88,21 +86,19 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput(f"--points {arguments.points}: the curve has {len(known)} points already, expected more")
     begun = None
     if known is None:
-        try:
+        with refusing(arguments.start, NoCurve):
             begun = first_point(start, window)  # what cannot be followed is refused before anything is printed
-        except NoCurve as error:
-            raise BadInput(f"{arguments.start}: {one_line(error)}") from error
     shown_names = (arguments.parameters or start.plane.names)[:2]
     files.report([f"start  {start.origin}: curve {start.code} in {' and '.join(shown_names)}"])
     if begun is not None:
         files.report(_moved(start, begun[1].y))
     if known is not None and not any(can_go_on(known, last, window) for last in (False, True)):
         files.report(["note   the curve ends at events, or where the range ends; nothing is left to follow"])
-    curve: BifurcationCurve | None = None
+    curve: BifurcationCurve
     code = DONE
     with defer_interrupts() as interrupt:
         try:
-            with interrupt.released(), ProgressBar(arguments.points) as bar:
+            with refusing(arguments.start, NoCurve), interrupt.released(), ProgressBar(arguments.points) as bar:
 
                 def found(event: Event) -> None:
                     values = start.plane.parameters_at(event.point.y[: start.plane.size])
@@ -116,15 +112,8 @@ def run(arguments: argparse.Namespace) -> int:
                     curve = follow_curve(start, window, begun=begun, **given_options)
                 else:
                     curve = extend_curve(known, window, **given_options)
-        except NoCurve as error:
-            raise BadInput(f"{arguments.start}: {one_line(error)}") from error
         except (KeyboardInterrupt, RuntimeError) as error:
-            curve = getattr(error, "branch", None)
-            if curve is None:
-                raise
-            interrupted = isinstance(error, KeyboardInterrupt)
-            say("interrupted, with the points that were computed so far" if interrupted else one_line(error))
-            code = INTERRUPTED if interrupted else FAILED
+            curve, code = computed(error)
         if arguments.parameters is not None:
             curve = replace(curve, axes=tuple(arguments.parameters[:2]))
         files.report(curves.report_lines(curve, terminal_width(files.words)))
@@ -209,14 +198,11 @@ def _given(arguments: argparse.Namespace) -> _Given:
         raise BadInput(f"{source} is a file, and nothing is looked up in a catalogue; expected --save with --catalogue")
     names = arguments.parameters
     if names is not None:
-        if len(names) < 2:
-            raise BadInput(f"--in {','.join(names)}: a curve lies in the plane of two parameters; received {len(names)}, expected P1,P2")
-        if len(set(names)) < len(names):
-            raise BadInput(f"--in {','.join(names)}: a parameter is given twice; expected each of them once")
+        curves.require_plane(names)
     if stored:
         return _of_catalogue(arguments)
     if inputs.is_curve_file(source):
-        return _of_curves(arguments, source, event, curves.read(source))
+        return _of_curves(arguments, source, event, inputs.curves_in(source))
     return _of_family(arguments, source, event)
 
 
@@ -276,12 +262,10 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
     from branches.reading import RecordError, read_branch
     from bvp.parameters import ParametricSystem
 
-    try:
+    with refusing("", RecordError):
         branch = read_branch(source)
-    except RecordError as error:
-        raise BadInput(f"{one_line(error)}; expected a JSON file of saltus continue or saltus curve") from error
     known = {one.id: one for one in branch.events}
-    found = known[_known_event(source, event, known)]
+    found = known[inputs.event_named(source, event, known)]
     _require_equations(arguments, True)
     parametric = None
     if arguments.scene is not None or options.parameters_of(arguments):
@@ -310,7 +294,7 @@ def _of_response(
 ) -> _Given:  # fmt: skip
     from branches.curves.starting import NoCurve, curve_at
 
-    branch, found = known[_known_event(source, event, known)]
+    branch, found = known[inputs.event_named(source, event, known)]
     require_same_scene(arguments, source, branch.problem.parametric)
     _require_equations(arguments, branch.problem.ends is not None)
     try:
@@ -329,21 +313,9 @@ def _near(names: Sequence[str], branch: Any) -> str:
 
 def _require_equations(arguments: argparse.Namespace, free: bool) -> None:
     """Refuse another number of equations than the parameters need. free: of a free family, whose orbits have an energy besides."""
-    names, received = arguments.parameters, len(arguments.keep or ())
+    names = arguments.parameters
     wanted = len(names) - 2 + (free and not set(names[:2]) & set(RESERVED))
-    if received != wanted:
-        count = f"{wanted} equation{'s' * (wanted != 1)} --keep" if wanted else "no --keep"
-        more = ", such as --keep energy=0.8" if free and wanted else ""
-        raise BadInput(f"--in {','.join(names)}: {len(names)} parameters need {count}{more}; received {received}")
-
-
-def _known_event(source: str, event: str | None, known: Any) -> str:
-    """The name of an event of a file; refused where there is none of this name."""
-    if event is None:
-        raise BadInput(f"{source}: which event? expected {source}:EVENT with one of {', '.join(known) or 'none'}")
-    if event not in known:
-        raise BadInput(f"{source} has no event {event}{nearest(event, known)}; it has {', '.join(known) or 'none'}")
-    return event
+    check_equations(names, arguments.keep or (), wanted, ", such as --keep energy=0.8" if free and wanted else "")
 
 
 def _of_curves(arguments: argparse.Namespace, source: str, event: str | None, found: Sequence[BifurcationCurve]) -> _Given:
@@ -366,7 +338,5 @@ def _of_curves(arguments: argparse.Namespace, source: str, event: str | None, fo
     curve, point, place = curves.place_named(found, source, event)
     if arguments.to is None:
         return _Given(curve_again(curve, f"the curve of {name}"), known=curve)
-    try:
+    with refusing(f"{source}:{event} --to {arguments.to}", NoCurve):
         return _Given(curve_through(curve, point, arguments.to)._replace(origin=f"{place} of {name}"))
-    except NoCurve as error:
-        raise BadInput(f"{source}:{event} --to {arguments.to}: {one_line(error)}") from error

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bvp.expressions import normalised
-from bvp.texts import listed, shown
+from bvp.texts import listed
 from saltus import compiling, options, outputs, processes, responses
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, one_line, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, refusing, say
 from saltus.options import ValueType, finite_list, value_range, whole_above_zero
 from saltus.terminal import ProgressBar, table_lines
 
@@ -73,17 +73,17 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
     plan = _plan(arguments, scene)
 
-    from transitions.sweep.figure import default_measure, measures_of
+    from bvp.simulate import parts_of
+    from transitions.sweep.figure import default_measure, known_column, measures_of
     from transitions.sweep.runs import failures, run_sweeps, sweeps_table
 
     if arguments.model:
         from saltus.scene.model import explain_motion
 
         files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
-    names = measures_of(scene.system.coordinates, _parts(scene))
     arguments.y = arguments.y or default_measure(scene.system.coordinates, scene.system.modes.contact_letters)
-    if arguments.y not in names:
-        raise BadInput(f"--y {shown(arguments.y)}: expected one of {', '.join(names)}{nearest(arguments.y, names)}")
+    with refusing("--y"):
+        known_column(arguments.y, measures_of(scene.system.coordinates, parts_of(scene.system)), "measure")
     over = responses.over_sweep(arguments.over, plan.at, arguments.range, arguments.y) if arguments.over is not None else []
     compiling.prepare_for(scene.system, "sweep")
     sweeps = len(plan.directions) * max(1, len(plan.starts))
@@ -138,17 +138,9 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
         starts=tuple(np.array(start) for start in arguments.start or ()),
         settings=SweepSettings(arguments.transient, arguments.record),
     )
-    try:
+    with refusing():
         check_plan(plan)
-    except ValueError as error:
-        raise BadInput(one_line(error)) from error
     return plan
-
-
-def _parts(scene: Scene) -> tuple[str, ...]:
-    from bvp.simulate import parts_of
-
-    return parts_of(scene.system)
 
 
 def _about(plan: SweepPlan, scene: Scene, runs: list[SweepRun]) -> dict[str, Any]:

@@ -29,7 +29,7 @@ import numpy as np
 import catalogues
 from bvp.checks import Frozen
 from bvp.texts import brief, listed, shown
-from saltus.errors import BadInput, nearest, one_line
+from saltus.errors import BadInput, nearest, one_line, refusing
 from saltus.scene.reading import INTEGER, NUMBERS, POSITIVE, TEXT, TEXTS, Kind, TomlTable, read_toml
 
 if TYPE_CHECKING:
@@ -172,13 +172,11 @@ class Scene:
         from bvp.resting import about_rest, with_loads_in_potential
 
         given = ParametricSystem.of(self.system, self.forces)
-        try:
+        with refusing():
             if with_loads_in_potential(given) is given:
                 return self
             plain, rest = about_rest(given)
             parametric = self.parametric and with_loads_in_potential(self.parametric)
-        except ValueError as error:
-            raise BadInput(one_line(error)) from error
         return replace(self, system=plain.system(), parametric=parametric, forces=(), loads=(), rest=rest)
 
     @property
@@ -270,10 +268,8 @@ def _build(scene: TomlTable, overrides: Mapping[str, float], folder: Path) -> Sc
     names = scene.table("names", {})
     points: dict[str, Mapping[str, float]] = {}
     for name in names.content:
-        try:
+        with refusing(names.where):
             parse_name(name)
-        except ValueError as error:
-            raise BadInput(f"{names.where}: {one_line(error)}") from error
         points[name] = {key: value for key, value in names.table(name).fields(_POINT).items() if value is not None}
     # A cited point says nothing about another system; damping and restitution do not belong to the one whose families have names.
     holds = system.underlying.describe() == own.underlying.describe()

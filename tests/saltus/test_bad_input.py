@@ -310,7 +310,7 @@ CASES = [
     ("sweep --scene absorber --in sgma --range 0.1:0.2", ["'sgma'", "nearest: sigma"]),
     ("sweep --scene impact_oscillator --in r --range 0.5:1.5", ["restitution", "[0, 1]", "r = 1."]),
     ("sweep --scene impact_oscillator --in w --range -1:2", ["frequency", "above 0", "w = -1"]),
-    ("sweep --scene absorber --in w --range 1:2 --y max:u3", ["--y 'max:u3'", "nearest: max:u"]),
+    ("sweep --scene absorber --in w --range 1:2 --y max:u3", ["--y: unknown measure 'max:u3'", "nearest: max:u"]),
     ("sweep --scene impact_oscillator --in w --range 1:2 --start 1,2,3", ["3 numbers, expected 2", "x,x'"]),
     ("sweep --scene impact_oscillator --in w --range 1:2 --start 2,0", ["beyond stop a", "its gap is 2"]),
     ("sweep --scene impact_oscillator --in w --range 1:2 --workers 2 --dask tcp://x", ["--workers", "--dask", "one of them"]),

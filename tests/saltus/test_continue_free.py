@@ -105,8 +105,8 @@ def test_a_mode_and_a_file_of_an_orbit(capsys):
 
 
 CASES = [
-    ("--in mu --range 0.02:1", ["--in mu: free orbits in 1 parameter need 1 equation --keep", "energy=0.8", "received 0"]),
-    ("--in mu,sigma --range 0.02:1 --keep energy=1", ["2 parameters need 2 equations", "received 1"]),
+    ("--in mu --range 0.02:1", ["--in mu needs 1 equation --keep", "energy=0.8", "received 0"]),
+    ("--in mu,sigma --range 0.02:1 --keep energy=1", ["needs 2 equations --keep", "received 1"]),
     ("--in mu,mu --range 0.02:1 --keep energy=1 --keep sigma=1", ["given twice"]),
     ("--in mu --keep energy=0.5", ["--range LO:HI is required"]),
     ("--in nu --range 0.02:1 --keep energy=0.5", ["--in nu: no such parameter; nearest: mu"]),
@@ -143,7 +143,7 @@ def test_a_scene_without_parameters(capsys, tmp_path):
 def test_bad_input_with_a_file(capsys):
     assert run(capsys, "continue", "S13+", "--in", "sigma", "--range", "0.09:0.1", "--keep", "energy=0.5", "--json", "a.json")[0] == 0
     refused(run(capsys, "continue", "--from", "a.json:EP1"), "no other family begins at EP1", "BP, SB, PD, RT, GR")
-    refused(run(capsys, "continue", "--from", "a.json:XX"), "no such event")
+    refused(run(capsys, "continue", "--from", "a.json:XX"), "has no event XX")
     refused(run(capsys, "continue", "--from", "a.json:EP1", "--in", "mu", "--keep", "energy=1"), "keeps energy=0.5", "expected no --in")
     refused(run(capsys, "continue", "S13+", "--from", "a.json"), "received S13+ and --from a.json")
     refused(run(capsys, "continue", "--from", "a.json", "--keep", "energy=1"), "needs --in NAME")

@@ -95,7 +95,7 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
     code, out, err = run(capsys, "continue", "--from", "many.json:SB", "--json", "broken.json")
     assert code == 0 and len(read_json("broken.json")["branches"]) == 2, err
     refused(run(capsys, "continue", "--from", "rest.json:GR"), "rest.json:GR: matches GR1, 2.GR1; expected one of them")
-    refused(run(capsys, "continue", "--from", "rest.json:PD1"), "no such event", "known: EP1, GR1, 2.GR1, 2.EP1")
+    refused(run(capsys, "continue", "--from", "rest.json:PD1"), "has no event PD1", "it has EP1, GR1, 2.GR1, 2.EP1")
     refused(run(capsys, "continue", "--from", "rest.json:EP1"), "no other family begins at EP1", "PD, SB, BP, GR, LB")
     refused(run(capsys, "continue", "--from", "rest.json", "--range", "5:6"), "the range 5:6 has no point of the branch")
     refused(run(capsys, "continue", "--from", "rest.json", "--scene", "bouncing_ball"), "rest.json has another system")
@@ -260,9 +260,9 @@ def test_a_family_goes_on_where_impacts_exchange_their_order(capsys):
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--in", "w,A"], ["--in w,A: 2 parameters need 1 equation --keep, received 0"]),
-        (["--in", "w", "--keep", "A = w"], ["--in w: one parameter needs no --keep, received 1", "--in w,NAME"]),
-        (["--in", "w,A", "--keep", "A = w", "--keep", "c = w"], ["need 1 equation --keep, received 2"]),
+        (["--in", "w,A"], ["--in w,A needs 1 equation --keep; received 0"]),
+        (["--in", "w", "--keep", "A = w"], ["--in w needs no --keep, and one with --in w,NAME; received 1"]),
+        (["--in", "w,A", "--keep", "A = w", "--keep", "c = w"], ["needs 1 equation --keep; received 2"]),
         (["--in", "w,w", "--keep", "A = w"], ["--in w,w: a parameter is given twice"]),
         (["--in", "w,B", "--keep", "B = w"], ["--in B: no such parameter", "A"]),
         (["--in", "w,", "--keep", "B = w"], ["received 'w,', expected names of parameters, NAME1,NAME2"]),

@@ -135,7 +135,7 @@ def test_a_family_starts_at_a_point_of_a_curve(curve, capsys, tmp_path):
     ("words", "parts"),
     [
         ("continue --from {c}:#9", ["--in NAME is required"]),
-        ("continue --from {c} --in s", ["which point? expected", "EP1, EP2", "#N"]),
+        ("continue --from {c} --in s", ["which event? expected", "EP1, EP2", "#N"]),
         ("continue --from {c}:#999 --in s", ["no such point", "#0 to #"]),
         ("continue --from {c}:#a --in s", ["no such point", "#0 to #"]),
         ("continue --from {c}:2.#1 --in s", ["there is no curve 2", "1 to 1"]),

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from saltus.curves import read, report_lines
+from saltus.curves import report_lines
+from saltus.inputs import curves_in
 from tests.branches.curve_oracles import ImpactOscillator, ReferenceBackbone
 from tests.saltus.running import refused, run
 
@@ -86,8 +87,8 @@ def test_another_curve_at_a_point(files, folder, capsys):
         (("{response}:SN9", "--in", "w,A", *RANGE), "has no event SN9; nearest: SN1; it has"),
         (("{response}:SN1", *RANGE), "--in P1,P2 is required"),
         (("{response}:SN1", "--in", "w", *RANGE), "a curve lies in the plane of two parameters; received 1, expected P1,P2"),
-        (("{response}:SN1", "--in", "w,A,c", *RANGE), "3 parameters need 1 equation --keep; received 0"),
-        (("{response}:SN1", "--in", "w,A", "--keep", "c=0.1", *RANGE), "2 parameters need no --keep; received 1"),
+        (("{response}:SN1", "--in", "w,A,c", *RANGE), "--in w,A,c needs 1 equation --keep; received 0"),
+        (("{response}:SN1", "--in", "w,A", "--keep", "c=0.1", *RANGE), "--in w,A needs no --keep; received 1"),
         (("{response}:SN1", "--in", "w,w", *RANGE), "a parameter is given twice"),
         (("{response}:SN1", "--in", "w,AA", *RANGE), "unknown parameter AA; expected one of k, c, A, w, d, e; nearest: A"),
         (("{response}:SN1", "--in", "w,energy", *RANGE), "unknown parameter energy"),
@@ -102,7 +103,7 @@ def test_another_curve_at_a_point(files, folder, capsys):
         (("{family}:SN1", "--in", "energy,muu", "--range", "0.01:10,0.02:1"), "unknown parameter muu"),
         (
             ("{family}:SN1", "--in", "mu,sigma", "--range", "0.01:1,0.02:1"),
-            "2 parameters need 1 equation --keep, such as --keep energy=0.8",
+            "needs 1 equation --keep, such as --keep energy=0.8",
         ),
         (("{fold}:SN-GR1", "--to", "NS", *RANGE), "no curve NS passes through the point"),
         (("{fold}:SN-GR1", "--in", "w,c", *RANGE), "has w, A; expected these, or no --in"),
@@ -144,7 +145,7 @@ def test_an_equation_that_does_not_hold_at_the_event_is_said(files, folder, caps
 
 
 def test_a_coefficient_that_is_not_known_is_said(files):
-    (fold,) = read(str(files["fold"]))
+    (fold,) = curves_in(str(files["fold"]))
     unknown = replace(fold, coefficient=np.full(len(fold), np.nan))
     assert not any(line.startswith("note") for line in report_lines(unknown, None))  # the coefficient of a fold decides nothing
     notes = [line for line in report_lines(replace(unknown, code="PD"), None) if line.startswith("note")]

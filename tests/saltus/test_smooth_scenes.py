@@ -257,7 +257,7 @@ def test_a_place_says_which_family_is_meant_at_another_energy(capsys):
     ("arguments", "message"),
     [
         (("S13+@h=5", "--in", "1/m", "--range", "0:1"), "--in 1/m: no such parameter; expected one of mu, sigma, n"),
-        (("S13+", "--in", "1/n", "--range", "0:1"), "need 1 equation --keep"),
+        (("S13+", "--in", "1/n", "--range", "0:1"), "needs 1 equation --keep"),
         (("S13+@h=5", "--in", "1/n", "--range", "0.2:1"), "has not the start's value 1/n = 0.1; expected it inside, or --set n=VALUE"),
         (("S13+@h=5", "--in", "1/n", "--range=-1:1"), "springs become stops at 1/n = 0; expected a range from 0"),
     ],

@@ -14,7 +14,7 @@ from bvp.motion import MotionStatus
 from bvp.parameters import ParametricSystem
 from bvp.simulate import BeyondStop
 from transitions.sweep import runs as module
-from transitions.sweep.figure import Curve, measure_of, measures_of, sweep_figure, sweep_points
+from transitions.sweep.figure import Curve, measures_of, sweep_figure, sweep_points
 from transitions.sweep.runs import AlongParameter, SweepPlan, check_plan, failures, run_sweeps, sweeps_table
 from transitions.sweep.sweep import SweepSettings, sweep
 
@@ -142,7 +142,7 @@ def test_every_measure_can_be_drawn(both_ways, y):
     """Oracle: the arrays of the sweep."""
     _, runs = both_ways
     found = runs[0].sweep
-    x, values = sweep_points(found, measure_of(found, y))
+    x, values = sweep_points(found, y)
     assert len(x) == len(values) == {"phase": len(found.impact_phases)}.get(y, 620 if y.startswith("strobe") else 31)
     if y == "strobe:u1'":
         assert np.array_equal(values, found.states[:, :, 1].ravel())

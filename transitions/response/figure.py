@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from branches.figures.harmonics import COLUMNS, draw_harmonics, harmonic_layout
 from branches.harmonics import amplitudes_along
 from branches.released.branch import ReleasedBranch
 from branches.released.impact_limit import ImpactLimit, impact_limits
-from bvp.texts import listed
 from transitions.response.measures import column_names, column_of
 from transitions.response.released import limit_values
-from transitions.sweep.figure import Curve
+from transitions.sweep.figure import Curve, known_column
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,11 +53,7 @@ def default_column(problem: ForcedProblem) -> str:
 def require_column(name: str, parametric: ParametricSystem, impacts: int, free: bool = False) -> tuple[str, str]:
     """The words and the symbol of a column of orbits with so many impacts; a ValueError names the nearest if there is none. free: of free
     orbits."""
-    known = column_names(parametric, impacts, free)
-    if name not in known:
-        near = get_close_matches(name, known, 1, 0.5)
-        raise ValueError(f"unknown column {name!r}; " + (f"nearest: {near[0]}" if near else f"known: {listed(list(known), len(known))}"))
-    return known[name]
+    return known_column(name, column_names(parametric, impacts, free))
 
 
 def response_figure(

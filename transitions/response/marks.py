@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -176,10 +175,13 @@ def _turns(off: np.ndarray, arclength: np.ndarray) -> list[int]:
 
 def _beside_turn(curve: _Curve, off: np.ndarray) -> list[_Mark]:
     """The marks around a point where a curve turns back: two, one where it touches the value, none where it turns before it."""
+    from scipy.optimize import minimize_scalar
+
     i, sign = curve.i, float(np.sign(off[curve.i]))
     low, high = (float(curve.branch.arclength[place] - curve.branch.arclength[i]) for place in (i - 1, i + 1))
     try:
-        inner, least = _least(lambda ds: sign * curve.missing(ds), low, high)
+        found = minimize_scalar(lambda ds: sign * curve.missing(ds), bounds=(low, high), method="bounded", options={"xatol": _WIDTH})
+        inner, least = float(found.x), float(found.fun)
         if abs(least) <= _TOUCH * max(abs(curve.value), abs(off[i])):
             return [curve.mark(inner, inner - _WIDTH, inner + _WIDTH)]
         if least > 0.0:
@@ -188,24 +190,6 @@ def _beside_turn(curve: _Curve, off: np.ndarray) -> list[_Mark]:
         return [mark for ends, values in sides for mark in _between(curve, ends, values)]
     except StepRefused:
         return []
-
-
-def _least(function: Callable[[float], float], low: float, high: float) -> tuple[float, float]:
-    """The least value of a function with one minimum in an interval, and its place: golden sections down to `_WIDTH`."""
-    part = 0.5 * (math.sqrt(5.0) - 1.0)
-    inner = [high - part * (high - low), low + part * (high - low)]
-    values = [function(place) for place in inner]
-    while high - low > _WIDTH:
-        if values[0] <= values[1]:
-            high = inner[1]
-            inner = [high - part * (high - low), inner[0]]
-            values = [function(inner[0]), values[0]]
-        else:
-            low = inner[0]
-            inner = [inner[1], low + part * (high - low)]
-            values = [values[1], function(inner[1])]
-    best = int(values[1] < values[0])
-    return inner[best], values[best]
 
 
 def _with(branch: ForcedBranch, found: list[_Mark]) -> ForcedBranch:

@@ -143,24 +143,17 @@ def column_names(parametric: ParametricSystem, impacts: int, free: bool = False)
     """What can be drawn of orbits with so many impacts in the solved segment: words and mathematical symbol of each, by its name. free: of
     free orbits."""
     from branches.figures.style import symbol_of
+    from transitions.sweep.figure import motion_columns
 
     if free:
         return free_names(parametric, impacts)
     system = parametric.system()
-    k = range(1, impacts + 1)
-    found = {}
-    for name in system.coordinates:
-        symbol = symbol_of(name)
-        found[f"max:{name}"] = "largest displacement", rf"\max|{symbol}|"
-        found[f"rms:{name}"] = "root mean square", rf"\mathrm{{rms}}\,{symbol}"
-        found[f"strobe:{name}"] = "displacement at phase 0", symbol
-        found[f"strobe:{name}'"] = "velocity at phase 0", symbol_of(name, velocity=True)
-    found |= {"speed": ("impact speed", "v_-"), "phase": ("phase at impact", r"\omega t")}
+    k, parts = range(1, impacts + 1), parts_of(system)
+    found = motion_columns(system.coordinates, parts)
+    found |= {f"rms:{name}": ("root mean square", rf"\mathrm{{rms}}\,{symbol_of(name)}") for name in system.coordinates}
     found |= {f"speed:{i}": (f"speed of impact {i}", "v_-") for i in k} | {f"phase:{i}": (f"phase of impact {i}", r"\omega t") for i in k}
-    found |= {"period": ("period", "T"), "multiplier": ("largest multiplier", r"\max|\mu|"), "work": ("work of the loads in a period", "")}
-    for part in parts_of(system):
-        found[f"dissipated:{part}"] = f"energy dissipated in a period, {part}", ""
-        found[f"share:{part}"] = f"share of the dissipation, {part}", ""
+    found |= {"period": ("period", "T"), "multiplier": ("largest multiplier", r"\max|\mu|")}
+    found |= {f"share:{part}": (f"share of the dissipation, {part}", "") for part in parts}
     found |= {f"test:{name}": (f"test function, {name}", "") for name in TESTS}
     return found | {name: ("", symbol_of(name)) for name in parametric.names}
 

@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -188,26 +188,14 @@ class Best:
     neighbours: np.ndarray
 
 
-class _Columns(dict):
-    """Columns by name, each read when it is first asked for."""
-
-    def __init__(self, read: Callable[[str], np.ndarray]) -> None:
-        super().__init__()
-        self._read = read
-
-    def __missing__(self, name: str) -> np.ndarray:
-        self[name] = self._read(name)
-        return self[name]
-
-
-def _result(plan: StudyPlan, columns: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+def _result(plan: StudyPlan, column: Callable[[str], np.ndarray], name: str) -> np.ndarray:
     """A result from the columns of blocks, in the units of the clearance where it is a length or an energy."""
     if name == "left_share":
-        return 1.0 - columns["nes_share"] - columns["lo_share"]
+        return 1.0 - column("nes_share") - column("lo_share")
     if name != "energy" and not name.startswith("peak_"):
-        return columns[name]
-    clearance = columns["given.clearance"] if "clearance" in plan.names else float(plan.fixed.get("clearance", 1.0))
-    return clearance**2 * columns["h"] if name == "energy" else clearance * columns[name]
+        return column(name)
+    clearance = column("given.clearance") if "clearance" in plan.names else float(plan.fixed.get("clearance", 1.0))
+    return clearance**2 * column("h") if name == "energy" else clearance * column(name)
 
 
 @brief
@@ -263,8 +251,9 @@ class Study:
         return {axis.name: self._named(axis) for axis in self.plan.axes}
 
     @cached_property
-    def _columns(self) -> _Columns:
-        return _Columns(self._read_column)
+    def _column(self) -> Callable[[str], np.ndarray]:
+        """A column by its name, read when it is first asked for."""
+        return cache(self._read_column)
 
     def _read_column(self, name: str) -> np.ndarray:
         parts = [columns[name] for columns in self._parts([name])]
@@ -287,7 +276,7 @@ class Study:
             If a block can no longer be read.
         """
         for columns in self._parts(block_columns(self.plan)):
-            yield {name: _result(self.plan, columns, name) for name in self.names}
+            yield {name: _result(self.plan, columns.__getitem__, name) for name in self.names}
 
     def __len__(self) -> int:
         return sum(last - first for first, last in map(self.plan.block_range, self._blocks))
@@ -312,16 +301,16 @@ class Study:
         """
         if name not in self.names:
             raise KeyError(f"no result {shown(name)}; expected one of {', '.join(self.names)}")
-        return _result(self.plan, self._columns, name)
+        return _result(self.plan, self._column, name)
 
     def numbers(self, name: str) -> np.ndarray:
         """A varied parameter as numbers, (N,); a family by its index."""
-        return self._columns[f"given.{name}"]
+        return self._column(f"given.{name}")
 
     @property
     def nbytes(self) -> int:
         """Number of bytes of its arrays. All of them are read for it."""
-        return sum(self._columns[name].nbytes for name in block_columns(self.plan))
+        return sum(self._column(name).nbytes for name in block_columns(self.plan))
 
     def endings(self) -> dict[Ending, int]:
         """Number of runs with each ending."""

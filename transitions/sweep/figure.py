@@ -20,22 +20,12 @@ if TYPE_CHECKING:
     from transitions.sweep.runs import SweepRun
     from transitions.sweep.sweep import Sweep
 
-__all__ = ["Curve", "Measure", "measure_of", "measures_of", "sweep_figure"]
+__all__ = ["Curve", "default_measure", "known_column", "measures_of", "motion_columns", "sweep_figure"]
 
 _BELOW: dict[str, Any] = {"markersize": 2.4, "alpha": 0.55}
 _ALONE: dict[str, Any] = {"markersize": 1.6}
 _ABOVE: dict[str, Any] = {"markersize": 1.1}
 _DOTS: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
-
-
-@dataclass(frozen=True)
-class Measure:
-    """What is drawn over the parameter: a quantity with a symbol."""
-
-    name: str  # speed, max:u1, ...
-    words: str
-    symbol: str
-    part: str = ""  # coordinate, damper or stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,23 +37,36 @@ class Curve:
     stable: np.ndarray
 
 
-def measures_of(coordinates: Sequence[str], parts: Sequence[str]) -> dict[str, Measure]:
-    """The measures of a system with these coordinates, dampers and stops, by their names."""
-    found = [
-        Measure("speed", "impact speed", "v_-"),
-        Measure("phase", "phase at impact", r"\omega t"),
-        Measure("impacts", "impacts in a period", ""),
-        Measure("period", "period, in periods of the load", "p"),
-        Measure("sticking", "part of the time with a sticking stop", ""),
-        Measure("work", "work of the loads in a period", ""),
-    ]
+Columns = dict[str, tuple[str, str]]
+"""Words and mathematical symbol of what can be drawn, by its name: speed, max:u1, ..."""
+
+
+def motion_columns(coordinates: Sequence[str], parts: Sequence[str]) -> Columns:
+    """What both a sweep and a response have of motions, with these coordinates, dampers and stops."""
+    found = {"speed": ("impact speed", "v_-"), "phase": ("phase at impact", r"\omega t"), "work": ("work of the loads in a period", "")}
     for name in coordinates:
-        symbol, rate = style.symbol_of(name), style.symbol_of(name, velocity=True)
-        found.append(Measure(f"max:{name}", "largest displacement", rf"\max|{symbol}|", name))
-        found.append(Measure(f"strobe:{name}", "displacement at phase 0", symbol, name))
-        found.append(Measure(f"strobe:{name}'", "velocity at phase 0", rate, name))
-    found += [Measure(f"dissipated:{part}", f"energy dissipated in a period, {part}", "", part) for part in parts]
-    return {measure.name: measure for measure in found}
+        symbol = style.symbol_of(name)
+        found[f"max:{name}"] = "largest displacement", rf"\max|{symbol}|"
+        found[f"strobe:{name}"] = "displacement at phase 0", symbol
+        found[f"strobe:{name}'"] = "velocity at phase 0", style.symbol_of(name, velocity=True)
+    return found | {f"dissipated:{part}": (f"energy dissipated in a period, {part}", "") for part in parts}
+
+
+def measures_of(coordinates: Sequence[str], parts: Sequence[str]) -> Columns:
+    """The measures of a sweep."""
+    return motion_columns(coordinates, parts) | {
+        "impacts": ("impacts in a period", ""),
+        "period": ("period, in periods of the load", "p"),
+        "sticking": ("part of the time with a sticking stop", ""),
+    }
+
+
+def known_column(name: str, known: Columns, what: str = "column") -> tuple[str, str]:
+    """The words and the symbol of one; a ValueError names the nearest if there is none."""
+    if name not in known:
+        near = get_close_matches(name, known, 1, 0.5)
+        raise ValueError(f"unknown {what} {name!r}; " + (f"nearest: {near[0]}" if near else f"known: {listed(list(known), len(known))}"))
+    return known[name]
 
 
 def default_measure(coordinates: Sequence[str], contacts: Sequence[str]) -> str:
@@ -71,28 +74,20 @@ def default_measure(coordinates: Sequence[str], contacts: Sequence[str]) -> str:
     return "speed" if contacts else f"strobe:{coordinates[0]}"
 
 
-def measure_of(sweep: Sweep, name: str) -> Measure:
-    """The measure with a name; a ValueError names the nearest."""
-    known = measures_of(sweep.coordinates, sweep.parts)
-    if name not in known:
-        near = get_close_matches(name, known, 1, 0.5)
-        raise ValueError(f"unknown measure {name!r}; " + (f"nearest: {near[0]}" if near else f"known: {listed(list(known), len(known))}"))
-    return known[name]
-
-
-def sweep_points(sweep: Sweep, measure: Measure) -> tuple[np.ndarray, np.ndarray]:
+def sweep_points(sweep: Sweep, measure: str) -> tuple[np.ndarray, np.ndarray]:
     """x and y of the points of a measure: each impact, each recorded period, or one for each value."""
-    if measure.name in ("speed", "phase"):
-        return sweep.at_impacts(sweep.values), sweep.impact_speeds if measure.name == "speed" else sweep.impact_phases
-    if measure.name.startswith("strobe:"):
-        k = sweep.coordinates.index(measure.part) + (len(sweep.coordinates) if measure.name.endswith("'") else 0)
+    kind, _, part = measure.partition(":")
+    if kind in ("speed", "phase"):
+        return sweep.at_impacts(sweep.values), sweep.impact_speeds if kind == "speed" else sweep.impact_phases
+    if kind == "strobe":
+        k = sweep.coordinates.index(part.rstrip("'")) + (len(sweep.coordinates) if part.endswith("'") else 0)
         return np.repeat(sweep.values, sweep.states.shape[1]), sweep.states[:, :, k].ravel()
-    if measure.name.startswith("max:"):
-        return sweep.values, sweep.peaks[:, sweep.coordinates.index(measure.part)]
-    if measure.name.startswith("dissipated:"):
-        return sweep.values, sweep.dissipated[:, sweep.parts.index(measure.part)]
+    if kind == "max":
+        return sweep.values, sweep.peaks[:, sweep.coordinates.index(part)]
+    if kind == "dissipated":
+        return sweep.values, sweep.dissipated[:, sweep.parts.index(part)]
     single = {"impacts": sweep.impact_rates, "period": sweep.periods, "sticking": sweep.sticking, "work": sweep.work}
-    return sweep.values, np.asarray(single[measure.name], dtype=float)
+    return sweep.values, np.asarray(single[measure], dtype=float)
 
 
 def sweep_figure(
@@ -119,7 +114,8 @@ def sweep_figure(
         For an unknown measure.
     """
     first = runs[0].sweep
-    measure = measure_of(first, y or default_measure(first.coordinates, first.contacts))
+    measure = y or default_measure(first.coordinates, first.contacts)
+    words, letter = known_column(measure, measures_of(first.coordinates, first.parts), "measure")
     symbol = style.symbol_of(parameter)
     exponents = np.concatenate([run.sweep.exponents for run in runs])
     lower = exponent and bool(np.any(np.isfinite(exponents) | np.isneginf(exponents)))
@@ -149,7 +145,7 @@ def sweep_figure(
             shown.append(curve.y)
             handles += _draw_curve(panels[0], curve, {handle.get_label() for handle in handles})
         span = style.limits_of(values, 0.02)
-        style.set_axis(panels[0], "y", style.limits_of(np.concatenate(shown)), 6, measure.words, measure.symbol)
+        style.set_axis(panels[0], "y", style.limits_of(np.concatenate(shown)), 6, words, letter)
         if lower:
             handles += _exponent_axis(panels[1], runs, exponents)
         style.set_axis(panels[-1], "x", span, 8, "", symbol)
