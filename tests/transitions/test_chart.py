@@ -19,11 +19,10 @@ from saltus.processes import open_executor
 from saltus.scene import load_scene
 from tests.branches.curve_oracles import ImpactOscillator
 from transitions.chart.cells import find_regions
-from transitions.chart.chart import find_chart
+from transitions.chart.chart import find_chart, follow_level, places_between
 from transitions.chart.curves import CurveSearch
 from transitions.chart.files import chart_record, chart_table
 from transitions.chart.known import KnownCurves
-from transitions.chart.levels import follow_level, places_between
 from transitions.chart.plan import ChartPlan, default_window
 from transitions.chart.regions import MotionKind
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +14,13 @@ from branches.admissible import unphysical
 from branches.forced.primitive import half_of
 from branches.forced.resonance import is_driven
 from bvp.closures import EndsError
+from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
+from bvp.motion import EventKind, Motion
 from bvp.multipoint import LARGEST, NotConverged, Solution, enough_pieces
+from bvp.simulate import simulate
 from transitions.response.path import ParameterPath
-from transitions.response.recognition import nodes_of
+from transitions.sweep.forced import Carried, carried_into
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = ["NoOrbit", "Unbounded", "linear_response", "settled_orbit"]
@@ -30,6 +34,13 @@ _RESONANT = 1e-9
 
 _PERIODS = (1, 3, 10, 30, 100, 300, 1000)
 """Periods of the motion from rest after which Newton's method begins."""
+
+
+_SUMMED = 0.3
+"""Largest duration of the bounces that are summed, times the fastest rate: those before are impacts of their own."""
+
+_INSTANT = 1e-9
+"""Part of the period within which two events are at one instant."""
 
 
 class NoOrbit(RuntimeError):
@@ -196,3 +207,68 @@ def settled_orbit(path: ParameterPath, settled: Settled) -> Periodic:
     if symmetric is not None:
         return Periodic(symmetric[0], symmetric[1].y, distance)
     return Periodic(problem, solution.y, distance)
+
+
+class MotionNodes(NamedTuple):
+    """The k events of a period: impacts and releases."""
+
+    symbols: tuple[str, ...]
+    states: np.ndarray  # (k, 2n) (u, v) after each
+    fractions: np.ndarray  # (k,) their times as fractions of the period
+    times: np.ndarray  # (k,) durations of the flights after them
+
+
+def nodes_of(path: ParameterPath, settled: Settled) -> MotionNodes:
+    """The events of a settled motion in its period.
+
+    A motion that sticks is simulated again for two more periods, of which the second one is taken, from an impact that follows a release
+    on. An impact after which its stop stays closed gets one symbol.
+
+    Raises
+    ------
+    EndsError
+        Where an impact at another stop pulls a stop open that sticks.
+    """
+    p, period = settled.period, settled.period_of_loads * settled.period
+    if settled.sticking_time == 0.0 or path.problem(()).has_clock is False:
+        fractions = (settled.impacts.times / settled.period_of_loads + settled.impacts.periods) / p
+        times = np.diff([*fractions, *(fractions[:1] + 1.0)]) * period
+        return MotionNodes(settled.stops, settled.impacts.after, fractions, times)
+    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
+    n = system.degrees_of_freedom
+    # Rounding can leave a sticking stop a little beyond its bound.
+    state = carried_into(system, Carried(settled.states[0]))[0].state
+    motion = simulate(system, state[:n], state[n:], 3.0 * period, forces=forces)
+    fastest = max([float(np.sqrt(np.abs(system.modes.squares).max())), *(getattr(force, "frequency", 0.0) for force in forces)])
+    return _last_period(motion, period, _SUMMED / fastest)
+
+
+def _last_period(motion: Motion, period: float, longest: float) -> MotionNodes:
+    """The events of one period, from the first impact after a release in the second one on. longest: duration of chatter that is summed."""
+    letters = motion.system.modes.contact_letters
+    impact, stick, release = (kind.value for kind in (EventKind.IMPACT, EventKind.STICK, EventKind.RELEASE))
+    kept = np.flatnonzero(np.isin(motion.kinds, (impact, stick, release)) & (motion.times >= period)).tolist()
+    sticking, opened = (set(motion.contacts[(motion.kinds == kind) & (motion.times >= period)].tolist()) for kind in (stick, release))
+    if not sticking <= opened:
+        letter = letters[min(sticking - opened)]
+        raise EndsError(f"stop {letter} sticks until an impact at another stop pulls it open; such motions are not followed")
+    first = next(j for i, j in zip(kept, kept[1:], strict=False) if motion.kinds[i] == release and motion.kinds[j] == impact)
+    end = motion.times[first] + (1.0 - _INSTANT) * period
+    found: list[tuple[str, np.ndarray, float, float]] = []
+    for k in kept:
+        if not (k >= first and motion.times[k] < end):
+            continue
+        letter, kind, time = letters[motion.contacts[k]], int(motion.kinds[k]), float(motion.times[k])
+        if kind == stick:
+            # The impact before it is the one after which the stop stays closed, or the first of the bounces that are summed. Rounding can
+            # leave a speed, and more impacts at one instant.
+            arrival = found.pop()[3] if found and found[-1][0] == letter else time
+            bounces = motion.system.stops[motion.system.modes.contact_stop[motion.contacts[k]]].restitution > 0.0
+            while found and found[-1][0] == letter and time - found[-1][3] <= (longest if bounces else _INSTANT * period):
+                arrival = found.pop()[3]
+            found.append((letter + CLOSES, motion.after[k], time, arrival))
+        else:
+            found.append((letter + (OPENS if kind == release else ""), motion.after[k], time, time))
+    symbols, states, leaves, arrivals = zip(*found, strict=True)
+    times = np.array([*arrivals[1:], arrivals[0] + period]) - np.array(leaves)
+    return MotionNodes(symbols, np.array(states), np.array(leaves) / period - 1.0, times)

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from transitions.averages import weighted_mean
 from transitions.section.plane import SectionPlane, checked_points
 from transitions.section.section import Section, follow_crossings
+from transitions.sweep.returns import weighted_mean
 
 __all__ = ["FixedPoint", "Rotations", "about_point", "fixed_points", "return_map", "rotations"]
 
