@@ -16,11 +16,13 @@ from saltus.errors import BadInput, say
 from saltus.outputs import check_writable
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from branches.branch import Branch
     from branches.catalogue import Catalogue, Edge, FamilyRow, Node
     from branches.catalogue.rows import SceneRecord
     from branches.events import BranchEvent
-    from bvp.parameters import ParametricSystem
+    from branches.forced.branch import ForcedBranch
     from saltus.scene import Scene
 
 __all__ = [
@@ -34,13 +36,14 @@ __all__ = [
     "given",
     "impacts_text",
     "in_axes",
+    "keep_branch",
     "lookup",
     "named",
     "node_record",
     "open_catalogue",
-    "parametric_of",
     "place_to_save",
     "printed_event",
+    "range_line",
     "require_energies",
     "same_meeting",
     "save_branch",
@@ -91,7 +94,7 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
     catalogue = Catalogue(path)
     try:
         if scene is not None and catalogue.scene.parameters:
-            catalogue.require_system(parametric_of(scene).describe())
+            catalogue.require_system(scene.in_parameters.describe())
         elif scene is not None:
             scene.require_used(f"saltus {arguments.command}", ("springs",))
             catalogue.require_system(scene.system.describe())
@@ -99,13 +102,6 @@ def open_catalogue(arguments: argparse.Namespace) -> Catalogue:
         catalogue.close()
         raise
     return catalogue
-
-
-def parametric_of(scene: Scene) -> ParametricSystem:
-    """The system and the loads of a scene as functions of its parameters."""
-    from bvp.parameters import ParametricSystem
-
-    return scene.parametric or ParametricSystem.of(scene.system, scene.forces)
 
 
 def require_energies(catalogue: Catalogue, what: str) -> None:
@@ -224,28 +220,35 @@ def say_if_empty(place: Path) -> None:
 
 
 def save_branch(branch: Branch, place: Path, scene: Scene) -> str:
-    """Keep a branch in a catalogue, which is made if there is none; return a line about the result. `CannotWiden` if the family stays kept
-    over another range."""
+    """Keep a branch in a catalogue, which is made if there is none; as `keep_branch`."""
     from branches.catalogue import Catalogue
-    from branches.catalogue.widening import CannotWiden, Kept
 
     with Catalogue(place, "a", scene=scene, provenance={"saltus": __version__}) as catalogue:
-        before = _range(catalogue.family(branch.id).h) if branch.id in catalogue else ""
-        try:
-            kept = catalogue.widen(branch)
-        except CannotWiden as error:
-            h = branch.points["h"]
-            raise CannotWiden(
-                f"{branch.id} stays kept in {place} with {before}, and not with {_range((h.min(), h.max()))}: {error}"
-            ) from error
-        now = _range(catalogue.family(branch.id).h)
+        return keep_branch(catalogue, place, branch, "h", branch.points["h"])
+
+
+def keep_branch(catalogue: Catalogue, place: Path, branch: Branch | ForcedBranch, name: str, values: np.ndarray) -> str:
+    """Keep a branch over the values of a parameter, or of the energy, with a name; return a line about the result. `CannotWiden` if the
+    family stays kept over another range."""
+    from branches.catalogue.widening import CannotWiden, Kept
+
+    def kept_range() -> str:
+        return range_line(name, *catalogue.family(branch.id).h)
+
+    before = kept_range() if branch.id in catalogue else ""
+    try:
+        kept = catalogue.widen(branch)
+    except CannotWiden as error:
+        wanted = range_line(name, values.min(), values.max())
+        raise CannotWiden(f"{branch.id} stays kept in {place} with {before}, and not with {wanted}: {error}") from error
     if kept is Kept.WIDER:
-        return f"wider  {branch.id} in {place}, now with {now}; before with {before}"
-    return f"{'known' if kept is Kept.KNOWN else 'saved'}  {branch.id} in {place}, with {now}"
+        return f"wider  {branch.id} in {place}, now with {kept_range()}; before with {before}"
+    return f"{'known' if kept is Kept.KNOWN else 'saved'}  {branch.id} in {place}, with {kept_range()}"
 
 
-def _range(h: tuple[float, float]) -> str:
-    return f"h = {h[0]:.10g}:{h[1]:.10g}"
+def range_line(name: str, low: float, high: float) -> str:
+    """The range of a parameter, to ten digits."""
+    return f"{name} = {low:.10g}:{high:.10g}"
 
 
 SCHEMA = 2

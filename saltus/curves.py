@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from saltus import __version__, inputs, outputs
+from saltus import __version__, catalogues, inputs, outputs
 from saltus.errors import BadInput, nearest, one_line
 from saltus.terminal import table_lines, terminal_width
 
@@ -178,23 +178,20 @@ def save(
     from branches.catalogue.curves import edges_of
     from branches.catalogue.responses import kept_branch
     from branches.catalogue.widening import CannotWiden, Kept
-    from saltus.terminal import range_text
 
     words = {Kept.NEW: "saved", Kept.KNOWN: "known", Kept.WIDER: "wider"}
     lines = []
     with Catalogue(place, "a", scene=record, provenance={"saltus": __version__}) as catalogue:
         if begins is not None:
             branch = kept_branch(catalogue, begins[0])
+            name = record.parameters["names"][0] if record is not None else branch.name
             try:
-                kept = catalogue.widen(branch)
+                lines.append(catalogues.keep_branch(catalogue, place, branch, name, branch.parameter))
             except CannotWiden as refused:
-                lines.append(f"note   {branch.id} stays kept as it is: {one_line(refused)}")
-            else:
-                name = record.parameters["names"][0] if record is not None else branch.name
-                lines.append(f"{words[kept]}  {branch.id} in {place}, with {name} = {range_text(catalogue.family(branch.id).h)}")
+                lines.append(f"note   {one_line(refused)}")
         kept, id = catalogue.keep_curve(curve)
         row = next(row for row in catalogue.curve_rows() if row.id == id)
-        spans = ", ".join(f"{name} = {range_text(span)}" for name, span in zip(row.names, row.ranges, strict=True))
+        spans = ", ".join(catalogues.range_line(name, *span) for name, span in zip(row.names, row.ranges, strict=True))
         lines.append(f"{words[kept]}  {id} in {place}, with {spans}")
         edges = list(edges_of(catalogue, row))
         lines += [f"edge   {edge.source} {edge.source_event}: {_other_side(edge)}" for edge in edges]
@@ -247,9 +244,8 @@ def list_lines(records: Sequence[dict[str, Any]], width: int | None) -> list[str
 def row_record(catalogue: Catalogue, row: CurveRow) -> dict[str, Any]:
     """A stored curve without its points, as plain data, and its edges."""
     from branches.catalogue.curves import edges_of
-    from saltus.catalogues import edge_record
 
-    edges = list(map(edge_record, edges_of(catalogue, row)))
+    edges = list(map(catalogues.edge_record, edges_of(catalogue, row)))
     first, second = ({"name": name, "range": list(span)} for name, span in zip(row.names, row.ranges, strict=True))
     header = row.header
     return {

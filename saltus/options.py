@@ -14,6 +14,7 @@ from bvp.expressions import normalised
 from saltus.errors import BadInput, nearest
 
 if TYPE_CHECKING:
+    from saltus.outputs import Outputs
     from saltus.scene import Scene
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "parameters_of",
     "periods",
     "positive",
+    "report_model",
     "require_state",
     "rest_lines",
     "scene_of",
@@ -226,6 +228,14 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
         scene = scene.about_rest
     scene.require_used(f"saltus {arguments.command}", arguments.scene_uses)
     return scene
+
+
+def report_model(arguments: argparse.Namespace, files: Outputs, explain: str, *of: Any) -> None:
+    """Say which model was chosen, and why, by a function of `saltus.scene.model`, if ``--model`` asks for it."""
+    if arguments.model:
+        from saltus.scene import model
+
+        files.report(f"model  {line}" for line in getattr(model, explain)(*of))
 
 
 def rest_lines(scene: Scene) -> list[str]:

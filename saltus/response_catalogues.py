@@ -96,11 +96,10 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
     from branches.building.responses import edge_of, link_at
     from branches.catalogue import Catalogue
     from branches.catalogue.responses import kept_branch, orbit_of
-    from branches.catalogue.widening import CannotWiden, Kept
+    from branches.catalogue.widening import CannotWiden
     from bvp.contact_sequence import joined_sequence
 
     lines, code = [], DONE
-    words = {Kept.NEW: "saved", Kept.KNOWN: "known", Kept.WIDER: "wider"}
     name = record.parameters["names"][0]
     with Catalogue(place, "a", scene=record, provenance={"saltus": __version__}) as catalogue:
         ids: dict[int, str] = {}
@@ -109,17 +108,13 @@ def save_followed(place: Path, record: SceneRecord, found: Onwards, starts: Sequ
                 say("a family that was not followed to its ends is not kept in a catalogue")
                 continue
             branch = kept_branch(catalogue, branch)
-            before = range_text(catalogue.family(branch.id).h) if branch.id in catalogue else ""
             try:
-                kept = catalogue.widen(branch)
+                lines.append(catalogues.keep_branch(catalogue, place, branch, name, branch.parameter))
             except CannotWiden as refused:
-                say(f"{branch.id} stays kept in {place} with {name} = {before}: {one_line(refused)}")
+                say(one_line(refused))
                 code = FAILED
-                continue
-            now = range_text(catalogue.family(branch.id).h)
-            more = f", now with {name} = {now}; before with {before}" if kept is Kept.WIDER else f", with {name} = {now}"
-            lines.append(f"{words[kept]}  {branch.id} in {place}{more}")
-            ids[number] = branch.id
+            else:
+                ids[number] = branch.id
         event_in = cache(partial(_event_in, catalogue))  # two images of a family begin at one event
         for source, event, number in _beginnings(found, starts):
             if number not in ids:

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from branches.forced.branch import ForcedBranch, ForcedEvent
     from branches.forced.onwards import ResponseStart
     from bvp.parameters import ParametricSystem
-    from saltus.scene import Scene
     from transitions.response.path import ParameterPath
 
 __all__ = [
     "ResponseRequest", "add_start_arguments", "check_equations", "check_range", "event_named", "further", "in_names", "kept_lines",
-    "no_such_parameter", "prepare_kernels", "refuse_scene", "request_of", "require_same_scene", "starts_of",
+    "no_such_parameter", "prepare_kernels", "refuse_scene", "request_of", "require_same_scene",
+    "same_parametric", "starts_of",
 ]  # fmt: skip
 
 Report = Callable[[Sequence[str]], object]
@@ -96,7 +96,7 @@ def request_of(arguments: argparse.Namespace) -> ResponseRequest:
     if arguments.start not in ("rest", "simulate"):
         return _request_of_file(arguments, names, keep)
     scene = options.scene_of(arguments)
-    parametric = _parametric(scene)
+    parametric = scene.in_parameters
     _check_system(parametric, arguments.start)
     if arguments.range is None:
         raise BadInput("--range LO:HI is required: the range of the parameter")
@@ -139,19 +139,23 @@ def require_same_scene(arguments: argparse.Namespace, source: str, parametric: P
     The file has values of its own for the parameters. Only those that the user gives have to agree."""
     if arguments.scene is None and not options.parameters_of(arguments):
         return ""
-    from branches.tables import plain
-
     arguments.scene_uses = ("ground", "forces", "springs")
     scene = options.scene_of(arguments)
     scene = scene if parametric.forces() else scene.about_rest  # loads are part of the energy of free families
-    given, values = _parametric(scene), parametric.values
-    same = given.names == parametric.names and plain(given.replaced(values).describe()) == plain(parametric.describe())
+    values, same = parametric.values, same_parametric(scene.in_parameters, parametric)
     asked = options.parameters_of(arguments) if same else {}
     differ = [f"there {name} is {values[name]:.10g}, not {value:.10g}" for name, value in asked.items() if values[name] != value]
     if differ or not same:
         why = f": {', '.join(differ)}" if differ else ""
         raise BadInput(f"{source} has another system than the scene {arguments.scene or 'lee2009'}{why}; expected its scene, or none")
     return scene.title
+
+
+def same_parametric(given: ParametricSystem, wanted: ParametricSystem) -> bool:
+    """Whether two systems are the same at the values of the second one's parameters."""
+    from branches.tables import plain
+
+    return given.names == wanted.names and plain(given.replaced(wanted.values).describe()) == plain(wanted.describe())
 
 
 def refuse_scene(arguments: argparse.Namespace, source: str) -> None:
@@ -208,12 +212,6 @@ def kept_lines(names: Sequence[str], found: Mapping[str, float], given: Mapping[
         for name in names[1:]
         if abs(found[name] - given[name]) > 1e-12 * abs(given[name])
     ]
-
-
-def _parametric(scene: Scene) -> ParametricSystem:
-    from bvp.parameters import ParametricSystem
-
-    return scene.parametric or ParametricSystem.of(scene.system, scene.forces)
 
 
 def _names(arguments: argparse.Namespace) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -17,7 +17,7 @@ from bvp.interrupts import defer_interrupts
 from saltus import compiling, options, outputs
 from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, BadInput, refusing, say
 from saltus.inputs import file_and_event, is_curve_file, is_response_file, responses_in
-from saltus.response_starts import add_start_arguments, prepare_kernels, request_of, starts_of
+from saltus.response_starts import add_start_arguments, prepare_kernels, request_of, same_parametric, starts_of
 from saltus.terminal import ProgressBar, stability_word, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -155,11 +155,7 @@ def follow_free(arguments: argparse.Namespace) -> int:
         record = response_catalogues.record_of_free(problem)
         keep = partial(response_catalogues.save_followed, response_catalogues.place_of_responses(arguments, record), record)
     _check_axes(arguments, problem.parametric, len(problem.sequence) + 2, free=True)
-    if arguments.model:
-        from saltus.scene.model import explain
-
-        assert problem.ends is not None
-        lines += [f"model  {line}" for line in explain(problem.system, problem.ends)]
+    options.report_model(arguments, files, "explain", problem.system, problem.ends)
     files.report(lines)
     compiling.prepare("parameter", *(["modes"] if problem.degrees_of_freedom > 2 else []))
     return _follow_and_write(starts, interval, arguments, files, title, keep)
@@ -172,10 +168,7 @@ def follow_forced(arguments: argparse.Namespace) -> int:
     check_harmonics(arguments, files)
     request = request_of(arguments)
     _check_axes(arguments, request.path.parametric, None)
-    if arguments.model:
-        from saltus.scene.model import explain_response
-
-        files.report(f"model  {line}" for line in explain_response(request.path.parametric, request.path.values))
+    options.report_model(arguments, files, "explain_response", request.path.parametric, request.path.values)
     keep = None
     if arguments.save or arguments.catalogue is not None:
         from saltus import response_catalogues
@@ -339,7 +332,6 @@ def read(paths: Sequence[str]) -> list[ForcedBranch]:
 
 def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: str) -> list[Curve]:
     """The branches of a file of responses as curves over a sweep of the same system; BadInput for those of another one."""
-    from branches.tables import plain
     from transitions.response.figure import curves_over
     from transitions.response.files import read_responses
 
@@ -347,14 +339,11 @@ def over_sweep(path: str, at: AlongParameter, interval: tuple[float, float], y: 
     name, wanted = at.name, at.parametric
     if name != branches[0].name:
         raise BadInput(f"--over {path} is over {branches[0].name}, expected {name}, the parameter of --in")
-    given = branches[0].problem.parametric
     if len(branches[0].problem.released) > 1:
         raise BadInput(f"--over {path} changes {', '.join(branches[0].problem.released)} together; expected {name} alone, as in the sweep")
-    described = [plain(system.replaced(wanted.values).describe()) if system.names == wanted.names else None for system in (given, wanted)]
-    same = described[0] == described[1]
-    for branch in branches if same else ():
-        same = same and all(branch.problem.values[key] == wanted.values[key] for key in given.names if key != name)
-    if not same:
+    fixed = [key for key in wanted.names if key != name]
+    same = same_parametric(branches[0].problem.parametric, wanted)
+    if not (same and all(branch.problem.values[key] == wanted.values[key] for branch in branches for key in fixed)):
         raise BadInput(f"--over {path} has another system or other parameters than the sweep; expected those of its scene")
     with refusing("--over"):
         curves = curves_over(branches, y)

@@ -15,6 +15,7 @@ from bvp.expressions import normalised
 from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, refusing, say
 from saltus.options import ValueType, finite
+from saltus.response_starts import same_parametric
 from saltus.terminal import ProgressBar, table_lines, terminal_width
 
 if TYPE_CHECKING:
@@ -91,10 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     from transitions.basin.basin import find_basin
     from transitions.basin.record import SIMULATION_ENDED
 
-    if arguments.model:
-        from saltus.scene.model import explain_motion
-
-        files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
+    options.report_model(arguments, files, "explain_motion", scene.system, scene.forces)
     compiling.prepare_for(scene.system, "basin")
     begun = time.perf_counter()
     total = int(plan.grid.possible(scene.system).sum())
@@ -148,7 +146,6 @@ def _check_coordinates(arguments: argparse.Namespace, scene: Scene) -> None:
 
 def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
     """The basin that is asked for; BadInput if the scene cannot have it."""
-    from bvp.parameters import ParametricSystem
     from transitions.basin.grid import BasinAxis, StartGrid, default_axes, default_range
     from transitions.basin.plan import PERIODS, BasinPlan, path_of
     from transitions.sweep.forced import harmonics_of
@@ -166,7 +163,7 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
         ]  # fmt: skip
         axes = [BasinAxis(name, low, high, count) for name, (low, high), count in zip((x, y), ranges, arguments.grid, strict=True)]
         grid = StartGrid(coordinates, axes[0], axes[1], fixed, arguments.phase % (2.0 * math.pi))
-        path = path_of(scene.parametric or ParametricSystem.of(scene.system, scene.forces))
+        path = path_of(scene.in_parameters)
         path.problem(())
     if not grid.possible(scene.system).any():
         raise BadInput(f"every start over {x} and {y} is beyond a stop; expected another range, or another --fix")
@@ -178,15 +175,11 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
 
 def _branches(sources: Sequence[str], path: ParameterPath) -> list[ForcedBranch]:
     """The branches of files of responses of the same system and parameters."""
-    from branches.tables import plain
-
     branches, source = responses.read(sources), " and ".join(sources)
     first, wanted = branches[0].problem, path.parametric
     if not first.has_clock or first.ends is not None:
         raise BadInput(f"--from {source} holds no responses to periodic loads; expected a file of saltus continue --in NAME --json")
-    given = first.parametric
-    same = given.names == wanted.names and plain(given.replaced(wanted.values).describe()) == plain(wanted.describe())
-    if not same:
+    if not same_parametric(first.parametric, wanted):
         raise BadInput(f"--from {source} has another system than the scene; expected the responses of the scene")
     return branches
 
@@ -282,12 +275,12 @@ def _write(files: outputs.Outputs, basin: Basin, scene: Scene) -> int:
     """Write the files; return the exit code."""
     from branches.tables import csv_text
     from transitions.basin.record import basin_record, basin_table
-    from transitions.study.plan import load_as_data
+    from transitions.study.plan import loads_as_data
 
     about: dict[str, Any] = {
         "schema": outputs.SCHEMA,
         "system": scene.system.describe(),
-        "forces": [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, scene.forces)],
+        "forces": loads_as_data(scene.forces),
         **basin_record(basin),
     }
     table = basin_table(basin)

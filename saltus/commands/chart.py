@@ -69,10 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     from transitions.chart.chart import find_chart
 
-    if arguments.model:
-        from saltus.scene.model import explain_response
-
-        files.report(f"model    {line}" for line in explain_response(plan.parametric, plan.start))
+    options.report_model(arguments, files, "explain_response", plan.parametric, plan.start)
     width = terminal_width(files.words)
     with ExitStack() as stack:
         workers = arguments.workers or (1 if arguments.dask is None and plan.grid == (0, 0) else None)

@@ -81,11 +81,8 @@ def run(arguments: argparse.Namespace) -> int:
     responses.require_no_loads(scene)
     name = starts.name_or_orbit(arguments, scene)
     files.report(options.rest_lines(scene))
-    if arguments.model:
-        from saltus.scene.model import explain
-
-        system, orbits = (scene.system, name) if isinstance(name, str) else (name.system, name.ends)
-        files.report(f"model  {line}" for line in explain(system, orbits))
+    system, orbits = (scene.system, name) if isinstance(name, str) else (name.system, name.ends)
+    options.report_model(arguments, files, "explain", system, orbits)
     place = catalogues.place_to_save(arguments, scene) if arguments.save else None
     with defer_interrupts() as interrupt:
         with interrupt.released(), catalogues.lookup(name, arguments, scene) if isinstance(name, str) else nullcontext() as catalogue:

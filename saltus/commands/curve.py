@@ -270,7 +270,7 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
     parametric = None
     if arguments.scene is not None or options.parameters_of(arguments):
         scene = options.scene_of(arguments).about_rest
-        parametric = scene.parametric or ParametricSystem.of(scene.system)
+        parametric = scene.in_parameters
         if scene.system.describe() != branch.system.describe():
             name = arguments.scene or "lee2009"
             ways = "its scene with its values (--set NAME=VALUE), or none"

@@ -41,10 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
-    if arguments.model:
-        from saltus.scene.model import explain_search
-
-        files.report(f"model  {line}" for line in explain_search(scene.system))
+    options.report_model(arguments, files, "explain_search", scene.system)
 
     from branches.search.discovery import check
 

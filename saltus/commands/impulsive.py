@@ -37,11 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; return the exit code."""
     files = outputs.outputs_of(arguments)
     scene = options.scene_of(arguments)
-    if arguments.model:
-        from saltus.scene.model import explain
-
-        # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
-        files.report(f"model  {line}" for line in explain(scene.system, "U11"))
+    # Every impulsive orbit runs from the origin to the origin in half a period, as those with a label U do.
+    options.report_model(arguments, files, "explain", scene.system, "U11")
 
     from branches.search.impulsive_motions import impulsive_manifold
     from branches.search.impulsive_orbits import impulsive_orbits

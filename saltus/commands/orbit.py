@@ -42,10 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     alpha = agreed(arguments.name, "alpha", name.alpha, "--alpha", arguments.alpha)
     if energy is None and alpha is None and not arguments.impulsive:
         raise BadInput(f"an orbit of {name} needs --energy H, --alpha A or --impulsive")
-    if arguments.model:
-        from saltus.scene.model import explain
-
-        files.report(f"model  {line}" for line in explain(scene.system, text))
+    options.report_model(arguments, files, "explain", scene.system, text)
     branch = family_named(text, scene, energy, arguments)
     orbit = (impulsive_orbit if arguments.impulsive else select)(branch, name, energy, alpha)
     own = called(name, orbit)

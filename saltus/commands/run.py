@@ -79,10 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput("--duration is required: the scene has no sampled load")
     if arguments.emd:
         require_sifting()
-    if arguments.model:
-        from saltus.scene.model import explain_motion
-
-        files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
+    options.report_model(arguments, files, "explain_motion", scene.system, scene.forces)
     with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():
             start = simulation.start_of_motion(arguments, scene)

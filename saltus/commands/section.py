@@ -98,10 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     for start in arguments.start or ():
         for plane in planes:
             plane.states([start])
-    if arguments.model:
-        from saltus.scene.model import explain_section
-
-        files.report(f"model  {line}" for line in explain_section(scene.system))
+    options.report_model(arguments, files, "explain_section", scene.system)
     with catalogues.given(arguments, scene) as catalogue:
         # The kernels are compiled before time is measured.
         compiling.prepare_for(scene.system, "section")

@@ -77,10 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     from transitions.sweep.figure import default_measure, known_column, measures_of
     from transitions.sweep.runs import failures, run_sweeps, sweeps_table
 
-    if arguments.model:
-        from saltus.scene.model import explain_motion
-
-        files.report(f"model  {line}" for line in explain_motion(scene.system, scene.forces))
+    options.report_model(arguments, files, "explain_motion", scene.system, scene.forces)
     arguments.y = arguments.y or default_measure(scene.system.coordinates, scene.system.modes.contact_letters)
     with refusing("--y"):
         known_column(arguments.y, measures_of(scene.system.coordinates, parts_of(scene.system)), "measure")
@@ -120,7 +117,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
     """The sweeps that were asked for; BadInput if the scene or the parameter cannot have them."""
-    from bvp.parameters import ParametricSystem
     from transitions.sweep.runs import AlongParameter, SweepPlan, check_plan
     from transitions.sweep.sweep import SweepSettings
 
@@ -130,7 +126,7 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
     directions = [way for way, wanted in (("up", arguments.up), ("down", arguments.down)) if wanted]
     low, high = arguments.range
     plan = SweepPlan(
-        at=AlongParameter(scene.parametric or ParametricSystem.of(scene.system, scene.forces), name),
+        at=AlongParameter(scene.in_parameters, name),
         low=low,
         high=high,
         points=arguments.points,
@@ -145,12 +141,12 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
 
 def _about(plan: SweepPlan, scene: Scene, runs: list[SweepRun]) -> dict[str, Any]:
     """What holds for all rows."""
-    from transitions.study.plan import load_as_data
+    from transitions.study.plan import loads_as_data
 
     first = runs[0].sweep
     return {
         "system": scene.system.describe(),
-        "forces": [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, scene.forces)],
+        "forces": loads_as_data(scene.forces),
         "parameter": plan.at.name,
         "range": [plan.low, plan.high],
         "transient": plan.settings.transient,

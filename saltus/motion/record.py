@@ -40,7 +40,7 @@ def motion_record(
 ) -> dict[str, Any]:
     """The motion as JSON has it; its impacts are in `saltus.motion.simulation.impact_table`."""
     from transitions.stage import changes, stages_as_data
-    from transitions.study.plan import load_as_data
+    from transitions.study.plan import loads_as_data
 
     motion, t, e = report.motion, units.time, units.energy
     nes, lo = report.shares
@@ -49,7 +49,7 @@ def motion_record(
     return {
         "schema": SCHEMA,
         "system": scene.system.describe(),
-        "forces": [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, scene.forces)],
+        "forces": loads_as_data(scene.forces),
         "parameters": scene.parameters,
         "units": {"clearance": units.length, "natural_frequency": units.frequency},
         "initial": {

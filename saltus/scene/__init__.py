@@ -180,6 +180,13 @@ class Scene:
         return replace(self, system=plain.system(), parametric=parametric, forces=(), loads=(), rest=rest)
 
     @property
+    def in_parameters(self) -> ParametricSystem:
+        """The system and the loads as functions of the parameters, if the scene has some."""
+        from bvp.parameters import ParametricSystem
+
+        return self.parametric or ParametricSystem.of(self.system, self.forces)
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters, also of those that are expressions of others."""
         return {} if self.parametric is None else self.parametric.all_values()

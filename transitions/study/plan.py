@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from bvp.forcing import Force
 
-__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "StudyPlan", "load_as_data"]
+__all__ = ["CLEAR", "FAMILY", "FRACTIONS", "IMPULSIVE", "PARAMETERS", "SCALES", "Axis", "StudyPlan", "load_as_data", "loads_as_data"]
 
 FAMILY = "family"
 
@@ -195,3 +195,8 @@ def load_as_data(force: Force) -> dict[str, Any]:
     """A load as plain data for JSON."""
     own = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(force).items()}
     return {"kind": type(force).__name__, **own}
+
+
+def loads_as_data(forces: Sequence[Force]) -> list[dict[str, Any]]:
+    """Loads as plain data for JSON, with kinds as scenes write them."""
+    return [{**data, "kind": data["kind"].lower()} for data in map(load_as_data, forces)]

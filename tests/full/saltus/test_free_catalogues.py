@@ -23,7 +23,7 @@ def test_a_part_of_a_known_family_is_joined(folder, capsys, tmp_path):
     code, out, _ = run(capsys, *words, "0.09:0.12")
     assert code == 0 and f"saved  {BACKBONE} in {place}, with sigma = 0.09:0.12" in out
     code, out, _ = run(capsys, *words, "0.08:0.11")
-    assert code == 0 and f"wider  {BACKBONE} in {place}, now with sigma = 0.08:0.12; before with 0.09:0.12" in out
+    assert code == 0 and f"wider  {BACKBONE} in {place}, now with sigma = 0.08:0.12; before with sigma = 0.09:0.12" in out
     code, out, _ = run(capsys, *words, "0.09:0.11")
     assert code == 0 and f"known  {BACKBONE} in {place}" in out
     code, out, _ = run(capsys, "continue", "--from", f"{folder / 'backbone.json'}:SB1", "--points", "8", "--catalogue", place)
