@@ -112,10 +112,6 @@ _MEMORY = {"MALLOC_TRIM_THRESHOLD_": str(1 << 29), "MALLOC_MMAP_THRESHOLD_": str
 """Lets a process that compiles keep its memory. To give it back to the system and ask for it again takes a tenth of the time (glibc)."""
 
 
-_UNKNOWN = 2.0
-"""Seconds that most kernels take whose time is not on the list."""
-
-
 def workers_for(calls: list[list[Any]]) -> int:
     """How many processes compile beside each other."""
     return min(os.cpu_count() or 1, len(calls))
@@ -128,8 +124,6 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
     for call in sorted(calls, key=lambda call: -call[0]):
         waiting.put(call)
     done: list[list[Any]] = []
-    listed: list[float] = []
-    total = sum(call[0] or _UNKNOWN for call in calls)
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     processes: list[subprocess.Popen[str]] = []
     with ProgressBar(len(calls), "kernels") as bar:
@@ -147,10 +141,7 @@ def compile_kernels(calls: list[list[Any]], workers: int | None = None) -> list[
                 if not seconds:
                     break
                 done.append([float(seconds), *call[1:]])
-                listed.append(call[0] or _UNKNOWN)
-                # The list has the times of another machine: their ratio to the times here is that of what is left, too.
-                left = max(total - sum(listed), 0.0) * sum(call[0] for call in done) / sum(listed) / len(processes)
-                bar.update(len(done), f"about {left:.0f} s left")
+                bar.update(len(done))
 
         try:
             for _ in range(workers or workers_for(calls)):

@@ -44,7 +44,8 @@ def wants_free_family(arguments: argparse.Namespace) -> bool:
     if start == "simulate" and arguments.name is None:
         return settles_nowhere(arguments)
     path = start.rpartition("@")[0] if "@" in start and not os.path.exists(start) else start
-    return arguments.name is not None or start.startswith("mode:") or bool(_free_branches(start)) or _is_file_of_free_orbits(path)
+    of_a_file = bool(_free_branches(start)) or (os.path.isfile(path) and not is_response_file(path))
+    return arguments.name is not None or start.startswith("mode:") or of_a_file
 
 
 def settles_nowhere(arguments: argparse.Namespace) -> bool:
@@ -63,11 +64,6 @@ def _free_branches(start: str) -> list[ReleasedBranch]:
     from branches.released.branch import ReleasedBranch
 
     return [branch for branch in responses_in(path) if isinstance(branch, ReleasedBranch)]
-
-
-def _is_file_of_free_orbits(path: str) -> bool:
-    """Whether a path leads to a file of an orbit, or of a family in the energy."""
-    return os.path.isfile(path) and not is_response_file(path)
 
 
 def free_start(

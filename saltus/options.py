@@ -44,6 +44,7 @@ __all__ = [
     "rest_lines",
     "scene_of",
     "value_range",
+    "value_ranges",
     "whole_above_zero",
 ]
 
@@ -137,6 +138,9 @@ value_range = ValueType(
     lambda text: tuple(float(part) for part in text.split(":")),
     lambda ends: len(ends) == 2 and ends[0] < ends[1] and all(map(math.isfinite, ends)),
     "LO:HI with LO < HI",
+)
+value_ranges = ValueType(
+    lambda text: tuple(map(value_range, text.split(","))), lambda ranges: len(ranges) == 2, "LO:HI,LO:HI, two ranges with LO < HI"
 )
 finite_list = ValueType(
     lambda text: tuple(float(part) for part in text.split(",")), lambda values: all(map(math.isfinite, values)), "finite numbers"

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 MOST_ROWS = 20
 """Rows of the table of regions on the terminal; the files have all."""
 
-_windows = ValueType(
-    lambda text: tuple(options.value_range(part) for part in text.split(",")), lambda found: len(found) == 2, "LO:HI,LO:HI, two ranges"
-)
 _grid = ValueType(
     lambda text: tuple(int(part) for part in text.lower().split("x")),
     lambda found: len(found) == 2 and (found == (0, 0) or all(2 <= count <= 2000 for count in found)),
@@ -44,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--from", dest="source", metavar="RESPONSE", help="start at the events of this file of saltus continue --in")
     parser.add_argument(
-        "--range", metavar="LO:HI,LO:HI", type=_windows,
+        "--range", metavar="LO:HI,LO:HI", type=options.value_ranges,
         help="ranges of the two parameters (default: that of the branch; of the other one a factor of 4 around its value)",
     )  # fmt: skip
     parser.add_argument(

@@ -39,10 +39,6 @@ class _Given(NamedTuple):
     begins: tuple[ForcedBranch, ForcedEvent] | None = None
 
 
-def _windows(text: str) -> tuple[tuple[float, float], ...]:
-    return tuple(options.value_range(part) for part in text.split(","))
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
     parser.add_argument(
@@ -54,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--in", dest="parameters", metavar="P1,P2[,..]", type=options.names,
         help="the two parameters; of a free family one can be energy or quarter_period; further ones need as many --keep",
     )  # fmt: skip
-    parser.add_argument("--range", metavar="LO:HI,LO:HI", type=_windows, help="ranges of the two parameters")
+    parser.add_argument("--range", metavar="LO:HI,LO:HI", type=options.value_ranges, help="ranges of the two parameters")
     parser.add_argument(
         "--keep", metavar="EQUATION", action="append", type=normalised, help='equation that holds along the curve, "c = 0.1*w"; repeatable'
     )  # fmt: skip
@@ -225,8 +221,6 @@ def _window(arguments: argparse.Namespace, given: _Given) -> Window:
     start = given.start
     if arguments.range is None:
         raise BadInput("--range LO:HI,LO:HI is required: the ranges of the two parameters")
-    if len(arguments.range) != 2:
-        raise BadInput(f"--range has {len(arguments.range)} range{'s' * (len(arguments.range) != 1)}; expected two, LO:HI,LO:HI")
     names = (arguments.parameters or start.plane.names)[:2]
     ranges = dict(zip(names, arguments.range, strict=True))
     values = start.plane.parameters_at(start.y[: start.plane.size]).tolist()

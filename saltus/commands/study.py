@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,12 +95,18 @@ def _study(study: StudyFile, folder: Path, kind: str, executor: Executor, worker
 
 def study_lines(study: Study) -> list[str]:
     """The lines about a study's results."""
-    from transitions.study.summary import summarise
+    import numpy as np
 
-    found = summarise(study)
-    endings = ", ".join(f"{count}: {ending.text}" for ending, count in found.endings.items())
-    lines = [f"done     {found.runs} runs, {found.impacts} impacts", f"ended    {endings}"]
-    if math.isfinite(found.balance_error):
-        lines.append(f"balance  closes to {found.balance_error:.1e} of the initial energy at worst")
-    cells = [(name, *(f"{value:.5g}" for value in values)) for name, values in found.quartiles.items()]
+    endings = ", ".join(f"{count}: {ending.text}" for ending, count in study.endings().items())
+    lines = [f"done     {len(study)} runs, {int(study['impacts'].sum())} impacts", f"ended    {endings}"]
+    cells: list[tuple[str, ...]] = []
+    for name in study.names:
+        values = study.read(name).astype(float)
+        values = values[np.isfinite(values)]
+        if not len(values) or name == "ended":
+            continue
+        if name == "balance_error":
+            lines.append(f"balance  closes to {values.max():.1e} of the initial energy at worst")
+        else:
+            cells.append((name, *(f"{value:.5g}" for value in np.quantile(values, [0.0, 0.25, 0.5, 0.75, 1.0]))))
     return lines + table_lines(("", "least", "quartile", "median", "quartile", "most"), cells, columns="lrrrrr")

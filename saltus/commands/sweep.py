@@ -181,13 +181,9 @@ def _intervals(sweep: Sweep) -> Iterator[tuple[str, ...]]:
         exponents = sweep.exponents[part]
         finite = exponents[~np.isnan(exponents)]
         impacts = f"{sweep.impact_rates[part].mean():.4g}"
-        largest = f"{_rounded(finite.max()):.3g}" if len(finite) else "-"
+        top = finite.max(initial=-np.inf)
+        largest = f"{0.0 if abs(top) < 1e-12 else top:.3g}" if len(finite) else "-"  # the rest is rounding
         yield f"{sweep.values[part[0]]:.6g}", f"{sweep.values[part[-1]]:.6g}", str(len(part)), str(p or "none"), impacts, largest
-
-
-def _rounded(exponent: float) -> float:
-    """0 for what is rounding."""
-    return 0.0 if abs(exponent) < 1e-12 else exponent
 
 
 def _remarks(runs: list[SweepRun]) -> list[str]:

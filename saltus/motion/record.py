@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from saltus.options import Units
+from saltus.outputs import json_text
 from saltus.terminal import table_lines
 
 if TYPE_CHECKING:
@@ -99,24 +100,17 @@ def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | N
             if now > hurried + PATIENCE:
                 break
         listed.append(_rows_text(impacts, slice(first, first + AT_ONCE)))
-    content = record if samples is None else {**record, "samples": plain_columns(samples)}
     done = len(listed) * AT_ONCE
     note = f"the first {done} of {count}: the program was interrupted" if done < count else ""
-    lines = []
-    for key, value in content.items():
-        rows = isinstance(value, list) and len(value) > 0 and isinstance(value[0], dict)
-        text = _listed([json.dumps(row, allow_nan=False) for row in value]) if rows else json.dumps(value, allow_nan=False)
-        lines.append(f"  {json.dumps(key)}: {text}")
+    content: dict[str, Any] = {}
+    for key, value in record.items():
+        content[key] = value
         if key == "ended":
-            lines.append(f'  "impacts": {_listed(listed)}')
-            if note:
-                lines.append(f'  "impacts_note": {json.dumps(note)}')
-    return "{\n" + ",\n".join(lines) + "\n}\n", note
-
-
-def _listed(rows: Sequence[str]) -> str:
-    """A list in JSON, a row a line."""
-    return "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
+            content |= {"impacts": []} | ({"impacts_note": note} if note else {})
+    if samples is not None:
+        content["samples"] = plain_columns(samples)
+    rows = "[\n    " + ",\n    ".join(listed) + "\n  ]" if listed else "[]"
+    return json_text(content).replace('"impacts": []', f'"impacts": {rows}', 1), note
 
 
 def _rows_text(columns: ImpactTable, part: slice) -> str:

@@ -93,7 +93,7 @@ def test_another_curve_at_a_point(files, folder, capsys):
         (("{response}:SN1", "--in", "w,AA", *RANGE), "unknown parameter AA; expected one of k, c, A, w, d, e; nearest: A"),
         (("{response}:SN1", "--in", "w,energy", *RANGE), "unknown parameter energy"),
         (("{response}:SN1", "--in", "w,A"), "--range LO:HI,LO:HI is required"),
-        (("{response}:SN1", "--in", "w,A", "--range", "0.7:1.4"), "--range has 1 range; expected two"),
+        (("{response}:SN1", "--in", "w,A", "--range", "0.7:1.4"), "--range: received '0.7:1.4', expected LO:HI,LO:HI, two ranges"),
         (("{response}:SN1", "--in", "w,A", "--range", "0.7:1,0.02:3"), "--range 0.7:1 of w does not contain the start, which has w = 1.1"),
         (("{response}:SN1", "--in", "w,A", "--to", "GR", *RANGE), "is a family; expected an event of a curve, or no --to"),
         (("{response}:EP1", "--in", "w,A", *RANGE), "cannot be continued: the end of a run is no bifurcation; expected one of SN, PD"),

@@ -92,6 +92,20 @@ def assert_same(folder, other):
     assert all(np.array_equal(one.given[name], two.given[name]) for name in one.given)
 
 
+def test_the_report_has_the_quartiles_of_the_finite_values(finished):
+    """Oracle: numpy, and the arrays of the study."""
+    from saltus.commands.study import study_lines
+
+    study = saltus.Study(finished[1])
+    lines = study_lines(study)
+    assert lines[0] == f"done     60 runs, {study['impacts'].sum()} impacts"
+    rows = {line.split()[0]: line.split()[1:] for line in lines if not line.startswith(("done", "ended", "balance", " "))}
+    assert set(rows) == {name for name in study.names if name not in ("ended", "balance_error") and np.isfinite(study[name]).any()}
+    for name, cells in rows.items():
+        values = study[name][np.isfinite(study[name])]
+        assert cells == [f"{value:.5g}" for value in (values.min(), *np.quantile(values, [0.25, 0.5, 0.75]), values.max())]
+
+
 def test_arrays_by_name(finished):
     """Oracle: the runs themselves, each by `saltus.vibro_impact_nes` and the general run."""
     from bvp.simulate import simulate as damped

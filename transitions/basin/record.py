@@ -192,20 +192,19 @@ def basin_record(basin: Basin) -> dict[str, Any]:
     def axis(one: Any) -> dict[str, Any]:
         return {"name": one.name, "range": [one.low, one.high], "count": one.count}
 
+    def orbit(one: Attractor | Saddle, id: str) -> dict[str, Any]:
+        names = {"id": id, "family": one.family, "branch": one.branch or None, "period": one.period, "sequence": one.sequence}
+        return {**names, "multipliers": plain(one.multipliers)}
+
     attractors = [
         {
-            "id": f"A{k + 1}",
+            **orbit(found, f"A{k + 1}"),
             "kind": found.kind.value,
-            "family": found.family,
-            "branch": found.branch or None,
-            "period": found.period,
-            "sequence": found.sequence,
             "sticking": list(found.sticking),
             "solved": found.problem is not None,
             "starts": int(basin.counts[k]),
             "share": float(basin.shares[k]),
             "exponent": found.exponent if math.isfinite(found.exponent) else None,
-            "multipliers": plain(found.multipliers),
             "states": plain(found.states) if found.period else [],
             "positions": plain(basin.positions[k]) if found.period else [],
             "mirror": f"A{found.mirror + 1}" if found.mirror >= 0 else None,
@@ -213,18 +212,7 @@ def basin_record(basin: Basin) -> dict[str, Any]:
         }
         for k, found in enumerate(basin.attractors)
     ]
-    saddles = [
-        {
-            "id": f"S{k + 1}",
-            "family": found.family,
-            "branch": found.branch or None,
-            "period": found.period,
-            "sequence": found.sequence,
-            "multipliers": plain(found.multipliers),
-            "positions": plain(found.states),
-        }
-        for k, found in enumerate(basin.saddles)
-    ]
+    saddles = [{**orbit(found, f"S{k + 1}"), "positions": plain(found.states)} for k, found in enumerate(basin.saddles)]
     return {
         "kind": "basin",
         "coordinates": list(grid.coordinates),

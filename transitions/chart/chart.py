@@ -23,8 +23,8 @@ from transitions.chart.cells import find_regions
 from transitions.chart.curves import CurveSearch, Stage
 from transitions.chart.plan import ChartPlan
 from transitions.chart.regions import Regions
-from transitions.response.starting import Periodic, settled_orbit
-from transitions.sweep.settle import settle
+from transitions.response.starting import Periodic
+from transitions.response.tracing import simulated_start
 
 __all__ = ["Chart", "MeetingPoint", "find_chart", "follow_level", "places_between"]
 
@@ -258,9 +258,7 @@ def follow_level(
 
 def _settled(plan: ChartPlan, place: float, level: float) -> Periodic:
     """The orbit on which the motion from rest settles; a ValueError or a RuntimeError where there is none that can be followed."""
-    path = plan.path({**plan.start, plan.names[0]: place, plan.names[1]: level})
-    system, forces = path.parametric.system(path.values), path.parametric.forces(path.values)
-    found = settled_orbit(path, settle(system, forces, most=plan.periods))
+    _, found = simulated_start(plan.path({**plan.start, plan.names[0]: place, plan.names[1]: level}), most=plan.periods)
     problem, y = primitive_orbit(found.problem, found.y)
     return Periodic(problem, y, found.distance)
 

@@ -256,27 +256,17 @@ class Study:
         return cache(self._read_column)
 
     def _read_column(self, name: str) -> np.ndarray:
-        parts = [columns[name] for columns in self._parts([name])]
-        return np.concatenate(parts) if parts else np.zeros(0)
-
-    def _parts(self, names: Sequence[str]) -> Iterator[dict[str, np.ndarray]]:
-        """Columns of the blocks, one block after the other. They were checked when the study was opened."""
+        """A column from the blocks, which were checked when the study was opened."""
+        parts = []
         for number in self._blocks:
             path = block_path(self.path, number, self._kind)
             with _readable(path):
-                columns = _read(path, names)[1]
-            yield columns
+                parts.append(_read(path, [name])[1][name])
+        return np.concatenate(parts) if parts else np.zeros(0)
 
-    def parts(self) -> Iterator[dict[str, np.ndarray]]:
-        """All results, block by block: as `study[name]` for some of the runs, by name. No more than a block is in memory.
-
-        Raises
-        ------
-        DamagedBlock
-            If a block can no longer be read.
-        """
-        for columns in self._parts(block_columns(self.plan)):
-            yield {name: _result(self.plan, columns.__getitem__, name) for name in self.names}
+    def read(self, name: str) -> np.ndarray:
+        """The same as `study[name]`, which the study does not keep in memory."""
+        return _result(self.plan, self._read_column, name)
 
     def __len__(self) -> int:
         return sum(last - first for first, last in map(self.plan.block_range, self._blocks))

@@ -16,7 +16,7 @@ import numpy as np
 from bvp.checks import finite_numbers, is_whole
 from bvp.motion import MotionStatus
 from bvp.texts import brief, shown
-from transitions.sweep.forced import Carried, ForcedMotion, PeriodRecord, carried_into, require_inside
+from transitions.sweep.forced import Carried, ForcedMotion, carried_into, require_inside
 from transitions.sweep.returns import drift_directions, find_period, largest_exponent, mean_growth, multipliers_of, without_drift
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
     done, impacts = max(len(record.states), 1), record.impacts
     states = np.full((1, settings.record, 2 * system.degrees_of_freedom), math.nan)
     states[0, : len(record.states)] = record.states
-    peaks = _row(record, system.degrees_of_freedom)
+    peaks = np.full((1, system.degrees_of_freedom), math.nan) if record.peaks is None else record.peaks[None]
     size = 0.0 if drift_directions(system).size else frequency * float(peaks.max())
     found = find_period(without_drift(system, record.states), frequency, growth, elapsed, size) if complete else 0
     carried = motion.carried if complete else None
@@ -267,10 +267,6 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
         impact_speeds=impacts.speeds,
     )
     return made, carried
-
-
-def _row(record: PeriodRecord, n: int) -> np.ndarray:
-    return np.full((1, n), math.nan) if record.peaks is None else record.peaks[None]
 
 
 def join_sweeps(parts: Sequence[Sweep]) -> Sweep:
