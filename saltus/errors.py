@@ -32,7 +32,7 @@ class BadInput(ValueError):
 
 @contextmanager
 def refusing(what: str = "", kinds: type[Exception] | tuple[type[Exception], ...] = ValueError) -> Iterator[None]:
-    """Make `BadInput` of errors of some kinds, by default `ValueError`: one line, behind `what` and a colon.
+    """Make `BadInput` of errors of some kinds, by default `ValueError`: one line, behind `what` and a colon. A `BadInput` stays.
 
     Examples
     --------
@@ -43,6 +43,8 @@ def refusing(what: str = "", kinds: type[Exception] | tuple[type[Exception], ...
     """
     try:
         yield
+    except BadInput:
+        raise
     except kinds as error:
         raise BadInput(f"{what}: {one_line(error)}" if what else one_line(error)) from error
 

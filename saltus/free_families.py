@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["free_start", "limit_lines", "settles_nowhere", "wants_free_family"]
 
-_FIXED = re.compile(r"\s*(energy|quarter_period)\s*=\s*([-+.\deE]+)\s*")
+_FIXED = re.compile(r"\s*(energy|quarter_period)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,2})?)\s*")
 _NEAR = 0.01
 """Relative distance from the energy and quarter period of a name within which an orbit is meant."""
 
@@ -230,7 +230,7 @@ def _orbit(
 
     with refusing("--keep"):
         parametric.equations(keep, names, RESERVED)
-    fixed = {match[1]: float(match[2]) for text in keep if (match := _FIXED.fullmatch(text)) and _is_number(match[2])}
+    fixed = {match[1]: float(match[2]) for text in keep if (match := _FIXED.fullmatch(text))}
     energy, alpha = fixed.get("energy"), fixed.get("quarter_period")
     place = None  # the quarter period at this energy that the name gives
     for what, value in (("energy", energy), ("quarter_period", alpha)):
@@ -282,13 +282,6 @@ def _nearest_along(branch: Branch, found: list[Orbit], report: Callable[[Sequenc
     chosen, others = found[order[0]], [found[k] for k in order[1:]]
     report([f"note   of {len(found)} orbits this is the nearest to the start of the family; the others: {list_orbits(others, branch)}"])
     return chosen
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return np.isfinite(float(text)).item()
-    except ValueError:
-        return False
 
 
 def _crossings(branch: Branch, name: Name, parametric: ParametricSystem, names: tuple[str, ...], keep: tuple[str, ...]) -> list[Orbit]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from bvp.expressions import normalised
 from saltus import compiling, curves, inputs, options
-from saltus.errors import BadInput, nearest, one_line, refusing
+from saltus.errors import BadInput, nearest, refusing
 from saltus.inputs import file_and_event
 from saltus.terminal import ProgressBar, counted
 
@@ -235,11 +235,9 @@ def check_equations(names: Sequence[str], keep: Sequence[str], wanted: int, more
 
 def _check_system(parametric: ParametricSystem, start: str) -> None:
     """Refuse loads without a common period, and a system without periodic loads of which nothing determines an orbit."""
-    try:
+    with refusing():
         if parametric.layout.harmonics:
             return
-    except ValueError as error:
-        raise BadInput(one_line(error)) from error
     loads = "the scene's loads are constant" if parametric.forces() else "the scene has no load"
     conservative = parametric.system().is_conservative
     instead = "a NAME or --from mode:K, with --keep energy=H" if conservative else "--from simulate"

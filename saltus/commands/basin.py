@@ -132,12 +132,6 @@ def _check_coordinates(arguments: argparse.Namespace, scene: Scene) -> None:
         raise BadInput(
             f"a basin needs two state coordinates to vary, received {option} {name} alone; expected {other} too, such as {partner}"
         )
-    if len({name for _, name in given}) == 1:
-        rest = [name for name in known if name != given[0][1]]
-        raise BadInput(
-            f"a basin needs two state coordinates to vary, received {given[0][1]} for --x and --y; expected another one for --y: "
-            f"{', '.join(rest)}"
-        )
     fixed = [name for name, _ in arguments.fix or ()]
     for name in fixed:
         if fixed.count(name) > 1:

@@ -13,7 +13,7 @@ from bvp.description import RESERVED
 from bvp.expressions import normalised
 from bvp.interrupts import defer_interrupts
 from saltus import compiling, curves, inputs, options, outputs
-from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, BadInput, computed, nearest, one_line, refusing, say
+from saltus.errors import DONE, FAILED, FAILURES, INTERRUPTED, BadInput, computed, one_line, refusing, say
 from saltus.inputs import file_and_event
 from saltus.options import whole_above_zero
 from saltus.response_starts import check_equations, require_same_scene
@@ -162,12 +162,9 @@ def _place(arguments: argparse.Namespace, given: _Given) -> tuple[Path | None, S
     if not arguments.save:
         return None, None
     if given.begins is not None:
-        from branches.catalogue.responses import system_of
-        from branches.catalogue.rows import SceneRecord
-        from saltus.response_catalogues import place_of_responses
+        from saltus.response_catalogues import place_of_responses, record_of_free
 
-        problem = given.begins[0].problem
-        record = SceneRecord(system_of(problem), parameters={"names": list(problem.released), "keep": list(problem.keep)})
+        record = record_of_free(given.begins[0].problem)
         return place_of_responses(arguments, record, file_and_event(arguments.start)[0]), record
     if arguments.catalogue is None:
         raise BadInput(f"--catalogue FILE is required: {arguments.start} does not name the families on the sides of the curve")
@@ -254,7 +251,6 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
     from branches.curves.free_start import released_of
     from branches.curves.starting import NoCurve, curve_start
     from branches.reading import RecordError, read_branch
-    from bvp.parameters import ParametricSystem
 
     with refusing("", RecordError):
         branch = read_branch(source)
@@ -269,18 +265,11 @@ def _of_free_family(arguments: argparse.Namespace, source: str, event: str | Non
             name = arguments.scene or "lee2009"
             ways = "its scene with its values (--set NAME=VALUE), or none"
             raise BadInput(f"{source} has another system than the scene {name}; expected {ways}")
-    try:
+    origin = f"{found.id} of {os.path.basename(source)}"
+    without = "" if parametric else " without --scene"
+    with refusing(f"--in {','.join(arguments.parameters)}{without}"), refusing(f"{source}:{event} cannot be continued", NoCurve):
         problem, y = released_of(branch.orbit(found.point), arguments.parameters, parametric)
-        origin = f"{found.id} of {os.path.basename(source)}"
         return _Given(curve_start(problem, y, found.type, arguments.parameters, arguments.keep or (), origin=origin))
-    except NoCurve as error:
-        raise BadInput(f"{source}:{event} cannot be continued: {one_line(error)}") from error
-    except ValueError as error:
-        known_names = (parametric or ParametricSystem.of(branch.system)).names
-        names = [*known_names, *RESERVED]
-        unknown = next((name for name in arguments.parameters if name not in names), None)
-        hint = "" if unknown is None else nearest(unknown, names) or ("" if parametric else "; with --scene also those of the scene")
-        raise BadInput(f"--in {','.join(arguments.parameters)}: {one_line(error)}{hint}") from error
 
 
 def _of_response(
@@ -291,18 +280,9 @@ def _of_response(
     branch, found = known[inputs.event_named(source, event, known)]
     require_same_scene(arguments, source, branch.problem.parametric)
     _require_equations(arguments, branch.problem.ends is not None)
-    try:
-        origin = f"{found.id} of {os.path.basename(source)}"
+    origin = f"{found.id} of {os.path.basename(source)}"
+    with refusing(f"--in {','.join(arguments.parameters)}"), refusing(f"{source}:{event} cannot be continued", NoCurve):
         return _Given(curve_at(branch, found, arguments.parameters, arguments.keep or (), origin), begins=(branch, found))
-    except NoCurve as error:
-        raise BadInput(f"{source}:{event} cannot be continued: {one_line(error)}") from error
-    except ValueError as error:
-        raise BadInput(f"--in {','.join(arguments.parameters)}: {one_line(error)}{_near(arguments.parameters, branch)}") from error
-
-
-def _near(names: Sequence[str], branch: Any) -> str:
-    known = branch.problem.parametric.names
-    return next((nearest(name, known) or "" for name in names if name not in known), "")
 
 
 def _require_equations(arguments: argparse.Namespace, free: bool) -> None:

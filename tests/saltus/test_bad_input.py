@@ -322,7 +322,7 @@ CASES = [
     # basins
     ("basin --scene absorber --x u1:-1:1", ["a basin needs two state coordinates to vary", "--x u1 alone", "expected --y too", "u1'"]),
     ("basin --scene absorber --y u2'", ["a basin needs two state coordinates to vary", "--y u2' alone", "expected --x too", "u2"]),
-    ("basin --scene absorber --x u1 --y u1:0:1", ["a basin needs two state coordinates to vary", "u1 for --x and --y", "u2, u1', u2'"]),
+    ("basin --scene absorber --x u1 --y u1:0:1", ["a basin needs two state coordinates to vary", "received u1 twice"]),
     ("basin --scene absorber --x u3 --y u1", ["--x u3: no such coordinate", "u1, u2, u1', u2'", "nearest: u"]),
     ("basin --scene absorber --x u1:2:1 --y u2", ["--x", "'u1:2:1'", "NAME:LO:HI with LO < HI"]),
     ("basin --scene absorber --x u1:1 --y u2", ["--x", "'u1:1'", "NAME:LO:HI"]),

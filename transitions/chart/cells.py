@@ -11,7 +11,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,10 @@ from transitions.response.path import ParameterPath
 from transitions.sweep.forced import Carried, carried_into
 from transitions.sweep.settle import settle
 from transitions.tasks import completed
+
+if TYPE_CHECKING:
+    from bvp.forcing import Force
+    from bvp.system import ImpactSystem
 
 __all__ = ["find_regions"]
 
@@ -144,23 +149,18 @@ class _Settler:
 
     def __init__(self, row: _Row, value: float) -> None:
         self._row, self._value = row, value
-        self._made = False
-        self.path: ParameterPath | None = None
-        self.reason = ""
 
-    def _prepare(self) -> None:
-        if self._made:
-            return
-        self._made, row = True, self._row
+    @cached_property
+    def _motion(self) -> tuple[ParameterPath, ImpactSystem, Sequence[Force]] | None:
+        """The path, the system and the loads of the cell; None if the system cannot have its parameters."""
+        row = self._row
         try:
             path = ParameterPath(row.parametric, row.names, row.keep, {**row.values, row.names[0]: self._value}).at()
-            why = path.parametric.violation(path.values)
-            if why is not None:
-                raise ValueError(why)
-            self.system, self.forces = path.parametric.system(path.values), path.parametric.forces(path.values)
-            self.path = path
+            if path.parametric.violation(path.values) is not None:
+                return None
+            return path, path.parametric.system(path.values), path.parametric.forces(path.values)
         except ValueError:
-            self.reason = "the system cannot have these parameters"
+            return None
 
     def take_over(self, cell: _Cell, kind: MotionKind, state: np.ndarray) -> None:
         """Simulate from an attractor of a neighbour, if the cell has none of its kind."""
@@ -171,18 +171,18 @@ class _Settler:
 
     def settle_into(self, cell: _Cell, state: np.ndarray | None) -> None:
         """Simulate from a state at phase 0, or from rest, and add what it settles to."""
-        self._prepare()
-        if self.path is None:
-            cell.reason = self.reason
+        if self._motion is None:
+            cell.reason = "the system cannot have these parameters"
             return
+        path, system, forces = self._motion
         cell.simulated += 1
-        n = self.system.degrees_of_freedom
+        n = system.degrees_of_freedom
         u = v = None
         if state is not None:
-            inside = carried_into(self.system, Carried(state))[0].state
+            inside = carried_into(system, Carried(state))[0].state
             u, v = inside[:n], inside[n:]
-        found = settle(self.system, self.forces, u, v, most=self._row.periods)
-        attractor = attractor_of(self.path, found)
+        found = settle(system, forces, u, v, most=self._row.periods)
+        attractor = attractor_of(path, found)
         if attractor is None:
             cell.unsettled += 1
             cell.reason = cell.reason or found.kind.value

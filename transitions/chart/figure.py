@@ -31,7 +31,7 @@ _LONG, _MANY = 4, 8
 """Largest period, and number of impacts in it, of attractors that are told apart in the figure."""
 
 _LIGHT = 0.4
-"""Part of a colour that is left beside white."""
+"""Part of a colour that is left beside white, with which it is mixed."""
 
 
 def chart_figure(chart: Chart, *, title: str = "") -> Figure:
@@ -64,7 +64,7 @@ def _draw_regions(axes: Axes, regions: Regions, plan: ChartPlan) -> list[Any]:
     counts = Counter(text for row in texts for text in row if text)
     ordered = sorted(counts, key=lambda text: (-counts[text], text))
     shown = ordered[:COLOURED]
-    shades: list[Any] = [*(_lightened(*to_rgb(colour)) for colour in _COLOURS[: len(shown)]), _REST]
+    shades: list[Any] = [*(tuple(1.0 - _LIGHT * (1.0 - part) for part in to_rgb(colour)) for colour in _COLOURS[: len(shown)]), _REST]
     index = {"": math.nan, **dict.fromkeys(ordered, float(len(shown))), **{text: float(k) for k, text in enumerate(shown)}}
     image = np.array([[index[text] for text in row] for row in texts])
     axes.pcolormesh(
@@ -93,9 +93,3 @@ def _pooled(kind: MotionKind) -> str:
 
 def _percent(part: float) -> str:
     return f"{100.0 * part:.0f} %" if part >= 0.005 else "below 1 %"
-
-
-def _lightened(*parts: float) -> tuple[float, float, float]:
-    """A colour mixed with white."""
-    red, green, blue = (1.0 - _LIGHT * (1.0 - part) for part in parts)
-    return red, green, blue
