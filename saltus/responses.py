@@ -35,7 +35,7 @@ __all__ = [
 ]  # fmt: skip
 
 _OF_IMPACT = re.compile(r"(speed|phase):[1-9]\d*")
-_OTHERS = ("name", "energy", "frequency", "save", "catalogue")
+_OTHERS = ("name", "energy", "frequency")
 """Options of families in the energy."""
 _FREE_STOPS = ("SN", "BP", "SB", "PD", "RT", "NS", "GR", "IO", "LB", "UZ")
 """Events at which a family of free orbits in a parameter can end on request."""
@@ -92,7 +92,7 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
     wanted = wanted or (start == "simulate" and not free_state)
     if not wanted and is_curve_file(file_and_event(start)[0]):
         raise BadInput(f"--in NAME is required: the parameter in which the family through {start} is followed")
-    given = [f"--{name.replace('_', '-').replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
+    given = [f"--{name.replace('begin', 'start')}" for name in _OWN if getattr(arguments, name) is not None]
     if free_state and "--start" in given:
         given.remove("--start")
     if not wanted and given:
@@ -105,17 +105,14 @@ def wants_parameter(arguments: argparse.Namespace) -> bool:
     if wanted:
         free = free_families.wants_free_family(arguments)
         for name in _OTHERS:
-            if getattr(arguments, name) and name not in ("save", "catalogue") and not (free and name == "name"):
-                what = arguments.name if name == "name" else f"--{name.replace('_', '-')}"
+            if getattr(arguments, name) and not (free and name == "name"):
+                what = arguments.name if name == "name" else f"--{name}"
                 raise BadInput(f"{what} belongs to families in the energy; expected --in NAME with --from and --range alone")
         stops, what = (_FREE_STOPS, "a family of free orbits in a parameter") if free else (_STOPS, "a response")
         if arguments.stop_at not in (None, *stops):
             raise BadInput(f"--stop-at {arguments.stop_at}: {what} has no such event; expected one of {', '.join(stops)}")
-        for name in ("begin", "phase", "transient") if free else ():
-            if name == "begin" and start == "simulate":
-                continue
-            if getattr(arguments, name) is not None:
-                option = {"begin": "--start"}.get(name, f"--{name}")
+        for option in given if free else ():
+            if option in ("--phase", "--transient") or (option == "--start" and start != "simulate"):
                 raise BadInput(f"{option} is where a simulation starts; expected --from simulate")
     return wanted
 

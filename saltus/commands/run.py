@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
             # Another one ends the program.
             interrupt.came = True
             say("interrupted; the motion is written, without what was to be computed from it")
-        code = max(code, _write(arguments, files, scene, start, report, locked, modes, lambda: interrupt.came))
+        code = max(code, _write(arguments, files, scene, start, report, locked, modes))
     if interrupt.came and code != INTERRUPTED:
         raise KeyboardInterrupt(outputs.WRITTEN)
     return code
@@ -126,7 +126,6 @@ def _write(
     report: MotionReport,
     locked: MotionReport | None,
     modes: IntrinsicModes | None,
-    hurry: Callable[[], bool],
 ) -> int:
     """Print and write what was computed; return the exit code."""
     from saltus.motion.record import (
@@ -154,14 +153,9 @@ def _write(
     from branches.tables import csv_text
 
     samples = arguments.samples or SAMPLES
-    notes: list[str] = []
 
     def text() -> str:
-        data, note = motion_json(record, impacts, None if arguments.samples is None else sample_table(report, samples, scale), hurry)
-        if note:
-            notes.append(note)
-            say(f"the impacts in the JSON data are {note}")
-        return data
+        return motion_json(record, impacts, None if arguments.samples is None else sample_table(report, samples, scale))
 
     def series() -> str:
         return csv_text(sample_table(report, samples, scale))
@@ -194,8 +188,7 @@ def _write(
             files.report(["note   the figure is in natural units"])
 
     with catalogues.given(arguments, scene.underlying) as catalogue:
-        code = files.write({"json": text, "csv": series}, table=table, about=about, files={"plot": plot})
-    return INTERRUPTED if notes else code
+        return files.write({"json": text, "csv": series}, table=table, about=about, files={"plot": plot})
 
 
 def _percent(bar: ProgressBar, duration: float) -> Callable[[float], None]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -25,12 +23,6 @@ if TYPE_CHECKING:
 __all__ = ["comparison", "mode_lines", "mode_table", "motion_json", "motion_lines", "motion_record", "of_the_start", "sample_table"]
 
 SCHEMA = 1
-
-AT_ONCE = 1 << 16
-"""Impacts that are made text at once, between two looks at whether there is a hurry."""
-
-PATIENCE = 2.0
-"""Seconds after an interrupt during which the report still lists impacts."""
 
 SHOWN = 12
 """Impacts that are listed; the files hold all."""
@@ -86,40 +78,28 @@ def motion_record(
     }
 
 
-def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | None, hurry: Callable[[], bool]) -> tuple[str, str]:
-    """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column.
-
-    Once `hurry` is true, the impacts end after `PATIENCE` seconds. A note, which the text holds too, says where; "" where all are there."""
+def motion_json(record: dict[str, Any], impacts: ImpactTable, samples: Table | None) -> str:
+    """The JSON text of a record and its impacts, an impact a line; with the samples where they are given, a list for each column."""
     from branches.tables import plain_columns
 
-    listed, count, hurried = [], len(impacts["time"]), math.inf
-    for first in range(0, count, AT_ONCE):
-        if hurry():
-            now = time.monotonic()
-            hurried = min(hurried, now)
-            if now > hurried + PATIENCE:
-                break
-        listed.append(_rows_text(impacts, slice(first, first + AT_ONCE)))
-    done = len(listed) * AT_ONCE
-    note = f"the first {done} of {count}: the program was interrupted" if done < count else ""
     content: dict[str, Any] = {}
     for key, value in record.items():
         content[key] = value
         if key == "ended":
-            content |= {"impacts": []} | ({"impacts_note": note} if note else {})
+            content["impacts"] = []
     if samples is not None:
         content["samples"] = plain_columns(samples)
-    rows = "[\n    " + ",\n    ".join(listed) + "\n  ]" if listed else "[]"
-    return json_text(content).replace('"impacts": []', f'"impacts": {rows}', 1), note
+    rows = _rows_text(impacts)
+    return json_text(content).replace('"impacts": []', f'"impacts": [\n    {rows}\n  ]' if rows else '"impacts": []', 1)
 
 
-def _rows_text(columns: ImpactTable, part: slice) -> str:
-    """Some rows of a table in JSON, a row a line."""
+def _rows_text(columns: ImpactTable) -> str:
+    """The rows of a table in JSON, a row a line: millions of them in seconds."""
     texts = []
     for values in columns.values():
-        if values.dtype.kind == "f" and not np.all(np.isfinite(values[part])):
+        if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
             raise ValueError("a value of an impact is not finite, which JSON cannot express")
-        texts.append(map(json.dumps if values.dtype.kind == "U" else repr, values[part].tolist()))
+        texts.append(map(json.dumps if values.dtype.kind == "U" else repr, values.tolist()))
     row = "{" + ", ".join(f"{json.dumps(name)}: %s" for name in columns) + "}"
     return ",\n    ".join(map(row.__mod__, zip(*texts, strict=True)))
 

@@ -110,7 +110,7 @@ def _check_shape(shape: tuple[int, ...]) -> None:
     size = " x ".join(shown(int(length)) for length in shape) or "one number"
     if len(shape) != 2:
         raise _Unfit(f"is no matrix of real numbers; received {size if len(shape) != 1 else f'a list of {size}'}")
-    if shape[0] != shape[1] or shape[0] == 0:
+    if shape[0] != shape[1] or shape[0] < 1:
         raise _Unfit(f"is {size}; expected a square matrix")
     if shape[0] > MOST:
         raise _Unfit(f"is {size}; expected at most {MOST} rows: reduce the model")
@@ -139,7 +139,7 @@ def _matrix_market(file: IO[bytes], names: tuple[str, ...]) -> np.ndarray:
     while line.startswith(b"%") or line.isspace():
         line = file.readline(1024)
     sparse = kinds[2] == "coordinate"
-    rows, columns, *entries = (_count(word) for word in line.decode("ascii").split())
+    rows, columns, *entries = map(int, line.decode("ascii").split())
     _check_shape((rows, columns))
     places = np.tri(rows, k=-1 if kinds[4] == "skew-symmetric" else 0) if kinds[4] != "general" else np.ones((rows, rows))
     wanted = entries[0] if sparse and len(entries) == 1 else int(places.sum())
@@ -150,29 +150,14 @@ def _matrix_market(file: IO[bytes], names: tuple[str, ...]) -> np.ndarray:
         raise _Unfit(f"ends within its entries, or goes on behind them; expected {wanted} entries")
     matrix = np.zeros((rows, rows))
     if sparse:
-        i, j = (np.array([_count(word) for word in words[k::3]], dtype=np.int64) - 1 for k in (0, 1))
+        i, j = (np.array(words[k::3], dtype=np.int64) - 1 for k in (0, 1))
         if wanted and not 0 <= min(i.min(), j.min()) <= max(i.max(), j.max()) < rows:
             raise _Unfit(f"has an entry outside of its {rows} rows and columns")
-        np.add.at(matrix, (i, j), [_number(word) for word in words[2::3]])
+        np.add.at(matrix, (i, j), np.array(words[2::3], dtype=float))
     else:
         # Entries are by column.
-        matrix.T[places.T > 0.0] = [_number(word) for word in words]
+        matrix.T[places.T > 0.0] = np.array(words, dtype=float)
     return matrix + _SYMMETRIES[kinds[4]] * (matrix - np.diag(np.diag(matrix))).T
-
-
-def _count(word: str) -> int:
-    if not word.isdigit() or len(word) > 18:
-        raise _Unfit(f"has {shown(word)} where a whole number is expected")
-    return int(word)
-
-
-def _number(word: str) -> float:
-    try:
-        if "_" not in word:
-            return float(word)
-    except ValueError:
-        pass
-    raise _Unfit(f"has {shown(word)} where a number is expected")
 
 
 def _npz(file: IO[bytes], names: tuple[str, ...]) -> Any:

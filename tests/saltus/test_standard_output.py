@@ -219,42 +219,14 @@ def test_a_motion_that_is_interrupted_is_written_up_to_there(capsys, tmp_path, m
 
 
 @POSIX
-def test_what_is_written_after_an_interrupt_has_an_end(capsys, tmp_path, monkeypatch):
-    """Oracle: with no time left, one part of the impacts, and a note of how many there are; no peaks of a motion of many events."""
-    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80", "--stages", "--json"]
-    assert main([*words[:-2], "--json", str(tmp_path / "whole.json")]) == 0
-    monkeypatch.setattr("saltus.motion.record.PATIENCE", 0.0)
-    monkeypatch.setattr("saltus.motion.record.AT_ONCE", 64)
-    monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
-    interrupting(monkeypatch, "saltus.motion.simulation.with_stages")
-    capsys.readouterr()
-    assert main([*words, str(tmp_path / "late.json")]) == 130
-    said = capsys.readouterr().err.splitlines()
-    monkeypatch.undo()
+def test_peaks_of_a_long_motion_are_left_out_after_an_interrupt(capsys, tmp_path, monkeypatch):
+    """Oracle: all impacts of the motion up to there, and null for its peaks."""
     monkeypatch.setattr("saltus.motion.simulation.MOST_IN_A_HURRY", 100)
     monkeypatch.setattr("saltus.compiling.prepare", lambda *groups: None)
-    interrupting(monkeypatch, "bvp.kernels.motion.move")
-    capsys.readouterr()
-    code, out, _ = run(capsys, *words, tmp_path / "early.json")
-    whole, late, early = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("whole", "late", "early"))
-    count = len(late["impacts"])
-    assert 0 < count < len(whole["impacts"]) and count % 64 == 0 and late["impacts"] == whole["impacts"][:count]
-    assert late["impacts_note"] == f"the first {count} of {len(whole['impacts'])}: the program was interrupted"
-    assert said[1:] == [f"saltus: the impacts in the JSON data are {late['impacts_note']}"]
-    assert code == 130 and early["peaks"] is None and "peaks    not computed: interrupted\n" in out
-    assert late["peaks"] == whole["peaks"] and "impacts_note" not in early and "impacts_note" not in whole
-
-
-@POSIX
-def test_an_interrupt_while_the_file_is_made_says_which_impacts_it_holds(capsys, tmp_path, monkeypatch):
-    """Oracle: the file. The line is the only one: not all that was computed is written."""
-    monkeypatch.setattr("saltus.motion.record.PATIENCE", 0.0)
-    monkeypatch.setattr("saltus.motion.record.AT_ONCE", 4)
-    interrupting(monkeypatch, "saltus.motion.record._rows_text")
-    code, _, err = run(capsys, "run", "--impulse", "0.5", "--duration", "80", "--json", tmp_path / "cut.json")
-    data = json.loads((tmp_path / "cut.json").read_text())
-    assert code == 130 and len(data["impacts"]) % 4 == 0
-    assert err == f"saltus: the impacts in the JSON data are {data['impacts_note']}\n"
+    words = ["run", "--impulse", "20", "--lam", "0", "--rho", "1", "--duration", "80"]
+    whole, cut, _ = interrupted_run(capsys, tmp_path, monkeypatch, words, "bvp.kernels.motion.move", after=True)
+    count = len(cut["impacts"])
+    assert cut["peaks"] is None and 100 < count < len(whole["impacts"]) and cut["impacts"] == whole["impacts"][:count]
 
 
 @POSIX

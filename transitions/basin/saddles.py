@@ -7,7 +7,6 @@ and approaches the saddle (edge tracking). Where its motion nearly returns, Newt
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -177,12 +176,8 @@ def _solved(plan: BasinPlan, follower: StartFollower, states: np.ndarray, scaled
             impacts.contacts[inside], impacts.periods[inside] - k - 1, impacts.times[inside], impacts.speeds[inside],
             impacts.before[inside], impacts.after[inside],
         )  # fmt: skip
-        near = Settled(
-            kind=SettledKind.PERIODIC, period=p, states=states[k : k + p], impacts=part,
-            stops=tuple(letters[c] for c in part.contacts), sticking=(), sticking_time=0.0, period_of_loads=follower.period,
-            multipliers=np.zeros(0, dtype=complex), growth=math.nan, growth_error=0.0, distance=distance, elapsed=0,
-            status=MotionStatus.DURATION_REACHED,
-        )  # fmt: skip
+        stops = tuple(letters[c] for c in part.contacts)
+        near = Settled(SettledKind.PERIODIC, p, states[k : k + p], part, stops, follower.period, distance)
         try:
             orbit = settled_orbit(plan.path, near)
         except NoOrbit:

@@ -36,11 +36,7 @@ def chart_record(chart: Chart) -> dict[str, Any]:
         "keep": list(plan.keep),
         "window": plain(np.array(plan.window)),
         "found_in": chart.stage_of,
-        "codimension_two": [
-            {"types": list(point.types), "place": list(point.place), "curves": list(point.curves), "events": list(point.events),
-             "note": point.note}
-            for point in chart.points
-        ],
+        "codimension_two": [plain(point._asdict()) for point in chart.points],
         "stages": [stage._asdict() for stage in chart.stages],
         "notes": list(chart.notes),
         "regions": None if chart.regions is None else _regions(chart.regions),
@@ -95,12 +91,8 @@ def chart_table(chart: Chart) -> Table:
     merged: Table = {}
     for name, values in table.items():
         assert isinstance(values, np.ndarray)
-        if name in cells:
-            more = cells[name]
-        elif values.dtype.kind == "U":
-            more = np.full(count, "", dtype=values.dtype)
-        else:
-            more = np.full((count, *values.shape[1:]), np.nan, dtype=values.dtype)
+        blank = "" if values.dtype.kind == "U" else np.nan
+        more = cells[name] if name in cells else np.full((count, *values.shape[1:]), blank, dtype=values.dtype)
         merged[name] = np.concatenate([values, more])
     merged["attractors"] = np.concatenate([np.full(rows, "", dtype=texts.dtype), texts])
     return merged

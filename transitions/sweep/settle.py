@@ -117,15 +117,15 @@ class Settled:
     states: np.ndarray
     impacts: ImpactRecord
     stops: tuple[str, ...]
-    sticking: tuple[str, ...]
-    sticking_time: float
     period_of_loads: float
-    multipliers: np.ndarray
-    growth: float
-    growth_error: float
     distance: float
-    elapsed: int
-    status: MotionStatus
+    sticking: tuple[str, ...] = ()
+    sticking_time: float = 0.0
+    multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    growth: float = math.nan
+    growth_error: float = 0.0
+    elapsed: int = 0
+    status: MotionStatus = MotionStatus.DURATION_REACHED
     remaining: float = math.nan
     longest: int = 0
     drift: np.ndarray = field(default_factory=lambda: np.zeros(0))
