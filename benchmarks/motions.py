@@ -220,8 +220,9 @@ def study(runs: int, workers: int) -> Studied:
         found = Study(folder)
         size = sum(path.stat().st_size for path in folder.glob("block-*"))
         error = float(np.nanmax(found["balance_error"]))
+        held = sum(found[name].nbytes for name in found.names)
         return Studied(
-            workers, seconds, used, runs, int(found["impacts"].sum()), found.nbytes / runs, size / runs, error, found["h"],
+            workers, seconds, used, runs, int(found["impacts"].sum()), held / runs, size / runs, error, found["h"],
             found["last_impact"],
         )  # fmt: skip
 

@@ -26,6 +26,7 @@ __all__ = [
     "add_scene",
     "add_set",
     "add_shared",
+    "assignment",
     "completion_script",
     "energy_range",
     "filters_of",
@@ -160,10 +161,10 @@ _impacts = ValueType(
     "a number of impacts N, or LO:HI with 0 <= LO <= HI",
 )
 
-_assignment = ValueType(
+assignment = ValueType(
     lambda text: (normalised(text.partition("=")[0]), float(text.partition("=")[2])),
     lambda pair: pair[0] != "" and math.isfinite(pair[1]),
-    "NAME=VALUE, the name of a parameter and a finite number",
+    "NAME=VALUE, a name and a finite number",
 )
 
 _PARAMETERS = {
@@ -218,7 +219,7 @@ def add_scene(parser: argparse.ArgumentParser, uses: tuple[str, ...] = (), *, mo
 def add_set(parser: argparse.ArgumentParser) -> None:
     """Add ``--set``, which can be repeated."""
     parser.add_argument(
-        "--set", metavar="NAME=VALUE", action="append", type=_assignment, help="value of a parameter, instead of the scene's; repeatable"
+        "--set", metavar="NAME=VALUE", action="append", type=assignment, help="value of a parameter, instead of the scene's; repeatable"
     )
 
 

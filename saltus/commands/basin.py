@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.expressions import normalised
 from saltus import compiling, options, outputs, processes, responses
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, nearest, refusing, say
 from saltus.options import ValueType, finite
@@ -52,11 +51,6 @@ _grid = ValueType(
     lambda found: len(found) == 2 and all(2 <= count <= 10**5 for count in found),
     "NXxNY, two integers above 1, such as 200x200",
 )
-_fixed = ValueType(
-    lambda text: (normalised(text.partition("=")[0]), float(text.partition("=")[2])),
-    lambda pair: pair[0] != "" and math.isfinite(pair[1]),
-    "NAME=VALUE, the name of a state coordinate and a finite number",
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--x", metavar="NAME[:LO:HI]", type=_coordinate, help=axis.format("horizontal", "displacement"))
     parser.add_argument("--y", metavar="NAME[:LO:HI]", type=_coordinate, help=axis.format("vertical", "velocity"))
     parser.add_argument(
-        "--fix", metavar="NAME=VALUE", type=_fixed, action="append",
+        "--fix", metavar="NAME=VALUE", type=options.assignment, action="append",
         help="value of another coordinate of the state (default: 0); repeatable",
     )  # fmt: skip
     parser.add_argument("--phase", metavar="X", type=finite, default=0.0, help="phase w t of the starts, in radians (default: 0)")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from bvp.interrupts import defer_interrupts
 from saltus import catalogues, compiling, options, outputs
 from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
 from saltus.motion import simulation
-from saltus.options import ValueType, positive, whole_above_zero
+from saltus.options import positive, value_range, whole_above_zero
 from saltus.terminal import ProgressBar
 
 if TYPE_CHECKING:
@@ -24,10 +23,6 @@ if TYPE_CHECKING:
     from transitions.frequencies import IntrinsicModes
 
 SAMPLES = 2000
-_window = ValueType(
-    lambda text: tuple(map(float, text.split(":"))), lambda found: len(found) == 2 and 0.0 <= found[0] < found[1] < math.inf,
-    "T1:T2, two times with 0 <= T1 < T2",
-)  # fmt: skip
 MOST_IMPACTS = 10_000_000
 
 
@@ -53,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--catalogue", metavar="FILE", help="take the families that stages follow from this catalogue, and that of --on")
     outputs.add_arguments(parser, "json", "csv", "npz", "mat", "plot")
     parser.add_argument("--caption", metavar="TEXT", default="", help="a text below the figure")
-    parser.add_argument("--window", metavar="T1:T2", type=_window, help="times that the figure shows, a close-up (default: all)")
+    parser.add_argument("--window", metavar="T1:T2", type=value_range, help="times that the figure shows, a close-up (default: all)")
     options.add_shared(parser, "clearance", "natural-frequency")
     options.add_scene(parser, uses=("ground", "forces", "springs"))
 

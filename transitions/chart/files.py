@@ -10,7 +10,7 @@ from branches.curves.files import CHART, curves_record, curves_table
 from branches.forced.record import SCHEMA
 from branches.tables import Table, plain
 from transitions.chart.chart import Chart
-from transitions.chart.regions import MotionKind, Regions
+from transitions.chart.regions import Regions
 
 __all__ = ["chart_record", "chart_table"]
 
@@ -45,7 +45,7 @@ def chart_record(chart: Chart) -> dict[str, Any]:
 
 
 def _regions(regions: Regions) -> dict[str, Any]:
-    kinds = _kinds(regions)
+    kinds = {kind: f"K{k}" for k, kind in enumerate(dict.fromkeys(kind for found in regions.counts for kind in found), 1)}
     return {
         "x": regions.x.tolist(),
         "y": regions.y.tolist(),
@@ -59,12 +59,6 @@ def _regions(regions: Regions) -> dict[str, Any]:
         "unsettled": regions.unsettled,
         "without": dict(regions.reasons),
     }  # fmt: skip
-
-
-def _kinds(regions: Regions) -> dict[MotionKind, str]:
-    """The kinds of attractors with their ids, in the order in which the sets have them."""
-    kinds = dict.fromkeys(kind for found in regions.sets for kind in found)
-    return {kind: f"K{k}" for k, kind in enumerate(kinds, 1)}
 
 
 def chart_table(chart: Chart) -> Table:

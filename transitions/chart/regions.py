@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -87,8 +86,8 @@ class Regions:
         return len(self.x) * len(self.y)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
-        rows = [(f"{share:.1%}", " and ".join(kind.text for kind in kinds)) for kinds, share in zip(self.sets, self.shares, strict=True)]
-        return f"Regions of {len(self.x)} x {len(self.y)} cells, {len(self.sets)} sets of attractors", rows
+        rows = [(f"{count / len(self):.1%}", " and ".join(kind.text for kind in kinds)) for kinds, count in self.counts.items()]
+        return f"Regions of {len(self.x)} x {len(self.y)} cells, {len(rows)} sets of attractors", rows
 
     @cached_property
     def counts(self) -> dict[tuple[MotionKind, ...], int]:
@@ -96,22 +95,8 @@ class Regions:
         counts = Counter(tuple(sorted(kinds)) for row in self.found for kinds in row if kinds)
         return dict(sorted(counts.items(), key=lambda pair: (-pair[1], pair[0])))
 
-    @property
-    def sets(self) -> list[tuple[MotionKind, ...]]:
-        """The sets of attractors that occur, that of the most cells first."""
-        return list(self.counts)
-
-    @property
-    def shares(self) -> list[float]:
-        """Part of all cells in which each set occurs."""
-        return [count / len(self) for count in self.counts.values()]
-
     @cached_property
     def image(self) -> np.ndarray:
-        """Index of the set of each cell, (ny, nx); -1 without an attractor."""
-        index = {kinds: k for k, kinds in enumerate(self.sets)}
+        """Index in `counts` of the set of each cell, (ny, nx); -1 without an attractor."""
+        index = {kinds: k for k, kinds in enumerate(self.counts)}
         return np.array([[index.get(tuple(sorted(kinds)), -1) for kinds in row] for row in self.found], dtype=np.int64)
-
-    def at(self, values: Sequence[float]) -> frozenset[MotionKind]:
-        """The kinds in the cell whose middle is nearest to a point."""
-        return self.found[int(np.argmin(np.abs(self.y - values[1])))][int(np.argmin(np.abs(self.x - values[0])))]

@@ -297,11 +297,6 @@ class Study:
         """A varied parameter as numbers, (N,); a family by its index."""
         return self._column(f"given.{name}")
 
-    @property
-    def nbytes(self) -> int:
-        """Number of bytes of its arrays. All of them are read for it."""
-        return sum(self._column(name).nbytes for name in block_columns(self.plan))
-
     def endings(self) -> dict[Ending, int]:
         """Number of runs with each ending."""
         counts = Counter(self["ended"].tolist())

@@ -78,7 +78,7 @@ def sweep_points(sweep: Sweep, measure: str) -> tuple[np.ndarray, np.ndarray]:
     """x and y of the points of a measure: each impact, each recorded period, or one for each value."""
     kind, _, part = measure.partition(":")
     if kind in ("speed", "phase"):
-        return sweep.at_impacts(sweep.values), sweep.impact_speeds if kind == "speed" else sweep.impact_phases
+        return np.repeat(sweep.values, np.diff(sweep.offsets)), sweep.impact_speeds if kind == "speed" else sweep.impact_phases
     if kind == "strobe":
         k = sweep.coordinates.index(part.rstrip("'")) + (len(sweep.coordinates) if part.endswith("'") else 0)
         return np.repeat(sweep.values, sweep.states.shape[1]), sweep.states[:, :, k].ravel()

@@ -136,11 +136,6 @@ class Settled:
         return self.growth / self.period_of_loads
 
     @property
-    def impact_times(self) -> np.ndarray:
-        """Time of each impact since phase 0 of the first of the p periods."""
-        return self.impacts.periods * self.period_of_loads + self.impacts.times
-
-    @property
     def text(self) -> str:
         """What was found, in one line."""
         after = f"after {self.elapsed} {self._counted}"

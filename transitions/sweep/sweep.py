@@ -127,10 +127,6 @@ class Sweep:
         found = {p: int(np.sum(self.periods == p)) for p in np.unique(self.periods).tolist()}
         return title, [("periods", ", ".join(f"{count} of {p or 'no period'}" for p, count in found.items()))]
 
-    def at_impacts(self, values: np.ndarray) -> np.ndarray:
-        """For each impact the entry of its value, (Q,), of an array (V,)."""
-        return np.repeat(values, np.diff(self.offsets))
-
 
 def sweep_values(low: float, high: float, points: int, *, up: bool = True) -> np.ndarray:
     """So many values from low to high, or back.
