@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from continuation.control import Settings
 
 __all__ = [
-    "agreed", "called", "discover", "family_named", "has_label", "impulsive_orbit", "impulsive_place", "list_orbits", "orbits_of",
-    "outside_text", "select", "start_of", "trace",
+    "agreed", "branch_of", "called", "discover", "family_named", "has_label", "impulsive_orbit", "impulsive_place", "list_orbits",
+    "orbits_of", "outside_text", "select", "start_of", "trace",
 ]  # fmt: skip
 
 TOLERANCE = 0.01
@@ -169,7 +169,7 @@ def _follow_kept(
     from branches.tracing import extend
 
     match = catalogue.find(name, reference_points=reference_points)
-    branch = _branch_of(match, name, catalogue)
+    branch = branch_of(match, name, catalogue)
     h, alpha = branch.points["h"], branch.points["alpha"]
     inside = np.flatnonzero((h >= energy[0]) & (h <= energy[1]))
     if not len(inside):
@@ -182,7 +182,7 @@ def _follow_kept(
     return extend(branch, i, energy=energy, rising=bool(h[0] <= h[-1]), **options)
 
 
-def _branch_of(match: NameMatch, name: str, catalogue: Catalogue) -> Branch:
+def branch_of(match: NameMatch, name: str, catalogue: Catalogue) -> Branch:
     """The family that a name means in a catalogue. A linear mode has no impacts and is refused."""
     if match.kind != "family":
         raise BadInput(f"{name} is a {match.kind}: it has no impacts; expected the name of an impacting family")
@@ -268,7 +268,7 @@ def family_named(name: str, scene: Scene, energy: float | None, arguments: argpa
     """The family from a catalogue; else traced over the scene's energies, or farther if the given energy is outside."""
     with catalogues.lookup(name, arguments, scene) as opened:
         if opened is not None:
-            return _branch_of(opened.find(name), name, opened)
+            return branch_of(opened.find(name), name, opened)
 
     compiling.prepare("continue")
     low, high = scene.bounds["energy"]

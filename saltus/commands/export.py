@@ -229,7 +229,7 @@ def _graph(catalogue: Catalogue, families: list[FamilyRow], files: outputs.Outpu
 def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> list[tuple[str, str, Orbit]]:
     """The orbits that are named, or those that the families chosen have at an energy: the family's id, its label as given, the orbit."""
     from branches.naming.labels import parse_name
-    from saltus.families import called
+    from saltus.families import branch_of, called
 
     found: list[tuple[str, str, Orbit]] = []
     filters = options.filters_of(arguments)
@@ -238,11 +238,9 @@ def _orbits(catalogue: Catalogue, arguments: argparse.Namespace) -> list[tuple[s
             raise BadInput(f"names and --{next(iter(filters))} both choose orbits; expected names, or --energy H for all that cross it")
         for name in arguments.names:
             match = catalogue.find(name)
-            if match.kind != "family":
-                raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts; expected the name of an impacting family")
+            branch = branch_of(match, match.id, catalogue)
             if "@" not in name:
                 raise BadInput(f"an orbit of {name} needs {name}@h=.. or @alpha=..")
-            branch = catalogue.branch(match.id)
             h, alpha = match.h, match.alpha
             assert h is not None and alpha is not None
             orbits = branch.orbits_at(energy=h) if "h=" in name else branch.orbits_at(alpha=alpha)

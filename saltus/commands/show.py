@@ -197,11 +197,9 @@ def _orbit(catalogue: Catalogue, match: NameMatch) -> tuple[Orbit, str]:
 
     Without a suffix or a reference point, it is in the middle of the label's range. For an id, it is where the family was started.
     """
-    from saltus.families import list_orbits
+    from saltus.families import branch_of, list_orbits
 
-    if match.kind != "family":
-        raise BadInput(f"{match.id} is a {match.kind}, which has no orbit with impacts to draw")
-    branch = catalogue.branch(match.id)
+    branch = branch_of(match, match.id, catalogue)
     orbit = branch.orbit(branch.start)
     if match.h is not None:
         alpha = match.alpha or orbit.alpha

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import catalogues
-from saltus.errors import BadInput, one_line
+from saltus.errors import BadInput, one_line, refusing
 from saltus.families import agreed, called, family_named, impulsive_place, select, start_of
 from saltus.options import finite, finite_list, positive, require_state
 
@@ -348,10 +348,8 @@ def require_sifting() -> None:
     """Raise `BadInput` before the work if the package for it is missing."""
     from transitions.frequencies import NotInstalled, sifting
 
-    try:
+    with refusing("", NotInstalled):
         sifting()
-    except NotInstalled as error:
-        raise BadInput(str(error)) from error
 
 
 def modes_of_motion(report: MotionReport) -> IntrinsicModes | None:

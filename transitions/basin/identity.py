@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,14 +18,14 @@ from bvp.forced import ForcedProblem
 from bvp.motion import MotionStatus
 from bvp.multipoint import NotConverged
 from bvp.simulate import Simulator
-from transitions.basin.record import Attractor, AttractorKind, Saddle
+from transitions.basin.record import Attractor, AttractorKind, FamilyOrbit, Saddle
 from transitions.response.path import ParameterPath
 from transitions.response.starting import NoOrbit, settled_orbit
 from transitions.sweep.returns import largest_exponent
 from transitions.sweep.settle import Settled, SettledKind
 
 __all__ = [
-    "FamilyOrbit", "attractor_of", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
+    "attractor_of", "is_stable", "is_unstable", "mirrored", "mirrored_orbit", "named_by",
     "orbits_at", "saddle_of", "same_states", "states_later", "strobe_states",
 ]  # fmt: skip
 
@@ -140,31 +140,6 @@ def attractor_of(path: ParameterPath, settled: Settled) -> Attractor | None:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class FamilyOrbit:
-    """An orbit of a followed family at the parameters of a basin.
-
-    Attributes
-    ----------
-    number : int
-        Of the branch, from 1.
-    id : str
-        Of the family; `closure:sequence` if the branch has no id.
-    problem, unknowns
-    states : (p, 2n) ndarray
-        At phase 0.
-    multipliers : (2n,) complex ndarray
-        Of the full period.
-    """
-
-    number: int
-    id: str
-    problem: ForcedProblem
-    unknowns: np.ndarray
-    states: np.ndarray
-    multipliers: np.ndarray
-
-
 def orbits_at(branches: Sequence[ForcedBranch], values: dict[str, float]) -> list[FamilyOrbit]:
     """The orbits of some branches at the values of all parameters: solved between the points on both sides.
 
@@ -191,35 +166,29 @@ def orbits_at(branches: Sequence[ForcedBranch], values: dict[str, float]) -> lis
                     where = f"{branch.name} = {value:.10g}"
                     raise ValueError(f"branch {number} has {name} = {at[name]:.10g} at {where}, expected {wanted:.10g}")
             states = strobe_states(branch.problem, solution.y)
-            known = any(one.number == number and same_states(one.states, states) for one in found)
+            known = any(one.branch == number and same_states(one.states, states) for one in found)
             if not known and unphysical(branch.problem, solution) is None:
                 multipliers = branch.problem.period_multipliers(solution.y).astype(complex)
                 id = branch.known_id or _family_name(branch.problem, solution.y)
-                found.append(FamilyOrbit(number, id, branch.problem, solution.y, states, multipliers))
+                found.append(FamilyOrbit(id, number, states, multipliers, branch.problem, solution.y))
     return found
 
 
 def named_by(path: ParameterPath, attractor: Attractor, orbits: Sequence[FamilyOrbit], period: float) -> Attractor:
     """The attractor with the family of the orbit that it is, or whose mirror image it is; as it was where there is none."""
-    if attractor.kind is not AttractorKind.PERIODIC:
-        return attractor
-    for orbit in orbits:
-        if same_states(orbit.states, attractor.states):
-            return replace(attractor, family=orbit.id, branch=orbit.number)
-    image = mirrored(path, attractor.states, period)
-    for orbit in orbits if image is not None else ():
-        assert image is not None
-        if same_states(orbit.states, image):
-            return replace(attractor, family=orbit.id, branch=orbit.number)
+    if attractor.kind is AttractorKind.PERIODIC and orbits:
+        for image in (False, True):
+            states = mirrored(path, attractor.states, period) if image else attractor.states
+            same = [orbit for orbit in orbits if states is not None and same_states(orbit.states, states)]
+            if same:
+                return replace(attractor, family=same[0].family, branch=same[0].branch)
     return attractor
 
 
 def saddle_of(problem: ForcedProblem, y: np.ndarray, phase: float, family: str | None = None, branch: int = 0) -> Saddle:
     """An unstable orbit as a saddle, with its states at a phase."""
-    return Saddle(
-        family=family or _family_name(problem, y), branch=branch, period=problem.load_periods, sequence=joined_sequence(problem.sequence),
-        states=strobe_states(problem, y, phase), multipliers=problem.period_multipliers(y).astype(complex), problem=problem, unknowns=y,
-    )  # fmt: skip
+    multipliers = problem.period_multipliers(y).astype(complex)
+    return Saddle(family or _family_name(problem, y), branch, strobe_states(problem, y, phase), multipliers, problem, y)
 
 
 def mirrored_orbit(problem: ForcedProblem, y: np.ndarray) -> tuple[ForcedProblem, np.ndarray] | None:

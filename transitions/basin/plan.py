@@ -11,7 +11,8 @@ from bvp.checks import is_whole
 from bvp.description import BASE
 from bvp.texts import shown
 from transitions.basin.grid import StartGrid
-from transitions.basin.identity import FamilyOrbit, orbits_at
+from transitions.basin.identity import orbits_at
+from transitions.basin.record import FamilyOrbit
 from transitions.response.path import ParameterPath
 from transitions.sweep.forced import harmonics_of
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bvp.contact_sequence import joined_sequence
 from bvp.texts import brief
 from transitions.basin.grid import StartGrid, state_names
 
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
     from branches.tables import Table
     from bvp.forced import ForcedProblem
 
-__all__ = ["IMPOSSIBLE", "SIMULATION_ENDED", "UNDECIDED", "Attractor", "AttractorKind", "Basin", "Saddle", "basin_record", "basin_table"]
+__all__ = [
+    "IMPOSSIBLE", "SIMULATION_ENDED", "UNDECIDED", "Attractor", "AttractorKind", "Basin", "FamilyOrbit", "Saddle", "basin_record",
+    "basin_table",
+]  # fmt: skip
 
 UNDECIDED, IMPOSSIBLE = -1, -2
 """In place of the number of an attractor: the start was not assigned; it is beyond a stop."""
@@ -91,20 +95,16 @@ class Attractor:
         return f"Attractor {self.family}, {self.kind.value}", [("period", f"{self.period} of the loads")] if self.period else []
 
 
-@brief
 @dataclass(frozen=True, eq=False)
-class Saddle:
-    """An unstable periodic orbit.
+class FamilyOrbit:
+    """A periodic orbit of a family.
 
     Attributes
     ----------
     family, branch
         As of `Attractor`.
-    period : int
-    sequence : str
-        Contacts of the impacts of the orbit, as of the problem that is solved.
     states : (p, 2n) ndarray
-        (u, v) at the phase of the starts, in each period of the loads; NaN where a stop comes to rest in summed bounces.
+        (u, v) at phase 0, in each period of the loads; NaN where a stop comes to rest in summed bounces.
     multipliers : (2n,) complex ndarray
         Of the full period.
     problem, unknowns : ForcedProblem, (u,) ndarray
@@ -112,12 +112,25 @@ class Saddle:
 
     family: str
     branch: int
-    period: int
-    sequence: str
     states: np.ndarray
     multipliers: np.ndarray
     problem: ForcedProblem
     unknowns: np.ndarray
+
+    @property
+    def period(self) -> int:
+        """In periods of the loads."""
+        return self.problem.load_periods
+
+    @property
+    def sequence(self) -> str:
+        """Contacts of the impacts of the orbit, as of the problem that is solved."""
+        return joined_sequence(self.problem.sequence)
+
+
+@brief
+class Saddle(FamilyOrbit):
+    """An unstable periodic orbit. Its states are those at the phase of the starts."""
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         return f"Saddle {self.family}", [("period", f"{self.period} of the loads")]

@@ -63,7 +63,7 @@ def saddles_of(plan: BasinPlan) -> list[Saddle]:
     found: list[Saddle] = []
     for orbit in plan.orbits:
         if is_unstable(orbit.multipliers):
-            _add(found, saddle_of(orbit.problem, orbit.unknowns, plan.grid.phase, orbit.id, orbit.number), plan.grid.phase)
+            _add(found, saddle_of(orbit.problem, orbit.unknowns, plan.grid.phase, orbit.family, orbit.branch), plan.grid.phase)
     return found
 
 
