@@ -41,9 +41,9 @@ __all__ = [
     "periods",
     "positive",
     "report_model",
-    "require_state",
     "rest_lines",
     "scene_of",
+    "state_of",
     "value_range",
     "value_ranges",
     "whole_above_zero",
@@ -261,11 +261,13 @@ def parameters_of(arguments: argparse.Namespace) -> dict[str, float]:
     return found
 
 
-def require_state(option: str, given: Sequence[float], coordinates: Sequence[str]) -> None:
-    """Refuse a state that has not a displacement and a velocity for each coordinate."""
-    if len(given) != 2 * len(coordinates):
+def state_of(option: str, given: Sequence[float], coordinates: Sequence[str]) -> tuple[Sequence[float], Sequence[float]]:
+    """The displacements and the velocities of a state. One that has not both for each coordinate is refused."""
+    n = len(coordinates)
+    if len(given) != 2 * n:
         names = ",".join([*coordinates, *(f"{name}'" for name in coordinates)])
-        raise BadInput(f"{option} has {len(given)} numbers, expected {2 * len(coordinates)}: {names}")
+        raise BadInput(f"{option} has {len(given)} numbers, expected {2 * n}: {names}")
+    return given[:n], given[n:]
 
 
 def parameter_lines(scene: Scene) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import os
 import signal
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = [
     "LOADED",
     "end_with_the_parent",
+    "executor_of",
     "new_processes",
     "one_thread",
     "open_executor",
@@ -110,6 +112,16 @@ def open_executor(workers: int | None = None, dask: str | None = None) -> Iterat
             yield client.get_executor(), count
         except (CancelledError, CommClosedError, KilledWorker) as error:
             raise RuntimeError(f"the Dask cluster at {dask} was lost; what was finished is kept, and the same command goes on") from error
+
+
+@contextmanager
+def executor_of(arguments: argparse.Namespace, little: bool) -> Iterator[Executor | None]:
+    """The executor of ``--workers`` and ``--dask``. None for one worker, and by default for little work: it is done in this process."""
+    if arguments.dask is None and (arguments.workers or int(little)) == 1:
+        yield None
+        return
+    with open_executor(arguments.workers, arguments.dask) as (executor, _):
+        yield executor
 
 
 LOADED: tuple[str, ...] = ("branches.building.work", "branches.catalogue", "transitions.sweep.runs")

@@ -310,10 +310,7 @@ def _from_simulation(request: ResponseRequest, arguments: argparse.Namespace, di
     path = request.path
     u = v = None
     if arguments.begin is not None:
-        system = path.parametric.system(path.values)
-        options.require_state("--start", arguments.begin, system.coordinates)
-        n = system.degrees_of_freedom
-        u, v = arguments.begin[:n], arguments.begin[n:]
+        u, v = options.state_of("--start", arguments.begin, path.parametric.system(path.values).coordinates)
     if not path.parametric.layout.harmonics:
         for option in ("phase", "transient"):
             if getattr(arguments, option) is not None:

@@ -52,9 +52,7 @@ def name_or_orbit(arguments: argparse.Namespace, scene: Scene) -> str | Orbit:
 
         if arguments.begin is None:
             raise BadInput(NO_STATE)
-        options.require_state("--start", arguments.begin, scene.system.coordinates)
-        n = scene.system.degrees_of_freedom
-        return orbit_near(scene.system, arguments.begin[:n], arguments.begin[n:])
+        return orbit_near(scene.system, *options.state_of("--start", arguments.begin, scene.system.coordinates))
     orbit = _orbit_of_file(start)
     if orbit.system.describe() != scene.system.describe():
         given = arguments.scene is not None or options.parameters_of(arguments)

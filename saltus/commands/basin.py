@@ -90,14 +90,9 @@ def run(arguments: argparse.Namespace) -> int:
     compiling.prepare_for(scene.system, "basin")
     begun = time.perf_counter()
     total = int(plan.grid.possible(scene.system).sum())
-    with ProgressBar(total, "starts") as bar:
-        few = FEW if scene.system.smooth_forces is None else FEW_SMOOTH
-        here = arguments.workers == 1 or (arguments.workers is None and len(plan.grid) <= few)
-        if here and arguments.dask is None:
-            basin, interrupted = find_basin(plan, None, bar.update)
-        else:
-            with processes.open_executor(arguments.workers, arguments.dask) as (executor, _):
-                basin, interrupted = find_basin(plan, executor, bar.update)
+    few = FEW if scene.system.smooth_forces is None else FEW_SMOOTH
+    with ProgressBar(total, "starts") as bar, processes.executor_of(arguments, len(plan.grid) <= few) as executor:
+        basin, interrupted = find_basin(plan, executor, bar.update)
     seconds = time.perf_counter() - begun
     if interrupted:
         say("interrupted; the starts that were finished are written")

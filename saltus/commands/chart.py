@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from bvp.expressions import normalised
@@ -68,14 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     options.report_model(arguments, files, "explain_response", plan.parametric, plan.start)
     width = terminal_width(files.words)
-    with ExitStack() as stack:
-        workers = arguments.workers or (1 if arguments.dask is None and plan.grid == (0, 0) else None)
-        executor = None
-        if arguments.dask is not None or workers != 1:
-            executor, _ = stack.enter_context(processes.open_executor(arguments.workers, arguments.dask))
+    with processes.executor_of(arguments, plan.grid == (0, 0)) as executor, ProgressBar() as bar:
         files.report([f"chart    {counted(len(plan.events), 'event')} of {arguments.source} in {' and '.join(plan.names[:2])}", *words])
-        bar = stack.enter_context(ProgressBar())
-
         chart, interrupted = find_chart(
             plan, executor,
             on_curve=lambda number, curve: bar.line(_curve_line(number, curve), files.words),

@@ -39,13 +39,9 @@ def load_gallery(name: str) -> dict[str, Any]:
     figures = {}
     for entry in gallery["figures"]:
         words = shlex.split(entry["words"])
-        figures[entry["name"]] = {"caption": entry["caption"], "words": words, "files": gallery["files"][" ".join(_verb(words))]}
+        command = " ".join(words[: 2 if words[0] == "export" else 1])  # `export` is one for each of what it writes
+        figures[entry["name"]] = {"caption": entry["caption"], "words": words, "files": gallery["files"][command]}
     return {**gallery, "figures": figures}
-
-
-def _verb(words: list[str]) -> list[str]:
-    """The command: `export` is one for each of what it writes."""
-    return words[: 2 if words[0] == "export" else 1]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

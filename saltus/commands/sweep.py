@@ -84,12 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
     over = responses.over_sweep(arguments.over, plan.at, arguments.range, arguments.y) if arguments.over is not None else []
     compiling.prepare_for(scene.system, "sweep")
     sweeps = len(plan.directions) * max(1, len(plan.starts))
-    with ProgressBar(sweeps * plan.points, "values") as bar:
-        if sweeps == 1 and arguments.dask is None:
-            runs, interrupted = run_sweeps(plan, None, bar.update)
-        else:
-            with processes.open_executor(arguments.workers, arguments.dask) as (executor, _):
-                runs, interrupted = run_sweeps(plan, executor, bar.update)
+    with ProgressBar(sweeps * plan.points, "values") as bar, processes.executor_of(arguments, sweeps == 1) as executor:
+        runs, interrupted = run_sweeps(plan, executor, bar.update)
     if interrupted:
         say("interrupted; the values that were finished are written")
     files.report(_lines(runs, arguments.parameter))
@@ -122,7 +118,7 @@ def _plan(arguments: argparse.Namespace, scene: Scene) -> SweepPlan:
 
     name = arguments.parameter
     for start in arguments.start or ():
-        options.require_state("--start", start, scene.system.coordinates)
+        options.state_of("--start", start, scene.system.coordinates)
     directions = [way for way, wanted in (("up", arguments.up), ("down", arguments.down)) if wanted]
     low, high = arguments.range
     plan = SweepPlan(

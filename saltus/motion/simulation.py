@@ -17,7 +17,7 @@ import numpy as np
 from saltus import catalogues
 from saltus.errors import BadInput, one_line, refusing
 from saltus.families import agreed, called, family_named, impulsive_place, select, start_of
-from saltus.options import finite, finite_list, positive, require_state
+from saltus.options import finite, finite_list, positive, state_of
 
 if TYPE_CHECKING:
     from branches.branch import Branch
@@ -97,11 +97,10 @@ def start_of_motion(arguments: argparse.Namespace, scene: Scene) -> Start:
         raise BadInput(f"{' and '.join(given)} each say where the motion starts: expected one of them")
     if arguments.energy is not None and given not in (["--on"], ["--impulsive"]):
         raise BadInput(f"--energy {arguments.energy:g} is the energy of --on NAME or --impulsive; expected one of these")
-    n = scene.system.degrees_of_freedom
-    zero = np.zeros(n)
+    zero = np.zeros(scene.system.degrees_of_freedom)
     if arguments.state is not None:
-        require_state("--state", arguments.state, scene.system.coordinates)
-        return Start("state", np.array(arguments.state[:n]), np.array(arguments.state[n:]))
+        u, v = state_of("--state", arguments.state, scene.system.coordinates)
+        return Start("state", np.array(u), np.array(v))
     if arguments.impulse is not None:
         return Start("impulse", zero, arguments.impulse * _oscillator_velocity(scene))
     if arguments.on is not None:

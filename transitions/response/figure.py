@@ -38,8 +38,6 @@ _LIMIT: dict[str, Any] = {
     "label": "with impacts", "marker": "*", "markersize": 10.0, "markerfacecolor": style.YELLOW, "markeredgecolor": style.BLACK,
     "markeredgewidth": 0.6, "linestyle": "none",
 }  # fmt: skip
-_WORDS = {"NS": "NS Neimark-Sacker"}
-"""Names of events that differ from those of conservative families."""
 
 
 def default_column(problem: ForcedProblem) -> str:
@@ -148,11 +146,9 @@ def response_figure(
             curves = [(along[:, 0], amplitudes_along(branch, harmonics)) for branch, along in zip(branches, abscissas, strict=True)]
             draw_harmonics(mosaic, shown, curves, style.limits_of(values, 0.02), (x_words, x_symbol), log=False)
         handles = [Line2D([], [], **_LINES[code]) for code in _LINES if code in codes] + [Line2D([], [], **_BACKBONE)] * bool(backbones)
-        for kind, look in style.EVENT_LOOKS.items():
-            if kind in kinds:
-                handles.append(Line2D([], [], **look | {"label": _WORDS.get(kind, look["label"])}))
-        if any(hollow):
-            handles += legend_entries((), (), True)
+        handles += legend_entries((), kinds, any(hollow))
+        for handle in handles:  # the events of conservative families have other names
+            handle.set_label(str(handle.get_label()).replace("Krein collision", "Neimark-Sacker"))
         if limits.size:
             handles.append(Line2D([], [], **_LIMIT))
         style.legend_below(figure, handles, 6)
