@@ -47,7 +47,6 @@ __all__ = [
     "require_energies",
     "same_meeting",
     "save_branch",
-    "say_if_empty",
 ]
 
 
@@ -205,18 +204,13 @@ def place_to_save(arguments: argparse.Namespace, scene: Scene | SceneRecord, nam
         except OSError as error:
             raise BadInput(f"cannot make the directory {place.parent}: {reason(error)}") from error
     check_writable(str(place), database=True)
-    say_if_empty(place)
+    if place.is_file() and not place.stat().st_size:  # as a run that was killed at its start leaves it
+        say(f"{place} is empty: a new catalogue is written in its place")
     if place.exists():
         from branches.catalogue import Catalogue
 
         Catalogue(place, "a", scene=scene).close()
     return place
-
-
-def say_if_empty(place: Path) -> None:
-    """Say that a file without content, as a run that was killed at its start leaves it, becomes a catalogue."""
-    if place.is_file() and not place.stat().st_size:
-        say(f"{place} is empty: a new catalogue is written in its place")
 
 
 def save_branch(branch: Branch, place: Path, scene: Scene) -> str:

@@ -222,7 +222,8 @@ def transition_figure(
         for letter, stage in zip(_letters(len(transition.stages)), transition.stages, strict=True)
         if stage.end > times[0] and stage.start < times[1]
     ]
-    chosen = [] if modes is None else _strongest(modes)
+    strength = np.zeros(0) if modes is None else np.sum(modes.functions**2, axis=1)
+    chosen = sorted(np.argsort(-strength, kind="stable")[:_MOST_MODES].tolist())  # the numbers of the strongest, the fastest first
     height = _HEIGHT + _ROW * len(chosen)
     with style.figure_settings():
         figure = style.new_figure(height)
@@ -273,12 +274,6 @@ def _within(spectrum: Spectrum, window: tuple[float, float]) -> Spectrum:
     part = replace(spectrum, times=spectrum.times[inside])
     vars(part)["amplitudes"] = spectrum.amplitudes[:, inside]  # its rows would be computed for the full record
     return part
-
-
-def _strongest(modes: IntrinsicModes) -> list[int]:
-    """The numbers of the strongest empirical modes, the fastest first."""
-    order = np.argsort(-np.sum(modes.functions**2, axis=1), kind="stable")
-    return sorted(order[:_MOST_MODES].tolist())
 
 
 def _draw_modes(axes: Mapping[str, Axes], modes: IntrinsicModes, chosen: Sequence[int], times: tuple[float, float], gap: str) -> None:

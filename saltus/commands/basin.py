@@ -129,16 +129,15 @@ def _check_coordinates(arguments: argparse.Namespace, scene: Scene) -> None:
 
 def _plan(arguments: argparse.Namespace, scene: Scene) -> BasinPlan:
     """The basin that is asked for; BadInput if the scene cannot have it."""
-    from transitions.basin.grid import BasinAxis, StartGrid, default_axes, default_range
+    from transitions.basin.grid import BasinAxis, StartGrid, default_range
     from transitions.basin.plan import PERIODS, BasinPlan, path_of
     from transitions.sweep.forced import harmonics_of
 
     with refusing():
         harmonics_of(scene.forces)
     coordinates = scene.system.coordinates
-    names = default_axes(coordinates)
     fixed = dict(arguments.fix or ())
-    (x, x_range), (y, y_range) = arguments.x or (names[0], None), arguments.y or (names[1], None)
+    (x, x_range), (y, y_range) = arguments.x or (coordinates[0], None), arguments.y or (f"{coordinates[0]}'", None)
     free = sum(name in coordinates for name in (x, y))
     with refusing():
         ranges = [

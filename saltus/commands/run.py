@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from bvp.interrupts import defer_interrupts
 from saltus import catalogues, compiling, options, outputs
-from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, say
+from saltus.errors import DONE, FAILED, INTERRUPTED, BadInput, refusing, say
 from saltus.motion import simulation
 from saltus.options import positive, value_range, whole_above_zero
 from saltus.terminal import ProgressBar
@@ -65,7 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     scene = options.scene_of(arguments)
 
     from bvp.forcing import Record
-    from saltus.motion.simulation import NOT_ASKED, modes_of_motion, require_sifting, run_locked, run_scene, with_stages
+    from saltus.motion.simulation import NOT_ASKED, modes_of_motion, run_locked, run_scene, with_stages
+    from transitions.frequencies import NotInstalled, sifting
     from transitions.sharing import lock
 
     records = [float(force.times[-1]) for force in scene.forces if isinstance(force, Record)]
@@ -73,7 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     if duration is None:
         raise BadInput("--duration is required: the scene has no sampled load")
     if arguments.emd:
-        require_sifting()
+        with refusing("", NotInstalled):  # before the work
+            sifting()
     options.report_model(arguments, files, "explain_motion", scene.system, scene.forces)
     with defer_interrupts() as interrupt, catalogues.given(arguments, scene.underlying) as catalogue:
         with interrupt.released():

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from saltus import catalogues
-from saltus.errors import BadInput, one_line, refusing
+from saltus.errors import BadInput, one_line
 from saltus.families import agreed, called, family_named, impulsive_place, select, start_of
 from saltus.options import finite, finite_list, positive, state_of
 
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from transitions.transition import Transition
 
 __all__ = [
-    "ImpactTable", "MotionReport", "NOT_ASKED", "Start", "add_arguments", "impact_table", "modes_of_motion", "require_sifting",
-    "run_locked", "run_scene", "start_of_motion", "with_stages",
+    "ImpactTable", "MotionReport", "NOT_ASKED", "Start", "add_arguments", "impact_table", "modes_of_motion", "run_locked", "run_scene",
+    "start_of_motion", "with_stages",
 ]  # fmt: skip
 
 
@@ -341,14 +341,6 @@ def with_stages(
                 notes.append(f"computed up to time {span:.6g}, of which the record has {samples} samples")
             shown = Transition(scene.system, record, gap, stages, start=report.began)
             return replace(report, shown=shown, why_no_stages="; ".join(notes))
-
-
-def require_sifting() -> None:
-    """Raise `BadInput` before the work if the package for it is missing."""
-    from transitions.frequencies import NotInstalled, sifting
-
-    with refusing("", NotInstalled):
-        sifting()
 
 
 def modes_of_motion(report: MotionReport) -> IntrinsicModes | None:

@@ -16,7 +16,7 @@ from bvp.simulate import BeyondStop, simulate
 from bvp.system import ImpactSystem, Stop
 from transitions.sweep.forced import Carried, carried_into, harmonics_of
 from transitions.sweep.returns import LOOSEST, find_period, mean_growth
-from transitions.sweep.sweep import SweepSettings, sweep, sweep_values
+from transitions.sweep.sweep import SweepSettings, sweep
 
 PERIOD_DOUBLING = -0.0685756522788391
 
@@ -323,11 +323,6 @@ def test_the_mean_growth_of_a_turning_tangent_vector_converges_fast():
         growths.append(math.log(np.linalg.norm(y) / np.linalg.norm(x)))
         x = y / np.linalg.norm(y)
     assert abs(mean_growth(np.array(growths)) - math.log(0.9)) < 1e-8 < 1e-5 < abs(np.mean(growths) - math.log(0.9))
-
-
-def test_values_of_a_sweep():
-    assert sweep_values(1.0, 2.0, 3).tolist() == [1.0, 1.5, 2.0]
-    assert sweep_values(1.0, 2.0, 1, up=False).tolist() in ([1.0], [2.0])
 
 
 def test_a_motion_without_impacts_can_be_recorded_for_any_number_of_periods():

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["MOST", "BasinAxis", "StartGrid", "default_axes", "default_range", "inside", "state_names"]
+__all__ = ["MOST", "BasinAxis", "StartGrid", "default_range", "inside", "state_names"]
 
 MOST = 10**7
 """Most starts."""
@@ -150,11 +150,6 @@ def inside(system: ImpactSystem, states: np.ndarray, slack: float = 1e-9) -> np.
         low, high = (slack * max(1.0, abs(bound)) if math.isfinite(bound) else 0.0 for bound in (stop.lower, stop.upper))
         found &= (w >= stop.lower - low) & (w <= stop.upper + high)
     return found
-
-
-def default_axes(coordinates: Sequence[str]) -> tuple[str, str]:
-    """The coordinates that vary if none are chosen: the first displacement and its velocity."""
-    return coordinates[0], f"{coordinates[0]}'"
 
 
 def default_range(system: ImpactSystem, forces: Sequence[Force], name: str, fixed: Mapping[str, float], free: int) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -184,10 +184,6 @@ class PeriodRecord:
     peaks: np.ndarray | None
     sticking_time: float
     status: MotionStatus
-
-    def without_periods(self) -> PeriodRecord:
-        """The same without what was recorded."""
-        return replace(self, states=self.states[:0], growths=self.growths[:0], kept=self.kept[:0], peaks=None)
 
 
 class ForcedMotion:

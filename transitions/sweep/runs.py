@@ -12,7 +12,7 @@ import numpy as np
 
 from bvp.motion import MotionStatus
 from transitions.sweep.forced import Carried, harmonics_of, require_inside
-from transitions.sweep.sweep import Sweep, SweepSettings, join_sweeps, sweep, sweep_values
+from transitions.sweep.sweep import Sweep, SweepSettings, join_sweeps, sweep
 
 if TYPE_CHECKING:
     from branches.tables import Table
@@ -68,7 +68,8 @@ class SweepPlan:
 
     def values(self, direction: str) -> np.ndarray:
         """The values in the order of a sweep."""
-        return sweep_values(self.low, self.high, self.points, up=direction == "up")
+        values = np.linspace(self.low, self.high, self.points)
+        return values if direction == "up" else values[::-1].copy()
 
 
 @dataclass(frozen=True, eq=False)

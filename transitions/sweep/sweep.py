@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from bvp.forcing import Force
     from bvp.system import ImpactSystem
 
-__all__ = ["Sweep", "SweepSettings", "System", "join_sweeps", "sweep", "sweep_values"]
+__all__ = ["Sweep", "SweepSettings", "System", "join_sweeps", "sweep"]
 
 System = Callable[[float], "tuple[ImpactSystem, Sequence[Force]]"]
 """The system and its loads at a value of the parameter."""
@@ -128,18 +128,6 @@ class Sweep:
         return title, [("periods", ", ".join(f"{count} of {p or 'no period'}" for p, count in found.items()))]
 
 
-def sweep_values(low: float, high: float, points: int, *, up: bool = True) -> np.ndarray:
-    """So many values from low to high, or back.
-
-    Examples
-    --------
-    >>> sweep_values(0.0, 1.0, 3, up=False)
-    array([1. , 0.5, 0. ])
-    """
-    values = np.linspace(low, high, points)
-    return values if up else values[::-1].copy()
-
-
 def sweep(
     at: System,
     values: Any,
@@ -221,7 +209,7 @@ def _one_value(motion: ForcedMotion, value: float, moved: float, settings: Sweep
     before = motion.advance(settings.transient) if settings.transient else None
     motion.renew_tangent()
     if before is not None and before.status is not MotionStatus.DURATION_REACHED:
-        record = before.without_periods()
+        record = replace(before, states=before.states[:0], growths=before.growths[:0], kept=before.kept[:0], peaks=None)
     else:
         record = motion.advance(settings.record, impacts=True, peaks=True)
     complete = record.status is MotionStatus.DURATION_REACHED
