@@ -31,6 +31,7 @@ from saltus.options import whole_above_zero
 from saltus.processes import open_executor
 from transitions.section.plane import SectionPlane
 from transitions.study.plan import Axis, StudyPlan
+from transitions.study.runs import results_of
 from transitions.study.study import Study, write_plan
 
 __all__ = [
@@ -220,7 +221,7 @@ def study(runs: int, workers: int) -> Studied:
         found = Study(folder)
         size = sum(path.stat().st_size for path in folder.glob("block-*"))
         error = float(np.nanmax(found["balance_error"]))
-        held = sum(found[name].nbytes for name in found.names)
+        held = sum(values.nbytes for values in (*map(found.numbers, wanted.names), *map(found.read, results_of(wanted))))
         return Studied(
             workers, seconds, used, runs, int(found["impacts"].sum()), held / runs, size / runs, error, found["h"],
             found["last_impact"],
