@@ -20,16 +20,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from branches.events import DigitWork
+from branches.events import BranchEvent, DigitWork
 from branches.family import RESONANCES, multiplication
 from branches.orbit import FAR as FAR_OUT
-from bvp.multipoint import NotConverged
+from bvp.multipoint import MultipointProblem, NotConverged
 from bvp.stability import roundings
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.events import BranchEvent
-    from bvp.multipoint import MultipointProblem
 
 __all__ = ["Barrier", "Missed", "decide_between", "missed_events", "stability_events", "stable_at_event"]
 

@@ -16,13 +16,12 @@ from branches.full_family import FullFamily, Piece, full_family
 from branches.orbit import Orbit
 from bvp.checks import Frozen, is_finite, real
 from bvp.multipoint import MultipointProblem, NotConverged
+from bvp.system import ImpactSystem
 from bvp.texts import brief, listed, shown, span
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
-
-    from bvp.system import ImpactSystem
 
 __all__ = ["Branch", "BranchEvent", "Ended"]
 

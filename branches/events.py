@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from bvp.texts import brief
 
-__all__ = ["FREE_NORMAL_FORMS", "BranchEvent", "DigitWork", "Ended", "event_ids", "ids_at_points", "normal_form_text"]
+__all__ = [
+    "FREE_NORMAL_FORMS", "BranchEvent", "DigitWork", "Ended", "event_ids", "ids_at_points", "moved", "normal_form_text", "numbered",
+]  # fmt: skip
+
+AnyEvent = TypeVar("AnyEvent", bound=Any)
+"""A `BranchEvent`, or an event of a branch or curve in parameters."""
 
 FREE_NORMAL_FORMS = ("SN", "SB", "PD")
 """Bifurcations of free orbits whose normal form has a coefficient."""
@@ -22,6 +27,20 @@ def event_ids(types: Iterable[str]) -> list[str]:
         counts[type] += 1
         ids.append(f"{type}{'-' if type[-1].isdigit() else ''}{counts[type]}")
     return ids
+
+
+def numbered(events: Iterable[AnyEvent]) -> tuple[AnyEvent, ...]:
+    """Events in order of arclength, with their `event_ids`."""
+    found = list(events)
+    return tuple(event._replace(id=id) for event, id in zip(found, event_ids(event.type for event in found), strict=True))
+
+
+def moved(event: AnyEvent, place: int, length: float, sign: int = 1) -> AnyEvent:
+    """An event of a piece whose first point has this place and arclength in another branch, along it or against it (sign -1)."""
+    low, high = sorted(length + sign * end for end in event.bracket)
+    at = length + sign * event.arclength
+    # Rounding must not move the event out of its bracket.
+    return event._replace(point=place + sign * event.point, arclength=at, bracket=(min(low, at), max(high, at)))
 
 
 def ids_at_points(events: Iterable[tuple[int, str]], count: int) -> list[str]:

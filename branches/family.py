@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -38,10 +38,8 @@ from bvp.smooth_flights import why_not_flown
 from bvp.stability import stability
 from continuation.control import Settings, kinds_of
 from continuation.images import Symmetry
+from continuation.location import Location
 from continuation.problem import Advance, EventDetails, Point, Step, TestFunction
-
-if TYPE_CHECKING:
-    from continuation.location import Location
 
 __all__ = ["Family", "RESONANCES", "SETTINGS", "multiplication"]
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,10 +28,8 @@ from branches.sequences import PERIODIC
 from branches.tracing import follow_family
 from bvp.checks import checked_energy_range, require_system
 from bvp.resting import resting_system
+from bvp.system import ImpactSystem
 from bvp.texts import brief, shown, span, takes_options_of
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
 
 __all__ = ["MOST_COVERS", "LinearMode", "beginnings", "families_at", "linear_modes", "resonant_modes", "response"]
 

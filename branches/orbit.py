@@ -16,12 +16,11 @@ from bvp.kernels import multipoint as kernel
 from bvp.multipliers import PAIRING_LIMIT, TRIVIAL_LIMIT, floquet_multipliers
 from bvp.multipoint import RESULT_INDEX, MultipointProblem, Solution
 from bvp.stability import balance, decide, half_map_multipliers, roundings, stability
+from bvp.system import ImpactSystem
 from bvp.texts import brief
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from bvp.system import ImpactSystem
 
 __all__ = ["Impact", "Orbit", "impact_speeds", "label_at", "orbit_columns", "stacked"]
 

@@ -15,7 +15,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache, reduce
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +24,7 @@ from bvp.closures import Cycle, cycle_of
 from bvp.kernels.multipoint import ORIGIN, STOP
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.smooth_cycles import covers, is_without_impacts, reversal_instants, start_instants, states_at
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = [
     "Presentation", "Symmetries", "all_presentations", "canonical_orbit", "closed_presentation", "closed_presentations", "cover_of",

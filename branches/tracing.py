@@ -13,7 +13,7 @@ import numpy as np
 from branches.admissible import unphysical
 from branches.between_events import Barrier, decide_between, stable_at_event
 from branches.branch import Branch
-from branches.events import FREE_NORMAL_FORMS, BranchEvent, Ended, event_ids
+from branches.events import FREE_NORMAL_FORMS, BranchEvent, Ended, event_ids, moved, numbered
 from branches.family import SETTINGS, Family
 from branches.full_family import solutions_of
 from branches.interrupted import with_branch, with_computed
@@ -252,24 +252,23 @@ def cut_branch(branch: Branch, energy: tuple[float, float]) -> Branch | None:
     shift = (0.0 if before is None else before.points["arclength"][-1]) - branch.points["arclength"][first]
     points = {name: column[first : last + 1] for name, column in branch.points.items()}
     points["arclength"] = points["arclength"] + shift
-    events = [_moved(event, lead - first, shift) for event in branch.events if first <= event.point <= last]
+    events = [moved(event, lead - first, shift) for event in branch.events if first <= event.point <= last]
     ended = list(branch.ended)
     if before is not None:
         total = float(before.points["arclength"][-1])
         outer = {name: column[:0:-1] for name, column in before.points.items()} | {"arclength": total - before.points["arclength"][:0:-1]}
         points = {name: np.concatenate([outer[name], column]) for name, column in points.items()}
-        turned = [event._replace(arclength=-event.arclength, bracket=(-event.bracket[1], -event.bracket[0])) for event in before.events]
-        events = [*(_moved(event, lead - 2 * event.point, total) for event in turned), *events]
+        events = [*(moved(event, lead, total, -1) for event in before.events), *events]
         ended[0] = before.ended[1]
     if after is not None:
         place, length = len(points["h"]) - 1, float(points["arclength"][-1])
         outer = {name: column[1:] for name, column in after.points.items()} | {"arclength": length + after.points["arclength"][1:]}
         points = {name: np.concatenate([column, outer[name]]) for name, column in points.items()}
-        events += [_moved(event, place, length) for event in after.events]
+        events += [moved(event, place, length) for event in after.events]
         ended[1] = after.ended[1]
-    start, ids = branch.start - first + lead, event_ids(event.type for event in events)
-    numbered = tuple(event._replace(id=id, number=event.point - start) for event, id in zip(events, ids, strict=True))
-    cut = Branch(branch.problem, points, numbered, (ended[0], ended[1]), start, energy, digit_work=branch.digit_work)
+    start = branch.start - first + lead
+    counted = numbered(event._replace(number=event.point - start) for event in events)
+    cut = Branch(branch.problem, points, counted, (ended[0], ended[1]), start, energy, digit_work=branch.digit_work)
     return cut.known_within(branch)
 
 
@@ -280,14 +279,6 @@ def _to_bound(branch: Branch, i: int, way: int, energy: tuple[float, float]) -> 
     if step.tangent[: y.size] / branch.problem.scales(y) ** 2 @ (branch.unknowns(i + way) - y) < 0.0:
         step = family.step(step.y, -step.tangent, 0.0)
     return follow_family(branch.problem, step, energy=energy, direction="along")
-
-
-def _moved(event: BranchEvent, points: int, arclength: float) -> BranchEvent:
-    """An event of a branch that has more points before it."""
-    low, high = event.bracket
-    place = event.arclength + arclength
-    bracket = min(low + arclength, place), max(high + arclength, place)  # rounding must not move the place out of its bracket
-    return event._replace(point=event.point + points, arclength=place, bracket=bracket)
 
 
 @takes_options_of(follow_family)

@@ -190,11 +190,14 @@ class ContactModeTable:
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
         self.system, self.forcing, self.terms = system, forcing, terms
-        self.modes = {0: contact_mode_of(system, 0, forcing, terms)}
+        self.modes = {0: self._mode(0)}
+
+    def _mode(self, sticking: int) -> dict[str, np.ndarray]:
+        return contact_mode_of(self.system, sticking, self.forcing, self.terms)
 
     def add(self, sticking: int) -> None:
         """Add the contact mode in which the contacts of the bit set `sticking` stick."""
-        self.modes[sticking] = contact_mode_of(self.system, sticking, self.forcing, self.terms)
+        self.modes[sticking] = self._mode(sticking)
         self.__dict__.pop("stacked", None)
 
     def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
@@ -223,21 +226,23 @@ class ContactModeTable:
             for k, mode in enumerate(modes):
                 array[k][tuple(slice(length) for length in mode[name].shape)] = mode[name]
             stacked[name] = array
+        return ContactModes(**stacked, **self._of_all, weight=self.terms.weight, part=self.terms.part)
+
+    @property
+    def _of_all(self) -> dict[str, np.ndarray]:
+        """The arrays that the modes have in common, besides the terms of the budget."""
         contacts = self.system.modes
         reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
-        return ContactModes(
-            sticking=np.array(list(self.modes), dtype=np.int64),
-            **stacked,
-            restitution=contacts.contacts.restitution,
-            contact_mass=reduced[contacts.contact_stop],
-            contact_stop=contacts.contact_stop,
-            weight=self.terms.weight,
-            part=self.terms.part,
-            frequency=self.forcing.frequency,
-            breaks=self.forcing.breaks,
-            levels=self.forcing.levels,
-            shape=np.array([len(self.system.mass), len(self.terms.dampers), len(self.system.stops)], dtype=np.int64),
-        )
+        return {
+            "sticking": np.array(list(self.modes), dtype=np.int64),
+            "restitution": contacts.contacts.restitution,
+            "contact_mass": reduced[contacts.contact_stop],
+            "contact_stop": contacts.contact_stop,
+            "frequency": self.forcing.frequency,
+            "breaks": self.forcing.breaks,
+            "levels": self.forcing.levels,
+            "shape": np.array([len(self.system.mass), len(self.terms.dampers), len(self.system.stops)], dtype=np.int64),
+        }
 
 
 PARTICULAR_LIMIT = 30.0

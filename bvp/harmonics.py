@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +16,9 @@ from bvp.forced import ForcedProblem
 from bvp.kernels.flight import fastest_rate
 from bvp.kernels.multipoint import ORIGIN
 from bvp.kernels.sources import ORDER
+from bvp.multipoint import MultipointProblem
 from bvp.released import ReleasedProblem
 from bvp.smooth_flights import loaded_steps, sample_path, smooth_steps
-
-if TYPE_CHECKING:
-    from bvp.multipoint import MultipointProblem
 
 __all__ = ["harmonics", "sizes"]
 

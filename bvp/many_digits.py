@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import mpmath as mp
 import numpy as np
@@ -23,9 +23,7 @@ from mpmath.libmp import from_man_exp, mpf_cos_sin, mpf_cosh_sinh, to_fixed
 from bvp.kernels.multipoint import ORIGIN, PERIODIC, REST, STOP
 from bvp.multipoint import MultipointProblem
 from bvp.stability import DECISION, balance, verdict
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["BITS", "DIGITS", "DigitModes", "DigitOrbit", "digit_modes", "orbit_in_digits"]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import combinations, islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,7 @@ from bvp.description import names_in
 from bvp.expressions import FUNCTIONS, is_plain
 from bvp.forcing import Constant
 from bvp.parameters import ParametricSystem
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["Rest", "about_rest", "has_constant_force", "rest_position", "resting_system", "with_loads_in_potential"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from bvp.checks import finite_numbers, is_finite, require_system
 from bvp.closures import contact_of
 from bvp.contact_modes import ContactModeTable
-from bvp.forcing import budget_terms, forcing_of, split_damping
+from bvp.forcing import BudgetTerms, Forcing, budget_terms, forcing_of, split_damping
 from bvp.interrupts import Pace, defer_interrupts
 from bvp.kernels import contact_mode as places
 from bvp.kernels import motion as kernels
@@ -24,9 +24,6 @@ from bvp.motion import STATUS, Batch, EnergyMark, Motion, MotionStatus
 from bvp.texts import brief, listed, shown
 
 if TYPE_CHECKING:
-    from bvp.forcing import BudgetTerms, Forcing
-    from bvp.motion import Motion
-    from bvp.smooth_motion import SmoothModeTable
     from bvp.system import ImpactSystem
 
 __all__ = ["BeyondStop", "Simulator", "energies_of", "simulate"]
@@ -75,7 +72,7 @@ class Simulator:
         self.dampers = split_damping(system, dampers)
         parts = self.dampers | {name: np.zeros_like(system.damping) for name in smooth_dampers(system)}
         self.terms = budget_terms(parts, self.forcing, len(system.stops))
-        self.table: ContactModeTable | SmoothModeTable = _table(system, self.forcing, self.terms)
+        self.table = _table(system, self.forcing, self.terms)
         self.parts = parts_of(system, self.dampers)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
@@ -380,7 +377,7 @@ def smooth_dampers(system: ImpactSystem) -> tuple[str, ...]:
     return () if system.smooth_forces is None else tuple(dict.fromkeys(filter(None, system.smooth_forces.dampers)))
 
 
-def _table(system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> ContactModeTable | SmoothModeTable:
+def _table(system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> ContactModeTable:
     """The contact modes of a system. A ValueError if its springs have no energy."""
     if system.smooth_forces is None:
         return ContactModeTable(system, forcing, terms)

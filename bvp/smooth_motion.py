@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bvp.contact_modes import NEVER
+from bvp.contact_modes import NEVER, ContactModeTable
 from bvp.forcing import BudgetTerms, Forcing
 from bvp.kernels.driving import DrivingSources
 from bvp.kernels.pieces import ROOM
@@ -30,7 +30,7 @@ PATHS = 2
 """Flights that are kept."""
 
 
-class SmoothModeTable:
+class SmoothModeTable(ContactModeTable):
     """As `bvp.contact_modes.ContactModeTable`, with smooth forces."""
 
     def __init__(self, system: ImpactSystem, forcing: Forcing, terms: BudgetTerms) -> None:
@@ -38,18 +38,16 @@ class SmoothModeTable:
         if system.smooth_forces.called:
             place = system.smooth_forces.called[0]
             raise ValueError(f"the force of {place} is a Python function, which only orbits take; a simulation expects a formula")
-        self.system, self.forcing, self.terms, self.forces = system, forcing, terms, system.smooth_forces
-        self.modes = {0: _mode(system, self.forces, 0, forcing, terms)}
+        self.forces = system.smooth_forces
+        super().__init__(system, forcing, terms)
 
-    def add(self, sticking: int) -> None:
-        """Add the contact mode in which the contacts of the bit set `sticking` stick."""
-        self.modes[sticking] = _mode(self.system, self.forces, sticking, self.forcing, self.terms)
-        self.__dict__.pop("stacked", None)
+    def _mode(self, sticking: int) -> dict[str, np.ndarray]:
+        return _mode(self.system, self.forces, sticking, self.forcing, self.terms)
 
     def entered(self, sticking: int, x: np.ndarray) -> np.ndarray:
         """As `ContactModeTable.entered`, with the smooth forces in it, and without their derivatives."""
         n, count = self.system.degrees_of_freedom, len(self.forces.forces)
-        z: np.ndarray = self.modes[sticking]["enter"] @ x
+        z = super().entered(sticking, x)
         z[len(x) : len(x) + count] = self.forces.values(x[:n], x[n : 2 * n])
         return z
 
@@ -72,20 +70,11 @@ class SmoothModeTable:
     def stacked(self) -> Any:
         """All modes as `SmoothModes`, with the scratch of their flights."""
         modes = list(self.modes.values())
-        contacts = self.system.modes
-        reduced = np.array([1.0 / (row @ np.linalg.solve(self.system.mass, row)) for row in (np.array(s.gap) for s in self.system.stops)])
         return SmoothModes(
-            sticking=np.array(list(self.modes), dtype=np.int64),
             **{name: np.ascontiguousarray(np.stack([mode[name] for mode in modes])) for name in modes[0]},
-            restitution=contacts.contacts.restitution,
-            contact_mass=reduced[contacts.contact_stop],
-            contact_stop=contacts.contact_stop,
+            **self._of_all,
             weight=np.concatenate([self.terms.weight, np.ones(len(lossy(self.forces)))]),
             part=np.concatenate([self.terms.part, _parts(self.forces, self.terms)]),
-            frequency=self.forcing.frequency,
-            breaks=self.forcing.breaks,
-            levels=self.forcing.levels,
-            shape=np.array([len(self.system.mass), len(self.terms.dampers), len(self.system.stops)], dtype=np.int64),
             taylor=self._taylor,
             owner=np.full(PATHS, -1, dtype=np.int64),
             current=np.zeros(1, dtype=np.int64),

@@ -13,10 +13,11 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from branches.branch import Branch
 from branches.building.frontier import Frontier
 from branches.building.plan import (
     Answer,
@@ -32,20 +33,16 @@ from branches.building.plan import (
     saved_seed,
 )
 from branches.building.work import is_searched, work
+from branches.catalogue.catalogue import Catalogue
 from branches.catalogue.database import readable
 from branches.catalogue.members import FamilyPlace, KnownFamilies, distances_from_orbit, orbit_of_event, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow, Node
 from branches.events import DigitWork
 from branches.linear_modes import MOST_COVERS, linear_modes
-from branches.presentation import presentations
+from branches.presentation import Presentation, presentations
 from branches.sequences import parse_sequence
 from bvp.multipoint import MultipointProblem
 from bvp.resting import has_constant_force
-
-if TYPE_CHECKING:
-    from branches.branch import Branch
-    from branches.catalogue.catalogue import Catalogue
-    from branches.presentation import Presentation
 
 __all__ = ["Progress", "build"]
 

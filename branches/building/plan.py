@@ -10,18 +10,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from branches.catalogue.catalogue import Catalogue
 from branches.catalogue.database import CatalogueError, readable
 from branches.catalogue.members import event_orbit
 from branches.catalogue.rows import EventOrbit
-from branches.presentation import canonical_orbit
+from branches.presentation import Presentation, canonical_orbit
+from branches.search.known import Boxes
 from branches.sequences import PERIODIC, impacts_per_period
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue.catalogue import Catalogue
     from branches.catalogue.packing import PackedFamily
-    from branches.presentation import Presentation
-    from branches.search.known import Boxes
 
 __all__ = [
     "Answer", "Bounds", "BuildPlan", "Grazing", "KnownGrazings", "Link", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed",

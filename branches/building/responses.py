@@ -12,13 +12,15 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.building.frontier import Frontier
 from branches.building.plan import Link
+from branches.catalogue.catalogue import Catalogue
 from branches.catalogue.database import CatalogueError, readable
+from branches.catalogue.packing import PackedFamily
 from branches.catalogue.responses import kept_as, orbit_of, pack_response, problem_at
 from branches.catalogue.rows import Edge, EventOrbit, FamilyRow
 from branches.files import one_line
@@ -32,10 +34,6 @@ from branches.forced.tracing import SWITCHES, follow_response, primitive_branch,
 from bvp.contact_sequence import joined_sequence
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
-
-if TYPE_CHECKING:
-    from branches.catalogue.catalogue import Catalogue
-    from branches.catalogue.packing import PackedFamily
 
 __all__ = ["ResponsePlan", "ResponseSeed", "build_responses", "edge_of", "link_at", "seed_of"]
 

@@ -11,7 +11,6 @@ import math
 import warnings
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,20 +27,17 @@ from branches.grazing.following import SolvedProblem, leaves_upward, meetings_at
 from branches.grazing.touching import touching
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.search import Limits
-from branches.presentation import first_of, presentations, segment_images, symmetries, with_canonical_sequence
+from branches.presentation import Presentation, first_of, presentations, segment_images, symmetries, with_canonical_sequence
 from branches.search.discovery import discover_orbits
+from branches.search.known import Boxes
 from branches.search.orbit_search import WITHOUT_ORIGIN
 from branches.sequences import PERIODIC, impacts_per_period, parse_sequence
 from branches.switching import TYPES, emanating_families
 from branches.tracing import SETTINGS, follow_family
 from bvp.closures import cycle_of
 from bvp.multipoint import MultipointProblem, NotConverged
-
-if TYPE_CHECKING:
-    from branches.presentation import Presentation
-    from branches.search.known import Boxes
-    from bvp.system import ImpactSystem
-    from continuation.control import Settings
+from bvp.system import ImpactSystem
+from continuation.control import Settings
 
 __all__ = ["ends_of", "is_half", "is_searched", "work"]
 

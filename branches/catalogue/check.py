@@ -5,28 +5,25 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from branches.between_events import missed_events
+from branches.branch import Branch
 from branches.catalogue import responses
 from branches.catalogue.curves import CurveRow, curve_of_row
 from branches.catalogue.database import CatalogueDamaged
 from branches.catalogue.kept_curves import curve_failures
 from branches.catalogue.members import distances_from_orbit, unknowns_of
-from branches.catalogue.rows import Edge, Node
+from branches.catalogue.rows import Edge, EventOrbit, Node
+from branches.catalogue.store import CatalogueStore
+from branches.events import BranchEvent
 from branches.forced.branch import ForcedBranch
 from branches.sequences import parse_sequence
+from bvp.forced import ForcedProblem
 from bvp.multipoint import MultipointProblem, Solution
 from bvp.smooth_flights import modal_energies
-
-if TYPE_CHECKING:
-    from branches.branch import Branch
-    from branches.catalogue.rows import EventOrbit
-    from branches.catalogue.store import CatalogueStore
-    from branches.events import BranchEvent
-    from bvp.forced import ForcedProblem
 
 __all__ = ["Failure", "check_catalogue"]
 

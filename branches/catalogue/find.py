@@ -6,10 +6,11 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.rows import FamilyRow, Node, crosses
+from branches.catalogue.store import CatalogueStore
 from branches.naming.labels import Label, LabelSyntaxError, Name, most_alike, parse, parse_name
 from branches.naming.matching import (
     AmbiguousName,
@@ -24,9 +25,6 @@ from branches.naming.matching import (
     why_a_cover,
 )
 from bvp.texts import shown
-
-if TYPE_CHECKING:
-    from branches.catalogue.store import CatalogueStore
 
 __all__ = ["NameMatch", "chosen", "find", "is_part_of_id"]
 

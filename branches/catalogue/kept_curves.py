@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,20 +13,17 @@ from branches.catalogue.curves import CurveRow, curve_of_row
 from branches.catalogue.database import CatalogueError
 from branches.catalogue.responses import are_on
 from branches.catalogue.rows import compact_json
+from branches.catalogue.store import CatalogueStore
 from branches.catalogue.widening import CannotWiden, Kept
-from branches.curves.extending import is_within
 from branches.curves.files import COLUMNS, curve_header
 from branches.curves.identity import canonical_names, curve_id, curve_numbers
 from branches.curves.record import BifurcationCurve
-from branches.curves.tracing import curve_again, extend_curve, step_at
+from branches.curves.tracing import curve_again, extend_curve, is_within, step_at
 from branches.tables import plain
 from bvp.description import RESERVED
 from bvp.parameters import ParametricSystem
 from bvp.programs import evaluate_program
 from continuation.curves import Curve
-
-if TYPE_CHECKING:
-    from branches.catalogue.store import CatalogueStore
 
 __all__ = ["curve_failures", "curve_row", "keep_curve"]
 

@@ -10,13 +10,12 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from branches.catalogue.database import CatalogueError
-from branches.catalogue.rows import Edge, dead_end_id
+from branches.catalogue.rows import Edge, EventOrbit, dead_end_id
+from branches.catalogue.store import CatalogueStore
+from branches.events import BranchEvent
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.catalogue.rows import EventOrbit
-    from branches.catalogue.store import CatalogueStore
-    from branches.events import BranchEvent
     from branches.forced.branch import ForcedBranch
 
 __all__ = ["CannotWiden", "Kept", "holds", "widen"]

@@ -24,7 +24,6 @@ import numpy as np
 from branches.curves.kernels import CONSTANT, OTHER, OWN
 from branches.curves.pencils import NONE_FREED, MatrixRows, RowsCondition, whole_rows
 from branches.curves.plane import ParameterPlane, closing_block
-from bvp.closures import parse_end
 from bvp.curvature import second_along
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, STOP
 from bvp.released import ReleasedProblem
@@ -79,19 +78,10 @@ class Turned(ReleasedProblem):
         return CLOSED, self.quarters, REST, REST
 
     def _end_rows(self) -> np.ndarray:
+        # Those of a symmetric perturbation, with displacements and velocities exchanged. At a stop the one across the gap comes last.
         n = self.degrees_of_freedom
-        rows = np.zeros((2 * n, 2 * n))
-        for k, (kind, end) in enumerate(zip(self.kinds, self.ends, strict=True)):
-            part = rows[k * n : (k + 1) * n]
-            if kind == ORIGIN:
-                part[:, n:] = np.eye(n)
-            elif kind == REST:
-                part[:, :n] = np.eye(n)
-            else:
-                gap = np.asarray(self.system.stops[self.modes.contact_stop[parse_end(self.system, end)[1]]].gap)
-                part[:-1, :n] = np.linalg.qr(np.column_stack([gap, np.eye(n)]))[0][:, 1:].T
-                part[-1, n:] = gap
-        return rows
+        rows = np.split(np.roll(super()._end_rows(), n, axis=1), 2)
+        return np.vstack([np.roll(part, -1, axis=0) if kind == STOP else part for part, kind in zip(rows, self.kinds, strict=True)])
 
 
 def free_condition(plane: ParameterPlane, code: str, symmetry: Symmetry = FOLD, in_energy: bool = False) -> SingularCondition:

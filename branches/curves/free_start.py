@@ -9,8 +9,7 @@ import numpy as np
 
 from branches.curves.free import FOLD, SYMMETRIES, Breaking, FreeKind, Symmetry, free_condition, names_quarter_period, smallest_singular
 from branches.curves.free_grazing import free_grazing_at
-from branches.curves.free_grazing_monitor import FreeGrazingMonitor
-from branches.curves.free_monitor import FreeMonitor
+from branches.curves.free_monitor import FreeGrazingMonitor, FreeMonitor
 from branches.curves.free_points import event_of, observed_free
 from branches.curves.grazing import Grazing, grazing_condition
 from branches.curves.monitor import Window

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from branches.curves.free import FOLD, FreeKind, names_quarter_period
-from branches.curves.free_grazing_monitor import FreeGrazingMonitor
+from branches.curves.free_monitor import FreeGrazingMonitor
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import grazing_at, observed
 from branches.curves.grazing_monitor import GrazingMonitor

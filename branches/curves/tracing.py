@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from branches.curves.collapse import with_collapsed_ends
-from branches.curves.extending import can_go_on, is_within, joined
 from branches.curves.monitor import Window
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.curves.single_orbits import Narrow
 from branches.curves.starting import CurveStart, NoCurve, is_inside
 from branches.events import Ended, event_ids
+from branches.extending import joined
 from branches.family import SETTINGS
 from branches.forced.tracing import OUT_OF_DOMAIN
 from branches.interrupted import with_computed
@@ -25,7 +25,13 @@ from continuation.curves import Curve
 from continuation.problem import End, EndReason, Event, Point, Step
 from continuation.run import Run, follow_both_ways
 
-__all__ = ["curve_again", "extend_curve", "first_point", "follow_curve", "step_at"]
+__all__ = ["can_go_on", "curve_again", "extend_curve", "first_point", "follow_curve", "is_within", "step_at"]
+
+_OPEN = {reason.name for reason in (EndReason.POINTS, EndReason.NOT_ASKED, EndReason.INTERRUPTED)}
+"""Ends from which a curve can go on."""
+
+_ROUNDING = 1e-9
+"""Difference of a parameter from a bound of its range, beside the bound, that is rounding."""
 
 _DIRECTIONS = {"both": 1, "up": 1, "down": -1, "along": 0}
 
@@ -90,6 +96,28 @@ def follow_curve(
 def curve_again(curve: BifurcationCurve, origin: str = "") -> CurveStart:
     """The start that a curve was followed from."""
     return CurveStart(curve.plane, curve.code, curve.grazing, curve.unknowns[curve.start], origin or curve.origin, curve.free)
+
+
+def is_within(curve: BifurcationCurve, window: Window) -> bool:
+    """Whether all points of a curve are in the ranges of its parameters; an end on a bound is."""
+    return all(
+        low - _ROUNDING * abs(low) <= least and most <= high + _ROUNDING * abs(high)
+        for (low, high), least, most in zip(window, *curve.span, strict=True)
+    )
+
+
+def can_go_on(curve: BifurcationCurve, last: bool, window: Window) -> bool:
+    """Whether a curve can go on beyond its first or last point, in ranges that contain it."""
+    if curve.ended[last].reason != EndReason.EVENT.name:
+        return not curve.closed and curve.ended[last].reason in _OPEN
+    place = len(curve) - 1 if last else 0
+    if not any(event.type == "EP" and event.point == place for event in curve.events):
+        return False
+    # At the end of a domain the value is a bound of it, too.
+    return all(
+        max(asked[0], domain[0]) + _ROUNDING * abs(value) < value < min(asked[1], domain[1]) - _ROUNDING * abs(value)
+        for value, asked, domain in zip(curve.parameters[place].tolist(), window, curve.plane.domains, strict=True)
+    )
 
 
 def extend_curve(

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from branches.figures import style
-from branches.figures.atlas_data import EVENTS, atlas_of
+from branches.figures.atlas_data import EVENTS, Atlas, AtlasCurve, atlas_of
 from branches.figures.curves import (
     FREQUENCIES,
     MANY_FOLD,
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.legend import Legend
 
     from branches.catalogue import Catalogue
-    from branches.figures.atlas_data import Atlas, AtlasCurve
 
 __all__ = [
     "MOST_NAMES", "atlas_figure", "draw_atlas", "draw_modes", "frequency_curve", "mode_names", "plot_catalogue", "runs_of",

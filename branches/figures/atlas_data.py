@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from branches.naming.labels import Label, parse, parse_name
-from branches.naming.matching import fits_otherwise, matches, nearest_crossing, reaches, spelled
+from branches.naming.matching import ReferencePoint, fits_otherwise, matches, nearest_crossing, reaches, spelled
 from bvp.checks import checked_energy_range, require_branch
 from bvp.texts import brief, shown
 
 if TYPE_CHECKING:
     from branches.branch import Branch
-    from branches.naming.matching import ReferencePoint
     from branches.orbit import Orbit
     from branches.search.impulsive_motions import Manifold
     from branches.search.impulsive_orbits import ImpulsiveOrbits

@@ -16,12 +16,12 @@ from branches.admissible import force_event
 from branches.first_orbits import across_null_space, first_orbits
 from branches.forced.closing import vanishes, without_moment
 from branches.forced.family import ForcedFamily
-from branches.forced.opening import opening_again
 from branches.forced.primitive import full_period, half_of, primitive_orbit, twice
 from branches.forced.resequencing import exchanged, with_first_bounce, with_sticking, with_touch, without_flight, without_impact
 from bvp.closures import EndsError
+from bvp.contact_sequence import CLOSES, OPENS
 from bvp.forced import ForcedProblem
-from bvp.multipoint import Solution
+from bvp.multipoint import NotConverged, Solution
 from continuation.problem import Step
 from continuation.switching import branch_directions
 
@@ -32,6 +32,12 @@ _SHORT = (1e-3, 1e-4, 1e-5)
 
 _GRAZES = 1e-9
 """Clearance, impact speed and flight, in units of arclength and of the period, that are zero at a located grazing."""
+
+_BEYOND = (1e-4, 1e-3, 3e-3, 1e-2, 3e-2)
+"""Arclengths beyond a grazing at which an orbit is sought whose stop opens for a moment."""
+
+_SAMPLES = 401
+"""Instants of a flight between which the contact force is compared."""
 
 _INSTANT = 1e-6
 """Part of the period within which a touch is at an impact."""
@@ -120,7 +126,7 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
     side = np.sign(inwards[at])
     for make in _changes(problem, solution):
         if make is with_sticking:
-            opened = opening_again(problem, solution, inwards)
+            opened = _opening_again(problem, solution, inwards)
             if opened is not None:
                 found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
                 continue
@@ -218,3 +224,98 @@ def _is_at_slowest_impact(problem: ForcedProblem, solution: Solution) -> bool:
     return bool(before or (flight == (slowest + 1) % len(times) and time < _INSTANT * whole))
 
 
+def _opening_again(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> tuple[ForcedProblem, Step] | None:
+    """The family in which a stop opens for a moment while it sticks, beyond an orbit at which its contact force touches zero.
+
+    It is hit again after a flight that begins without duration. There its equations are singular: gap, speed and time vanish together. So
+    the family is entered a little way off, from the first terms of the flight. With the force g = g'' ((t - s)^2 - d^2)/2 the stop opens at
+    s - d and is hit at s + 3 d. If it would open at its impact, with g = g_0 + g' t, it is hit after 3 |g_0|/g'.
+
+    Parameters
+    ----------
+    problem, solution : ForcedProblem, Solution
+        The orbit at the event.
+    inwards : (u,) float
+        A direction along its family, away from the event.
+
+    Returns
+    -------
+    (ForcedProblem, Step) or None
+        Its first orbit, whose tangent points away from the event; None where none was found.
+    """
+    flight, stop = int(solution["clearance_flight"]), int(solution["clearance_stop"])
+    force = force_event(problem, solution)
+    if force is None or force.kind == "after":
+        return None
+    contact = next(c for c in problem.events[flight].closed if problem.modes.contact_stop[c] == stop)
+    if force.kind == "begin" and problem.restitution(solution.y, contact) > 0.0:
+        return None  # the bounces do not end
+    letter = problem.modes.contact_letters[contact]
+    tangent = solution.tangent.copy()
+    if tangent[: problem.unknowns] @ inwards > 0.0:
+        for odd in (tangent[: problem.unknowns], tangent[2 * problem.unknowns :]):
+            odd *= -1.0
+    at_begin = float(solution["clearance_time"]) == 0.0 and problem.events[flight].contact == contact
+    for length in _BEYOND:
+        beyond = problem.step(solution.y, tangent, length)
+        if beyond is None:
+            break
+        y = beyond.y
+        opened = _moments(problem, y, flight, contact)
+        if opened is None:
+            continue
+        start, end = opened
+        half = 0.5 * (end - start)
+        begin, hit = (0.0, 3.0 * end) if at_begin else (start, start + 4.0 * half)
+        times, nodes = problem.flight_times(y), problem.nodes(y)
+        if not hit < times[flight]:
+            continue
+        symbols = [letter, letter + CLOSES] if at_begin else [problem.sequence[flight], letter + OPENS, letter + CLOSES]
+        sequence = [*problem.sequence[:flight], *symbols, *problem.sequence[flight + 1 :]]
+        size = 2 * problem.degrees_of_freedom
+        places = [hit] if at_begin else [begin, hit]
+        inserted = [problem.fly(nodes[flight], place, flight) for place in places]
+        states = np.insert(nodes[:, :size], flight + 1, [state for state, _ in inserted], axis=0)
+        fractions = np.insert(nodes[:, size], flight + 1, [fraction for _, fraction in inserted])
+        durations = np.diff([0.0, *places, times[flight]])
+        at = problem.parameters(y)
+        wide = problem.sibling(sequence, values=at)
+        guess = wide.pack(states, fractions, [at[name] for name in problem.released], [*times[:flight], *durations, *times[flight + 1 :]])
+        found = _first_opened(wide, guess, flight if at_begin else flight + 1)
+        if found is not None:
+            return wide, found
+    return None
+
+
+def _moments(problem: ForcedProblem, y: np.ndarray, flight: int, contact: int) -> tuple[float, float] | None:
+    """Times in a flight between which the force of a contact pulls; None where it does not."""
+    node, duration = problem.nodes(y)[flight], float(problem.flight_times(y)[flight])
+    times = np.linspace(0.0, duration, _SAMPLES)[:-1]
+    forces = []
+    for time in times.tolist():
+        state, fraction = problem.fly(node, time, flight)
+        forces.append(problem.contact_force(np.concatenate([state, [fraction], node[len(state) + 1 :]]), flight, contact))
+    pulls = np.flatnonzero(np.array(forces) < 0.0)
+    if not len(pulls) or pulls[-1] + 1 >= len(times):
+        return None
+    k, last = int(pulls[0]), int(pulls[-1])
+
+    def zero(i: int) -> float:
+        return float(times[i] - forces[i] * (times[i + 1] - times[i]) / (forces[i + 1] - forces[i]))
+
+    return zero(k - 1) if k else 0.0, zero(last)
+
+
+def _first_opened(problem: ForcedProblem, guess: np.ndarray, flight: int) -> Step | None:
+    """The orbit near a guess, with its tangent turned so that a flight grows; None where it is none."""
+    try:
+        y = problem.solve(guess).y
+    except NotConverged:
+        return None
+    family = ForcedFamily(problem)
+    step = family.begin(y)
+    if not step.converged or not all(step.extra[name] > 0.0 for name in ("clearance", "speed", "flight")):
+        return None
+    grows = problem.flight_times(step.tangent[: problem.unknowns])[flight] > 0.0
+    turned = step if grows else family.step(step.y, -step.tangent, 0.0)
+    return turned if turned.converged else None

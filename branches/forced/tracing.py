@@ -11,11 +11,11 @@ import numpy as np
 
 from branches.admissible import unphysical
 from branches.events import FREE_NORMAL_FORMS, Ended, event_ids
+from branches.extending import joined
 from branches.family import SETTINGS
 from branches.forced.along_parameters import parameter_bounds, unbounded
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
 from branches.forced.closing import with_exact_ends
-from branches.forced.extending import can_go_on, joined, outward
 from branches.forced.family import parameter_family
 from branches.forced.identity import closure_name
 from branches.forced.primitive import primitive_orbit
@@ -45,6 +45,14 @@ OUT_OF_DOMAIN = "DOMAIN"
 """Reason of an end behind which the system cannot have the values of its parameters."""
 
 _SIGNS = {"both": 1, "up": 1, "down": -1, "along": 0}
+
+_OPEN = {
+    reason.name
+    for reason in (
+        EndReason.POINTS, EndReason.NOT_ASKED, EndReason.STOP_AT, EndReason.STOP_WHEN, EndReason.INTERRUPTED, EndReason.MINIMUM_STEP
+    )
+}  # fmt: skip
+"""Ends from which a family can go on."""
 
 _FAILED = 0.1
 """Where steps failed, flights are cut so that perturbations grow in each by no more than this part of `GROWTH`."""
@@ -180,6 +188,17 @@ def _begun_in(problem: ForcedProblem, other: ForcedProblem, y: np.ndarray, tange
     return begun_along(parameter_family(other), problem.in_pieces(other.pieces, y)[1], tangent, np.where(scale > 0.0, scale, 1.0))
 
 
+def _can_go_on(branch: ForcedBranch, last: bool, interval: tuple[float, float]) -> bool:
+    """Whether a branch can go on beyond its first or last point in a range of its parameter."""
+    place = len(branch) - 1 if last else 0
+    if branch.ended[last].reason == EndReason.EVENT.name:
+        value = branch.parameter[place]
+        bounds = any(np.isclose(value, bound, rtol=1e-9, atol=0.0) for bound in branch.interval)
+        event = next((event for event in branch.events if event.point == place), None)
+        return event is not None and event.type == "EP" and bounds and interval[0] < value < interval[1]
+    return branch.ended[last].reason in _OPEN
+
+
 def go_on(
     branch: ForcedBranch, interval: tuple[float, float], *, direction: str = "both", **options: Any
 ) -> tuple[ForcedBranch, list[int]]:
@@ -202,12 +221,12 @@ def go_on(
         is, and so is one behind which the family leaves the range.
     """
     moved = []
-    for last in [last for last in (True, False) if can_go_on(branch, last, interval)]:
-        slope = outward(branch, last)[2 * branch.problem.degrees_of_freedom + 1]
-        if direction != "both" and slope * _SIGNS[direction] <= 0.0:
-            continue
+    for last in [last for last in (True, False) if _can_go_on(branch, last, interval)]:
         place = -1 if last else 0
-        begin = parameter_family(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward(branch, last)), 0.0)
+        outward = branch.tangents[-1] if last else -branch.tangents[0]
+        if direction != "both" and outward[2 * branch.problem.degrees_of_freedom + 1] * _SIGNS[direction] <= 0.0:
+            continue
+        begin = parameter_family(branch.problem, interval).step(branch.unknowns[place], _with_curvature(outward), 0.0)
         try:
             further = follow_response(branch.problem, begin, interval, direction="along", **options)
         except KeyboardInterrupt as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from bvp.checks import require_branch
 from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.texts import brief, takes_options_of
+from continuation.problem import Step
 from continuation.switching import SwitchError, branch_directions
-
-if TYPE_CHECKING:
-    from continuation.problem import Step
 
 __all__ = ["CannotMerge", "Neighbour", "SolvedProblem", "leaves_upward", "meet", "meetings_at", "merged", "neighbours"]
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from bvp.closures import Cycle, cycle_of
 from bvp.kernels.paths import motion_at, state_at, turning_times
 from bvp.multipoint import MultipointProblem
 from bvp.smooth_flights import flight_of, modal_energies
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["EVERY", "Candidate", "Symmetry", "Touching", "candidate", "mode_label", "mode_name", "mode_of", "touching"]
 

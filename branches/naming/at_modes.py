@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from branches.full_family import risen
-from branches.linear_modes import beginnings, linear_modes, resonant_modes
+from branches.grazing.following import Neighbour
+from branches.linear_modes import LinearMode, beginnings, linear_modes, resonant_modes
 from branches.naming.at_states import FROM_STATE, orbit_near
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
@@ -26,15 +26,10 @@ from branches.sequences import canonical_sequence, format_ends
 from branches.tracing import follow_family
 from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import LARGEST, MultipointProblem, NotConverged, Solution, enough_pieces
-from bvp.resting import has_constant_force, rest_position, resting_system
+from bvp.resting import Rest, has_constant_force, rest_position, resting_system
 from bvp.saddles import REACHED, approached
 from bvp.smooth_flights import smooth_flight
-
-if TYPE_CHECKING:
-    from branches.grazing.following import Neighbour
-    from branches.linear_modes import LinearMode
-    from bvp.resting import Rest
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["FORM", "ModeName", "orbit_at_mode", "parse_mode"]
 

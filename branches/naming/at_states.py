@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,11 +13,7 @@ from branches.search.orbit_search import judged
 from bvp.motion import EventKind
 from bvp.multipoint import EndsError, MultipointProblem, NotConverged
 from bvp.simulate import simulate
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["FROM_STATE", "orbit_near"]
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from branches.branch import Branch
 from branches.naming.labels import Label, Name, parse, parse_name
 from branches.naming.matching import (
     REFERENCE_TOLERANCE,
@@ -42,10 +43,7 @@ from branches.search.starts import FROM_LINEAR_MODES
 from branches.tracing import SETTINGS, cut_branch, follow_family, report
 from bvp.checks import checked_energy_range, require_system
 from bvp.closures import EndsError, parse_end
-
-if TYPE_CHECKING:
-    from branches.branch import Branch
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["resolve", "trace_named"]
 

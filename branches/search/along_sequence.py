@@ -13,7 +13,6 @@ from collections import Counter
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,9 +22,7 @@ from branches.search.starts import StartCurve, curves
 from branches.sequences import Ends, ImpactSequence, mirror
 from bvp.kernels.shooting import COLUMNS, CONTACT, follow_impacts
 from bvp.multipoint import MultipointProblem
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["orbits_with_sequence"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,15 +19,13 @@ from branches.search.intervals import segment_limits
 from branches.search.known import Boxes
 from branches.search.meetings import nothing_new
 from branches.search.orbit_search import CLASSES, STAGES, WITHOUT_ORIGIN, Discovery, OrbitSearch, kept_problems
-from branches.search.smooth_discovery import STARTS, discover_smooth
+from branches.search.smooth_starts import SmoothSampler
 from branches.search.starts import FROM_LINEAR_MODES, ScannedSegment, curves
 from bvp.checks import is_finite, require_system
 from bvp.kernels.extrema import STEP_LIMIT
 from bvp.multipoint import MultipointProblem
+from bvp.system import ImpactSystem
 from bvp.texts import shown
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
 
 __all__ = ["check", "check_bounds", "default_budget", "discover_orbits", "fastest_turn"]
 
@@ -39,6 +37,9 @@ LONG = 100.0
 
 LONGEST = 0.1 * STEP_LIMIT
 """Largest angle of the fastest mode within the longest segment (rad). A flight is searched in a limited number of steps."""
+
+STARTS = 768
+"""Starts over half a turn in the second scan of a system with smooth forces where no number is given."""
 
 MOST_BOUND = 10_000
 """Largest bound for the impacts of half a period. The scan keeps as many of a start in memory."""
@@ -88,7 +89,7 @@ def discover_orbits(
     if budget is not None and (isinstance(budget, bool) or not isinstance(budget, int | np.integer) or not 0 < budget < 1 << 63):
         raise ValueError(f"the most starts is {shown(budget)}, expected an integer above 0 and below 2^63")
     if smooth:
-        return discover_smooth(system, energy, quarter_period, impacts, ends, budget or STARTS, kept_problems(system))
+        return _discover_smooth(system, energy, quarter_period, impacts, ends, budget or STARTS)
     assert budget is not None
     wanted = sorted({part for name in ends for part in CLASSES[name] if system.has_odd_symmetry or "origin" not in part})
     if known and impacts is not None:
@@ -107,6 +108,41 @@ def discover_orbits(
     search.counts["over_budget"] = search.counts["budget"]
     of_stages = {stage: search.counts[stage] for stage in STAGES}
     return Discovery(system, energy, quarter_period, impacts, tuple(ends), orbits, search.unpolished, search.open, of_stages)
+
+
+def _discover_smooth(
+    system: ImpactSystem, energy: float, quarter_period: float, impacts: int | None, ends: Sequence[str], starts: int
+) -> Discovery:
+    """The orbits of a system with smooth forces that two scans of starts at the origin find (`branches.search.smooth_starts`).
+
+    starts: of the second scan, over half a turn for each kind of far end. It is twice as fine as the first. What it adds shows how much the
+    first one overlooked; neither proves anything."""
+    wanted = sorted({part for name in ends for part in CLASSES[name]})
+    samplers = []
+    for far in [name.split("-")[1] for name in wanted]:
+        _, inner = segment_limits("origin", far, quarter_period, impacts)
+        if (far != "stop" or system.stops) and (inner is None or inner >= 0):
+            numbers = range(1) if not system.stops else None if inner is None else range(inner + 1)
+            samplers.append(SmoothSampler(system, far, quarter_period * (1.0 + 1e-12), numbers))
+    search = OrbitSearch(system, kept_problems(system))
+    angles = max(1, starts // 2), starts
+    orbits: list[int] = []
+    for count in angles:
+        # A segment that the first scan could not solve is met again by the second.
+        search.unpolished.clear()
+        search.counts["unpolished"] = 0
+        for sampler in samplers:
+            search.counts["starts"] += count + 1
+            for segment in sampler.segments(energy, count):
+                search.counts["crossings"] += 1
+                search.add(segment, partial(MultipointProblem.solve, energy=energy))
+        orbits.append(len(search.orbits(quarter_period, impacts)))
+    found = [Orbit(orbit.problem, orbit.solution) for orbit in search.orbits(quarter_period, impacts)]
+    counts = {stage: search.counts[stage] for stage in STAGES}
+    return Discovery(
+        system, energy, quarter_period, impacts, tuple(ends), found, search.unpolished, [], counts,
+        angles=angles, added=orbits[1] - orbits[0],
+    )  # fmt: skip
 
 
 def default_budget(system: ImpactSystem, quarter_period: float) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from branches.search.orbit_search import OrbitSearch, Unpolished, is_complete
 from branches.search.starts import curve_over_energy
 from bvp.checks import checked_energy_range, require_system
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.system import ImpactSystem
 from bvp.texts import brief, listed
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
 
 __all__ = ["ImpulsiveOrbit", "ImpulsiveOrbits", "impulsive_orbits"]
 

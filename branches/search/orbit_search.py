@@ -6,7 +6,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from branches.search.starts import ScannedSegment, StartCurve
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, impacts_per_period
 from bvp.kernels.multipoint import STOP
 from bvp.multipoint import MultipointProblem, NotConverged, Solution
+from bvp.system import ImpactSystem
 from bvp.texts import brief, listed
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
 
 __all__ = [
     "CLASSES", "Discovery", "Found", "OrbitSearch", "Problems", "STAGES", "Unpolished", "WITHOUT_ORIGIN", "in_order", "is_complete",

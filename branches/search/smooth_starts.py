@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,9 +22,7 @@ from bvp.kernels.smooth import least_values
 from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import observed_of
 from bvp.smooth_flights import smooth_flight
-
-if TYPE_CHECKING:
-    from bvp.system import ImpactSystem
+from bvp.system import ImpactSystem
 
 __all__ = ["SmoothSampler"]
 

@@ -73,9 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
     place, record = _place(arguments, given)
     problem = start.plane.problem
     compiling.prepare_for(problem.system, "curve" if problem.ends is None else "free curve")
-    from branches.curves.extending import can_go_on, is_within
     from branches.curves.starting import NoCurve
-    from branches.curves.tracing import extend_curve, first_point, follow_curve
+    from branches.curves.tracing import can_go_on, extend_curve, first_point, follow_curve, is_within
 
     known = given.known if given.known is not None and is_within(given.known, window) else None
     if known is not None and arguments.points is not None and arguments.points <= len(known):

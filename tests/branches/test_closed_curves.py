@@ -8,12 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.curves.extending import can_go_on
 from branches.curves.files import read_curves, save_curves
 from branches.curves.identity import curve_id
 from branches.curves.record import BifurcationCurve
 from branches.curves.starting import CurveStart, curve_at
-from branches.curves.tracing import extend_curve, follow_curve
+from branches.curves.tracing import can_go_on, extend_curve, follow_curve
 from branches.forced.tracing import follow_response
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem

@@ -8,11 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from branches.curves.extending import can_go_on
 from branches.curves.files import COLUMNS, read_curves, save_curves
 from branches.curves.identity import curve_id
 from branches.curves.starting import CurveStart, curve_at
-from branches.curves.tracing import curve_again, extend_curve, follow_curve
+from branches.curves.tracing import can_go_on, curve_again, extend_curve, follow_curve
 from branches.forced.tracing import follow_response
 from branches.reading import RecordError
 from tests.branches.curve_oracles import doubling_stop

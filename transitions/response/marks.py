@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from branches.events import numbered
 from branches.forced.branch import ForcedBranch, ForcedEvent, largest_multiplier
-from branches.forced.extending import with_ids
 from bvp.multipoint import Solution
 from continuation.bracketing import StepRefused, bracketed_root
 from transitions.response.measures import column_of
@@ -211,4 +211,4 @@ def _with(branch: ForcedBranch, found: list[_Mark]) -> ForcedBranch:
             )  # fmt: skip
         kept = [*(old for old in events if old.point <= place), event._replace(point=place), *(old for old in events if old.point > place)]
         branch = replace(branch, events=tuple(kept))
-    return with_ids(branch)
+    return replace(branch, events=numbered(branch.events))
