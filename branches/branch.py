@@ -13,10 +13,9 @@ import numpy as np
 
 from branches.events import BranchEvent, DigitWork, Ended
 from branches.full_family import FullFamily, Piece, full_family
-from branches.orbit import Orbit
+from branches.orbit import OfProblem, Orbit
 from bvp.checks import Frozen, is_finite, real
 from bvp.multipoint import MultipointProblem, NotConverged
-from bvp.system import ImpactSystem
 from bvp.texts import brief, listed, shown, span
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ __all__ = ["Branch", "BranchEvent", "Ended"]
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(OfProblem):
     """A family of periodic orbits, in order of arclength.
 
     Parameters
@@ -88,21 +87,6 @@ class Branch:
     def __len__(self) -> int:
         return len(self.points["h"])
 
-    @property
-    def system(self) -> ImpactSystem:
-        """The system it belongs to."""
-        return self.problem.system
-
-    @property
-    def ends(self) -> tuple[str, str]:
-        """Kinds of the two ends of each solved segment."""
-        return self.problem.ends
-
-    @property
-    def sequence(self) -> str:
-        """Contacts hit inside each solved segment."""
-        return "".join(self.problem.sequence)
-
     @cached_property
     def label(self) -> str:
         """The label of the orbit that it was started from."""
@@ -147,7 +131,11 @@ class Branch:
 
     def with_columns(self, columns: Mapping[str, np.ndarray]) -> Branch:
         """This branch with more columns of its points. What is known of its family is kept."""
-        found = replace(self, points={**self.points, **columns})
+        return self.of_same_orbits(points={**self.points, **columns})
+
+    def of_same_orbits(self, **changes: Any) -> Branch:
+        """This branch with other attributes, but the same orbits. What is known of its family is kept."""
+        found = replace(self, **changes)
         found.__dict__.update({name: value for name, value in self.__dict__.items() if name in ("id", "full_family", "wider")})
         return found
 

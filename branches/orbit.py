@@ -22,7 +22,7 @@ from bvp.texts import brief
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Impact", "Orbit", "impact_speeds", "label_at", "orbit_columns", "stacked"]
+__all__ = ["Impact", "OfProblem", "Orbit", "impact_speeds", "label_at", "orbit_columns", "stacked"]
 
 GRAZING = 1e-8
 """An impact slower than this, relative to sqrt(2 h), grazes: multipliers are unbounded there and given as NaN."""
@@ -43,9 +43,30 @@ class Impact(NamedTuple):
     speed: float
 
 
+class OfProblem:
+    """What an orbit and a family have from their problem."""
+
+    problem: MultipointProblem
+
+    @property
+    def system(self) -> ImpactSystem:
+        """The system it belongs to."""
+        return self.problem.system
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Kinds of the two ends of each solved segment."""
+        return self.problem.ends
+
+    @property
+    def sequence(self) -> str:
+        """Contacts hit inside each solved segment."""
+        return "".join(self.problem.sequence)
+
+
 @brief
 @dataclass(frozen=True, eq=False)
-class Orbit:
+class Orbit(OfProblem):
     """A periodic orbit, an exact solution of its multipoint problem.
 
     Parameters
@@ -76,21 +97,6 @@ class Orbit:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "solution", Solution(*(read_only(getattr(self.solution, item.name)) for item in fields(Solution))))
-
-    @property
-    def system(self) -> ImpactSystem:
-        """The system it is an orbit of."""
-        return self.problem.system
-
-    @property
-    def ends(self) -> tuple[str, str]:
-        """Kinds of the two ends of the solved segment."""
-        return self.problem.ends
-
-    @property
-    def sequence(self) -> str:
-        """Contacts hit inside the solved segment."""
-        return "".join(self.problem.sequence)
 
     def _summary(self) -> tuple[str, list[tuple[str, str]]]:
         stable = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]

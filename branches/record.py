@@ -69,6 +69,7 @@ EVENT = {
 EVENT_FIELDS = tuple(name.removesuffix("?") for name in EVENT)
 
 _UNBOUNDED = "not finite at this point, so null: multipliers"
+_UNPOLISHED = ("ends", "sequence", "parameter", "alpha", "residual", "reason")
 _NOT_COMPUTED = "not computed at this point, so null: harmonic"
 
 
@@ -133,22 +134,11 @@ def _orbit(orbit: Orbit) -> dict[str, Any]:
     multipliers = plain(orbit.multipliers)
     return plain(
         {
-            "label": orbit.label,
-            "ends": orbit.ends,
-            "sequence": orbit.sequence,
-            "h": orbit.h,
-            "alpha": orbit.alpha,
-            "period": orbit.period,
+            **{name: getattr(orbit, name) for name in ("label", "ends", "sequence", "h", "alpha", "period")},
             "frequency": 2.0 * math.pi / orbit.period,
             "start": {"u": u[0], "v": v[0]},
-            "velocities": orbit.velocities,
-            "multipliers": multipliers,
-            "tau": orbit.tau,
-            "tau_half": orbit.tau_half,
-            "stable": orbit.stable,
-            "quality": orbit.quality,
-            "residual": orbit.residual,
-            "impacts": [{"time": impact.time, "stop": impact.stop, "speed": impact.speed} for impact in orbit.impacts],
+            **{name: getattr(orbit, name) for name in ("velocities", "multipliers", "tau", "tau_half", "stable", "quality", "residual")},
+            "impacts": [impact._asdict() for impact in orbit.impacts],
             "note": _UNBOUNDED if None in multipliers else None,
         }
     )
@@ -216,15 +206,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
             **({"angles": list(found.angles), "added": found.added} if found.angles else {}),
             "orbits": [_discovered(orbit, family) for orbit, family in zip(found.orbits, ids, strict=True)],
             "unpolished": [
-                {
-                    "ends": list(item.ends),
-                    "sequence": item.sequence,
-                    "angle": item.parameter,
-                    "alpha": plain(item.alpha),
-                    "residual": plain(item.residual),
-                    "reason": item.reason,
-                }
-                for item in found.unpolished
+                {"angle" if name == "parameter" else name: plain(getattr(item, name)) for name in _UNPOLISHED} for item in found.unpolished
             ],
         }
     )

@@ -76,11 +76,11 @@ class SolvedFamily:
     _computed: int
     """How many test functions it computes; those that are watched come first."""
 
-    def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
+    def _advance_block(self, *arguments: Any) -> Any:
         """`branches.kernels.blocks.advance`, compiled for this kind of problem."""
         raise NotImplementedError
 
-    def _narrow_bracket(self, *arguments: Any) -> tuple[int, int]:
+    def _narrow_bracket(self, *arguments: Any) -> Any:
         """`branches.kernels.brackets.narrow`, compiled for this kind of problem."""
         raise NotImplementedError
 

@@ -192,16 +192,18 @@ def orbit_rows(found: Sequence[tuple[str, Orbit]]) -> Table:
     n = orbits[0].system.degrees_of_freedom if orbits else 0
     starts = np.array(states).reshape(len(orbits), 2 * n)
     multipliers = [orbit.multipliers for orbit in orbits]
+
+    def column(*names: str) -> Table:
+        return {name: np.array([getattr(orbit, name) for orbit in orbits]) for name in names}
+
     return {
         "family": np.array([id for id, _ in found], dtype=str),
         "label": np.array([orbit.label for orbit in orbits], dtype=str),
-        "h": np.array([orbit.h for orbit in orbits]),
-        "alpha": np.array([orbit.alpha for orbit in orbits]),
+        **column("h", "alpha"),
         "stable": np.array([-1 if orbit.stable is None else int(orbit.stable) for orbit in orbits], dtype=np.int8),
-        "tau": np.array([orbit.tau for orbit in orbits]),
-        "tau_half": np.array([orbit.tau_half for orbit in orbits]),
+        **column("tau", "tau_half"),
         "multipliers": np.array(multipliers, complex).reshape(len(orbits), len(multipliers[0]) if orbits else 0),
-        "residual": np.array([orbit.residual for orbit in orbits]),
+        **column("residual"),
         "start_u": starts[:, :n],
         "start_v": starts[:, n:],
         "impact_times": [np.array([impact.time for impact in orbit.impacts]) for orbit in orbits],

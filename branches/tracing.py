@@ -390,24 +390,10 @@ def record_of_event(
     stable = stable_at_event(event.code, columns, index)
     largest = float(np.max(np.abs(columns["multipliers"][index]), initial=0.0)) or 1.0  # without nontrivial ones, the trivial ones
     return BranchEvent(
-        name,
-        event.code,
-        point,
-        number,
-        float(columns["h"][index]),
-        float(columns["alpha"][index]),
-        event.arclength,
-        event.status,
-        (float(event.bracket[0]), float(event.bracket[1])),
-        event.residual,
-        label,
-        details.get("stop"),
-        details.get("p_q"),
-        details.get("breaks"),
-        note,
-        None if stable < 0 else bool(stable),
-        largest if math.isfinite(largest) else None,
-    )
+        name, event.code, point, number, float(columns["h"][index]), float(columns["alpha"][index]), event.arclength, event.status,
+        (float(event.bracket[0]), float(event.bracket[1])), event.residual, label, details.get("stop"), details.get("p_q"),
+        details.get("breaks"), note, None if stable < 0 else bool(stable), largest if math.isfinite(largest) else None,
+    )  # fmt: skip
 
 
 def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]) -> Branch:

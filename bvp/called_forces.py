@@ -190,9 +190,6 @@ class CalledForce:
                 f"the derivative of the force of {self.place} is not known: it takes no arrays of complex numbers; expected slope = .., "
                 f"a function of the same {'numbers' if self.arguments > 1 else 'number'}"
             ) from None
-        return self._checked_slope(slope)
-
-    def _checked_slope(self, slope: Callable[..., Any]) -> Callable[..., Any]:
         return lambda *arrays: slope(*np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in arrays)))
 
     def _compare(self, slope: Callable[..., Any], function: Callable[..., Any], k: int, name: str, other: str) -> None:

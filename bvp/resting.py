@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from bvp.checks import InvalidSystem
-from bvp.description import names_in
+from bvp.description import leaves, names_in
 from bvp.expressions import FUNCTIONS, is_plain
 from bvp.forcing import Constant
 from bvp.parameters import ParametricSystem
@@ -181,7 +181,8 @@ def about_rest(parametric: ParametricSystem) -> tuple[ParametricSystem, Rest]:
     springs = _springs(parametric, rest)
     if springs or not system.stops:
         description["springs"] = springs or [{"c": np.eye(n)[0].tolist(), "stiffness": 0.0}]
-    used = {name for text in _texts(description) for name in names_in(text)}
+    texts = [*(text for text, _ in leaves(description, "the system")), *(spring.get("potential", "") for spring in springs)]
+    used = {name for text in texts for name in names_in(text)}
     return ParametricSystem(
         {"parameters": {name: value for name, value in parametric.values.items() if name in used}, "system": description}
     ), rest
@@ -226,10 +227,3 @@ def _springs(parametric: ParametricSystem, rest: Rest) -> list[dict[str, Any]]:
 def _plain(entry: Any) -> Any:
     """An entry as a number, or as the text of an expression."""
     return str(entry) if getattr(entry, "free_symbols", None) else float(entry)
-
-
-def _texts(node: Any) -> list[str]:
-    """All texts in a description that can be expressions."""
-    if isinstance(node, dict):
-        return [text for key, value in node.items() if key not in ("name", "coordinates") for text in _texts(value)]
-    return [text for value in node for text in _texts(value)] if isinstance(node, list) else [node] if isinstance(node, str) else []

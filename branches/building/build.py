@@ -25,7 +25,7 @@ from branches.building.plan import (
     KnownGrazings,
     Link,
     Seed,
-    energies_of,
+    level_energies,
     open_ranges,
     plain_seed,
     read_seed,
@@ -184,7 +184,7 @@ class _Build:
         for level in range(len(levels), LEVELS if searched else 1):
             if level >= FEWEST and not levels[-1]["new"]:
                 break
-            energies = energies_of(level, self.plan.bounds.energy) if searched else []
+            energies = level_energies(level, self.plan.bounds.energy) if searched else []
             if self.report["begun"]["level"] != level:
                 with self.catalogue.transaction():
                     self.report["begun"] = {"level": level, "families": len(self.known)}

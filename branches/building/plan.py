@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from branches.catalogue.packing import PackedFamily
 
 __all__ = [
-    "Answer", "Bounds", "BuildPlan", "Grazing", "KnownGrazings", "Link", "Seed", "energies_of", "open_ranges", "plain_seed", "read_seed",
-    "refuse_other_plan", "saved_seed",
+    "Answer", "Bounds", "BuildPlan", "Grazing", "KnownGrazings", "Link", "Seed", "level_energies", "open_ranges", "plain_link",
+    "plain_seed", "read_link", "read_seed", "refuse_other_plan", "saved_seed",
 ]  # fmt: skip
 
 
@@ -118,14 +118,14 @@ INSIDE = 1e-6
 """Distance of the outermost energies from the bounds, as a part of the range of log h."""
 
 
-def energies_of(level: int, energy: tuple[float, float]) -> list[float]:
+def level_energies(level: int, energy: tuple[float, float]) -> list[float]:
     """Energies of a level. Those of all levels together are even in log h.
 
     The first level also has two energies just inside the bounds. They meet every family that crosses a bound.
 
     Examples
     --------
-    >>> [round(h, 3) for h in energies_of(0, (1.0, 2.0))], [round(h, 3) for h in energies_of(1, (1.0, 2.0))]
+    >>> [round(h, 3) for h in level_energies(0, (1.0, 2.0))], [round(h, 3) for h in level_energies(1, (1.0, 2.0))]
     ([1.0, 1.189, 1.682, 2.0], [1.414])
     """
     low, high = np.log(energy)
@@ -145,11 +145,11 @@ def open_ranges(levels: int, energy: tuple[float, float], without: Collection[fl
     --------
     >>> open_ranges(2, (1.0, 2.0), [])
     []
-    >>> every = sorted(h for level in range(4) for h in energies_of(level, (1.0, 2.0)))
+    >>> every = sorted(h for level in range(4) for h in level_energies(level, (1.0, 2.0)))
     >>> [(round(low, 3), round(high, 3)) for low, high in open_ranges(4, (1.0, 2.0), every[4:9])]
     [(1.139, 1.477)]
     """
-    every = np.sort([h for level in range(levels) for h in energies_of(level, energy)])
+    every = np.sort([h for level in range(levels) for h in level_energies(level, energy)])
     kept = np.array([energy[0], *every[~np.isin(every, list(without))], energy[1]])
     step = math.log(energy[1] / energy[0]) / (_count(energy) * 2 ** (levels - 1))
     wide = np.flatnonzero(np.diff(np.log(kept)) > (GAPS + 0.5) * step)
@@ -311,7 +311,7 @@ def plain_seed(seed: Seed) -> dict[str, Any]:
         "value": _plain(seed.value),
         "wide": seed.wide,
         "further": seed.further,
-        "link": None if seed.link is None else {name: _plain(value) for name, value in vars(seed.link).items()},
+        "link": plain_link(seed.link),
     }
 
 
@@ -324,15 +324,24 @@ def read_seed(plain: dict[str, Any], plan: BuildPlan) -> Seed:
         value = Grazing(_kept(value["orbit"]), value["rising"], None if value["mark"] is None else tuple(value["mark"]))
     elif kind == "mode":
         value = tuple(value)
-    if link is not None:
-        link = Link(**link | {side: None if link[side] is None else _kept(link[side]) for side in ("here", "there")})
-    return Seed(kind, value, plan, plain["wide"], plain["further"], link)
+    return Seed(kind, value, plan, plain["wide"], plain["further"], read_link(link))
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Grazing):
         return {"orbit": vars(value.orbit), "rising": value.rising, "mark": value.mark}
     return vars(value) if isinstance(value, EventOrbit) else value
+
+
+def plain_link(link: Link | None) -> dict[str, Any] | None:
+    """A link as JSON values."""
+    return None if link is None else {name: _plain(value) for name, value in vars(link).items()}
+
+
+def read_link(plain: dict[str, Any] | None) -> Link | None:
+    """The inverse of `plain_link`."""
+    sides = ("here", "there")
+    return None if plain is None else Link(**plain | {side: None if plain[side] is None else _kept(plain[side]) for side in sides})
 
 
 def _kept(plain: dict[str, Any]) -> EventOrbit:

@@ -17,12 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from branches.building.frontier import Frontier
-from branches.building.plan import Link
+from branches.building.plan import Link, plain_link, read_link
 from branches.catalogue.catalogue import Catalogue
 from branches.catalogue.database import CatalogueError, readable
 from branches.catalogue.packing import PackedFamily
 from branches.catalogue.responses import kept_as, orbit_of, pack_response, problem_at
-from branches.catalogue.rows import Edge, EventOrbit, FamilyRow
+from branches.catalogue.rows import Edge, FamilyRow
 from branches.files import one_line
 from branches.forced.branch import ForcedBranch, ForcedEvent
 from branches.forced.family import ForcedFamily
@@ -434,24 +434,10 @@ def _plain_plan(plan: ResponsePlan) -> dict[str, Any]:
 
 def _plain(seed: ResponseSeed) -> dict[str, Any]:
     """A seed as JSON values."""
-    link = None
-    if seed.link is not None:
-        link = {name: vars(value) if isinstance(value, EventOrbit) else value for name, value in vars(seed.link).items()}
-    return {**seed._asdict(), "link": link}
+    return {**seed._asdict(), "link": plain_link(seed.link)}
 
 
 def _read(plain: dict[str, Any]) -> ResponseSeed:
     """The inverse of `_plain`."""
-    given = dict(plain)
-    link = given.pop("link")
-    if link is not None:
-        for side in ("here", "there"):
-            if link[side] is not None:
-                orbit = link[side]
-                link[side] = EventOrbit(tuple(orbit["ends"]), orbit["sequence"], tuple(orbit["start"]), tuple(orbit["flight_times"]))
-        link = Link(**link)
-    tangent = given["tangent"]
-    return ResponseSeed(
-        given["problem"], tuple(given["y"]), None if tangent is None else tuple(tangent), tuple(given["interval"]), given["depth"], link,
-        given["kind"],
-    )  # fmt: skip
+    lists = {name: None if plain[name] is None else tuple(plain[name]) for name in ("y", "tangent", "interval")}
+    return ResponseSeed(**plain | lists | {"link": read_link(plain["link"])})

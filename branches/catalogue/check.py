@@ -14,7 +14,7 @@ from branches.branch import Branch
 from branches.catalogue import responses
 from branches.catalogue.curves import CurveRow, curve_of_row
 from branches.catalogue.database import CatalogueDamaged
-from branches.catalogue.kept_curves import curve_failures
+from branches.catalogue.kept_curves import curve_failures, first_of_each
 from branches.catalogue.members import distances_from_orbit, unknowns_of
 from branches.catalogue.rows import Edge, EventOrbit, Node
 from branches.catalogue.store import CatalogueStore
@@ -97,7 +97,7 @@ def check_catalogue(catalogue: CatalogueStore, on_family: Callable[[int], object
             on_family(counts["families"])
     nodes = {Node.of(row).id for row in _intact(catalogue, "nodes", failures)}
     with _recording(failures, "edges"):
-        found, expected = catalogue.counts()["edges"], catalogue.recorded_edges()
+        found, expected = catalogue.counts()["edges"], catalogue.recorded("edges")
         if found != expected:
             failures.append(Failure("edges", f"the catalogue has {found} edges, expected {expected}"))
     for edge in map(Edge.of, _intact(catalogue, "edges", failures)):
@@ -112,7 +112,7 @@ def _curves(catalogue: CatalogueStore, failures: list[Failure]) -> int:
     """Verify the curves in the plane of two parameters; the number of them."""
     rows = _intact(catalogue, "curves", failures) if catalogue._has_curves else []
     with _recording(failures, "curves"):
-        found, expected = len(catalogue._select("SELECT id FROM curves")) if catalogue._has_curves else 0, catalogue.recorded_curves()
+        found, expected = len(catalogue._select("SELECT id FROM curves")) if catalogue._has_curves else 0, catalogue.recorded("curves")
         if found != expected:
             failures.append(Failure("curves", f"the catalogue has {found} curves, expected {expected}"))
     for row in map(CurveRow._make, rows):
@@ -165,8 +165,7 @@ def _family(branch: Branch) -> Iterator[str]:
     for i in range(len(branch)):
         for kind, text in _point(branch, i, i in grazing):
             found.setdefault(kind, []).append(f"point {i}, h = {branch.points['h'][i]:.8g}: {text}")
-    for texts in found.values():
-        yield texts[0] + (f" (and {len(texts) - 1} more points)" if len(texts) > 1 else "")
+    yield from first_of_each(found)
     if not (np.diff(branch.points["arclength"]) >= 0.0).all():
         yield "its points are not in order of arclength"
     for event in branch.events:

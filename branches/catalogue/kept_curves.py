@@ -254,14 +254,19 @@ def curve_failures(curve: BifurcationCurve, row: CurveRow) -> Iterator[str]:
         if not distance <= CONDITION and i not in uncertain:
             text = f"{where}: its condition {curve.code} does not hold, by {distance:.1e}, expected below {CONDITION:.0e}"
             found.setdefault("condition", []).append(text)
-    for texts in found.values():
-        yield texts[0] + (f" (and {len(texts) - 1} more points)" if len(texts) > 1 else "")
+    yield from first_of_each(found)
     if not (np.diff(curve.arclength) >= 0.0).all():
         yield "its points are not in order of arclength"
     if curve_id(curve) != row.id:
         yield f"its events give the id {curve_id(curve)}"
     if (row.code, row.names, row.points, row.events) != (curve.code, canonical_names(curve), len(curve), len(curve.events)):
         yield "its row and its points do not fit each other"
+
+
+def first_of_each(found: dict[str, list[str]]) -> Iterator[str]:
+    """The first of the failures of each kind, with the number of the others."""
+    for texts in found.values():
+        yield texts[0] + (f" (and {len(texts) - 1} more points)" if len(texts) > 1 else "")
 
 
 def _from_condition(problem: Curve, y: np.ndarray) -> float:

@@ -236,11 +236,11 @@ class CatalogueStore(CatalogueFile):
     def _count_edges(self, change: int) -> None:
         # No other row shows that an edge is missing, so `check` compares their number.
         if change:
-            self._insert("counts", ("edges", json.dumps(self.recorded_edges() + change)), "INSERT OR REPLACE")
+            self._insert("counts", ("edges", json.dumps(self.recorded("edges") + change)), "INSERT OR REPLACE")
 
-    def recorded_edges(self) -> int:
-        """The number of edges by the record that `connect` and `remove` keep."""
-        return int(self._values("counts").get("edges", 0))
+    def recorded(self, table: str) -> int:
+        """The number of edges or curves by the record that is kept of it when some are added or removed."""
+        return int(self._values("counts").get(table, 0))
 
     # -- curves in the plane of two parameters --------------------------------------------------------------------------------
 
@@ -283,10 +283,6 @@ class CatalogueStore(CatalogueFile):
     def _count_curves(self) -> None:
         count = self._select("SELECT count(*) FROM curves")[0][0]
         self._insert("counts", ("curves", json.dumps(count)), "INSERT OR REPLACE")
-
-    def recorded_curves(self) -> int:
-        """The number of curves by the record that is kept of it."""
-        return int(self._values("counts").get("curves", 0))
 
     @property
     def _has_curves(self) -> bool:

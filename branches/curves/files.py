@@ -92,38 +92,26 @@ def curve_header(curve: BifurcationCurve) -> dict[str, Any]:
         "start": curve.start,
         "closed": curve.closed,
         "origin": curve.origin,
-        "ended": record.ended_record(curve.ended),
+        "ended": [end._asdict() for end in curve.ended],
         "events": [plain(event._asdict() | {"values": dict(event.values)}) for event in curve.events],
     }
 
 
 def curves_table(curves: Sequence[BifurcationCurve]) -> Table:
     """The points of some curves in columns. A column of a parameter that a curve does not have is NaN there."""
-    names = list(dict.fromkeys(name for curve in curves for name in curve.shown[0]))
-    values = {name: [] for name in names}  # type: dict[str, list[np.ndarray]]
-    for curve in curves:
-        for name in names:
-            known = curve.names.index(name) if name in curve.names else None
-            values[name].append(np.full(len(curve), np.nan) if known is None else curve.parameters[:, known])
-    numbers = np.concatenate([np.full(len(curve), k) for k, curve in enumerate(curves, 1)])
+    names = dict.fromkeys(name for curve in curves for name in curve.shown[0])
     most = max(curve.multipliers.shape[1] for curve in curves)
-    table: Table = {
-        "curve": numbers,
-        "type": np.concatenate([np.full(len(curve), curve.code) for curve in curves]),
-        "point": np.concatenate([np.arange(len(curve)) for curve in curves]),
-        "arclength": np.concatenate([curve.arclength for curve in curves]),
-        **{name: np.concatenate(columns) for name, columns in values.items()},
-        "coefficient": np.concatenate([curve.coefficient for curve in curves]),
-        "cosine": np.concatenate([curve.cosine for curve in curves]),
-        "event": np.array(
-            [ids for curve in curves for ids in ids_at_points(((event.point, event.id) for event in curve.events), len(curve))], dtype=str
-        ),
-        "residual": np.concatenate([curve.residual for curve in curves]),
-        "multipliers": np.concatenate(
-            [np.pad(curve.multipliers, ((0, 0), (0, most - curve.multipliers.shape[1])), constant_values=np.nan) for curve in curves]
-        ),
-    }
-    return table
+    parts: list[dict[str, np.ndarray]] = []
+    for number, curve in enumerate(curves, 1):
+        count, values = len(curve), dict(zip(curve.names, curve.parameters.T, strict=True))
+        parts.append({
+            "curve": np.full(count, number), "type": np.full(count, curve.code), "point": np.arange(count), "arclength": curve.arclength,
+            **{name: values.get(name, np.full(count, np.nan)) for name in names}, "coefficient": curve.coefficient, "cosine": curve.cosine,
+            "event": np.array(ids_at_points(((event.point, event.id) for event in curve.events), count), dtype=str),
+            "residual": curve.residual,
+            "multipliers": np.pad(curve.multipliers, ((0, 0), (0, most - curve.multipliers.shape[1])), constant_values=np.nan),
+        })  # fmt: skip
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def read_curves(path: str | os.PathLike[str]) -> list[BifurcationCurve]:

@@ -24,7 +24,6 @@ import numpy as np
 from branches.curves.kernels import CONSTANT, OTHER, OWN
 from branches.curves.pencils import NONE_FREED, MatrixRows, RowsCondition, whole_rows
 from branches.curves.plane import ParameterPlane, closing_block
-from bvp.curvature import second_along
 from bvp.kernels.multipoint import CLOSED, ORIGIN, REST, STOP
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised, SingularCondition
@@ -152,8 +151,8 @@ class Fold:
 
         def along(at: Linearised, direction: np.ndarray) -> np.ndarray:
             found, count = none.copy(), self.size - len(self._rows) - 1
-            found[:count] = second_along(self.problem, at.y, direction)[:count]
-            found[-1] = second_along(energy, at.y, direction)[-1]
+            found[:count] = self.problem.curvature.second_along(at.y, direction)[:count]
+            found[-1] = energy.curvature.second_along(at.y, direction)[-1]
             return found
 
         return SingularCondition(lambda at: (self.matrix(at), none), along, 1.0)

@@ -18,7 +18,6 @@ import numpy as np
 
 from branches.curves.kernels import OTHER, OWN, free_energy
 from branches.curves.plane import ParameterPlane, closing_block
-from bvp.curvature import second_along
 from bvp.forced import ForcedProblem
 from continuation.curves import Linearised, SingularCondition
 
@@ -90,7 +89,7 @@ class RowsCondition(SingularCondition):
 
     def slopes(self, y: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """The derivatives of the matrix times a direction, (u, u)."""
-        return self._from_parts(lambda problem: second_along(problem, y, direction))
+        return self._from_parts(lambda problem: problem.curvature.second_along(y, direction))
 
     def _quick_slopes(self, at: Linearised, direction: np.ndarray) -> np.ndarray:
         return self._from_parts(lambda problem: problem.curvature.slopes_along(at.y, direction))

@@ -74,14 +74,7 @@ def follow_curve(
     """
     curve, first = first_point(start, window) if begun is None else begun
     settings = settings if points is None else replace(settings, maximum_points=points)
-    count = 0
-
-    def counted(new: Sequence[Point]) -> None:
-        nonlocal count
-        count += len(new)
-        if on_point is not None:
-            on_point(count)
-
+    counted = None if on_point is None else _counting(on_point, 1)
     try:
         run = follow_both_ways(
             curve, first, settings, both=direction == "both", direction=_DIRECTIONS[direction], on_event=on_event, on_points=counted

@@ -124,13 +124,11 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         """The problem that a solution belongs to, with it."""
         return self.problem, solution
 
-    def _advance_block(self, *arguments: Any) -> tuple[int, int, float]:
-        found: tuple[int, int, float] = advance_forced_block(*arguments)
-        return found
+    def _advance_block(self, *arguments: Any) -> Any:
+        return advance_forced_block(*arguments)
 
-    def _narrow_bracket(self, *arguments: Any) -> tuple[int, int]:
-        found: tuple[int, int] = narrow_forced_bracket(*arguments)
-        return found
+    def _narrow_bracket(self, *arguments: Any) -> Any:
+        return narrow_forced_bracket(*arguments)
 
     def _step(self, solution: Solution | None) -> Step:
         if solution is None or not is_orbit(solution.result):

@@ -14,7 +14,7 @@ from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
 
 __all__ = [
-    "ENDED", "EVENT", "POINT", "PROBLEM", "RANGE", "SCHEMA", "ended_from", "ended_record", "event_name", "named_events", "problem_from",
+    "ENDED", "EVENT", "POINT", "PROBLEM", "RANGE", "SCHEMA", "ended_from", "event_name", "named_events", "problem_from",
     "problem_record", "range_from", "require_fitting", "restored",
 ]  # fmt: skip
 
@@ -78,13 +78,8 @@ def problem_from(parametric: ParametricSystem, given: Mapping[str, Any]) -> Forc
     return ForcedProblem(parametric, given["solved"], given["released"], **options)
 
 
-def ended_record(ended: Sequence[Ended]) -> list[dict[str, str]]:
-    """Both ends as plain data."""
-    return [{"reason": end.reason, "text": end.text} for end in ended]
-
-
 def ended_from(given: Sequence[Mapping[str, str]]) -> tuple[Ended, Ended]:
-    """The inverse of `ended_record`."""
+    """Both ends from plain data."""
     first, last = (Ended(end["reason"], end["text"]) for end in given)
     return first, last
 

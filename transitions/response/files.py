@@ -85,7 +85,7 @@ def _branch_record(branch: ForcedBranch, harmonics: int | None) -> dict[str, Any
         **given,
         "range": plain(branch.interval),
         "start": branch.start,
-        "ended": record.ended_record(branch.ended),
+        "ended": [end._asdict() for end in branch.ended],
         "events": events,
         **_limits(branch),
         "points": points,

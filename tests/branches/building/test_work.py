@@ -7,14 +7,14 @@ import pytest
 
 import saltus
 from branches.building import work as module
-from branches.building.plan import Bounds, BuildPlan, energies_of
+from branches.building.plan import Bounds, BuildPlan, level_energies
 
 
 @pytest.mark.parametrize("place", [0, -1])
 def test_energies_beside_the_outermost_are_inside_the_bounds(place, monkeypatch):
     """Oracle: the bounds. A family that is followed from an orbit outside them has a single point."""
     system, bounds = saltus.vibro_impact_nes(mu=0.1, sigma=0.1), Bounds((0.06, 0.4), 1.9, 2)
-    energy = energies_of(0, bounds.energy)[place]
+    energy = level_energies(0, bounds.energy)[place]
     asked = []
 
     def incomplete(system, energy, **limits):
