@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 from branches.branch import Branch
 from branches.events import FREE_NORMAL_FORMS, BranchEvent
@@ -43,9 +42,7 @@ def with_normal_forms(branch: Branch, known: Iterable[BranchEvent] = ()) -> Bran
         events.append(event)
     for k in new:
         events[k] = normal_form_at(branch.orbit(events[k].point), events[k], len(new))
-    found = replace(branch, events=tuple(events))
-    found.__dict__.update({name: value for name, value in branch.__dict__.items() if name in ("id", "full_family", "wider")})
-    return found
+    return branch.of_same_orbits(events=tuple(events))
 
 
 def normal_form_at(orbit: Orbit, event: BranchEvent, count: int = 1) -> BranchEvent:

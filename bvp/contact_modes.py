@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bvp.blocks import Blocks, Matrices, blocks_of, exact_product, traceless
+from bvp.blocks import Blocks, exact_product, traceless
 from bvp.checks import EPSILON
 from bvp.forcing import BudgetTerms, Forcing
 from bvp.kernels.contact_mode import ContactModes
-from bvp.modes import balanced, modal_impulse, two_parts, undamped_modes
+from bvp.modes import balanced, modal_impulse, reduced_blocks, two_parts
 
 if TYPE_CHECKING:
     from bvp.system import ImpactSystem
@@ -143,15 +143,8 @@ def _blocks(system: ImpactSystem, basis: np.ndarray, count: int) -> tuple[Blocks
     if not m:
         none = np.zeros((0, 0))
         return Blocks("uncoupled", none, np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), none, none, none), basis.T
-    mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
-    rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
-    damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
-    squares, shapes = undamped_modes(mass, stiffness)
-    scale = 8.0 * len(basis) * EPSILON * np.einsum(
-        "ik,ij,jk->k", np.abs(basis @ shapes), np.abs(system.stiffness), np.abs(basis @ shapes)
-    )  # fmt: skip
-    squares = np.where(np.abs(squares) <= scale, 0.0, squares)
-    return blocks_of(Matrices(mass, damping, stiffness), squares, shapes), np.linalg.solve(mass, basis.T @ system.mass)
+    blocks = reduced_blocks(system, basis, mass, damping, stiffness)
+    return blocks, np.linalg.solve(0.5 * (mass + mass.T), basis.T @ system.mass)
 
 
 def _free_acceleration(

@@ -16,15 +16,16 @@ import numpy as np
 from bvp.expansion import expanded
 from bvp.kernels.bent_orbit import Bending, BentOrbit, Work
 from bvp.kernels.curvature import second_along as fill_second
-from bvp.kernels.expressions import Program, run
+from bvp.kernels.expressions import Program
 from bvp.kernels.state_derivatives import third_of_states as fill_third
+from bvp.nilpotent import derivative_tables
 from bvp.programs import scratch_size
 
 if TYPE_CHECKING:
     from bvp.forced import ForcedProblem
     from bvp.smooth_expansion import SmoothExpansion
 
-__all__ = ["Curvature", "second_along", "third"]
+__all__ = ["Curvature"]
 
 _SECOND, _THIRD = 1e-3, 5e-3
 """Largest steps of the differences of problems without exact derivatives, in units of the sizes of the unknowns."""
@@ -34,27 +35,6 @@ _ENOUGH = 1e-4
 
 _NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
 """A number as Python writes it, and as a user does."""
-
-
-def second_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """F''(y)[a, .], (u - 1, u): the derivative of `problem.jacobian` along a (u,), real or complex.
-
-    Parameters
-    ----------
-    problem : ForcedProblem
-        Or a ReleasedProblem.
-    y, a : ndarray (u,)
-
-    Notes
-    -----
-    Exact to rounding, or from differences of the Jacobian (`differences_along`): see `Curvature.is_exact`.
-    """
-    return problem.curvature.second_along(y, a)
-
-
-def third(problem: ForcedProblem, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """F'''(y)[a, b, c], (u - 1,); see `second_along`."""
-    return problem.curvature.third(y, a, b, c)
 
 
 class Curvature:
@@ -78,7 +58,7 @@ class Curvature:
         self._programs: dict[int, tuple[Program, Program]] = {}
 
     def second_along(self, y: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """See the function of this name."""
+        """F''(y)[a, .], (u - 1, u): the derivative of `problem.jacobian` along a (u,), real or complex."""
         if np.iscomplexobj(a):
             return self.second_along(y, a.real) + 1j * self.second_along(y, a.imag)
         if not self.is_exact:
@@ -106,7 +86,7 @@ class Curvature:
         return differences_along(self.problem, y, a)
 
     def third(self, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-        """See the function of this name."""
+        """F'''(y)[a, b, c], (u - 1,)."""
         if not self.is_exact:
             return third_differences(self.problem, y, a, b, c)
         if self.is_compiled:
@@ -148,13 +128,13 @@ class Curvature:
     def tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
         """The entries that depend on the released parameters, and their derivatives up to an order: (D,), (D, m), (D, m, m), ..."""
         entries, _ = self._of_order(order)
-        return _tables(entries, values, len(self.problem.released), order)
+        return derivative_tables(entries, values, len(self.problem.released), order)
 
     def kept_tables(self, values: np.ndarray, order: int) -> list[np.ndarray]:
         """The equations of the user and their derivatives, by all that they can name and that varies."""
         _, kept = self._of_order(order)
         problem = self.problem
-        return _tables(kept, values, len(problem.released) + len(values) - len(problem.parametric.names), order)
+        return derivative_tables(kept, values, len(problem.released) + len(values) - len(problem.parametric.names), order)
 
     @cached_property
     def bending(self) -> Bending:
@@ -198,19 +178,6 @@ class Curvature:
             entries = parametric.program(problem.released, order).program
             self._programs[order] = entries, parametric.equations(problem.keep, problem.released, conserved, order)
         return self._programs[order]
-
-
-def _tables(program: Program, values: np.ndarray, variables: int, order: int) -> list[np.ndarray]:
-    """The outputs of a program of D expressions and their derivatives by order."""
-    out = np.zeros(len(program.outputs))
-    run(program, values, np.zeros(scratch_size(program, len(values))), out)
-    count = len(out) // sum(variables**k for k in range(order + 1))
-    found, start = [], 0
-    for k in range(order + 1):
-        stop = start + count * variables**k
-        found.append(out[start:stop].reshape((count, *(variables,) * k)))
-        start = stop
-    return found
 
 
 def differences_along(problem: ForcedProblem, y: np.ndarray, a: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ from bvp.kernels.newton import LINEARISED, set_scale
 from bvp.kernels.step import CompiledProblem, Landing, Request
 from bvp.kernels.undamped import Renewal, make_renewal, renew_free_flight
 from bvp.multipliers import sort_multipliers
-from bvp.multipoint import GROWTH, MOST_PIECES, NotConverged, Solution, dense_jacobian, enough_pieces
+from bvp.multipoint import GROWTH, MOST_PIECES, NotConverged, Solution, dense_jacobian, enough_pieces, largest_growth
 from bvp.parameters import ParametricSystem
 from bvp.programs import scratch_size
 from bvp.smooth_flights import why_not_flown
@@ -508,7 +508,7 @@ class ForcedProblem:
         return np.split(np.arange((self.inner + 1) * (self.size + 1)), self.inner + 1)
 
     def second_derivative(self, y: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """F''(y)[a, b], (u - 1,): see `bvp.curvature.second_along`."""
+        """F''(y)[a, b], (u - 1,): see `bvp.curvature.Curvature.second_along`."""
         found: np.ndarray = self.curvature.second_along(y, a) @ b
         return found
 
@@ -613,10 +613,7 @@ class ForcedProblem:
     def growth(self, y: np.ndarray) -> float:
         """See `MultipointProblem.growth`."""
         self._evaluated(y)
-        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
-        size = 2 * self.degrees_of_freedom
-        sizes = np.repeat([displacement, velocity], self.degrees_of_freedom)
-        return float(np.max(np.abs(self._factor.flights[:, :size, :size]) * sizes / sizes[:, None]))
+        return largest_growth(self.segment, self._factor, y, self.degrees_of_freedom)
 
     @cached_property
     def _orbit_multipliers(self) -> OrbitMultipliers:

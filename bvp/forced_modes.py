@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from bvp.blocks import Blocks, Matrices, blocks_of, exact_product
-from bvp.checks import EPSILON
+from bvp.blocks import Blocks, blocks_of, exact_product
 from bvp.closures import EndsError
 from bvp.kernels.flight import Flight
 from bvp.kernels.forced_sticking import Sticking, Unstuck, sticking_flight
 from bvp.kernels.loads import LoadedFlight, Loads
 from bvp.kernels.smooth_loads import SmoothLoadedFlight
 from bvp.kernels.summed_chatter import ORDERS, Chatter
-from bvp.modes import undamped_modes
+from bvp.modes import reduced_blocks, undamped_modes
 
 if TYPE_CHECKING:
     from bvp.contact_sequence import ContactEvent
@@ -115,14 +114,7 @@ def _reduced(system: ImpactSystem, basis: np.ndarray, rows: np.ndarray, lift: np
     pairs, mean, delta, matrix = np.zeros((0, 2), dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros((2 * n, 2 * n))
     shapes = np.zeros((0, 0))
     if m:
-        mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
-        rounding = 4.0 * n * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
-        damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
-        squares, shapes = undamped_modes(mass, stiffness)
-        size = np.abs(basis @ shapes)
-        scale = 8.0 * n * EPSILON * np.einsum("ik,ij,jk->k", size, np.abs(system.stiffness), size)
-        squares = np.where(np.abs(squares) <= scale, 0.0, squares)
-        found = blocks_of(Matrices(mass, damping, stiffness), squares, shapes)
+        found = reduced_blocks(system, basis, mass, damping, stiffness)
         pairs, mean, delta, shapes = found.pairs, found.mean, found.delta, found.shapes
         matrix[: 2 * m, : 2 * m] = found.matrix
         two = np.kron(np.eye(2), left)

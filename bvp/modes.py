@@ -277,6 +277,19 @@ def _known_modes(n: int, mass_entries: bytes, stiffness_entries: bytes) -> tuple
     return squares, shapes
 
 
+def reduced_blocks(
+    system: Any, basis: np.ndarray, mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray
+) -> Blocks:
+    """The blocks of a system that moves along a basis (n, m), m > 0, with its matrices there (m, m). What is rounding in them is zero."""
+    mass, stiffness = 0.5 * (mass + mass.T), 0.5 * (stiffness + stiffness.T)
+    rounding = 4.0 * len(basis) * EPSILON * np.abs(basis).T @ np.abs(system.damping) @ np.abs(basis)
+    damping = np.where(np.abs(damping) <= rounding, 0.0, damping)
+    squares, shapes = undamped_modes(mass, stiffness)
+    size = np.abs(basis @ shapes)
+    scale = 8.0 * len(basis) * EPSILON * np.einsum("ik,ij,jk->k", size, np.abs(system.stiffness), size)
+    return blocks_of(Matrices(mass, damping, stiffness), np.where(np.abs(squares) <= scale, 0.0, squares), shapes)
+
+
 def energy_form(system: Matrices, rates: np.ndarray, shapes: np.ndarray) -> list[list[Fraction]]:
     """G of the energy a.G a/2 of oscillating modes, a = (p_1, q_1, p_2, ..), (u, v) = Re(sum of (p - i q) shape).
 

@@ -37,16 +37,9 @@ from bvp.system import ImpactSystem
 from bvp.texts import brief
 
 __all__ = [
-    "RESULT_INDEX",
-    "EndsError",
-    "MultipointProblem",
-    "NotConverged",
-    "Solution",
-    "dense_jacobian",
-    "enough_pieces",
-    "lost_digits",
-    "observed_of",
-]
+    "RESULT_INDEX", "EndsError", "MultipointProblem", "NotConverged", "Solution", "dense_jacobian", "enough_pieces", "largest_growth",
+    "lost_digits", "observed_of",
+]  # fmt: skip
 
 RESULT_INDEX = {name: k for k, name in enumerate(RESULT)}
 
@@ -294,9 +287,7 @@ class MultipointProblem:
     def growth(self, y: np.ndarray) -> float:
         """The largest factor by which perturbations, relative to the size of the state, grow along a flight or a piece of one."""
         self.residual(y)
-        displacement, velocity, _ = set_scale(self.segment, np.array(y, float), self._factor)
-        sizes = np.repeat([displacement, velocity], self.half)
-        return float(np.max(np.abs(self._factor.flights) * sizes / sizes[:, None]))
+        return largest_growth(self.segment, self._factor, y, self.half)
 
     def flight_times(self, y: np.ndarray) -> np.ndarray:
         """Flight times (k + 1,)."""
@@ -496,6 +487,14 @@ class MultipointProblem:
         wanted = (True, full, full and self._two_dof)
         addresses = np.array([self._kernel(k)[1] if wanted[k] else 0 for k in range(3)])
         return CompiledProblem(addresses, self._packed, self._factor, self.observed, self._work, self._period)
+
+
+def largest_growth(segment: Any, factor: Factor, y: np.ndarray, n: int) -> float:
+    """The largest factor by which perturbations of n displacements and velocities grow along a flight of the orbit y that was evaluated
+    last, relative to their sizes."""
+    displacement, velocity, _ = set_scale(segment, np.array(y, float), factor)
+    sizes = np.repeat([displacement, velocity], n)
+    return float(np.max(np.abs(factor.flights[:, : 2 * n, : 2 * n]) * sizes / sizes[:, None]))
 
 
 def enough_pieces(growth: float, pieces: int, most: int = MOST_PIECES, limit: float = GROWTH) -> int:

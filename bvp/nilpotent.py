@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from bvp.kernels.expressions import Program, run
+from bvp.programs import scratch_size
+
 __all__ = ["composed", "constant", "exponential", "inverse", "partitions", "parts", "product"]
 
 _CONVERGENCE = 0.25
@@ -117,6 +120,15 @@ def _exponential(matrix: np.ndarray) -> np.ndarray:
     for _ in range(squarings):
         found = found @ found
     return found
+
+
+def derivative_tables(program: Program, values: np.ndarray, variables: int, order: int) -> list[np.ndarray]:
+    """The outputs of a program of D expressions and their derivatives by order: (D,), (D, m), (D, m, m), ..."""
+    out = np.zeros(len(program.outputs))
+    run(program, values, np.zeros(scratch_size(program, len(values))), out)
+    sizes = [variables**k for k in range(order + 1)]
+    parts = np.split(out, np.cumsum(sizes)[:-1] * (len(out) // sum(sizes)))
+    return [part.reshape((-1, *(variables,) * k)) for k, part in enumerate(parts)]
 
 
 def composed(derivatives: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:

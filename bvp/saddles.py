@@ -42,8 +42,7 @@ class Saddle(NamedTuple):
 
     def distance(self, problem: MultipointProblem, y: np.ndarray) -> float:
         """Distance from the orbit y, at its nearest end of a flight, beside the size of the motion, in places and velocities."""
-        states = np.vstack([problem.start(y), problem.end_states(y)]) @ self.system.modes.to_state.T
-        u, v = np.split(states, 2, axis=1)
+        u, v = np.split(_turns(problem, y), 2, axis=1)
         mass = self.system.mass
         size = float(self.displacement @ mass @ self.displacement)
         if self.system.has_odd_symmetry:  # the image of a saddle under u -> -u is one too
@@ -53,8 +52,7 @@ class Saddle(NamedTuple):
         return float(np.sqrt(np.min(apart)))
 
     def __str__(self) -> str:
-        place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.system.coordinates, self.displacement.tolist(), strict=True))
-        return f"the equilibrium {place} of energy h = {self.h:.10g}, where the potential falls off"
+        return f"the equilibrium {_place(self.system, self.displacement)} of energy h = {self.h:.10g}, where the potential falls off"
 
 
 def _saddle_near(system: ImpactSystem, u: np.ndarray) -> Saddle | None:
@@ -95,9 +93,14 @@ def _saddle_near(system: ImpactSystem, u: np.ndarray) -> Saddle | None:
     return Saddle(system, at, energy)
 
 
+def _place(system: ImpactSystem, at: np.ndarray) -> str:
+    """Displacements (n,) in words."""
+    return ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, at.tolist(), strict=True))
+
+
 def _turns(problem: MultipointProblem, y: np.ndarray) -> np.ndarray:
-    """The displacements (m, n) of the orbit y at the ends of its flights."""
-    return (np.vstack([problem.start(y), problem.end_states(y)]) @ problem.system.modes.to_state.T)[:, : problem.half]
+    """The states (m, 2 n) of the orbit y at the ends of its flights."""
+    return np.vstack([problem.start(y), problem.end_states(y)]) @ problem.system.modes.to_state.T
 
 
 def _is_finite(u: np.ndarray) -> bool:
@@ -109,21 +112,18 @@ def farther_out(problem: MultipointProblem, y: np.ndarray) -> str:
     """Why orbits larger than y do not turn, in words: the potential ends just beyond it, or levels off there. Empty for neither."""
     system, h = problem.system, problem.energy(y)
     rest = np.zeros(problem.half)
-
-    def place(at: np.ndarray) -> str:
-        return ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, at.tolist(), strict=True))
-
     with np.errstate(all="ignore"):
-        for u in filter(_is_finite, _turns(problem, y) if problem.is_smooth else ()):
+        for u in filter(_is_finite, _turns(problem, y)[:, : problem.half] if problem.is_smooth else ()):
             inside, outside = 1.0, 1.0 + NEAR
             if not np.isfinite(system.energy(outside * u, rest)):
                 while inside < (middle := 0.5 * (inside + outside)) < outside:
                     inside, outside = (middle, outside) if np.isfinite(system.energy(middle * u, rest)) else (inside, middle)
-                return f"its orbits approach {place(inside * u)}, beyond which the potential has no values"
+                return f"its orbits approach {_place(system, inside * u)}, beyond which the potential has no values"
             levels = np.array([system.energy(2.0**k * u, rest) for k in range(_DOUBLINGS)])
             level = int(np.argmax(np.append(np.diff(levels), 0.0) <= _LEVEL * h))  # the first that rises no more
             if 0.0 <= levels[level] - levels[0] < NEAR * h and 0.0 <= levels[level] - h < NEAR * h and level < _DOUBLINGS - 1:
-                return f"its orbits approach the energy h = {levels[level]:.5g}, at which the potential levels off beyond {place(u)}"
+                reached = f"the energy h = {levels[level]:.5g}, at which the potential levels off"
+                return f"its orbits approach {reached} beyond {_place(system, u)}"
     return ""
 
 
@@ -132,7 +132,6 @@ def approached(problem: MultipointProblem, y: np.ndarray) -> Saddle | None:
     if not problem.is_smooth:
         return None
     system, n = problem.system, problem.half
-    ends = np.vstack([problem.start(y), problem.end_states(y)]) @ system.modes.to_state.T
-    farthest = max(ends, key=lambda state: float(state[:n] @ system.mass @ state[:n]))
+    farthest = max(_turns(problem, y), key=lambda state: float(state[:n] @ system.mass @ state[:n]))
     saddle = _saddle_near(system, farthest[:n])
     return saddle if saddle is not None and saddle.distance(problem, y) < NEAR else None

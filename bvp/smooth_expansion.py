@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from bvp.jet_programs import jet_program, plain_powers
-from bvp.kernels.expressions import Program, run
+from bvp.kernels.expressions import Program
 from bvp.kernels.taylor import SmoothFlight, fly_smooth, make_smooth_flight
-from bvp.nilpotent import composed, inverse, partitions, parts, product
-from bvp.programs import derivative, derivatives_of, evaluate_program, program_of, scratch_size
+from bvp.nilpotent import composed, derivative_tables, inverse, partitions, parts, product
+from bvp.programs import derivative, derivatives_of, evaluate_program, program_of
 from bvp.released_forces import SINGLE
 
 if TYPE_CHECKING:
@@ -139,14 +139,7 @@ class SmoothExpansion:
     def energy(self, place: np.ndarray, parameters: np.ndarray) -> np.ndarray:
         """The energy of the forces at displacements, (2^d,)."""
         at = np.concatenate([place @ self.forces.inputs[:, : self.n].T, parameters], axis=1)
-        program, values, variables = self._energy_program, at[0].real.copy(), at.shape[1]
-        out = np.zeros(len(program.outputs))
-        run(program, values, np.zeros(scratch_size(program, variables)), out)
-        tables, start = [], 0
-        for k in range(self.order + 1):
-            tables.append(out[start : start + variables**k].reshape((1, *(variables,) * k)))
-            start += variables**k
-        return composed(tables, at)[:, 0]
+        return composed(derivative_tables(self._energy_program, at[0].real.copy(), at.shape[1], self.order), at)[:, 0]
 
     @cached_property
     def _energy_program(self) -> Program:

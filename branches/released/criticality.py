@@ -24,7 +24,6 @@ from branches.released.presentation import embedded_orbit, released_orbit
 from bvp.checks import EPSILON
 from bvp.closures import cycle_of
 from bvp.criticality import Criticality, shaken
-from bvp.curvature import second_along
 from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import floquet_multipliers
 from bvp.multipoint import MultipointProblem, Solution
@@ -265,7 +264,7 @@ class CriticalEquations:
     def _bend(self, v: np.ndarray) -> np.ndarray:
         """The same along a direction."""
         found = np.zeros((len(v), len(v)))
-        found[:-1] = second_along(self.problem, self.y, v)
+        found[:-1] = self.problem.curvature.second_along(self.y, v)
         if not self.problem.released:
             found[-1, : 2 * self.n] = self.energy @ v[: 2 * self.n]
         return found * self.level[:, None]

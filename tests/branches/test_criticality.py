@@ -16,11 +16,10 @@ import saltus
 from branches.forced.primitive import primitive_orbit
 from branches.forced.tracing import follow_response, switch_response
 from bvp.criticality import CriticalOrbit, NormalForms, criticality
-from bvp.curvature import second_along, third
 from bvp.forced import ForcedProblem
 from tests.branches.forced_systems import absorber_families, impact_speed, oscillator
 from tests.branches.test_absorber import located
-from tests.bvp.test_curvature import KINDS, problem_of
+from tests.bvp.test_curvature import KINDS, problem_of, second_along, third
 from transitions.response.path import ParameterPath
 from transitions.response.starting import settled_orbit
 from transitions.sweep.settle import settle

@@ -12,7 +12,7 @@ import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bvp.curvature import differences_along, second_along, third, third_differences
+from bvp.curvature import differences_along, third_differences
 from bvp.expansion import expanded
 from bvp.forced import ForcedProblem
 from bvp.forcing import Harmonic
@@ -22,6 +22,16 @@ from bvp.springs import Spring
 from bvp.system import ImpactSystem, Stop
 
 KINDS = ("period", "half", "sticking", "free", "origin stop", "rest origin", "stop rest", "closed")
+
+
+def second_along(problem, y, a):
+    """F''(y)[a, .] of a problem."""
+    return problem.curvature.second_along(y, a)
+
+
+def third(problem, y, a, b, c):
+    """F'''(y)[a, b, c] of a problem."""
+    return problem.curvature.third(y, a, b, c)
 
 
 def description(n: int, kind: str, rng: np.random.Generator) -> dict[str, Any]:

@@ -7,12 +7,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from bvp.curvature import differences_along, second_along, third, third_differences
+from bvp.curvature import differences_along, third_differences
 from bvp.expansion import expanded
 from bvp.forced import ForcedProblem
 from bvp.parameters import ParametricSystem
 from bvp.released import ReleasedProblem
-from tests.bvp.test_curvature import directions, many_digit_derivatives
+from tests.bvp.test_curvature import directions, many_digit_derivatives, second_along, third
 from tests.bvp.test_smooth_loads import DUFFING, PAIR, SHIFTED
 
 BOUNDED = {"stops": [{"c": [1.0], "lower": -0.9, "upper": "k", "restitution": "c"}]}
