@@ -7,9 +7,6 @@ without bound (at grazing) a ``note`` says so. ``docs/reference/files.md`` lists
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +17,7 @@ import numpy as np
 from branches.events import ids_at_points
 from branches.files import is_special, write_text
 from branches.sequences import impacts_per_period
-from branches.tables import csv_cell, dataframe, plain, plain_columns
+from branches.tables import csv_cell, csv_lines, dataframe, json_lines, plain, plain_columns
 
 if TYPE_CHECKING:
     import pandas
@@ -173,7 +170,7 @@ def half_period_impacts(orbit: Orbit) -> int | float:
 
 def to_json(branch: Branch) -> str:
     """Return the JSON text of a branch."""
-    return _json(to_record(branch))
+    return json_lines(to_record(branch))
 
 
 def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
@@ -183,7 +180,7 @@ def orbit_to_record(orbit: Orbit) -> dict[str, Any]:
 
 def orbit_to_json(orbit: Orbit) -> str:
     """Return the JSON text of an orbit, ``{"schema", "system", "orbit"}``."""
-    return _json(orbit_to_record(orbit))
+    return json_lines(orbit_to_record(orbit))
 
 
 def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = None) -> str:
@@ -196,7 +193,7 @@ def discovery_to_json(found: Discovery, families: Sequence[str | None] | None = 
         Of each orbit; by default those of the catalogue.
     """
     ids: Sequence[str | None] = families or found.families or [None] * len(found.orbits)
-    return _json(
+    return json_lines(
         {
             "schema": SCHEMA,
             "energy": found.energy,
@@ -226,7 +223,7 @@ def _discovered(orbit: Orbit, family: str | None) -> dict[str, Any]:
 
 def to_csv(branch: Branch) -> str:
     """Return the CSV text of a branch: a line of names, a line for each point; ``event`` holds the ids of the events there."""
-    return _csv(_rows(branch))
+    return _csv_text(_rows(branch))
 
 
 def to_dataframe(branch: Branch) -> pandas.DataFrame:
@@ -242,7 +239,7 @@ def to_dataframe(branch: Branch) -> pandas.DataFrame:
 
 def orbit_to_csv(orbit: Orbit) -> str:
     """Return the CSV text of an orbit: a line of names and a line of values."""
-    return _csv([_row(_orbit(orbit))])
+    return _csv_text([_row(_orbit(orbit))])
 
 
 def _rows(branch: Branch) -> list[dict[str, Any]]:
@@ -273,27 +270,6 @@ def _flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
-def _csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return CSV text of rows with the same names."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(rows[0])
-    writer.writerows([csv_cell(value) for value in row.values()] for row in rows)
-    return text.getvalue()
-
-
-def _unwritten(value: object) -> object:
-    if callable(value):
-        raise ValueError("a force that is a Python function is not written to files; expected a formula")
-    raise TypeError(f"no JSON of {value!r}")
-
-
-def _json(record: Mapping[str, Any]) -> str:
-    """Return JSON with one line a point and event, so that files can be compared by line."""
-    lines = []
-    for key, value in record.items():
-        text = json.dumps(value, allow_nan=False, default=_unwritten)
-        if isinstance(value, list) and value:
-            text = "[\n    " + ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in value) + "\n  ]"
-        lines.append(f"  {json.dumps(key)}: {text}")
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """CSV text of rows with the same names."""
+    return csv_lines(rows[0], ([csv_cell(value) for value in row.values()] for row in rows))

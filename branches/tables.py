@@ -11,7 +11,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from branches.orbit import Orbit
 
 __all__ = [
-    "DEFAULT_COLUMNS", "POINT_NAMES", "Table", "csv_cell", "csv_text", "dataframe", "orbit_rows", "orbit_samples",
-    "plain", "plain_columns", "points_table", "table_text", "write_binary",
+    "DEFAULT_COLUMNS", "POINT_NAMES", "Table", "csv_cell", "csv_lines", "csv_text", "dataframe", "json_lines", "orbit_rows",
+    "orbit_samples", "plain", "plain_columns", "points_table", "table_text", "write_binary",
 ]  # fmt: skip
 
 _PLAIN = str.maketrans({",": ";", '"': "'", "#": "no. ", "\n": " "})
@@ -57,10 +57,24 @@ def table_text(table: Table, format: str, name: str) -> str:
     if format == "csv":
         return csv_text(table)
     columns = plain_columns(table)
-    count = len(next(iter(columns.values()))) if columns else 0
-    rows = [json.dumps({key: values[i] for key, values in columns.items()}, allow_nan=False) for i in range(count)]
-    listed = "[\n    " + ",\n    ".join(rows) + "\n  ]" if rows else "[]"
-    return f'{{\n  "schema": 1,\n  {json.dumps(name)}: {listed}\n}}\n'
+    return json_lines({"schema": 1, name: [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]})
+
+
+def json_lines(record: Mapping[str, Any], broken: Collection[str] | None = None) -> str:
+    """JSON with a line for each entry of the lists with some names, or of all, so that files can be compared by line."""
+    lines = []
+    for key, value in record.items():
+        text = json.dumps(value, allow_nan=False, default=_unwritten)
+        if isinstance(value, list) and value and (broken is None or key in broken):
+            text = "[\n    " + ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in value) + "\n  ]"
+        lines.append(f"  {json.dumps(key)}: {text}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _unwritten(value: object) -> object:
+    if callable(value):
+        raise ValueError("a force that is a Python function is not written to files; expected a formula")
+    raise TypeError(f"no JSON of {value!r}")
 
 
 def csv_text(table: Table, *, codes: bool = False) -> str:
@@ -68,10 +82,13 @@ def csv_text(table: Table, *, codes: bool = False) -> str:
     titled: dict[str, list[str]] = {}
     for key, values in plain_columns(table, codes=codes).items():
         titled |= _cells(key, values, table[key])
+    return csv_lines(titled, zip(*titled.values(), strict=True))
+
+
+def csv_lines(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """CSV text: a line of names, a line for each row."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(titled)
-    writer.writerows(zip(*titled.values(), strict=True))
+    csv.writer(text, lineterminator="\n").writerows([names, *rows])
     return text.getvalue()
 
 

@@ -6,6 +6,7 @@ import ast
 import keyword
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
@@ -263,17 +264,8 @@ def names_in(text: str) -> set[str]:
 
 def ordered_by_dependence(derived: Mapping[str, str]) -> list[str]:
     """Derived parameters, each after those that it depends on. Refuses a cycle."""
-    found: list[str] = []
-
-    def visit(name: str, above: tuple[str, ...]) -> None:
-        if name in above:
-            cycle = " -> ".join([*above[above.index(name) :], name])
-            raise InvalidSystem(f"parameters depend on each other in a cycle: {cycle}; expected a number for one of them")
-        for inner in sorted(names_in(derived[name]) & derived.keys()):
-            visit(inner, (*above, name))
-        if name not in found:
-            found.append(name)
-
-    for name in derived:
-        visit(name, ())
-    return found
+    try:
+        return list(TopologicalSorter({name: sorted(names_in(text) & derived.keys()) for name, text in derived.items()}).static_order())
+    except CycleError as error:
+        cycle = " -> ".join(reversed(error.args[1]))
+        raise InvalidSystem(f"parameters depend on each other in a cycle: {cycle}; expected a number for one of them") from None

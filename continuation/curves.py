@@ -277,7 +277,7 @@ class Curve:
             matrix = self._matrix(at, held)[:-1] * self._sizes(scale)
             null = np.linalg.svd(matrix)[2][-1]
         except (np.linalg.LinAlgError, ValueError):
-            return _failed(y)
+            return Step.failed(y)
         null = null * math.copysign(1.0, null[int(np.argmax(np.abs(null)))]) * self._sizes(scale)
         way = self._directions(y) @ null
         return self.step(y, self.directed(null / math.sqrt(float(way @ way)), borders), 0.0)._replace(turn=1.0)
@@ -291,7 +291,7 @@ class Curve:
         u, m = self.surface.size, y.size
         found = self.corrected(y, tangent, ds)
         if found is None:
-            return _failed(y)
+            return Step.failed(y)
         new, at, held, along = found[:4]
         values, extra = self.monitor.values(at, new[u:], held, along, found.scale)
         if ds == 0.0:
@@ -410,8 +410,3 @@ class Curve:
         whole[: len(plain), :u] = plain
         whole[len(plain) :, u:] = np.eye(own)
         return whole
-
-
-def _failed(y: np.ndarray) -> Step:
-    nan = math.nan
-    return Step(False, y, np.full(y.size, nan), (nan,), nan, math.inf, 0, math.inf, nan, nan, [])

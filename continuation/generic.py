@@ -102,7 +102,7 @@ class GenericProblem:
         y = np.array(y, dtype=float)
         matrix = self.jacobian(y)
         if not np.all(np.isfinite(matrix)):
-            return _failed(y)
+            return Step.failed(y)
         scale = np.ones(y.size) if self.weights is None else 1.0 / np.sqrt(self.weights)
         null = np.linalg.svd(matrix * scale)[2][-1]
         null *= math.copysign(1.0, null[int(np.argmax(np.abs(null)))])
@@ -130,10 +130,10 @@ class GenericProblem:
             except np.linalg.LinAlgError:
                 if residual <= rounding and iteration > 1:
                     break
-                return _failed(y)
+                return Step.failed(y)
             length = float(np.linalg.norm(update))
             if not math.isfinite(length):
-                return _failed(y)
+                return Step.failed(y)
             floor = 4 * _EPS * (1.0 + float(np.linalg.norm(new)))
             if residual <= rounding and iteration > 1 and length > 0.25 * last:
                 break  # nothing left but rounding
@@ -146,7 +146,7 @@ class GenericProblem:
         else:
             residual = float(np.linalg.norm(self.residual(new)))
             if not residual <= rounding:
-                return _failed(y)
+                return Step.failed(y)
         matrix[:-1] = self.jacobian(new)
         right = np.zeros(size)
         right[-1] = 1.0
@@ -158,7 +158,7 @@ class GenericProblem:
         weighted = new_tangent if weights is None else weights * new_tangent
         length = math.sqrt(float(weighted @ new_tangent))
         if not math.isfinite(length) or length == 0.0:
-            return _failed(y)
+            return Step.failed(y)
         new_tangent = new_tangent / length
         matrix[-1] = weighted / length
         sign, _ = np.linalg.slogdet(matrix)
@@ -192,8 +192,3 @@ class GenericProblem:
         if not np.all(np.isfinite(value)):
             return f"F is not finite at the predicted point {ds:.3g} ahead"
         return f"|F| = {float(np.linalg.norm(value)):.3g} at the predicted point {ds:.3g} ahead"
-
-
-def _failed(y: Array) -> Step:
-    nan = math.nan
-    return Step(False, y, np.full(y.size, nan), (nan,), nan, math.inf, 0, math.inf, nan, nan, [])

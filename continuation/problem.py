@@ -99,6 +99,12 @@ class Step(NamedTuple):
     tests: Sequence[float] | np.ndarray
     extra: Any = None
 
+    @classmethod
+    def failed(cls, y: np.ndarray) -> Step:
+        """One that did not converge."""
+        nan = float("nan")
+        return cls(False, y, np.full(y.size, nan), (nan,), nan, float("inf"), 0, float("inf"), nan, nan, [])
+
 
 class Recent(NamedTuple):
     """A point of a run with what step control remembers: two places before it. These are points, or events inside a step.

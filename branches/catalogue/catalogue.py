@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,6 +10,7 @@ from branches.catalogue.curves import curve_edges
 from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.store import CatalogueStore
 from branches.naming.matching import spelled
+from branches.tables import json_lines
 from bvp.texts import brief
 
 if TYPE_CHECKING:
@@ -277,11 +277,7 @@ def _node_link(graph: networkx.MultiDiGraph) -> str:
     nodes = [{"id": id, **data} for id, data in graph.nodes(data=True)]
     edges = [{"source": a, "target": b, "key": key, **data} for a, b, key, data in graph.edges(keys=True, data=True)]
     about = {"schema": 2, **graph.graph}
-    lines = [f'  "{name}": {json.dumps(value)}' for name, value in (("directed", True), ("multigraph", True), ("graph", about))]
-    for name, entries in (("nodes", nodes), ("edges", edges)):
-        listed = ",\n    ".join(json.dumps(entry, allow_nan=False) for entry in entries)
-        lines.append(f'  "{name}": [\n    {listed}\n  ]' if entries else f'  "{name}": []')
-    return "{\n" + ",\n".join(lines) + "\n}\n"
+    return json_lines({"directed": True, "multigraph": True, "graph": about, "nodes": nodes, "edges": edges})
 
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from branches.catalogue.store import CatalogueStore
 from branches.catalogue.widening import CannotWiden, Kept
 from branches.curves.files import COLUMNS, curve_header
 from branches.curves.identity import canonical_names, curve_id, curve_numbers
+from branches.curves.monitor import ANYWHERE
 from branches.curves.record import BifurcationCurve
 from branches.curves.tracing import curve_again, extend_curve, is_within, step_at
 from branches.tables import plain
@@ -165,7 +166,7 @@ def meetings_of(catalogue: CatalogueStore, curve: BifurcationCurve) -> list[tupl
     if varying.any():
         leading = int(np.argmax(np.where(varying, np.ptp(values, axis=0) / sizes, -1.0)))
         column = values[:, leading]
-        problem = curve_again(curve).curve(_ANYWHERE)
+        problem = curve_again(curve).curve(ANYWHERE)
         for i in np.flatnonzero(column[:-1] * column[1:] < 0.0).tolist():
             if spot[i, leading] or spot[i + 1, leading]:
                 continue
@@ -177,9 +178,6 @@ def meetings_of(catalogue: CatalogueStore, curve: BifurcationCurve) -> list[tupl
         if not any(math.isclose(value, a, rel_tol=_SAME, abs_tol=_SAME) and math.isclose(period, b, rel_tol=_SAME) for a, b in kept):
             kept.append((value, period))
     return kept
-
-
-_ANYWHERE = (-math.inf, math.inf), (-math.inf, math.inf)
 
 
 class _Line:
@@ -238,7 +236,7 @@ def _crossing(problem: Curve, curve: BifurcationCurve, i: int, residual: Callabl
 
 def curve_failures(curve: BifurcationCurve, row: CurveRow) -> Iterator[str]:
     """What does not hold of a stored curve. Of several points with the same failure the first is reported."""
-    problem, u = curve_again(curve).curve(_ANYWHERE), curve.plane.size
+    problem, u = curve_again(curve).curve(ANYWHERE), curve.plane.size
     uncertain = {event.point for event in curve.events if event.status != "located"}
     found: dict[str, list[str]] = {}
     for i, y in enumerate(curve.unknowns):

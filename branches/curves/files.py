@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -20,7 +19,7 @@ from branches.events import ids_at_points
 from branches.files import write_text
 from branches.forced import record
 from branches.reading import RecordError, load_json
-from branches.tables import Table, plain
+from branches.tables import Table, json_lines, plain
 from bvp.parameters import ParametricSystem
 
 __all__ = ["CHART", "COLUMNS", "KIND", "curve_header", "curves_record", "curves_table", "read_curves", "restored_curve", "save_curves"]
@@ -202,7 +201,4 @@ def save_curves(curves: Sequence[BifurcationCurve], path: str | os.PathLike[str]
     """
     if not curves:
         raise ValueError("there is no curve to save; expected one at least")
-    given = curves_record(curves)
-    lines = [f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in given.items() if key != "curves"]
-    listed = ",\n    ".join(json.dumps(curve, allow_nan=False) for curve in given["curves"])
-    write_text(path, "{\n" + ",\n".join([*lines, f'  "curves": [\n    {listed}\n  ]']) + "\n}\n")
+    write_text(path, json_lines(curves_record(curves), ("curves",)))

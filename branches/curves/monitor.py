@@ -23,10 +23,15 @@ from continuation.curves import Held, Linearised, Null
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
 
-__all__ = ["NAMES", "BifurcationMonitor", "CurvePoint", "Window", "has_pair", "meeting_of", "pair_product", "window_tests", "window_values"]
+__all__ = [
+    "ANYWHERE", "NAMES", "BifurcationMonitor", "CurvePoint", "Window", "has_pair", "meeting_of", "pair_product", "window_tests",
+    "window_values",
+]  # fmt: skip
 
 Window = tuple[tuple[float, float], tuple[float, float]]
 """The ranges of the two parameters."""
+
+ANYWHERE: Window = (-math.inf, math.inf), (-math.inf, math.inf)
 
 _ON_CIRCLE = 1e-6
 """How far from 1 the modulus of a multiplier can be where a pair is on the unit circle."""

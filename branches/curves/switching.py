@@ -12,6 +12,7 @@ from branches.curves.free_monitor import FreeGrazingMonitor
 from branches.curves.free_normal_form import CurveNormalForm
 from branches.curves.grazing import grazing_at, observed
 from branches.curves.grazing_monitor import GrazingMonitor
+from branches.curves.monitor import ANYWHERE
 from branches.curves.record import BifurcationCurve
 from branches.curves.single_orbits import Narrow, narrowed, without_grazing
 from branches.curves.starting import CurveStart, NoCurve, curve_start, is_inside
@@ -63,7 +64,7 @@ def curve_through(curve: BifurcationCurve, index: int, code: str) -> CurveStart:
     for angle in angles if code == "NS" else (None,):
         own = np.zeros(0) if angle is None else np.array([math.cos(angle)])
         start = CurveStart(plane, code, None, np.concatenate([y, own]), origin)
-        problem = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
+        problem = start.curve(ANYWHERE)
         first = problem.begin(start.y)
         if first.converged and np.abs((first.y[:u] - y) / plane.scales(y)).max() < _NEAR:
             if code == "NS" and abs(first.y[-1]) >= 1.0 - _NEAR:
@@ -96,7 +97,7 @@ def _fold_emanating(curve: BifurcationCurve, y: np.ndarray, origin: str) -> Curv
         wide, whole = (full_period if problem.half else twice)(problem, y)
     wider, begun = plane.of(wide, whole)
     start = CurveStart(wider, "SN", None, begun, origin, free)
-    fold = start.curve(((-math.inf, math.inf), (-math.inf, math.inf)))
+    fold = start.curve(ANYWHERE)
     scale, at = wider.scales(begun), wider.linearised(begun)
     borders = fold.condition.first(at, np.zeros(0), scale)
     direction = borders[-wider.size :] * scale

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from branches.curves.collapse import with_collapsed_ends
-from branches.curves.monitor import Window
+from branches.curves.monitor import ANYWHERE, Window
 from branches.curves.plane import ParameterPlane
 from branches.curves.record import BifurcationCurve, CurveEvent
 from branches.curves.single_orbits import Narrow
@@ -211,18 +211,16 @@ def _of_single_orbits(narrow: Narrow, curve: BifurcationCurve) -> BifurcationCur
     try:
         start = CurveStart(plane, narrow.code, narrow.grazing, unknowns, free=narrow.free)
         # The place can be beyond a bound of these orbits by rounding: the bound is located from a point inside.
-        single, first = first_point(start, _ANYWHERE)
+        single, first = first_point(start, ANYWHERE)
         beside = (single.step(first.y, first.tangent, ds) for ds in _PROBES)
         inside = next((step.y for step in beside if is_inside(single, step)), first.y)
-        return follow_curve(start._replace(y=inside), _ANYWHERE, points=_NEAR_END)
+        return follow_curve(start._replace(y=inside), ANYWHERE, points=_NEAR_END)
     except (ValueError, RuntimeError):
         return None
 
 
 _BEYOND = (4.0 * SETTINGS.minimum_step, 1e-6)
 """Arclengths from an end at which the system is looked at: steps to it fail earlier than the system does."""
-
-_ANYWHERE = (-math.inf, math.inf), (-math.inf, math.inf)
 
 
 def first_point(start: CurveStart, window: Window) -> tuple[Curve, Step]:
