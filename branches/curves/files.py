@@ -63,15 +63,9 @@ def _record(curve: BifurcationCurve) -> dict[str, Any]:
     return {"id": curve_id(curve), **curve_header(curve), "points": points}
 
 
-COLUMNS = {
-    "arclength": "arclength",
-    "residual": "residual",
-    "parameters": "parameters",
-    "coefficient": "coefficient",
-    "multipliers": "multipliers",
-    "unknowns": "unknowns",
-    "tangent": "tangents",
-}
+_SAME_NAME = ("arclength", "residual", "parameters", "coefficient", "multipliers", "unknowns")
+
+COLUMNS = {name: name for name in _SAME_NAME} | {"tangent": "tangents"}
 """What a point has in a file, with the attribute of a curve."""
 
 

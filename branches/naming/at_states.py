@@ -111,10 +111,8 @@ def _end_at(system: ImpactSystem, u: np.ndarray, v: np.ndarray) -> str:
 
 def _sideways(system: ImpactSystem, v: np.ndarray, letter: str) -> float:
     """The part of the kinetic energy that an impact leaves as it is."""
-    stop = system.stops[system.modes.contact_stop[system.modes.contact_letters.index(letter)]]
-    along = np.linalg.solve(system.mass, np.array(stop.gap))
-    rest = v - along * (np.array(stop.gap) @ v) / (np.array(stop.gap) @ along)
-    return float(rest @ system.mass @ rest) / float(v @ system.mass @ v)
+    gap = np.array(system.stops[system.modes.contact_stop[system.modes.contact_letters.index(letter)]].gap)
+    return 1.0 - float(gap @ v) ** 2 / float((gap @ np.linalg.solve(system.mass, gap)) * (v @ system.mass @ v))
 
 
 def _lasting(system: ImpactSystem, u: np.ndarray, v: np.ndarray) -> float:
@@ -124,12 +122,12 @@ def _lasting(system: ImpactSystem, u: np.ndarray, v: np.ndarray) -> float:
     pull = system.stiffness @ u + (0.0 if system.smooth_forces is None else system.smooth_forces.acting(u, np.zeros_like(u)))
     rate = np.abs(np.linalg.solve(system.mass, pull))
     for stop in system.stops:
-        gap = np.abs(np.array(stop.gap))
-        across, pace = gap @ rate, abs(float(np.array(stop.gap) @ v))
-        for bound in (stop.lower, stop.upper):
-            distance = abs(float(np.array(stop.gap) @ u) - bound)
-            if math.isfinite(bound) and across > 0.0:
+        gap = np.array(stop.gap)
+        across, pace = np.abs(gap) @ rate, abs(float(gap @ v))
+        for bound in filter(math.isfinite, (stop.lower, stop.upper)):
+            distance = abs(float(gap @ u) - bound)
+            if across > 0.0:
                 times.append(math.sqrt(2.0 * distance / across) + 2.0 * pace / across)
-            elif math.isfinite(bound) and pace > 0.0:
+            elif pace > 0.0:
                 times.append(distance / pace)
     return SWINGS * max(times, default=1.0)
