@@ -464,8 +464,9 @@ def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
     side = edge[0]
     bound = edge[1]
     bound[0] = 0.0
-    # The velocity takes the place of a gap, so that its next zero is found as an impact is, by equation (3).
-    watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], bound)
+    # The velocity takes the place of a gap, so that its next zero is found as an impact is, by equation (3). A restitution that is not 0
+    # says that its rates are exact.
+    watched = Contacts(scratch[0], scratch[1], scratch[2], side, bound, scratch[0], side)
     raise_peak(i, row_dot(leave, i, z), began, peaks, when)
     highest = 0.0
     glance = 0.0

@@ -360,7 +360,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
     """The first hit or touch of the flight from z within 0 <= t <= horizon, which is known up to there (`flights.begin_path`).
 
     leaving
-        c: the flight starts on contact c. Its distance there is 0 exactly, and its rate is exact.
+        c: the flight starts on contact c. Its distance there is 0 exactly, and its rate is exact unless restitution has made it 0.
         -1: no contact is given. If z is on a contact, its rate counts only beyond rounding.
         -2 - c: the force of contact c has just come to 0. It starts with distance, rate and acceleration 0.
     work
@@ -427,7 +427,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
             # At the start of a flight from a contact the distance is 0 exactly; its derivatives decide whether the contact opens. Of
             # another one without distance and speed they do, too: these are rounding.
             if count == 0 and (own or (d <= tolerance and abs(slope) <= rounding_level(flight, contacts.rate, c, z))):
-                exact = own and given
+                exact = own and given and contacts.restitution[c] != 0.0
                 force = -math.inf
                 still = 0.0
                 if not (exact and slope > 0.0):

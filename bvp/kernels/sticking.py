@@ -43,10 +43,11 @@ SWITCH_TIME = 1e-13
 """Error allowed to the end of chattering, times the fastest rate."""
 
 SWITCH_LEVEL = 2e-14
-"""Error allowed to a displacement or velocity there, of the largest one, and to the energies, of the initial one."""
+"""Error allowed to a displacement or velocity there, of the largest one, and to the energies, of the largest one."""
 
 FLAT = 1e-10
-"""A bounce that rises less than this part of the contact tolerance is rest, though the series of the chattering has not come to its end."""
+"""A bounce that rises less than this part of the contact tolerance, or no faster than rounding, is rest, though the series of the
+chattering has not come to its end."""
 
 
 @kernel
@@ -98,7 +99,8 @@ def chatter(modes, f, c, left, motion, table, values):
     _, slope, bend, tolerance = gauge(contacts_of(modes, f), c, z)
     width = 2 * modes.shape[0]
     parts = sums.shape[0]
-    small = restitution < 1.0 and bend < 0.0 and slope * abs(slope) <= -2.0 * bend * FLAT * tolerance
+    small = slope * abs(slope) <= -2.0 * bend * FLAT * tolerance or slope <= rounding_level(flight_of(modes, f), modes.rate[f], c, z)
+    small = small and restitution < 1.0 and bend < 0.0
     if restitution == 0.0 or restitution == 1.0 or bend >= 0.0:
         counts[entry.BOUNCES] = 0
         return small
@@ -137,13 +139,15 @@ def chatter(modes, f, c, left, motion, table, values):
                     state_error_u = max(state_error_u, abs(table[order, 1 + r] - table[order - 1, 1 + r]))
                     k = 1 + modes.shape[0] + r
                     state_error_v = max(state_error_v, abs(table[order, k] - table[order - 1, k]))
+                energy = abs(clock[entry.INITIAL])
                 energy_error = 0.0
                 for i in range(parts):
                     k = 1 + width + i
+                    energy = max(energy, abs(values[k]))
                     energy_error += abs(table[order, k] - table[order - 1, k])
                 good = time_error * quickest <= SWITCH_TIME and state_error_u <= SWITCH_LEVEL * max(size_u, size_v / quickest)
                 good = good and state_error_v <= SWITCH_LEVEL * max(size_v, size_u * quickest)
-                good = good and energy_error <= SWITCH_LEVEL * abs(clock[entry.INITIAL])
+                good = good and energy_error <= SWITCH_LEVEL * energy
                 if (good or small) and 0.0 <= ahead < left and out_of_reach(modes, f, c, z, 2.0 * span, slope, -bend):
                     clock[entry.SWITCH_ERROR] = max(clock[entry.SWITCH_ERROR], time_error)
                     copy_1(table[order, 1:], x[:width])
