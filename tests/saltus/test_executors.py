@@ -98,7 +98,7 @@ def test_a_signal_that_ends_all_processes_keeps_what_is_finished(tmp_path, numbe
     with subprocess.Popen(
         [sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, start_new_session=True,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # what runs in the background ignores it
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # what runs in the background, or under nohup, ignores it
     ) as process:  # fmt: skip
         for line in process.stdout:
             if line == "piece\n":
