@@ -286,7 +286,9 @@ def test_the_formed_product_agrees_where_it_is_used():
             if cycle.system.degrees_of_freedom == 2:
                 assert np.array_equal(found.values, other.values)
             elif separation(other.values) > 1e-2:
-                assert np.max(np.abs(found.values / other.values - 1.0)) < 1e-14 * len(cycle.contact)
+                # Either route rounds two factors a node, in each of their rows.
+                limit = 4.0 * EPS * cycle.after.size * np.linalg.cond(np.linalg.eig(found.matrix)[1])
+                assert np.max(np.abs(found.values / other.values - 1.0)) < limit
             continue
         assert found.trivial < 1e-11 * len(cycle.contact) and abs(found.trace - other.trace) < 1e-11
         if separation(other.values) > 1e-2:
