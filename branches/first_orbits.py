@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuation.problem import Step
+from continuation.switching import oriented
 
 if TYPE_CHECKING:
     from branches.solved_family import SolvedFamily
@@ -63,7 +64,7 @@ def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str)
     null = rows[-2:]
     along = null @ (known / scale)
     across = np.array([-along[1], along[0]]) / np.hypot(along[0], along[1])
-    direction: np.ndarray = (across @ null) * scale
+    direction: np.ndarray = oriented(across @ null) * scale
     return direction
 
 

@@ -25,6 +25,7 @@ from scipy.linalg.lapack import dgesv, dgetrf, dgetrs
 
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
+from continuation.switching import oriented
 
 __all__ = [
     "Condition", "Corrected", "Curve", "Held", "ITERATIONS", "Linearised", "Monitor", "Null", "ROUNDING", "SETTLED", "ScalarCondition",
@@ -275,10 +276,9 @@ class Curve:
             borders = self.condition.first(at, y[u:], scale)
             held = self.condition.held(at, y[u:], borders, scale)
             matrix = self._matrix(at, held)[:-1] * self._sizes(scale)
-            null = np.linalg.svd(matrix)[2][-1]
+            null = oriented(np.linalg.svd(matrix)[2][-1]) * self._sizes(scale)
         except (np.linalg.LinAlgError, ValueError):
             return Step.failed(y)
-        null = null * math.copysign(1.0, null[int(np.argmax(np.abs(null)))]) * self._sizes(scale)
         way = self._directions(y) @ null
         return self.step(y, self.directed(null / math.sqrt(float(way @ way)), borders), 0.0)._replace(turn=1.0)
 

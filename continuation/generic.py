@@ -9,6 +9,7 @@ import numpy as np
 
 from continuation.location import Location
 from continuation.problem import EventDetails, Point, Step, TestFunction
+from continuation.switching import oriented
 
 Array = np.ndarray
 _EPS = float(np.finfo(float).eps)
@@ -104,8 +105,7 @@ class GenericProblem:
         if not np.all(np.isfinite(matrix)):
             return Step.failed(y)
         scale = np.ones(y.size) if self.weights is None else 1.0 / np.sqrt(self.weights)
-        null = np.linalg.svd(matrix * scale)[2][-1]
-        null *= math.copysign(1.0, null[int(np.argmax(np.abs(null)))])
+        null = oriented(np.linalg.svd(matrix * scale)[2][-1])
         # Newton on the plane normal to the null vector at y; the vector there orients the tangent.
         return self.step(y, scale * null, 0.0)._replace(turn=1.0)
 

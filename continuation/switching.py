@@ -20,11 +20,18 @@ _ROUNDS = 12  # of Newton's method
 _SHRUNK = 0.1  # second derivatives are kept after a step that is at most this part of the one before
 _STAGNATED = 1e-10  # Newton's last step, in units of the unknowns' sizes: far above rounding, and its successor is below
 _ZERO, _FULL = 1e-8, 1e-4  # singular values, as parts of the largest: zero below the first, not zero above the second
+_LARGE = 0.999  # part of the largest entry from which an entry is as large: those that a symmetry makes equal differ by rounding
 _REAL = 1e-4  # imaginary part, over its modulus, below which a root is real: larger than the differences' error
 
 
 class SwitchError(RuntimeError):
     """No other branch could be started; the message says why."""
+
+
+def oriented(vector: np.ndarray) -> np.ndarray:
+    """A null vector with a sign that rounding does not choose: the first of its largest entries is positive."""
+    size = np.abs(vector)
+    return np.copysign(1.0, vector[np.argmax(size > _LARGE * np.max(size))]) * vector
 
 
 def branch_directions(
@@ -109,7 +116,7 @@ def branch_directions(
     directions = []
     for x, z in ((lead, c11), (c22, lead)):
         vector = x * basis[0] + z * basis[1]
-        directions.append(vector / float(np.linalg.norm(vector / scale)))
+        directions.append(scale * oriented(vector / scale) / float(np.linalg.norm(vector / scale)))
     known = np.asarray(tangent, dtype=float) / scale
     alignment = [abs(float(known @ (vector / scale))) for vector in directions]
     if alignment[0] > alignment[1]:

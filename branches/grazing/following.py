@@ -20,7 +20,7 @@ from bvp.kernels.step import locate, metric_direction
 from bvp.multipoint import MultipointProblem
 from bvp.texts import brief, takes_options_of
 from continuation.problem import Step
-from continuation.switching import SwitchError, branch_directions
+from continuation.switching import SwitchError, branch_directions, oriented
 
 __all__ = ["CannotMerge", "Neighbour", "SolvedProblem", "leaves_upward", "meet", "meetings_at", "merged", "neighbours"]
 
@@ -278,7 +278,7 @@ def _solve(problem: MultipointProblem, y: np.ndarray) -> tuple[np.ndarray, float
         left, singular, right = np.linalg.svd(problem.jacobian(y) * scale)
         keep = singular > _SINGULAR * singular[0]
         y = y - scale * (right[: len(singular)][keep].T @ ((left.T @ error)[keep] / singular[keep]))
-    null = right[-1] * scale
+    null = oriented(right[-1]) * scale
     if not keep.all():
         try:
             directions = list(branch_directions(Family(problem), y, null))

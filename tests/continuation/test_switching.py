@@ -10,7 +10,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from continuation import GenericProblem, Settings, SwitchError, branch_directions, follow, follow_both_ways, other_branch_starts
-from continuation.switching import refine_branch_point, tripling_direction
+from continuation.switching import oriented, refine_branch_point, tripling_direction
 from tests.continuation.curves import circle, parts, pitchfork, transcritical
 
 
@@ -268,3 +268,24 @@ def test_where_nothing_triples_it_is_said():
         tripling_direction(form, 0.1 * known, known, np.ones(4))
     with pytest.raises(SwitchError, match="not decided at second order"):
         tripling_direction(NormalForm(0.0, 0), np.zeros(4), known, np.ones(4))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_sign_of_a_null_vector_is_not_that_of_the_linear_algebra(monkeypatch, sign):
+    """A pitchfork in x = y: its branches leave along (1, 1, 0), whose largest entries are equal but for rounding. Oracle: the same
+    directions from singular vectors of either sign."""
+    svd = np.linalg.svd
+
+    def other(matrix, *arguments, **options):
+        left, values, right = svd(matrix, *arguments, **options)
+        return sign * left, values, sign * right
+
+    monkeypatch.setattr(np.linalg, "svd", other)
+    slanted = GenericProblem(
+        lambda y: np.array([y[0] * (y[2] - y[0] ** 2), y[0] - y[1]]),
+        lambda y: np.array([[y[2] - 3.0 * y[0] ** 2, 0.0, y[0]], [1.0, -1.0, 0.0]]),
+    )
+    forward, backward, *_ = branch_directions(slanted, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    assert forward == pytest.approx([0.5**0.5, 0.5**0.5, 0.0], abs=1e-8) and np.array_equal(backward, -forward)
+    for shift in (1e-15, -1e-15):
+        assert np.array_equal(np.sign(oriented(np.array([-1.0, 1.0 + shift]))), [1.0, -1.0])
