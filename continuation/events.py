@@ -90,7 +90,10 @@ class EventFinder:
         for index, (a, b) in enumerate(zip(before.step.tests, after.step.tests, strict=True)):
             small, large = sorted((abs(float(a)), abs(float(b))))
             kind = self._tests[index].kind
-            efforts.append((kind == "change", kind != "guard", -small / large if large > 0.0 else 0.0, index))
+            effort = -small / large if large > 0.0 else 0.0
+            # Of guards that fall to zero together, as a grazing at the end of the range, the last one counts: rounding does not decide.
+            rank = (round(effort, 6), -index) if kind == "guard" else (effort, index)
+            efforts.append((kind == "change", kind != "guard", *rank, index))
         for *_, index in sorted(efforts):
             order[self._tests[index].kind].append(index)
         located, limit = self._guards(order["guard"], locator, resolution, ds)

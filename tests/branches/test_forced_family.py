@@ -218,7 +218,9 @@ def test_multipliers_have_the_right_product_at_each_restitution(kind, begin):
         rates = [system.stops[system.modes.contact_stop[contact]].restitution for contact in problem.contacts[:-1]]
         found = problem.multipliers(point.step.y)
         if np.isfinite(found).all():
-            assert np.prod(found) == pytest.approx(np.prod(np.square(rates)) * math.exp(-loss), rel=1e-9, abs=1e-18)
+            # One that vanishes is known to the rounding of the map.
+            rounding = size * np.finfo(float).eps * max(1.0, np.abs(found[0])) * np.prod(np.abs(found[:-1]))
+            assert np.prod(found) == pytest.approx(np.prod(np.square(rates)) * math.exp(-loss), rel=1e-9, abs=rounding)
             seen.append(at["e"])
         if abs(at["e"]) < 1e-11:
             assert np.abs(found).min() < 1e-11
