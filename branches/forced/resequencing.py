@@ -14,12 +14,35 @@ __all__ = ["exchanged", "later", "resequenced", "with_first_bounce", "with_stick
 _INSTANT = 1e-7
 """Part of the period over which an acceleration is a difference of velocities."""
 
+_TOGETHER = 1e-10
+"""Distance, beside the size of displacements, within which images of a place touch together at a grazing that is located to 1e-12."""
+
+
+def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float, float]:
+    """Flight, time and side of the touch of a grazing orbit. Of images of one place that touch together, periods or half periods of the
+    loads apart, it is the first one after the slowest impact: which of them is nearest to its stop is rounding."""
+    flight, time, side = int(solution["clearance_flight"]), float(solution["clearance_time"]), float(solution["clearance_side"])
+    if not problem.has_clock or problem.half or problem.load_periods < 2 or not problem.sequence:
+        return flight, time, side
+    times, nodes, stop = problem.flight_times(solution.y), problem.nodes(solution.y), problem.system.stops[int(solution["clearance_stop"])]
+    begins, whole = np.append(0.0, np.cumsum(times)[:-1]), float(np.sum(times))
+    after = begins[(int(solution["speed_node"]) + 1) % len(times)]
+    found = [((begins[flight] + time - after) % whole, flight, time, side)]
+    for turns in range(1, 2 * problem.load_periods):
+        instant = (begins[flight] + time + 0.5 * turns / problem.load_periods * whole) % whole
+        image, turned = int(np.searchsorted(begins, instant, "right")) - 1, side * (-1.0) ** turns
+        bound = stop.upper if turned > 0.0 else stop.lower
+        place = np.asarray(stop.gap) @ problem.fly(nodes[image], instant - begins[image], image)[0][: len(stop.gap)]
+        touches = abs(place - bound) <= _TOGETHER * problem.segment.scale[0]
+        if touches and np.abs((instant - begins + 0.5 * whole) % whole - 0.5 * whole).min() > _INSTANT * whole:  # at no impact
+            found.append(((instant - after) % whole, image, instant - begins[image], turned))
+    return min(found)[1:]
+
 
 def with_touch(problem: ForcedProblem, solution: Solution) -> tuple[ForcedProblem, np.ndarray]:
     """The problem in which the touch of a grazing orbit is an impact of no speed, and the orbit in its unknowns."""
     n, size = problem.degrees_of_freedom, 2 * problem.degrees_of_freedom
-    flight, time = int(solution["clearance_flight"]), float(solution["clearance_time"])
-    side = solution["clearance_side"]
+    flight, time, side = _first_touch(problem, solution)
     modes = problem.modes
     contact = next(
         c
