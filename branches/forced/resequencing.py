@@ -19,23 +19,20 @@ _TOGETHER = 1e-10
 
 
 def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float, float]:
-    """Flight, time and side of the touch of a grazing orbit. Of images of one place that touch together, periods or half periods of the
-    loads apart, it is the first one after the slowest impact: which of them is nearest to its stop is rounding."""
-    flight, time, side = int(solution["clearance_flight"]), float(solution["clearance_time"]), float(solution["clearance_side"])
-    if not problem.has_clock or problem.half or problem.load_periods < 2 or not problem.sequence:
-        return flight, time, side
-    times, nodes, stop = problem.flight_times(solution.y), problem.nodes(solution.y), problem.system.stops[int(solution["clearance_stop"])]
+    """Flight, time and side of the touch of a grazing orbit. Where images of one place touch together, half periods of the loads apart, it
+    is the first one after the slowest impact: which of them is the nearest is rounding."""
+    nodes, times, stop = problem.nodes(solution.y), problem.flight_times(solution.y), problem.system.stops[int(solution["clearance_stop"])]
     begins, whole = np.append(0.0, np.cumsum(times)[:-1]), float(np.sum(times))
-    after = begins[(int(solution["speed_node"]) + 1) % len(times)]
-    found = [((begins[flight] + time - after) % whole, flight, time, side)]
-    for turns in range(1, 2 * problem.load_periods):
-        instant = (begins[flight] + time + 0.5 * turns / problem.load_periods * whole) % whole
-        image, turned = int(np.searchsorted(begins, instant, "right")) - 1, side * (-1.0) ** turns
-        bound = stop.upper if turned > 0.0 else stop.lower
-        place = np.asarray(stop.gap) @ problem.fly(nodes[image], instant - begins[image], image)[0][: len(stop.gap)]
-        touches = abs(place - bound) <= _TOGETHER * problem.segment.scale[0]
-        if touches and np.abs((instant - begins + 0.5 * whole) % whole - 0.5 * whole).min() > _INSTANT * whole:  # at no impact
-            found.append(((instant - after) % whole, image, instant - begins[image], turned))
+    flight, time, side = int(solution["clearance_flight"]), float(solution["clearance_time"]), float(solution["clearance_side"])
+    first, slowest = begins[flight] + time, begins[(int(solution["speed_node"]) + 1) % len(times)]
+    found = [((first - slowest) % whole, flight, time, side)]
+    for turns in range(1, 2 * problem.load_periods if problem.sequence and problem.has_clock and not problem.half else 1):
+        instant, side = (first + 0.5 * turns / problem.load_periods * whole) % whole, -side
+        flight, since = int(np.searchsorted(begins, instant, "right")) - 1, (instant - slowest) % whole
+        place = np.asarray(stop.gap) @ problem.fly(nodes[flight], instant - begins[flight], flight)[0][: len(stop.gap)]
+        touches = abs(place - (stop.upper if side > 0.0 else stop.lower)) <= _TOGETHER * problem.segment.scale[0]
+        if touches and _INSTANT < since / whole < 1.0 - _INSTANT:  # one of them can be the slowest impact itself
+            found.append((since, flight, instant - begins[flight], side))
     return min(found)[1:]
 
 
