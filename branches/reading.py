@@ -194,8 +194,7 @@ def _orbit_of_file(path: str | os.PathLike[str], record: Any) -> Orbit:
         orbit = record["orbit"]
         first, last = orbit["ends"]
         system = ImpactSystem.from_description(record["system"])
-        sequence = orbit["sequence"] if record["schema"] != 1 else orbit["word"]
-        problem = MultipointProblem(system, (first, last), parse_sequence(sequence))
+        problem = MultipointProblem(system, (first, last), parse_sequence(orbit["sequence"]))
         segment = orbit["period"] / segments_per_period((first, last))
         inner = [impact["time"] for impact in orbit["impacts"] if 1e-9 * segment < impact["time"] < (1.0 - 1e-9) * segment]
         if len(inner) != problem.inner:
@@ -233,7 +232,7 @@ def load_json(path: str | os.PathLike[str], what: str) -> Any:
 
 
 def branch_of_record(record: Any) -> Branch:
-    """The branch from the plain data that `branches.record.to_record` makes, or from a record of schema 1.
+    """The branch from the plain data that `branches.record.to_record` makes.
 
     Raises
     ------
@@ -241,9 +240,6 @@ def branch_of_record(record: Any) -> Branch:
         With one line that names the place and what was expected.
     """
     check_pattern(record, {"schema": "an integer"}, "the file")
-    if record["schema"] == 1 and isinstance(record.get("branch"), dict):
-        head = {"sequence" if key == "word" else key: value for key, value in record["branch"].items()}
-        record = {**record, "schema": SCHEMA, "branch": head}
     if record["schema"] != SCHEMA:
         raise RecordError(f"its schema is {shown(record['schema'])}, expected {SCHEMA}")
     check_pattern(record, BRANCH, "the file")

@@ -284,9 +284,9 @@ def schema_of(connection: sqlite3.Connection, path: Path) -> int | None:
     schema = int(connection.execute("PRAGMA user_version").fetchone()[0])
     if schema > SCHEMA:
         raise CatalogueError(f"{path} is a catalogue of schema {schema}; this saltus reads up to {SCHEMA}: install a later saltus")
-    if schema < SCHEMA - 1:
-        raise CatalogueError(f"{path} is a catalogue of schema {schema}; this saltus reads {SCHEMA - 1} and {SCHEMA}: build it again")
-    missing = set(_TABLES) - {*_LATER} - tables if schema == SCHEMA else set()
+    if schema < SCHEMA:
+        raise CatalogueError(f"{path} is a catalogue of schema {schema}; this saltus reads {SCHEMA}: build it again")
+    missing = set(_TABLES) - {*_LATER} - tables
     if missing:
         raise CatalogueDamaged(f"{path} is damaged: it has no table {min(missing)}")
     return schema

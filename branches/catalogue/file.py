@@ -6,14 +6,13 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from branches.catalogue import schema2
 from branches.catalogue.database import (
     KEYED,
     SCHEMA,
@@ -72,9 +71,6 @@ class CatalogueFile:
                     self._make(record, dict(provenance or {}))
                 elif schema is None:
                     raise CatalogueError(f"{self.path} is not a catalogue: it is empty")
-                self._old = schema is not None and schema < SCHEMA
-                if self._old:
-                    schema2.add_views(self._connection)
             if record is not None:
                 self.require_system(record.system)
             if record is not None and record.parameters:
@@ -261,10 +257,6 @@ class CatalogueFile:
             raise CatalogueError(f"there is no catalogue {self.path}; expected a scene to make one for")
         self._lock = WriterLock(self.path)
         try:
-            with closing(open_to_write(self.path)) as connection, translated(self.path):
-                schema = schema_of(connection, self.path)
-            if schema is not None and schema < SCHEMA:
-                schema2.convert(self.path, type(self), scene)
             return open_to_write(self.path)
         except BaseException:
             self._lock.release()

@@ -15,7 +15,6 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from branches.catalogue import schema2
 from branches.catalogue.database import CatalogueDamaged, CatalogueError, add_table, not_taken
 from branches.catalogue.file import CatalogueFile
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
@@ -94,8 +93,6 @@ class CatalogueStore(CatalogueFile):
             pages = [text for (text,) in self._select("PRAGMA quick_check(1)")]
             if pages != ["ok"]:
                 return f"its pages are damaged: {' '.join(str(pages[0]).split())[:80]}"
-            if self._old:
-                return ""
             columns = "h, alpha, arclength, tau, stable, label"
             points = groupby(self._select(f"SELECT family, {columns} FROM points ORDER BY family, position"), key=itemgetter(0))
             found = {number: [row[1:] for row in rows] for number, rows in points}
@@ -286,7 +283,7 @@ class CatalogueStore(CatalogueFile):
 
     @property
     def _has_curves(self) -> bool:
-        return not self._old and bool(self._select("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'curves'"))
+        return bool(self._select("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'curves'"))
 
     # -- the work of a build --------------------------------------------------------------------------------------------------
 
@@ -359,8 +356,6 @@ class CatalogueStore(CatalogueFile):
         rows = self._complete(found, row, "points")
         try:
             columns = queried(rows)
-            if self._old:
-                return schema2.read_blobs(self._connection, row, columns, problem)
             arrays, crc = next(iter(self._select("SELECT npz, crc FROM arrays WHERE family = ?", (row.number,))), (b"", None))
             if not isinstance(arrays, bytes) or checksum_of_points(columns, arrays) != crc:
                 raise ValueError("its points do not fit their checksum")

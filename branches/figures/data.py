@@ -18,7 +18,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -57,22 +57,19 @@ class Layout:
     wide : tuple of str
         Columns of numbers with several entries in a row, which follow.
     schema : int
-    renamed : dict of str to str
-        Names of columns in older schemas, by their names today.
     """
 
     content: str
     columns: Mapping[str, type]
     wide: tuple[str, ...] = ()
     schema: int = 1
-    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def require(self, about: Any) -> None:
         """Refuse the head of a file of another kind, or of a schema that cannot be read."""
         if not isinstance(about, dict) or about.get("content") != self.content:
             raise ValueError(f"it does not say that it holds {'an' if self.content[0] in 'aeiou' else 'a'} {self.content}")
-        if about.get("schema") not in range(1, self.schema + 1):
-            raise ValueError(f"its schema is {about.get('schema')!r}, expected {' or '.join(map(str, range(1, self.schema + 1)))}")
+        if about.get("schema") != self.schema:
+            raise ValueError(f"its schema is {about.get('schema')!r}, expected {self.schema}")
 
 
 def data_format(path: str | os.PathLike[str]) -> str | None:
@@ -135,9 +132,8 @@ def read_figure_data(layout: Layout, path: str | os.PathLike[str]) -> tuple[dict
         layout.require(about)
         if stored is None:
             raise KeyError("columns")
-        older = layout.renamed if about["schema"] < layout.schema else {}
         types = {**layout.columns, **dict.fromkeys(layout.wide)}
-        columns = {key: _column(stored[older.get(key, key)], type) for key, type in types.items()}
+        columns = {key: _column(stored[key], type) for key, type in types.items()}
         lengths = {len(column) for column in columns.values()}
         if len(lengths) != 1:
             raise ValueError(f"its columns have different lengths, {', '.join(map(str, sorted(lengths)))}")
@@ -210,7 +206,7 @@ _LAYOUT = Layout(
         "kind": str, "curve": int, "family": str, "name": str, "cited": int, "label": str, "h": float, "alpha": float, "frequency": float,
         "frequency_index": float, "half_waves": int, "stable": int, "joined": int, "event": str,
     },
-    ("velocities",), schema=2, renamed={"cited": "pinned"},
+    ("velocities",), schema=2,
 )  # fmt: skip
 """name is what the family is called there, cited is 1 where a scene cites that, label is that of the point; stable is 1, 0, or -1 where it
 is undecided; joined is 1 where the manifold goes on to the next row; event is the type of the special point there."""

@@ -14,7 +14,6 @@ import pytest
 from matplotlib.lines import Line2D
 
 from benchmarks import backbone
-from branches.figures import data as figure_data
 from branches.figures.atlas import atlas_figure, draw_atlas, velocities_figure
 from branches.figures.atlas_data import EVENTS, atlas_of, regime_bounds, rescaled
 from branches.figures.curves import parse_inset
@@ -648,19 +647,6 @@ def test_tables_can_be_read_without_this_program(tmp_path):
     mat = loadmat(tmp_path / "data.mat")
     np.testing.assert_array_equal(mat["h"][: len(data.curves[0].h), 0], data.curves[0].h)
     assert mat["name"][0].rstrip() == data.curves[0].names[0]
-
-
-@pytest.mark.parametrize("kind", ["csv", "json", "npz", "mat"])
-def test_files_of_schema_1_are_read(kind, tmp_path):
-    """Oracle: the same atlas from a file of today. In schema 1 the column `cited` was called `pinned`."""
-    today = figure_data._LAYOUT
-    layout = replace(today, columns={name.replace("cited", "pinned"): kind for name, kind in today.columns.items()})
-    data = replace(real.atlas(), curves=real.atlas().curves[:8])
-    about, columns = figure_data.to_table(data)
-    columns = {name.replace("cited", "pinned"): values for name, values in columns.items()}
-    figure_data.write_figure_data(layout, {**about, "schema": 1}, columns, tmp_path / f"old.{kind}")
-    for before, after in zip(data.curves, read_atlas(tmp_path / f"old.{kind}").curves, strict=True):
-        np.testing.assert_array_equal(before.cited, after.cited)
 
 
 def test_files_that_cannot_be_read(tmp_path):

@@ -234,16 +234,6 @@ def test_points_that_contradict_themselves_are_refused(traced, tmp_path, name, w
     saltus.read_branch(path)
 
 
-def test_a_file_of_schema_1_is_read(traced, tmp_path):
-    """Oracle: the same branch in the present schema."""
-    data = record.to_record(traced)
-    head = {"word" if key == "sequence" else key: value for key, value in data["branch"].items()}
-    path = tmp_path / "old.json"
-    path.write_text(json.dumps({**data, "schema": 1, "branch": head}))
-    back = reading.read_branch(path)
-    assert back.sequence == traced.sequence and record.to_record(back) == data
-
-
 def test_the_record_of_an_orbit(traced):
     """Oracle: the orbit's own values; frequency 2 pi / T."""
     orbit = traced.orbit(5)
