@@ -70,8 +70,11 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
 def _vanishing_impact(problem: MultipointProblem | ForcedProblem, node: int) -> dict[str, Any]:
     """The stop's letter and the note of an impact whose speed reaches zero. node: the flight that it ends; inner + 1: that at the start."""
     letter, pieces, inner = problem.modes.contact_letters[problem.contacts[node]], getattr(problem, "pieces", 1), problem.inner
-    number = f"{(node + 1) // pieces} of {(inner + 1) // pieces - 1}"
-    place = "at the far end" if node == inner else "at the start" if node == inner + 1 else number
+    number, count = (node + 1) // pieces, (inner + 1) // pieces
+    if getattr(problem, "periodic", True):
+        place = f"{number % count + 1} of {count}"
+    else:
+        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{number} of {count - 1}"
     return {"stop": letter, "note": f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"}
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from continuation.problem import Step
 from continuation.switching import oriented
 
-if TYPE_CHECKING:
-    from branches.solved_family import SolvedFamily
-
-__all__ = ["DISTANCE", "across_null_space", "first_orbits", "is_denied"]
+__all__ = ["DISTANCE", "across_null_space", "first_orbits", "is_denied", "is_fold"]
 
 DISTANCE = 0.02
 """Distance from the event to the first orbit looked for on a new family, in units of the orbit's size; halved where there is none."""
@@ -44,6 +41,15 @@ def is_denied(problem: Any, y: np.ndarray) -> bool:
     return bool(singular[-1] > _GAP * singular[0])
 
 
+def is_fold(family: Any, y: np.ndarray) -> bool:
+    """Whether the parameter has an extremum along each of several families through an orbit: no null vector of the Jacobian changes it."""
+    scale = family.problem.scales(y)
+    _, singular, rows = np.linalg.svd(family.jacobian(y) * scale)
+    null = rows[np.append(singular <= _GAP * singular[0], True)]
+    found = [_parameter(family, y, way * scale) for way in null]
+    return len(found) > 1 and all(abs(slope) <= _CROSSING * abs(value) for value, slope in found)
+
+
 def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str) -> np.ndarray:
     """The direction (u,) in the null space of the Jacobian at a located bifurcation that is at right angles to the known one.
 
@@ -68,7 +74,7 @@ def across_null_space(problem: Any, y: np.ndarray, known: np.ndarray, what: str)
     return direction
 
 
-def first_orbits(family: SolvedFamily, y: np.ndarray, direction: np.ndarray, *, at_an_angle: bool = False) -> Iterator[Step]:
+def first_orbits(family: Any, y: np.ndarray, direction: np.ndarray, *, at_an_angle: bool = False) -> Iterator[Step]:
     """The first orbits on both sides, where there are any. at_an_angle: the families cross so, and the new one can fold at any distance
     from there. Else its parameter has an extremum there, by symmetry."""
     for side in (direction, -direction):
@@ -77,7 +83,7 @@ def first_orbits(family: SolvedFamily, y: np.ndarray, direction: np.ndarray, *, 
             yield step
 
 
-def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray, at_an_angle: bool) -> Step | None:
+def _first(family: Any, y: np.ndarray, direction: np.ndarray, at_an_angle: bool) -> Step | None:
     """A corrected orbit at a small distance in a direction, with its tangent pointing on."""
     problem = family.problem
     scale = problem.scales(y)
@@ -105,7 +111,7 @@ def _first(family: SolvedFamily, y: np.ndarray, direction: np.ndarray, at_an_ang
     return found
 
 
-def _parameter(family: SolvedFamily, y: np.ndarray, way: np.ndarray) -> tuple[float, float]:
+def _parameter(family: Any, y: np.ndarray, way: np.ndarray) -> tuple[float, float]:
     """The reported parameter at an orbit, and its derivative along a way."""
     here, *beside = (family.uncorrected(y + part * way).parameter for part in (0.0, _NUDGE, -_NUDGE))
     return here, (beside[0] - beside[1]) / (2.0 * _NUDGE)

@@ -61,6 +61,7 @@ class EventFinder:
         self.singular = [test.singular for test in self._tests]
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
+        self._is_fold: Callable[[int, np.ndarray], bool] | None = getattr(problem, "is_fold", None)
         self._refine: Callable[[int, Step], Step | None] | None = getattr(problem, "refined", None)
         fine, coarse = settings.location_tolerance, settings.coincidence_tolerance
         self._tolerances = [(coarse, fine) if test.singular and self._refine else (fine,) for test in self._tests]
@@ -221,7 +222,7 @@ class EventFinder:
             zeros = (found for i, found in located if i == index)
             for found in sorted(zeros, key=lambda found: found.s):
                 if apart and found.s - apart[-1].s <= self._settings.coincidence_tolerance:
-                    both, noise = self._around(index, apart[-1], found, locator)
+                    both, noise = self._around(index, apart[-1], found, resolution)
                     between = (step for s, step in locator.taken if apart[-1].s < s < found.s)
                     if not any(abs(float(step.tests[index])) > noise for step in between):
                         apart[-1] = both
@@ -229,7 +230,7 @@ class EventFinder:
                 apart.append(found)
             for found in apart:
                 if self._at_branch_points[index] and not self.singular[index]:
-                    found, _ = self._around(index, found, found, locator)
+                    found, _ = self._around(index, found, found, resolution)
                     if belongs(index, *found.between):
                         continue
                 low, high = found.between
@@ -241,25 +242,28 @@ class EventFinder:
         """The zero of a test function in the zone of a branch point, if it is another event than this one."""
         if not math.isfinite(zone.high - zone.low):
             return None
-        beside = locator.zero_beside(index, self._tests.index(zone.test), 0.5 * (zone.low + zone.high))
-        if beside is None:
-            return None
-        s, error = beside
-        margin = max(error, self._settings.location_tolerance)
+        singular, middle = self._tests.index(zone.test), 0.5 * (zone.low + zone.high)
+        beside = locator.zero_beside(index, singular, middle)
         try:
+            if beside is None and (self._is_fold is None or not self._is_fold(index, locator.step(middle).y)):
+                return None
+            s, error = beside or (middle, 0.5 * (zone.high - zone.low))
+            margin = max(error, self._settings.location_tolerance)
             step, low, high = (locator.step(place) for place in (s, s - margin, s + margin))
         except StepRefused:
             return None
+        step = (beside is None and self._refine and self._refine(singular, step)) or step
         residual = abs(float(step.tests[index]))
         residual = 0.0 if math.isnan(residual) else residual  # rounding
-        return Location("zero", "located", s, step, residual, low, high, between=(s - margin, s + margin))
+        return Location("zero", "located", s, step, residual, low, high, between=(s - margin, s + margin), alone=beside is None)
 
-    def _around(self, index: int, first: Location, last: Location, locator: Locator) -> tuple[Location, float]:
+    def _around(self, index: int, first: Location, last: Location, resolution: Resolution) -> tuple[Location, float]:
         """Two zeros, or one, as one, with the bracket up to the next steps at which the test function is more than rounding; and the size
         up to which it is rounding there.
 
         This size is the distance from a straight line over a few bracket widths. Where the test function is undefined for being rounding,
         all its values are more than that. Steps are taken where the straight line leaves the noise."""
+        locator = resolution.locator
         values = [float(step.tests[index]) for _, step in locator.taken]
         noise = _ROUNDING * max((abs(value) for value in values if value == value), default=0.0)
         width = self._settings.location_tolerance
@@ -280,13 +284,11 @@ class EventFinder:
                         locator.step(place)
                     except StepRefused:
                         continue
-        known = [(s, float(step.tests[index])) for s, step in locator.taken if step.tests[index] == step.tests[index]]
+        known = resolution.sure(index)
         certain = [s for s, value in known if abs(value) > noise]
-        # The problem's own equations can put a zero outside its bracket, where steps went over to another family: its sign is that of the
-        # bracket's ends.
-        moved = [zero.between for zero in (first, last) if not zero.between[0] <= zero.s <= zero.between[1]]
-        low = max((s for s in certain if s < first.s and all(s <= ends[0] for ends in moved)), default=known[0][0])
-        high = min((s for s in certain if s > last.s and all(s >= ends[1] for ends in moved)), default=known[-1][0])
+        # The sign is that of the brackets' ends: the problem's own equations can put a zero outside, and one where steps fail is an end.
+        low = max((s for s in certain if s < first.s and s <= min(first.between[0], last.between[0])), default=known[0][0])
+        high = min((s for s in certain if s > last.s and s >= max(first.between[1], last.between[1])), default=known[-1][0])
         best = min(first, last, key=lambda zero: zero.residual)
         return best._replace(kind="zero", status="located", low=locator.step(low), high=locator.step(high), between=(low, high)), noise
 
@@ -358,6 +360,7 @@ class EventFinder:
         for i, strong in enumerate(found):
             for j, weak in enumerate(found):
                 near = abs(weak.location.s - strong.location.s) <= self._settings.coincidence_tolerance
+                near = near and not weak.location.alone
                 if i != j and i not in dropped and near and weak.details.code in self._tests[strong.index].absorbs:
                     dropped.add(j)
                     absorbed[i] = absorbed.get(i, ()) + (weak.details.code,)

@@ -119,10 +119,14 @@ class Resolution:
                     cause = refused
             else:
                 raise cause
-        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
-        samples = ((s, float(step.tests[index])) for s, step in self.locator.taken if s <= limit)
-        sure = [(s, value) for s, value in samples if value == value and not any(zone.low < s < zone.high for zone in zones)]
+        sure = [(s, value) for s, value in self.sure(index) if s <= limit]
         return [(low, high) for (low, a), (high, b) in pairwise(sure) if (a > 0.0) is not (b > 0.0) and (a > 0.0 or not guard)]
+
+    def sure(self, index: int) -> list[tuple[float, float]]:
+        """The samples of a test function, as (length of the step, value), where it is defined and no branch point is too near."""
+        zones = [zone for zone in self.zones if zone.hides(self.tests[index])]
+        samples = ((s, float(step.tests[index])) for s, step in self.locator.taken)
+        return [(s, value) for s, value in samples if value == value and not any(zone.low < s < zone.high for zone in zones)]
 
     def _scan(self, tests: Sequence[int], begin: int, limit: float, guard: bool) -> tuple[int, float, float, float]:
         """See `scan`."""

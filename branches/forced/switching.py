@@ -138,6 +138,10 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             continue
         # The orbits of a sequence with the first bounce apart are the same ones on this side.
         found += [one for one in _both_sides(*made, side) if one.persists or make is not with_first_bounce]
+        # Impacts at alike stops vanish at once, in any number.
+        rest = made[0].step(made[1], np.zeros(2 * made[0].unknowns), 0.0) if make is without_impact and made[0].sequence else None
+        if rest is not None and abs(rest["speed"]) <= _GRAZES * made[0].segment.scale[made[0].degrees_of_freedom]:
+            found += _across(made[0], rest, inwards)
     return found
 
 

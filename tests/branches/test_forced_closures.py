@@ -168,3 +168,21 @@ def test_independent_impacts_at_one_instant_are_followed():
                 fraction, value = last[2 * count], last[2 * count + 1]
                 alone = single.pack(last[[[k, count + k]]], np.array([fraction]), [value], np.array([problem.period(y)]))
                 assert single.scaled_residual(alone) < 1e-12
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_alike_oscillators_have_the_fold_and_the_grazing_of_one(count):
+    """Oracle: one oscillator. As many multipliers pass 1 at once as there are oscillators, and the determinant changes sign if they are
+    even: of several families with their fold there, the one along which all change is followed. All impacts vanish at once, too."""
+    places = []
+    for many in (1, count):
+        problem, y = settled(alike(many), ["F"])
+        run = follow_both_ways(ForcedFamily(problem, (0.05, 0.6)), problem.solve(y).y, SETTINGS)
+        places.append({event.code: event.point.parameter for event in run.events})
+        assert len(run.events) == len(places[-1])
+    one, found = places
+    assert set(one) == {"SN", "GR", "EP"} and set(found) - set(one) == ({"BP"} if count == 2 else set())
+    assert [found[code] for code in one] == pytest.approx(list(one.values()), rel=1e-12)
+    grazing = next(event for event in run.events if event.code == "GR")
+    inwards = run.points[1 if grazing.index == 0 else -2].step.y - grazing.point.y
+    assert [len(beside.problem.sequence) for beside in beside_grazing(problem, grazing.point.extra, inwards)] == [*range(count)][::-1]
