@@ -114,9 +114,11 @@ def beside_grazing(problem: ForcedProblem, solution: Solution, inwards: np.ndarr
         whole = wide.step(repeated, np.zeros(2 * wide.unknowns), 0.0)
         ahead = full_period(problem, solution.y + inwards)[1] - repeated
         others = [] if whole is None else _across(wide, whole, ahead)
-        return found + [one for one in others if len(one.problem.impacts) % 2]
+        return found + [one for one in others if len(one.problem.impacts) % 2 and one.problem.sequence]
     symmetric = half_of(problem, solution.y)
-    return found if symmetric is None else found + _across(*symmetric, inwards[: symmetric[0].unknowns])
+    if symmetric is not None:  # without impacts it is solved over half the period
+        found = [one for one in found if one.problem.sequence] + _across(*symmetric, inwards[: symmetric[0].unknowns])
+    return found
 
 
 def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> list[GrazingNeighbour]:
@@ -134,14 +136,13 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
             made = make(problem, solution)
         except EndsError:
             continue  # the impact that appears pulls a stop open which sticks
-        if made is None:
-            continue
-        # The orbits of a sequence with the first bounce apart are the same ones on this side.
-        found += [one for one in _both_sides(*made, side) if one.persists or make is not with_first_bounce]
-        # Impacts at alike stops vanish at once, in any number.
-        rest = made[0].step(made[1], np.zeros(2 * made[0].unknowns), 0.0) if make is without_impact and made[0].sequence else None
-        if rest is not None and abs(rest["speed"]) <= _GRAZES * made[0].segment.scale[made[0].degrees_of_freedom]:
-            found += _across(made[0], rest, inwards)
+        while made is not None:
+            # The orbits of a sequence with the first bounce apart are the same ones on this side.
+            found += [one for one in _both_sides(*made, side) if one.persists or make is not with_first_bounce]
+            # Impacts at alike stops vanish at once, in any number.
+            rest = made[0].step(made[1], np.zeros(2 * made[0].unknowns), 0.0) if make is without_impact and made[0].sequence else None
+            fast = made[0].segment.scale[made[0].degrees_of_freedom]
+            made = without_impact(made[0], rest) if rest is not None and abs(rest["speed"]) <= _GRAZES * fast else None
     return found
 
 
