@@ -423,7 +423,7 @@ def _branch_of(problem: MultipointProblem, run: Run, energy: tuple[float, float]
         place = run.points[0] if k == 0 else run.points[-1]
         if end.reason is EndReason.EVENT and place.event is not None:
             orbit = f"h = {place.step.parameter:.12g}, alpha = {place.step.extra['quarter_period']:.12g}"
-            ended.append(Ended(end.reason.name, f"{place.event.code} at {orbit}: {place.event.details.get('note')}"))
+            ended.append(Ended(end.reason.name, f"{place.event.code} at {orbit}: {place.event.details.get('note')}{end.unlocated}"))
         else:
             ended.append(Ended(end.reason.name, end.text))
     return Branch(problem, columns, tuple(events), (ended[0], ended[1]), run.start, energy, digit_work=work)

@@ -210,9 +210,12 @@ def follow_in_blocks(
     fallback = 0.0  # length of the next try if a leap fails; inf when it has failed
     trial: Step | None = None  # the step of length ds where it was tried already
 
+    def end(reason: EndReason, detail: str = "") -> End:
+        return End(reason, detail, Tally(*counts), "".join(f"; {words}" for words in finder.unlocated.values()))
+
     while True:
         while allowance.points <= 0:
-            yield End(EndReason.POINTS, "", Tally(*counts))
+            yield end(EndReason.POINTS)
             if not allowance.resume:
                 return
         if trial is None and advance is not None:
@@ -235,7 +238,7 @@ def follow_in_blocks(
                     allowance.points -= made
                     yield piece
                     if isinstance(piece, Point) and stop_when is not None and (words := stop_when(piece)):
-                        yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", Tally(*counts))
+                        yield end(EndReason.STOP_WHEN, words if isinstance(words, str) else "")
                         return
                 for k in range(max(0, count - 3), count):
                     step = taken.steps[k]
@@ -310,7 +313,7 @@ def follow_in_blocks(
                 failure = getattr(problem, "failure", None)
                 if failure is not None:
                     words += f"; {failure(recent.step.y, recent.step.tangent, 2 * ds)}"
-                yield End(EndReason.MINIMUM_STEP, words, Tally(*counts))
+                yield end(EndReason.MINIMUM_STEP, words)
                 return
             found, new = [passed[0]], passed[1]
             crossing = passed[0].location
@@ -330,7 +333,7 @@ def follow_in_blocks(
             if event is not None and not guard and (arclength + s <= exact or (closed is EndReason.CLOSED and length - s <= exact)):
                 continue  # at the start
             while allowance.points <= 0:
-                yield End(EndReason.POINTS, "", Tally(*counts))
+                yield end(EndReason.POINTS)
                 if not allowance.resume:
                     return
             index += 1
@@ -351,14 +354,14 @@ def follow_in_blocks(
                 elif reason is None and special.code in stop_at:
                     reason = EndReason.STOP_AT
                 if reason is not None:
-                    yield End(reason, f"{special.code} at arclength {special.arclength:.9g}", Tally(*counts))
+                    yield end(reason, f"{special.code} at arclength {special.arclength:.9g}")
                     return
             if stop_when is not None and (words := stop_when(point)):
-                yield End(EndReason.STOP_WHEN, words if isinstance(words, str) else "", Tally(*counts))
+                yield end(EndReason.STOP_WHEN, words if isinstance(words, str) else "")
                 return
         arclength += length
         if closed is not None:
-            yield End(closed, f"length {arclength:.9g}", Tally(*counts))
+            yield end(closed, f"length {arclength:.9g}")
             return
         if goal.direction is None:
             goal = Goal(first, np.asarray(new.position) - np.asarray(first.position))

@@ -12,7 +12,7 @@ import numpy as np
 
 from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of
-from continuation.location import JUMP_RATIO, History, Location, Locator
+from continuation.location import JUMP_RATIO, STEEP, FoundKind, History, Location, Locator
 from continuation.problem import Event, EventDetails, Point, Problem, Step, TestFunction
 from continuation.resolution import Resolution, Zone
 
@@ -59,6 +59,8 @@ class EventFinder:
         self._tests: tuple[TestFunction, ...] = tuple(problem.tests)
         self.kinds = kinds_of(self._tests)
         self.singular = [test.singular for test in self._tests]
+        self.unlocated: dict[str, str] = {}
+        """Words for the events whose place was not found, by the label of their test function."""
         self.undefined = [math.nan] * len(self._tests)
         """Test functions of the point before the first: not known."""
         self._is_fold: Callable[[int, np.ndarray], bool] | None = getattr(problem, "is_fold", None)
@@ -350,7 +352,16 @@ class EventFinder:
         """The events that the problem makes of zeros and changes, without those that belong to another event at the same place."""
         found = []
         for index, location in located:
+            test = self._tests[index]
+            if test.kind == "crossing" and not self._is_small(index, location, before, after):
+                kind: FoundKind = location.kind if location.kind in ("pole", "jump") else "jump"
+                location = location._replace(kind=kind, status="bracketed")
             details = self._problem.classify(index, before, location.step, after, location)
+            if details is None and location.kind in ("pole", "jump"):
+                place = location._replace(kind="zero")
+                if self._problem.classify(index, before, location.step, after, place) is not None:
+                    words = f"{test.code} near {location.step.parameter:.10g} could not be located: its test function does not vanish there"
+                    self.unlocated[test.label] = words
             if details is not None:
                 if self._tests[index].terminal and not details.terminal:
                     details = details._replace(terminal=True)
@@ -365,6 +376,12 @@ class EventFinder:
                     dropped.add(j)
                     absorbed[i] = absorbed.get(i, ()) + (weak.details.code,)
         return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
+
+    def _is_small(self, index: int, location: Location, before: Point, after: Point) -> bool:
+        """Whether the residual of a zero is small against its test function: a part of the values on both sides, or of its level."""
+        values = (abs(float(point.step.tests[index])) for point in (before, after))
+        part = max(JUMP_RATIO, STEEP * self._settings.location_tolerance / (abs(after.arclength - before.arclength) or math.inf))
+        return location.residual <= max(part * max(value for value in (*values, 0.0) if value == value), _LEFT * self.singular[index])
 
     def _refined(self, index: int, location: Location, before: Point, ds: float) -> Location:
         """The event located by the problem's own equations for it, if it has such; else the location as given.

@@ -26,7 +26,7 @@ FoundKind = Literal["zero", "change", "pole", "jump", "outside", "interrupted"]
 JUMP_RATIO = 0.01
 """A zero is found to the location tolerance, so a function with a larger part of its values at the bracket's ends left there jumps."""
 
-_STEEP = 4.0  # so many times steeper than on average a test function may be in the last bracket
+STEEP = 4.0  # so many times steeper than on average a test function may be in the last bracket
 _POLISHED = 1e-5  # a root is not improved that is as near as this part of its bracket to that of a straight line
 _VALID = 1e-3  # a guard is positive at its zero by this part of its value at the valid end of the bracket
 _CHANGES = 16  # of one key in a step; a longer list needs a shorter step
@@ -229,7 +229,7 @@ class Locator:
                 found = self._within(index, found)
         residual = abs(found.value)
         kind: FoundKind = "interrupted" if found.interrupted else "zero"
-        if residual > max(size, JUMP_RATIO * scale, _STEEP * (found.high - found.low) / (high - low) * scale):
+        if residual > max(size, JUMP_RATIO * scale, STEEP * (found.high - found.low) / (high - low) * scale):
             kind = "pole" if residual > scale else "jump"
         if kind == "zero":
             found = self._polished(index, found, _VALID if guard else 0.0)

@@ -407,13 +407,14 @@ class Tally(NamedTuple):
 
 
 class End(NamedTuple):
-    """The end of a run: `reason`, `detail` in words (may be empty), and the `tally` of steps."""
+    """The end of a run: `reason`, `detail` in words (may be empty), the `tally` of steps, and words for what could not be located."""
 
     reason: EndReason
     detail: str = ""
     tally: Tally = Tally()
+    unlocated: str = ""
 
     @property
     def text(self) -> str:
         """The reason in words with its detail."""
-        return f"{self.reason.text} ({self.detail})" if self.detail else self.reason.text
+        return (f"{self.reason.text} ({self.detail})" if self.detail else self.reason.text) + self.unlocated

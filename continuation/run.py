@@ -259,7 +259,7 @@ def _joined(problem: Problem, settings: Settings, backward: _Half | None, forwar
         if backward is not None:
             tally = Tally(*(a + b for a, b in zip(backward.end.tally, tally, strict=True)))
             detail = f"length {points[-1].arclength:.9g}"
-        ends = (End(EndReason.CLOSED, detail, tally),) * 2
+        ends = (End(EndReason.CLOSED, detail, tally, forward.end.unlocated),) * 2
     return Run(points, tuple(events), ends, start, closed)
 
 

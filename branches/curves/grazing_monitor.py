@@ -175,7 +175,7 @@ def second_grazing(problem: ForcedProblem, solution: Solution) -> str:
     sizes = grazing_sizes(problem, solution)
     least = what_grazes(sizes)
     if sizes[least] > _SECOND:
-        raise ValueError("nothing else grazes there; expected two grazings at once")
+        raise ValueError("this curve is the only one of grazings there; expected GR-GR, or the type of the other curve, as SN at SN-GR")
     return least
 
 

@@ -309,7 +309,7 @@ def _ended(plane: ParameterPlane, end: End, point: Point, sign: int) -> Ended:
     values = plane.parameters_at(point.step.y[: plane.size])
     place = " and ".join(f"{name} = {value:.12g}" for name, value in zip(plane.names, values, strict=True))
     if end.reason is EndReason.EVENT and point.event is not None:
-        return Ended(end.reason.name, f"{point.event.code} at {place}: {point.event.details.get('note')}")
+        return Ended(end.reason.name, f"{point.event.code} at {place}: {point.event.details.get('note')}{end.unlocated}")
     for distance in _BEYOND if end.reason is EndReason.MINIMUM_STEP else ():
         why = plane.violation(point.step.y[: plane.size] + sign * distance * point.step.tangent[: plane.size])
         if why is not None:

@@ -7,7 +7,7 @@ inserted or removed. Both families are regular there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -133,17 +133,31 @@ def _across(problem: ForcedProblem, solution: Solution, inwards: np.ndarray) -> 
                 found.append(GrazingNeighbour(*opened, bool(np.sign(opened[1].y[at] - solution.y[at]) != side)))
                 continue
         try:
-            made = make(problem, solution)
+            others = list(_without_impacts(problem, solution)) if make is without_impact else [make(problem, solution)]
         except EndsError:
             continue  # the impact that appears pulls a stop open which sticks
-        while made is not None:
+        for made in others:
             # The orbits of a sequence with the first bounce apart are the same ones on this side.
-            found += [one for one in _both_sides(*made, side) if one.persists or make is not with_first_bounce]
-            # Impacts at alike stops vanish at once, in any number.
-            rest = made[0].step(made[1], np.zeros(2 * made[0].unknowns), 0.0) if make is without_impact and made[0].sequence else None
-            fast = made[0].segment.scale[made[0].degrees_of_freedom]
-            made = without_impact(made[0], rest) if rest is not None and abs(rest["speed"]) <= _GRAZES * fast else None
+            beside = [] if made is None else _both_sides(*made, side)
+            found += [one for one in beside if one.persists or make is not with_first_bounce]
     return found
+
+
+def _without_impacts(problem: ForcedProblem, solution: Solution) -> Iterator[tuple[ForcedProblem, np.ndarray]]:
+    """The problem without the impact that vanishes, then without one at each further stop that vanishes with it, as at alike stops."""
+    gone, rest = set[int](), solution
+    while not gone or abs(rest["speed"]) <= _GRAZES * problem.segment.scale[problem.degrees_of_freedom]:
+        contact = int(problem.contacts[int(rest["speed_node"])])
+        made = None if contact in gone else without_impact(problem, rest)
+        if made is None:
+            return
+        yield made
+        gone.add(contact)
+        problem = made[0]
+        found = problem.step(made[1], np.zeros(2 * problem.unknowns), 0.0) if problem.sequence else None
+        if found is None:
+            return
+        rest = found
 
 
 def _both_sides(problem: ForcedProblem, start: np.ndarray, side: float) -> list[GrazingNeighbour]:

@@ -323,7 +323,7 @@ def _ended(problem: ForcedProblem, end: End, point: Point, sign: int, origin: st
                 return Ended(OUT_OF_DOMAIN, f"the system ends at {name} = {point.step.parameter:.12g}: {why}")
     if end.reason is EndReason.EVENT and point.event is not None:
         value = problem.parameters(point.step.y)[name]
-        text = f"{point.event.code} at {name} = {value:.12g}: {point.event.details.get('note')}"
+        text = f"{point.event.code} at {name} = {value:.12g}: {point.event.details.get('note')}{end.unlocated}"
     elif end.reason is EndReason.NOT_ASKED and origin is not None:
         return Ended(EndReason.EVENT.name, f"the family begins at {origin}")
     elif end.reason is EndReason.STOP_WHEN:

@@ -88,7 +88,7 @@ def test_the_other_grazing_is_followed():
 
 
 def test_no_other_grazing_is_found_where_there_is_none():
-    with pytest.raises(NoCurve, match="nothing else grazes there; expected two grazings at once"):
+    with pytest.raises(NoCurve, match="this curve is the only one of grazings there; expected GR-GR"):
         curve_through(grazing_below(), 5, "GR")
 
 

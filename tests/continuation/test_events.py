@@ -125,6 +125,30 @@ def test_jumps_and_poles_are_not_called_zeros(function, kind):
     assert (found_kind, status) == (kind, "bracketed") and before < 1.0432 < after
 
 
+@pytest.mark.parametrize("code", ["SN", "BP", "PD", "SB", "RT", "NS"])
+def test_no_event_is_listed_whose_residual_is_not_small(code):
+    """Oracle: the function. The problem's own equations put the zero where it is 0.4: that is no event of any kind, and it is said. What
+    the problem denies at its place is not said."""
+
+    class Refining(Line):
+        def refined(self, index, at):
+            return self.step(np.array([1.44]), np.array([1.0]), 0.0)
+
+    def classify(index, before, at, after, location):
+        return None if location.kind in ("pole", "jump") else EventDetails(code)
+
+    test = TestFunction(code, "crossing"), lambda s: s - 1.04
+    _, events, end = run(Refining(test, classify=classify), Settings(initial_step=0.8, maximum_step=0.8, maximum_points=4))
+    assert events == [] and f"{code} near 1.44 could not be located" in end.text
+    _, events, end = run(Line(test, classify=classify))
+    assert [event.code for event in events] == [code] and "located" not in end.text
+    jump = TestFunction(code, "crossing"), lambda s: math.copysign(1.0, s - 1.0432)
+    _, events, end = run(Line(jump, classify=classify))
+    assert events == [] and f"{code} near 1.0432 could not be located" in end.text
+    _, events, end = run(Line(jump, classify=lambda *given: None))
+    assert events == [] and "located" not in end.text
+
+
 def rounded(s):
     """A number between -1 and 1 that changes without order from one s to the next."""
     return math.fmod(s * 1e15 * math.pi, 2.0) - 1.0
