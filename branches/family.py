@@ -221,8 +221,6 @@ class Family(SolvedFamily):
         """What an event is, in the terms of the record."""
         test = self.tests[index]
         solution: Solution = at.extra
-        if location.kind in ("pole", "jump") and test.kind == "crossing":
-            return None
         data: dict[str, Any] = {"stop": None, "p_q": None, "breaks": None, "note": test.label}
         code = test.code
         counted: Solution = location.low.extra

@@ -12,7 +12,7 @@ import numpy as np
 
 from continuation.bracketing import StepRefused
 from continuation.control import NEAR_BRANCH_POINT, Settings, arclength_of, distance, kinds_of
-from continuation.location import JUMP_RATIO, STEEP, FoundKind, History, Location, Locator
+from continuation.location import JUMP_RATIO, STEEP, History, Location, Locator
 from continuation.problem import Event, EventDetails, Point, Problem, Step, TestFunction
 from continuation.resolution import Resolution, Zone
 
@@ -353,17 +353,12 @@ class EventFinder:
         found = []
         for index, location in located:
             test = self._tests[index]
-            if test.kind == "crossing" and not self._is_small(index, location, before, after):
-                kind: FoundKind = location.kind if location.kind in ("pole", "jump") else "jump"
-                location = location._replace(kind=kind, status="bracketed")
             details = self._problem.classify(index, before, location.step, after, location)
-            if details is None and location.kind in ("pole", "jump"):
-                place = location._replace(kind="zero")
-                if self._problem.classify(index, before, location.step, after, place) is not None:
-                    words = f"{test.code} near {location.step.parameter:.10g} could not be located: its test function does not vanish there"
-                    self.unlocated[test.label] = words
+            if details is not None and test.kind == "crossing" and not self._is_small(index, location, before, after):
+                words = f"{test.code} near {location.step.parameter:.10g} could not be located: its test function does not vanish there"
+                self.unlocated[test.label], details = words, None
             if details is not None:
-                if self._tests[index].terminal and not details.terminal:
+                if test.terminal and not details.terminal:
                     details = details._replace(terminal=True)
                 found.append(FoundEvent(index, location, details))
         dropped: set[int] = set()
@@ -378,7 +373,9 @@ class EventFinder:
         return [replace(event, absorbed=absorbed.get(i, ())) for i, event in enumerate(found) if i not in dropped]
 
     def _is_small(self, index: int, location: Location, before: Point, after: Point) -> bool:
-        """Whether the residual of a zero is small against its test function: a part of the values on both sides, or of its level."""
+        """Whether an event is a zero: its residual is small against the values of its test function on both sides, or its level."""
+        if location.kind in ("pole", "jump"):
+            return False
         values = (abs(float(point.step.tests[index])) for point in (before, after))
         part = max(JUMP_RATIO, STEEP * self._settings.location_tolerance / (abs(after.arclength - before.arclength) or math.inf))
         return location.residual <= max(part * max(value for value in (*values, 0.0) if value == value), _LEFT * self.singular[index])

@@ -181,9 +181,7 @@ class GenericProblem:
         )
 
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
-        """A fold or a branch point where its test has a zero, not a jump or a pole; events of a user's test are kept unchanged."""
-        if index < 2 and location.kind in ("pole", "jump"):
-            return None
+        """A fold, a branch point, or an event of the user's test."""
         return EventDetails(self.tests[index].code)
 
     def failure(self, y: Array, tangent: Array, ds: float) -> str:

@@ -331,7 +331,7 @@ class Problem(Protocol):
     5. `classify(index, before, at, after, location)` returns the type of the event of test `index`; None if it is spurious.
        `before` and `after` are the points between which it was found (`after` need not be kept), `at` is the step at the
        event, and ``location.kind`` says how it was found: ``"zero"``, ``"change"``, ``"pole"``, ``"jump"``, ``"outside"``
-       or ``"interrupted"``.
+       or ``"interrupted"``. Where a crossing is no zero to its accuracy, no event is reported: the `End` names it.
     6. `residual(y)` (n,) and `jacobian(y)` (n, n + 1) are used for switching only.
 
     Optional, found by name:

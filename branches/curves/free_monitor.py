@@ -101,8 +101,6 @@ class FreeMonitor:
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
         test = self.tests[index]
-        if test.kind == "crossing" and location.kind in ("pole", "jump"):
-            return None
         data: dict[str, Any] = {"stop": None, "note": test.label}
         if test.code == "GR":
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
@@ -187,8 +185,6 @@ class FreeGrazingMonitor:
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
         test = self.tests[index]
-        if test.kind == "crossing" and location.kind in ("pole", "jump"):
-            return None
         return EventDetails(test.code, test.terminal, {"stop": None, "note": test.label})
 
 

@@ -141,8 +141,6 @@ class GrazingMonitor:
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
         test = self.tests[index]
-        if test.kind == "crossing" and location.kind in ("pole", "jump"):
-            return None
         if test.code == "NS-GR" and not has_pair(at.extra.multipliers, math.nan):
             return None
         if test == SECOND_GRAZING[2]:

@@ -173,8 +173,6 @@ class BifurcationMonitor:
     def classify(self, index: int, before: Point, at: Step, after: Point, location: Location) -> EventDetails | None:
         """What an event is."""
         test = self.tests[index]
-        if test.kind == "crossing" and location.kind in ("pole", "jump"):
-            return None
         point: CurvePoint = at.extra
         data: dict[str, Any] = {"stop": None, "note": test.label}
         if test.code == "GR":

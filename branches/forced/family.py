@@ -145,8 +145,6 @@ class ForcedFamily(AlongParameters, SolvedFamily):
         """What an event is, in the terms of the record."""
         test = self.tests[index]
         solution: Solution = at.extra
-        if location.kind in ("pole", "jump") and test.kind == "crossing":
-            return None
         data: dict[str, Any] = {"stop": None, "note": test.label}
         if test.code == "GR":
             verb = next(verb for verb, kind in GRAZING.items() if kind == test)
