@@ -24,7 +24,7 @@ from branches.events import DigitWork
 from branches.family import RESONANCES
 from branches.full_family import Course, longest_course
 from branches.grazing.following import SolvedProblem, leaves_upward, meetings_at
-from branches.grazing.touching import touching
+from branches.grazing.touching import Candidate, touching
 from branches.linear_modes import beginnings, linear_modes
 from branches.naming.search import Limits
 from branches.presentation import Presentation, first_of, presentations, segment_images, symmetries, with_canonical_sequence
@@ -316,9 +316,9 @@ def _across_grazing(system: ImpactSystem, source: Seed) -> Answer:
     assert template is not None
     problem = MultipointProblem(system, orbit.ends, parse_sequence(orbit.sequence))
 
-    def accept(alpha: float, impacts: int) -> bool:
+    def accept(alpha: float, choice: Candidate) -> bool:
         nonlocal beyond
-        inside = source.bounds.holds(alpha=alpha, impacts=impacts)
+        inside = source.bounds.holds(alpha=alpha, impacts=choice.impacts)
         beyond += not inside
         return inside
 

@@ -176,7 +176,7 @@ def meetings_at(
     rising: bool,
     *,
     cover: int = 1,
-    accept: Callable[[float, int], bool] | None = None,
+    accept: Callable[[float, Candidate], bool] | None = None,
     energy: tuple[float, float] = (0.0, np.inf),
 ) -> list[Neighbour]:
     """`neighbours` at the grazing orbit y of a problem. Each has one orbit `beside` the grazing orbit, and is not followed.
@@ -190,7 +190,7 @@ def meetings_at(
     cover : int
         As for `neighbours`.
     accept : callable, optional
-        (quarter period at the grazing orbit, impacts in a period) -> whether such neighbours are solved; others are left out.
+        (quarter period at the grazing orbit, problem of the neighbours) -> whether it is solved; others are left out.
     energy : (float, float)
         Range of the orbits `beside` the grazing one.
     """
@@ -211,7 +211,7 @@ def meetings_at(
         if mask == own:
             continue
         choice = candidate(orbit, mask)
-        if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.cover, choice.impacts):
+        if accept is None or not choice.impacts or accept(0.25 * orbit.period / choice.cover, choice):
             found.append(meet(orbit, choice, rising, energy))
     return sorted(found, key=lambda item: (item.beside is None, item.cover, item.ends, item.sequence))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -11,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from branches.full_family import energy_scale
+from branches.naming.at_events import orbits_at_event
 from branches.naming.labels import Label, Name, canonical_label, most_alike, parse
 from branches.naming.matching import REFERENCE_TOLERANCE, NameNotFound, matches, nearest_labels, why_a_cover
+from branches.naming.parents import QUARTER, Sequences, parent_sequences
 from branches.presentation import embed, same_orbit
 from branches.search.along_sequence import orbits_with_sequence
 from branches.search.discovery import LONGEST, check_bounds, discover_orbits, fastest_turn
@@ -279,62 +282,94 @@ def followed_through(followed: Followed, orbit: Found, energy: tuple[float, floa
     return known
 
 
-ROUNDS = ((7, 48), (6, 256)), ((6, 48),)
-"""Searches for an id, in the range of energies and then in that of the limits: the times that energies are put between those that were
-searched (seven: 127 energies at most), and the starts in each piece of a curve of starts (`branches.search.along_sequence`)."""
+ROUNDS = ((0, 7, 48), (0, 6, 256)), ((0, 6, 48),)
+"""Searches for an id, in the range of energies and then in that of the limits: which sequences, the times that energies are put between
+those that were searched (seven: 127 energies at most), and the starts in each piece of a curve of starts
+(`branches.search.along_sequence`)."""
 
-SMOOTH_ROUNDS = ((6, 0),), ((5, 0),)
+CLOSED_ROUNDS = ((0, 4, 48), (1, 3, 48), (0, 6, 48)), ((0, 5, 48), (1, 4, 48))
+"""The same for orbits without a reversal: sequences of `branches.naming.parents.parent_sequences`."""
+
+SMOOTH_ROUNDS = ((0, 6, 0),), ((0, 5, 0),)
 """The same for systems with smooth forces, in which all orbits of an energy are searched."""
 
 KEPT = "expected a catalogue that has it (--catalogue FILE)"
+
+FROM_EVENT = "saltus continue --from FILE:EVENT,ID with a file of a family that it meets"
 
 
 def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[float, float], followed: Followed) -> tuple[Found, Branch]:
     """An orbit of the family with an id, and the family; `energy`, `followed`: as for `branches.naming.families.resolve`.
 
-    The range of energies is searched first, then that of the limits: the family may have orbits in a small part of the range alone.
+    The range of energies is searched first, then that of the limits: the family may have orbits in a small part of the range alone. A
+    family of orbits without a reversal is sought at the events of families with one.
 
     Raises
     ------
     NameNotFound
-        Where no orbit of it is found, or its orbits have no reversal, so that no search finds them.
+        Where no orbit of it is found.
     ValueError
         For a system whose orbits cannot be searched.
     """
     assert name.family is not None
     ends, sequence, _ = split_family_id(name.family)
-    if ends == PERIODIC:
-        raise NameNotFound(
-            f"{name.family} has orbits without a reversal; without a catalogue only ids of orbits with one are searched (ends origin, rest "
-            f"or stop); {KEPT}, as saltus build makes it in bounds that contain a family that it meets, or saltus continue "
-            f"--from FILE:EVENT,{name.family} with a file of that family"
-        )
     # `discover_orbits` says which systems with smooth forces it covers.
-    smooth = system.smooth_forces is not None
+    smooth, closed = system.smooth_forces is not None, ends == PERIODIC
+    if smooth and closed:
+        raise NameNotFound(f"{name.family} has orbits without a reversal, not searched with smooth forces; {KEPT}, or {FROM_EVENT}")
     require_system(system, two_dof="" if smooth else "families are searched by id for", advice=KEPT, smooth=True)
     check_bounds(system, limits.quarter_period, None)
-    impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
-    pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
-    wanted = canonical_sequence(sequence, ends, odd_symmetry=system.has_odd_symmetry)
+    odd = system.has_odd_symmetry
+    sequences = (
+        parent_sequences(sequence, system.modes.contact_letters, odd_symmetry=odd) if closed
+        else ({canonical_sequence(sequence, ends, odd_symmetry=odd): None},)
+    )  # fmt: skip
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
     asked = (low, high) if name.h is None else (name.h, name.h)
-    of_ranges = zip(dict.fromkeys([asked, span]), SMOOTH_ROUNDS if smooth else ROUNDS, strict=False)
-    for (least, most), rounds, density in ((between, *one) for between, searches in of_ranges for one in searches):
+    of_ranges = zip(dict.fromkeys([asked, span]), SMOOTH_ROUNDS if smooth else CLOSED_ROUNDS if closed else ROUNDS, strict=False)
+    tried: set[Branch] = set()
+    for (least, most), which, rounds, density in ((between, *one) for between, searches in of_ranges for one in searches):
         grid = (k / 2**level for level in range(1, rounds + 1) for k in range(1, 2**level, 2))
         for h in (least * (most / least) ** part for part in grid) if least < most else (least,):
-            if smooth:
-                orbits = discover_orbits(system, h, quarter_period=limits.quarter_period, impacts=impacts, ends=(pair,)).orbits
-                every = [Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None) for orbit in orbits]
-            else:
-                every = orbits_with_sequence(system, h, ends, sequence, limits.quarter_period, density)
-            for found in every:
-                if found.canonical == wanted:
-                    branch = followed_through(followed, found, span)
-                    if name.family in branch.full_family.ids:
-                        return found, branch
-    there = [f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in followed]
-    raise NameNotFound(
-        f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; "
-        + (f"with these ends and this sequence of impacts there are {', '.join(list(dict.fromkeys(there))[:5])}" if there else KEPT)
+            for found in _orbits_at(system, h, limits.quarter_period, sequences[which], density):
+                branch = followed_through(followed, found, span)
+                if not closed and name.family in branch.full_family.ids:
+                    return found, branch
+                orbit = _beginning_on(branch, name.family) if closed and branch not in tried else None
+                tried.add(branch)
+                if orbit is not None:
+                    return orbit, followed_through(followed, orbit, span)
+    there = dict.fromkeys(f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in followed)
+    why = f"with these ends and this sequence of impacts there are {', '.join(list(there)[:5])}" if there else KEPT
+    if closed:
+        why = (
+            "it begins at no SB or GR of a family with a reversal that has this sequence, one impact more or less, or "
+            f"{QUARTER} impacts in a quarter period at most; {KEPT}, or {FROM_EVENT}"
+        )
+    raise NameNotFound(f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; {why}")
+
+
+def _orbits_at(system: ImpactSystem, h: float, quarter_period: float, sequences: Sequences, density: int) -> list[Found]:
+    """The orbits with canonical sequences and ends at an energy; `density` as in `ROUNDS`."""
+    orbits: Iterable[Found] = (
+        orbit for hits, ends in sequences for orbit in orbits_with_sequence(system, h, ends, hits, quarter_period, density)
     )
+    if system.smooth_forces is not None:
+        ((sequence, ends),) = sequences
+        pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
+        impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
+        every = discover_orbits(system, h, quarter_period=quarter_period, impacts=impacts, ends=(pair,)).orbits
+        orbits = (Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None) for orbit in every)
+    return [orbit for orbit in orbits if orbit.canonical in sequences]
+
+
+def _beginning_on(branch: Branch, family: str) -> Found | None:
+    """An orbit of the family with an id that begins at a symmetry breaking or a grazing of a branch, next to it; None where none does."""
+    for event in branch.events:
+        if event.type in ("SB", "GR"):
+            with suppress(RuntimeError):
+                orbit = orbits_at_event(branch, event, family).get(family)
+                if orbit is not None:
+                    return Found(orbit.problem, orbit.solution, None)
+    return None

@@ -1,7 +1,6 @@
 """The reference scene, built whole as it ships. Takes minutes, and is run apart: `python -m pytest tests/full`."""
 
 import json
-import re
 
 import pytest
 
@@ -102,23 +101,30 @@ def test_the_named_families_are_there(built, name):
 
 
 def test_each_id_is_a_name_without_the_catalogue(built):
-    """Oracle: the ids of the build, each at the energies of its family. Orbits without a reversal are refused with this reason, and with
-    what finds them: the build, because each meets a family with a reversal, and the event there."""
+    """Oracle: the ids of the build, each at the energies of its family."""
     limits = search_bounds(SCENE.bounds)
     with Catalogue(built[0]) as catalogue:
-        rows = catalogue.families()
-        edges = catalogue.edges()
-    without = {row.id for row in rows if row.ends == "periodic"}
-    reversible = {row.id for row in rows} - without
-    meets = {id for edge in edges for id, other in ((edge.source, edge.target), (edge.target, edge.source)) if other in reversible}
-    assert without <= meets
+        rows = [row for row in catalogue.families() if row.ends != "periodic"]
     for row in rows:
-        if row.ends == "periodic":
-            with pytest.raises(NameNotFound, match=f"without a reversal.*expected a catalogue.*FILE:EVENT,{re.escape(row.id)}"):
-                resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)
-        else:
-            assert row.id in resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)[1].full_family.ids
-    assert sum(row.ends != "periodic" for row in rows) > 1000
+        assert row.id in resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)[1].full_family.ids
+    assert len(rows) > 1000
+
+
+def test_ids_without_a_reversal_are_names_without_the_catalogue(built):
+    """Oracle: the ids of the build and the orbits of its families, each tenth one. The few others are refused, with what was searched."""
+    limits, lost = search_bounds(SCENE.bounds), []
+    with Catalogue(built[0]) as catalogue:
+        rows = [row for row in catalogue.families() if row.ends == "periodic"][::10]
+        for row in rows:
+            try:
+                orbit, branch = resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)
+            except NameNotFound as error:
+                assert "it begins at no SB or GR of a family with a reversal that has" in str(error)
+                lost.append(row.id)
+                continue
+            alphas = [kept.alpha for kept in catalogue.branch(row.id).orbits_at(energy=orbit.h)]
+            assert row.id in branch.full_family.ids and min(abs(alpha / orbit.alpha - 1.0) for alpha in alphas) < 1e-9
+    assert len(rows) > 100 and len(lost) <= 0.03 * len(rows)
 
 
 def test_a_second_build_has_nothing_to_do(built, capsys):

@@ -186,15 +186,16 @@ def test_an_id_that_no_family_has_is_answered_with_those_that_exist(capsys, scen
         ("periodic:++--:7cedfa25", "origin-stop+:-:fbaea3dc", "0.17:0.3", "GR2"),
     ],
 )
-def test_an_id_of_orbits_without_a_reversal_is_refused_with_the_command_that_follows_it(capsys, tmp_path, id, meets, energy, event):
+def test_a_family_without_a_reversal_is_found_by_id_and_at_the_event_where_it_begins(capsys, tmp_path, id, meets, energy, event):
     """Oracle: the id of the family that begins at the event of the family that it meets, as the catalogue of the scene has both."""
     path = tmp_path / "family.json"
-    err = refused(run(capsys, "continue", id, "--energy", energy), "only ids of orbits with one are searched", f"FILE:EVENT,{id}")
-    assert err.count("\n") == 1
+    code, out, err = run(capsys, "continue", id, "--energy", energy, "--json", "-")
+    assert code == 0 and json.loads(out)["branch"]["id"] == id, err
     assert run(capsys, "continue", meets, "--energy", energy, "--json", path)[0] == 0
     code, out, err = run(capsys, "continue", "--from", f"{path}:{event},{id}", "--energy", energy, "--json", "-")
     assert code == 0 and json.loads(out)["branch"]["id"] == id, err
-    refused(run(capsys, "continue", "--from", f"{path}:{event},{id[:-8]}00000000"), f"{id[:-8]}00000000 begins at {event}", f"{event},{id}")
+    wrong = f"{id[:-8]}00000000"
+    refused(run(capsys, "continue", "--from", f"{path}:{event},{wrong}"), f"{wrong} begins at {event}", f"{event},{id[:-9]}")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the data folder is given by a variable of this system")
@@ -255,9 +256,13 @@ SHIPPED = [
     ("stop+-stop-:++---++-+:ba5424b7", (29.748149319417674, 29.750000166142282)),
     ("rest-stop+:--++--+-:35277757", (20.0, 60.0)),
     ("stop+-stop+:-++--:9d56599a", (1.6597279271953347, 1.781286771907527)),
+    ("periodic:++--:7cedfa25", (0.2, 0.21)),
+    ("periodic:++-+-+-:edf23254", (0.2786411393988897, 0.29829698254231996)),
+    ("periodic:+++-+-+-+--:8212214a", (10.0, 14.0)),
 ]
 """Families of the catalogue that `saltus build` makes of the shipped scene, each with a range of energies in which it has orbits: a small
-part of the range, the whole family, two that are narrow, and one that few starts lead to. `tests/full/test_shipped_scene.py` takes all."""
+part of the range, the whole family, two that are narrow, and one that few starts lead to; three without a reversal that begin at grazings,
+with an impact more, an impact less, and several less. `tests/full/test_shipped_scene.py` takes all."""
 
 
 @pytest.mark.parametrize(("id", "energy"), SHIPPED)
