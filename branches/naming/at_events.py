@@ -13,7 +13,6 @@ from branches.tracing import follow_family
 
 if TYPE_CHECKING:
     from branches.branch import Branch, BranchEvent
-    from bvp.system import ImpactSystem
 
 __all__ = ["orbit_at_event", "orbits_at_event"]
 
@@ -47,55 +46,41 @@ def orbit_at_event(branch: Branch, name: str, family: str = "") -> Orbit:
     """
     of_type = [event for event in branch.events if event.type == name]
     event = of_type[0] if len(of_type) == 1 else branch.event(name)
-    reasons: list[str] = []
-    chosen = orbits_at_event(branch, event, family)
+    chosen, _ = orbits_at_event(branch, event, family)
     if family in chosen or len(chosen) == 1:
         return chosen.get(family) or next(iter(chosen.values()))
-    listed = ", ".join(f"{name},{id}" for id in chosen or orbits_at_event(branch, event, reasons=reasons))
+    every, reasons = (chosen, []) if chosen else orbits_at_event(branch, event)
+    listed = ", ".join(f"{name},{id}" for id in every)
     if chosen:
         raise AmbiguousName(f"{len(chosen)} families begin at {name}; choose one of {listed}")
-    why = f"expected one of {listed}" if listed else "; ".join(dict.fromkeys(reasons)) or "the families there are those without impacts"
+    why = f"expected one of {listed}" if listed else "; ".join(reasons) or "the families there are those without impacts"
     raise NameNotFound(f"no family {family + ' ' if family else ''}begins at {name}: {why}")
 
 
-def orbits_at_event(branch: Branch, event: BranchEvent, family: str = "", reasons: list[str] | None = None) -> dict[str, Orbit]:
-    """An orbit of each family that begins at an event, or crosses there, next to it.
+def orbits_at_event(branch: Branch, event: BranchEvent, family: str = "") -> tuple[dict[str, Orbit], list[str]]:
+    """An orbit of each family that begins at an event, or crosses there, next to it, and why there are no others where an impact grazes.
 
-    Parameters
-    ----------
-    branch, event, family
-        As for `orbit_at_event`; only families whose ids begin with `family` are solved at a grazing.
-    reasons : list of str, optional
-        Why there is no family where an impact grazes is added to it.
-
-    Returns
-    -------
-    dict of str to Orbit
-        By the beginnings of the ids, or by ids where the hash is asked for or tells two apart.
+    Only families are solved whose ids begin with `family`, or have its ends and sequence. Keys are the beginnings of the ids, or the ids
+    where the hash is asked for or tells two apart.
     """
 
-    def fits(ends: Ends, sequence: ImpactSequence) -> bool:
-        beginning = _beginning(branch.system, ends, sequence)
-        return beginning.startswith(family) or family.startswith(f"{beginning}:")
+    def beginning(ends: Ends, sequence: ImpactSequence) -> str:
+        sequence, ends = canonical_sequence(tuple(sequence), ends, odd_symmetry=branch.system.has_odd_symmetry)
+        return f"{format_ends(ends)}:{''.join(sequence)}"
 
+    def fits(ends: Ends, sequence: ImpactSequence) -> bool:
+        return beginning(ends, sequence).startswith(family) or family.startswith(f"{beginning(ends, sequence)}:")
+
+    reasons: list[str] = []
     if event.type == "GR":
-        y = branch.orbit(event.point).solution.y
-        met = meetings_at(
-            branch.problem, y, leaves_upward(branch, event.point), accept=lambda alpha, choice: fits(choice.ends, choice.sequence)
-        )
+        y, rising = branch.orbit(event.point).solution.y, leaves_upward(branch, event.point)
+        met = meetings_at(branch.problem, y, rising, accept=lambda alpha, choice: fits(choice.ends, choice.sequence))
         found = [(item.beside.problem, item.beside.y) for item in met if item.beside is not None]
-        if reasons is not None:
-            reasons += [item.reason for item in met if item.beside is None]
+        reasons = list(dict.fromkeys(item.reason for item in met if item.beside is None))
     else:
         found = [(item.problem, item.step.y) for item in emanating_families(branch, event)]
     orbits = [Orbit(problem, problem.solve(y, energy=problem.energy(y))) for problem, y in found if fits(problem.ends, problem.sequence)]
-    ids = [_beginning(branch.system, orbit.ends, orbit.problem.sequence) for orbit in orbits]
+    ids = [beginning(orbit.ends, orbit.problem.sequence) for orbit in orbits]
     if len(set(ids)) < len(ids) or family.count(":") == 2:  # the hash tells them apart, or is asked for
         ids = [follow_family(orbit.problem, orbit.solution.y, points=1).id for orbit in orbits]
-    return {id: orbit for id, orbit in zip(ids, orbits, strict=True) if id.startswith(family)}
-
-
-def _beginning(system: ImpactSystem, ends: Ends, sequence: ImpactSequence) -> str:
-    """The beginning of the id of a family: canonical ends and sequence."""
-    sequence, ends = canonical_sequence(tuple(sequence), ends, odd_symmetry=system.has_odd_symmetry)
-    return f"{format_ends(ends)}:{''.join(sequence)}"
+    return {id: orbit for id, orbit in zip(ids, orbits, strict=True) if id.startswith(family)}, reasons

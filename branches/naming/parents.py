@@ -21,14 +21,12 @@ def parent_sequences(sequence: ImpactSequence, letters: tuple[str, ...], *, odd_
     """The sequences and ends of families with a reversal at which a family of closed orbits can begin, the likeliest first.
 
     Where the last reversal breaks, the full period has the same sequence. Where an impact grazes, it can have one impact less or more, or
-    several where the orbit is symmetric: an orbit of quarter periods grazes at least four times.
+    several, because a touch recurs in each quarter of a period.
 
     Parameters
     ----------
-    sequence
-        Of the full period of the closed orbits.
-    letters
-        Contacts of the system.
+    sequence, letters
+        Of the full period of the closed orbits; all contacts of the system.
     odd_symmetry
         As for `branches.sequences.canonical_sequence`.
 
@@ -57,22 +55,17 @@ def _segments(cycle: ImpactSequence, *, odd_symmetry: bool) -> Iterator[tuple[Im
     """The parts of a cyclic sequence between two neighbouring axes of one reversal, and between axes of both kinds.
 
     Places are counted in half steps: an even one is that of an impact."""
-    count = len(cycle)
-    axes = {}
-    for place in range(count):
-        turned = tuple(cycle[(place - i) % count] for i in range(count))
-        if turned == cycle:
-            axes[place, False] = axes[place + count, False] = True
-        elif odd_symmetry and mirror(turned) == cycle:
-            axes[place, True] = axes[place + count, True] = True
+    count, places = len(cycle), range(len(cycle))
+    turned = [tuple(cycle[(place - i) % count] for i in places) for place in places]
+    images = ((False, cycle), (True, mirror(cycle)))[: 1 + odd_symmetry]
+    axes = {(place, origin) for origin, image in images for place in places if turned[place] == image}
 
     def end(place: int, origin: bool) -> str:
         return "origin" if origin else f"stop{cycle[place // 2 % count]}" if place % 2 == 0 else "rest"
 
-    for place, origin in axes:
-        if place < count:
-            for length, other in ((count / 2, not origin), (count, origin)):
-                far = place + int(length)
-                if length == int(length) and (far % (2 * count), other) in axes:
-                    inside = range(place // 2 + 1, (far + 1) // 2)
-                    yield tuple(cycle[i % count] for i in inside), (end(place, origin), end(far, other))
+    for place, origin in sorted(axes):
+        for length, other in ((count // 2, not origin), (count, origin)):
+            far = place + length
+            if (far % count, other) in axes and (length == count or count % 2 == 0):
+                inside = range(place // 2 + 1, (far + 1) // 2)
+                yield tuple(cycle[i % count] for i in inside), (end(place, origin), end(far, other))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -336,40 +336,30 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
                 branch = followed_through(followed, found, span)
                 if not closed and name.family in branch.full_family.ids:
                     return found, branch
-                orbit = _beginning_on(branch, name.family) if closed and branch not in tried else None
+                for event in branch.events if closed and branch not in tried else ():
+                    if event.type in ("SB", "GR"):
+                        with suppress(RuntimeError):
+                            orbit = orbits_at_event(branch, event, name.family)[0].get(name.family)
+                            if orbit is not None:
+                                found = Found(orbit.problem, orbit.solution, None)
+                                return found, followed_through(followed, found, span)
                 tried.add(branch)
-                if orbit is not None:
-                    return orbit, followed_through(followed, orbit, span)
     there = dict.fromkeys(f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in followed)
     why = f"with these ends and this sequence of impacts there are {', '.join(list(there)[:5])}" if there else KEPT
     if closed:
-        why = (
-            "it begins at no SB or GR of a family with a reversal that has this sequence, one impact more or less, or "
-            f"{QUARTER} impacts in a quarter period at most; {KEPT}, or {FROM_EVENT}"
-        )
+        beside = f"this sequence, one impact more or less, or {QUARTER} impacts in a quarter period at most"
+        why = f"it begins at no SB or GR of a family with a reversal that has {beside}; {KEPT}, or {FROM_EVENT}"
     raise NameNotFound(f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; {why}")
 
 
-def _orbits_at(system: ImpactSystem, h: float, quarter_period: float, sequences: Sequences, density: int) -> list[Found]:
+def _orbits_at(system: ImpactSystem, h: float, quarter_period: float, sequences: Sequences, density: int) -> Iterator[Found]:
     """The orbits with canonical sequences and ends at an energy; `density` as in `ROUNDS`."""
-    orbits: Iterable[Found] = (
-        orbit for hits, ends in sequences for orbit in orbits_with_sequence(system, h, ends, hits, quarter_period, density)
-    )
-    if system.smooth_forces is not None:
-        ((sequence, ends),) = sequences
-        pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
-        impacts = math.ceil(impacts_per_period(sequence, ends) / 2)
-        every = discover_orbits(system, h, quarter_period=quarter_period, impacts=impacts, ends=(pair,)).orbits
-        orbits = (Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None) for orbit in every)
-    return [orbit for orbit in orbits if orbit.canonical in sequences]
-
-
-def _beginning_on(branch: Branch, family: str) -> Found | None:
-    """An orbit of the family with an id that begins at a symmetry breaking or a grazing of a branch, next to it; None where none does."""
-    for event in branch.events:
-        if event.type in ("SB", "GR"):
-            with suppress(RuntimeError):
-                orbit = orbits_at_event(branch, event, family).get(family)
-                if orbit is not None:
-                    return Found(orbit.problem, orbit.solution, None)
-    return None
+    for hits, ends in sequences:
+        if system.smooth_forces is not None:
+            pair = "-".join(sorted((end.rstrip("+-") for end in ends), key=("origin", "rest", "stop").index))
+            impacts = math.ceil(impacts_per_period(hits, ends) / 2)
+            every = discover_orbits(system, h, quarter_period=quarter_period, impacts=impacts, ends=(pair,)).orbits
+            orbits = [Found(orbit.problem, orbit.solution, parse(orbit.label) if orbit.label else None) for orbit in every]
+        else:
+            orbits = orbits_with_sequence(system, h, ends, hits, quarter_period, density)
+        yield from (orbit for orbit in orbits if orbit.canonical == (hits, ends))
