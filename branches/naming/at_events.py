@@ -13,8 +13,9 @@ from branches.tracing import follow_family
 
 if TYPE_CHECKING:
     from branches.branch import Branch, BranchEvent
+    from bvp.system import ImpactSystem
 
-__all__ = ["orbit_at_event", "orbits_at_event"]
+__all__ = ["id_without_hash", "orbit_at_event", "orbits_at_event"]
 
 
 def orbit_at_event(branch: Branch, name: str, family: str = "") -> Orbit:
@@ -64,12 +65,9 @@ def orbits_at_event(branch: Branch, event: BranchEvent, family: str = "") -> tup
     where the hash is asked for or tells two apart.
     """
 
-    def beginning(ends: Ends, sequence: ImpactSequence) -> str:
-        sequence, ends = canonical_sequence(tuple(sequence), ends, odd_symmetry=branch.system.has_odd_symmetry)
-        return f"{format_ends(ends)}:{''.join(sequence)}"
-
     def fits(ends: Ends, sequence: ImpactSequence) -> bool:
-        return beginning(ends, sequence).startswith(family) or family.startswith(f"{beginning(ends, sequence)}:")
+        beginning = id_without_hash(branch.system, ends, sequence)
+        return beginning.startswith(family) or family.startswith(f"{beginning}:")
 
     reasons: list[str] = []
     if event.type == "GR":
@@ -80,7 +78,13 @@ def orbits_at_event(branch: Branch, event: BranchEvent, family: str = "") -> tup
     else:
         found = [(item.problem, item.step.y) for item in emanating_families(branch, event)]
     orbits = [Orbit(problem, problem.solve(y, energy=problem.energy(y))) for problem, y in found if fits(problem.ends, problem.sequence)]
-    ids = [beginning(orbit.ends, orbit.problem.sequence) for orbit in orbits]
+    ids = [id_without_hash(branch.system, orbit.ends, orbit.problem.sequence) for orbit in orbits]
     if len(set(ids)) < len(ids) or family.count(":") == 2:  # the hash tells them apart, or is asked for
         ids = [follow_family(orbit.problem, orbit.solution.y, points=1).id for orbit in orbits]
     return {id: orbit for id, orbit in zip(ids, orbits, strict=True) if id.startswith(family)}, reasons
+
+
+def id_without_hash(system: ImpactSystem, ends: Ends, sequence: ImpactSequence) -> str:
+    """The beginning of a family's id: canonical ends and sequence."""
+    sequence, ends = canonical_sequence(tuple(sequence), ends, odd_symmetry=system.has_odd_symmetry)
+    return f"{format_ends(ends)}:{''.join(sequence)}"

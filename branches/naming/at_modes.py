@@ -18,11 +18,12 @@ import numpy as np
 from branches.full_family import risen
 from branches.grazing.following import Neighbour
 from branches.linear_modes import LinearMode, beginnings, linear_modes, resonant_modes
+from branches.naming.at_events import id_without_hash
 from branches.naming.at_states import FROM_STATE, orbit_near
 from branches.naming.labels import most_alike
 from branches.naming.matching import AmbiguousName, NameNotFound
 from branches.orbit import Orbit
-from branches.sequences import canonical_sequence, format_ends
+from branches.sequences import parse_sequence
 from branches.tracing import follow_family
 from bvp.kernels.taylor import fly_smooth
 from bvp.multipoint import LARGEST, MultipointProblem, NotConverged, Solution, enough_pieces
@@ -154,7 +155,8 @@ def orbit_at_mode(text: str, system: ImpactSystem, energy: tuple[float, float] =
         )
     cover = 1 if name.cover is None else name.cover
     touches = cover * len(mode.touching().times)
-    found = {item: _id_of(item) for item in beginnings(mode, cover, touches)}
+    begun = beginnings(mode, cover, touches)
+    found = {item: id_without_hash(system, item.ends, parse_sequence(item.sequence)) for item in begun if item.ends}
     place = f"mode:{name.number},cover={cover}"
     if not found:
         others = " and ".join(f"mode:{other.index + 1}" for other in resonant_modes(mode, cover))
@@ -295,14 +297,6 @@ def _mode(number: int, system: ImpactSystem) -> LinearMode:
         reason = f"mode {number} moves no gap, so it never reaches a stop"
     listed = ("one of " if len(modes) > 1 else "") + ", ".join(f"mode:{mode.index + 1}" for mode in modes)
     raise NameNotFound(f"mode:{number}: {reason}; expected {listed or 'a system with a mode that reaches a stop'}")
-
-
-def _id_of(item: Neighbour) -> str:
-    """The family's id without its hash: canonical ends and sequence."""
-    assert item.beside is not None
-    problem = item.beside.problem
-    sequence, ends = canonical_sequence(tuple(problem.sequence), problem.ends, odd_symmetry=problem.system.has_odd_symmetry)
-    return f"{format_ends(ends)}:{''.join(sequence)}"
 
 
 def _full_id(item: Neighbour) -> str:

@@ -282,16 +282,14 @@ def followed_through(followed: Followed, orbit: Found, energy: tuple[float, floa
     return known
 
 
-ROUNDS = ((0, 7, 48), (0, 6, 256)), ((0, 6, 48),)
-"""Searches for an id, in the range of energies and then in that of the limits: which sequences, the times that energies are put between
-those that were searched (seven: 127 energies at most), and the starts in each piece of a curve of starts
-(`branches.search.along_sequence`)."""
-
-CLOSED_ROUNDS = ((0, 4, 48), (1, 3, 48), (0, 6, 48)), ((0, 5, 48), (1, 4, 48))
-"""The same for orbits without a reversal: sequences of `branches.naming.parents.parent_sequences`."""
-
-SMOOTH_ROUNDS = ((0, 6, 0),), ((0, 5, 0),)
-"""The same for systems with smooth forces, in which all orbits of an energy are searched."""
+ROUNDS = {
+    "reversal": (((0, 7, 48), (0, 6, 256)), ((0, 6, 48),)),
+    "closed": (((0, 4, 48), (1, 3, 48), (0, 6, 48)), ((0, 5, 48), (1, 4, 48))),
+    "smooth": (((0, 6, 0),), ((0, 5, 0),)),
+}
+"""Searches for an id, in the range of energies and then in that of the limits: which part of the sequences (for orbits without a reversal,
+of `branches.naming.parents`), the times that energies are put between those that were searched (seven: 127 energies at most), and the
+starts in each piece of a curve of starts (`branches.search.along_sequence`). With smooth forces all orbits of an energy are searched."""
 
 KEPT = "expected a catalogue that has it (--catalogue FILE)"
 
@@ -327,7 +325,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
     asked = (low, high) if name.h is None else (name.h, name.h)
-    of_ranges = zip(dict.fromkeys([asked, span]), SMOOTH_ROUNDS if smooth else CLOSED_ROUNDS if closed else ROUNDS, strict=False)
+    of_ranges = zip(dict.fromkeys([asked, span]), ROUNDS["smooth" if smooth else "closed" if closed else "reversal"], strict=False)
     tried: set[Branch] = set()
     for (least, most), which, rounds, density in ((between, *one) for between, searches in of_ranges for one in searches):
         grid = (k / 2**level for level in range(1, rounds + 1) for k in range(1, 2**level, 2))
