@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import product, starmap
+from itertools import product
 
 from branches.sequences import Ends, ImpactSequence, canonical_sequence, mirror
 
@@ -17,8 +16,8 @@ QUARTER = 4
 """Most impacts in a quarter period of the most symmetric families that are given."""
 
 
-def parent_sequences(sequence: ImpactSequence, letters: tuple[str, ...], *, odd_symmetry: bool) -> tuple[Sequences, Sequences]:
-    """The sequences and ends of families with a reversal at which a family of closed orbits can begin, the likeliest first.
+def parent_sequences(sequence: ImpactSequence, letters: tuple[str, ...], which: str, *, odd_symmetry: bool) -> Sequences:
+    """The sequences and ends of families with a reversal at which a family of closed orbits can begin.
 
     Where the last reversal breaks, the full period has the same sequence. Where an impact grazes, it can have one impact less or more, or
     several, because a touch recurs in each quarter of a period.
@@ -27,28 +26,32 @@ def parent_sequences(sequence: ImpactSequence, letters: tuple[str, ...], *, odd_
     ----------
     sequence, letters
         Of the full period of the closed orbits; all contacts of the system.
+    which : str
+        "near": at most one impact more or less; "symmetric": of quarter periods; "far": two impacts more or less, or at other places.
     odd_symmetry
         As for `branches.sequences.canonical_sequence`.
 
-    Returns
-    -------
-    near, symmetric
-        Those with one impact more or less at most, and those of quarter periods.
-
     Examples
     --------
-    >>> near, symmetric = parent_sequences(("+", "-"), ("+", "-"), odd_symmetry=True)
-    >>> list(near)[:3]
+    >>> list(parent_sequences(("+", "-"), ("+", "-"), "near", odd_symmetry=True))[:3]
     [((), ('origin', 'stop+')), ((), ('stop+', 'stop-')), (('+',), ('origin', 'origin'))]
     """
-    count, far_ends = len(sequence), ("rest", *(f"stop{letter}" for letter in letters)) if odd_symmetry else ()
-    without = [sequence[:i] + sequence[i + 1 :] for i in range(count)]
-    more = [(*sequence[:i], letter, *sequence[i:]) for i in range(count) for letter in letters]
-    near = (segment for cycle in dict.fromkeys([sequence, *without, *more]) for segment in _segments(cycle, odd_symmetry=odd_symmetry))
-    quarters = (hits for most in range(min(count // 4 + 1, QUARTER) + 1) for hits in product(letters, repeat=most))
-    symmetric = ((hits, ("origin", far)) for hits, far in product(quarters, far_ends))
-    canonical = partial(canonical_sequence, odd_symmetry=odd_symmetry)
-    return dict.fromkeys(starmap(canonical, near)), dict.fromkeys(starmap(canonical, symmetric))
+
+    def changed(cycle: ImpactSequence) -> Iterator[ImpactSequence]:
+        for i in range(len(cycle)):
+            yield cycle[:i] + cycle[i + 1 :]
+            yield from ((*cycle[:i], letter, *cycle[i:]) for letter in letters)
+
+    if which == "symmetric":
+        far_ends = ("rest", *(f"stop{letter}" for letter in letters)) if odd_symmetry else ()
+        quarters = (hits for most in range(min(len(sequence) // 4 + 1, QUARTER) + 1) for hits in product(letters, repeat=most))
+        found = [(hits, ("origin", end)) for hits, end in product(quarters, far_ends)]
+    else:
+        cycles = dict.fromkeys([sequence, *changed(sequence)])
+        if which == "far":
+            cycles = dict.fromkeys(other for cycle in cycles for other in changed(cycle))
+        found = [segment for cycle in cycles for segment in _segments(cycle, odd_symmetry=odd_symmetry)]
+    return dict.fromkeys(canonical_sequence(hits, ends, odd_symmetry=odd_symmetry) for hits, ends in found)
 
 
 def _segments(cycle: ImpactSequence, *, odd_symmetry: bool) -> Iterator[tuple[ImpactSequence, Ends]]:

@@ -283,12 +283,12 @@ def followed_through(followed: Followed, orbit: Found, energy: tuple[float, floa
 
 
 ROUNDS = {
-    "reversal": (((0, 7, 48), (0, 6, 256)), ((0, 6, 48),)),
-    "closed": (((0, 4, 48), (1, 3, 48), (0, 6, 48)), ((0, 5, 48), (1, 4, 48))),
-    "smooth": (((0, 6, 0),), ((0, 5, 0),)),
+    "reversal": ((("", 7, 48), ("", 6, 256)), (("", 6, 48),)),
+    "closed": ((("near", 4, 48), ("symmetric", 3, 48), ("far", 4, 48), ("near", 6, 48)), (("near", 5, 48), ("symmetric", 4, 48))),
+    "smooth": ((("", 6, 0),), (("", 5, 0),)),
 }
-"""Searches for an id, in the range of energies and then in that of the limits: which part of the sequences (for orbits without a reversal,
-of `branches.naming.parents`), the times that energies are put between those that were searched (seven: 127 energies at most), and the
+"""Searches for an id, in the range of energies and then in that of the limits: which sequences (for orbits without a reversal, of
+`branches.naming.parents`), the times that energies are put between those that were searched (seven: 127 energies at most), and the
 starts in each piece of a curve of starts (`branches.search.along_sequence`). With smooth forces all orbits of an energy are searched."""
 
 KEPT = "expected a catalogue that has it (--catalogue FILE)"
@@ -317,20 +317,19 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
         raise NameNotFound(f"{name.family} has orbits without a reversal, not searched with smooth forces; {KEPT}, or {FROM_EVENT}")
     require_system(system, two_dof="" if smooth else "families are searched by id for", advice=KEPT, smooth=True)
     check_bounds(system, limits.quarter_period, None)
-    odd = system.has_odd_symmetry
-    sequences = (
-        parent_sequences(sequence, system.modes.contact_letters, odd_symmetry=odd) if closed
-        else ({canonical_sequence(sequence, ends, odd_symmetry=odd): None},)
-    )  # fmt: skip
+    odd, letters = system.has_odd_symmetry, system.modes.contact_letters
     low, high = max(energy[0], 1e-3 * limits.energy[0]), min(energy[1], limits.energy[1] if energy[1] == math.inf else energy[1])
     span = min(low, limits.energy[0]), max(high, limits.energy[1])
     asked = (low, high) if name.h is None else (name.h, name.h)
     of_ranges = zip(dict.fromkeys([asked, span]), ROUNDS["smooth" if smooth else "closed" if closed else "reversal"], strict=False)
     tried: set[Branch] = set()
     for (least, most), which, rounds, density in ((between, *one) for between, searches in of_ranges for one in searches):
+        wanted = {canonical_sequence(sequence, ends, odd_symmetry=odd): None}
+        if closed:
+            wanted = parent_sequences(sequence, letters, which, odd_symmetry=odd)
         grid = (k / 2**level for level in range(1, rounds + 1) for k in range(1, 2**level, 2))
         for h in (least * (most / least) ** part for part in grid) if least < most else (least,):
-            for found in _orbits_at(system, h, limits.quarter_period, sequences[which], density):
+            for found in _orbits_at(system, h, limits.quarter_period, wanted, density):
                 branch = followed_through(followed, found, span)
                 if not closed and name.family in branch.full_family.ids:
                     return found, branch
@@ -345,7 +344,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     there = dict.fromkeys(f"{branch.id} ({branch.label or 'no label'}, from h = {branch.points['h'].min():.6g})" for branch in followed)
     why = f"with these ends and this sequence of impacts there are {', '.join(list(there)[:5])}" if there else KEPT
     if closed:
-        beside = f"this sequence, one impact more or less, or {QUARTER} impacts in a quarter period at most"
+        beside = f"this sequence, up to two impacts more or less, or {QUARTER} impacts in a quarter period at most"
         why = f"it begins at no SB or GR of a family with a reversal that has {beside}; {KEPT}, or {FROM_EVENT}"
     raise NameNotFound(f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; {why}")
 

@@ -124,7 +124,7 @@ def test_ids_without_a_reversal_are_names_without_the_catalogue(built):
                 continue
             alphas = [kept.alpha for kept in catalogue.branch(row.id).orbits_at(energy=orbit.h)]
             assert row.id in branch.full_family.ids and min(abs(alpha / orbit.alpha - 1.0) for alpha in alphas) < 1e-9
-    assert len(rows) > 100 and len(lost) <= 0.03 * len(rows)
+    assert len(rows) > 100 and len(lost) <= 0.02 * len(rows)
 
 
 def test_a_second_build_has_nothing_to_do(built, capsys):
