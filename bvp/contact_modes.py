@@ -385,14 +385,19 @@ def _sylvester(block: np.ndarray, generator: np.ndarray, drive: np.ndarray) -> n
     """X with X S - B X = G; None where B and S share an eigenvalue to rounding."""
     size = len(block)
     operator = np.kron(np.eye(size), generator.T) - np.kron(block, np.eye(2))
-    if np.linalg.cond(operator) > 1e14:
+    try:
+        inverse = np.linalg.inv(operator)
+    except np.linalg.LinAlgError:
+        return None
+    # A condition number that does not change with units: the rates of one block can be far apart.
+    if not np.abs(np.linalg.eigvals(np.abs(inverse) @ np.abs(operator))).max() <= 1e14:
         return None
     return np.linalg.solve(operator, drive.ravel()).reshape(size, 2)
 
 
 def _amplification(block: np.ndarray, frequency: float) -> float:
-    """How near a load is to resonance with a block: the largest rate over the least distance of the rates; 1 for loads that do not turn."""
+    """How near a load is to resonance with a block: the largest ratio of a rate to its distance; 1 for loads that do not turn."""
     if frequency == 0.0:
         return 1.0
     rates = np.linalg.eigvals(block)
-    return float(max(np.abs(rates).max(), frequency) / max(np.abs(rates - 1j * frequency).min(), np.finfo(float).tiny))
+    return float((np.maximum(np.abs(rates), frequency) / np.maximum(np.abs(rates - 1j * frequency), np.finfo(float).tiny)).max())

@@ -367,7 +367,7 @@ SLOW = 1e-3
 EQUAL_PEAKS = 1.0 + 1e-15
 """Factor within which two peaks are equal."""
 
-LEAST = 1e-15
+LEAST = 1e-14
 """Part of the bound of |u| that is rounding."""
 
 PAUSE = 1e-3
@@ -476,7 +476,7 @@ def peak_of_piece(flight, leave, i, piece, peaks, when, scratch, edge, work):
         if abs(row_dot(leave, i, later)) > highest:
             highest = abs(row_dot(leave, i, later))
             glance = at
-    reached = max(highest, abs(row_dot(leave, i, z)), LEAST * level)
+    reached = max(highest, abs(row_dot(leave, i, z)), LEAST * level, rounding_level(flight, leave, i, z))
     copy_1(z, now)
     copy_1(leave[n + i], scratch[0, 0])
     row_times_matrix(leave, n + i, flight.matrix, scratch[1])

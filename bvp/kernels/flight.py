@@ -33,6 +33,9 @@ SERIES_LIMIT = 0.03
 APART_LIMIT = 1.0
 """delta t^2 above which the two rates of an overdamped pair are taken apart."""
 
+ROUNDING = 16.0 * 2.220446049250313e-16
+"""Sixteen rounding errors."""
+
 TAYLOR_TERMS = 18
 """Degree of the Taylor polynomial of a larger block at a norm of 1/2: truncation below 1e-22."""
 
@@ -89,15 +92,21 @@ def circular(delta, t):
 
 
 @inlined
+def real_rates(mean, delta, determinant):
+    """The rates m +- sqrt(delta) of a pair, the faster one first; the slow one is determinant over fast one."""
+    fast = mean + (math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta))
+    return fast, determinant / fast
+
+
+@inlined
 def damped(mean, delta, determinant, t):
     """exp(m t) C and exp(m t) S of a pair with the rates m +- sqrt(delta), whose product is `determinant`."""
-    # Equation (23) with the two real rates apart: the slow one is determinant over fast one.
+    # Equation (23) with the two real rates apart.
     if mean != 0.0 and delta * t * t > APART_LIMIT:
-        w = math.sqrt(delta) if mean > 0.0 else -math.sqrt(delta)
-        fast = mean + w
+        fast, slow = real_rates(mean, delta, determinant)
         far = math.exp(fast * t)
-        near = math.exp(determinant / fast * t)
-        return 0.5 * (far + near), 0.5 * (far - near) / w
+        near = math.exp(slow * t)
+        return 0.5 * (far + near), (far - near) / (fast - slow)
     c, s = circular(delta, t)
     e = 1.0 if mean == 0.0 else math.exp(mean * t)
     return c * e, s * e
@@ -120,19 +129,26 @@ def flow_pair(mean, delta, b11, b12, b21, b22, t):
             s *= e
         half = 0.5 * (b11 - b22)
         return c + s * half, s * b12, -(w * (w * s) + half * (half * s)) / b12, c - s * half
+    if mean != 0.0 and delta * t * t > APART_LIMIT:
+        # What is left of the slow motion has its own rounding, however small it is beside the fast one.
+        fast, slow = real_rates(mean, delta, b11 * b22 - b12 * b21)
+        far = math.exp(fast * t) / (fast - slow)
+        near = math.exp(slow * t) / (fast - slow)
+        return (
+            far * (b11 - slow) + near * (b22 - slow), (far - near) * b12, (far - near) * b21, far * (b22 - slow) + near * (b11 - slow)
+        )
     c, s = damped(mean, delta, b11 * b22 - b12 * b21, t)
     return c + s * (b11 - mean), s * b12, s * b21, c + s * (b22 - mean)
 
 
 @allocating
-def flow_block(mean, matrix, start, size, t):
-    """exp(B t) of the block of `size` indices from `start`, (size, size): Taylor's series about the mean, scaled and
-    squared."""
+def flow_block(matrix, start, size, t):
+    """exp(B t) of the block of `size` indices from `start`, (size, size): Taylor's series, scaled and squared."""
     norm = 0.0
     for r in range(size):
         row = 0.0
         for c in range(size):
-            row += abs(matrix[start + r, start + c] - (mean if r == c else 0.0))
+            row += abs(matrix[start + r, start + c])
         norm = max(norm, row)
     norm *= abs(t)
     halvings = 0
@@ -145,13 +161,13 @@ def flow_block(mean, matrix, start, size, t):
     for r in range(size):
         for c in range(size):
             total[r, c] = 1.0 if r == c else 0.0
-    # Horner's scheme for the Taylor series of exp((B - m) t/2^halvings).
+    # Horner's scheme for the Taylor series of exp(B t/2^halvings). A load's own entries stay exact, and no part of the block overflows.
     for k in range(TAYLOR_TERMS, 0, -1):
         for r in range(size):
             for c in range(size):
                 entry = 0.0
                 for q in range(size):
-                    entry += (matrix[start + r, start + q] - (mean if r == q else 0.0)) * total[q, c]
+                    entry += matrix[start + r, start + q] * total[q, c]
                 product[r, c] = entry * step / k + (1.0 if r == c else 0.0)
         total, product = product, total
     # exp(2 X) = exp(X)^2.
@@ -160,25 +176,21 @@ def flow_block(mean, matrix, start, size, t):
             for c in range(size):
                 product[r, c] = inner(total[r], total[:, c])
         total, product = product, total
-    factor = math.exp(mean * t)
-    for r in range(size):
-        for c in range(size):
-            total[r, c] *= factor
     return total
 
 
 @shared("none", allocates=True)
-def block_matrix(mean, matrix, start, size, t, out):
+def block_matrix(matrix, start, size, t, out):
     """The block of `size` indices from `start` of out = exp(B t)."""
-    block = flow_block(mean, matrix, start, size, t)
+    block = flow_block(matrix, start, size, t)
     for r in range(size):
         copy_1(block[r], out[start + r, start : start + size])
 
 
 @shared("none", allocates=True)
-def block_state(mean, matrix, start, size, t, z, out):
+def block_state(matrix, start, size, t, z, out):
     """The `size` entries from `start` of out = exp(B t) z."""
-    block = flow_block(mean, matrix, start, size, t)
+    block = flow_block(matrix, start, size, t)
     for r in range(size):
         out[start + r] = row_dot(block, r, z[start : start + size])
 
@@ -200,7 +212,7 @@ def flow_inside(flight, z, t, out):
         elif j == -1:
             out[i] = math.exp(mean[k] * t) * z[i]
         else:
-            block_state(mean[k], matrix, i, -j, t, z, out)
+            block_state(matrix, i, -j, t, z, out)
 
 
 @kernel
@@ -227,7 +239,7 @@ def flow_matrix(flight, t, out):
         elif j == -1:
             out[i, i] = math.exp(mean[k] * t)
         else:
-            block_matrix(mean[k], matrix, i, -j, t, out)
+            block_matrix(matrix, i, -j, t, out)
 
 
 @inlined
@@ -322,6 +334,8 @@ def growth_rate(flight):
             steady = False
             if j < -1:
                 growth = max(growth, block_growth(matrix, i, -j))
+            elif mean[k] < 0.0 < delta[k]:
+                growth = max(growth, real_rates(mean[k], delta[k], matrix[i, i] * matrix[j, j] - matrix[i, j] * matrix[j, i])[1])
             else:
                 growth = max(growth, mean[k] + (math.sqrt(delta[k]) if delta[k] > 0.0 else 0.0))
     return steady, growth
@@ -428,6 +442,20 @@ def amplitudes(flight, row, z, horizon):
                 level += size
                 second -= delta[k] * size
                 third += -delta[k] * math.sqrt(-delta[k]) * size
+                continue
+            if m < 0.0 and delta[k] > 0.5 * m * m and delta[k] * horizon * horizon > APART_LIMIT:
+                # Two real rates: f = far exp(fast t) + near exp(slow t). A fast part that is rounding does not move f, but it is in the
+                # computed f''.
+                fast, slow = real_rates(m, delta[k], matrix[i, i] * matrix[j, j] - matrix[i, j] * matrix[j, i])
+                a, b = rows[c, i] * (matrix[i, i] - slow) * z[i], rows[c, i] * matrix[i, j] * z[j]
+                d, e = rows[c, j] * matrix[j, i] * z[i], rows[c, j] * (matrix[j, j] - slow) * z[j]
+                far = (a + b + d + e) / (fast - slow)
+                noise = ROUNDING * (abs(a) + abs(b) + abs(d) + abs(e)) / (slow - fast)
+                near = abs(alpha - far) * (math.exp(slow * horizon) if slow > 0.0 else 1.0)
+                size = abs(far) if abs(far) > noise else 0.0
+                level += size + near
+                second += fast * fast * size + slow * slow * near
+                third += abs(fast * fast * fast) * max(size, noise) + abs(slow * slow * slow) * near
                 continue
             # A damped pair: both terms of (23) by their largest values over the flight.
             cosine, sine = pair_envelope(m, delta[k], horizon)

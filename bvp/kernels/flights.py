@@ -11,9 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.compiled import chosen, inlined, kernel
-from bvp.kernels.flight import Flight, amplitudes, block_product, fastest_rate, flow_inside, flow_matrix, flow_state, growth_rate
-
-ROUNDING = 16.0 * 2.220446049250313e-16
+from bvp.kernels.flight import (
+    ROUNDING,
+    Flight,
+    amplitudes,
+    block_product,
+    fastest_rate,
+    flow_inside,
+    flow_matrix,
+    flow_state,
+    growth_rate,
+)
 
 NEAR_TERMS = 14
 NEAR_REACH = 0.25
@@ -298,11 +306,12 @@ def rounding_level(flight, rows, c, z):
         i = pairs[k, 0]
         j = pairs[k, 1]
         if j >= 0:
-            # The two entries of a pair exchange their energy, so each rounds with the size of both.
+            # The two entries of a pair exchange their energy, so each rounds with the size of both: at its frequency, or its fast rate.
             down = abs(matrix[j, i])
             up = abs(matrix[i, j])
-            ratio = math.sqrt(down / up) if up > 0.0 and down > 0.0 else 0.0
-            inverse = 1.0 / ratio if ratio > 0.0 else 0.0
+            pace = max(math.sqrt(down * up), 0.5 * abs(matrix[i, i] + matrix[j, j])) if up > 0.0 and down > 0.0 else math.inf
+            ratio = down / pace
+            inverse = up / pace
             total += abs(rows[c, i]) * (abs(z[i]) + inverse * abs(z[j])) + abs(rows[c, j]) * (abs(z[j]) + ratio * abs(z[i]))
         else:
             weight = 0.0

@@ -118,7 +118,7 @@ def quadratic_step(d, slope, bend):
 
 
 @kernel
-def polish_root(flight, contacts, c, jerk, z, t, state):
+def polish_root(flight, contacts, c, curvature, jerk, z, t, state):
     """Refine a nearby zero of d along the exact flight to rounding, by steps of third order."""
     last = math.inf
     for _ in range(60):
@@ -127,7 +127,7 @@ def polish_root(flight, contacts, c, jerk, z, t, state):
         if slope >= 0.0:
             break
         # Third order: the zero of the parabola through d, d' and d''.
-        step = quadratic_step(d, slope, bend)
+        step = quadratic_step(d, slope, max(-curvature, min(bend, curvature)))
         t = max(t + step, 0.0)
         size = abs(step)
         if jerk * size * size * size <= -1e-17 * t * slope or size >= last:
@@ -164,7 +164,7 @@ def resolve_turn(flight, contacts, c, bounds, z, t, gap, fresh, state):
     if least >= -tolerance:
         return TOUCH, max(turn, t)
     start = max(turn - math.sqrt(-2.0 * least / bend), t)
-    return HIT, polish_root(flight, contacts, c, jerk, z, start, state)
+    return HIT, polish_root(flight, contacts, c, curvature, jerk, z, start, state)
 
 
 @kernel
@@ -421,6 +421,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
             if curvature[c] < 0.0 or (rests >> c) & 1 != 0:
                 continue
             d, slope, bend, tolerance = gauge(contacts, c, state)
+            bend = max(-curvature[c], min(bend, curvature[c]))  # its rounding is that of the fastest mode, even where that has died out
             own = c == leaving and near
             if own:
                 near_jerk = max(near_jerk, jerk[c])
@@ -483,7 +484,7 @@ def next_impact(flight, contacts, leaving, z, horizon, work):
                 if status == HIT or (status == CROSSED and slope < 0.0):
                     status = HIT
                     start = max(t + value, 0.0)
-                    value = polish_root(flight, contacts, c, jerk[c], z, start, other)
+                    value = polish_root(flight, contacts, c, curvature[c], jerk[c], z, start, other)
                 elif status == TURN:
                     status, value = resolve_turn(flight, contacts, c, bounds, z, t, gap, new, other)
                 elif status == TOUCH:

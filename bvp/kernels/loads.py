@@ -124,7 +124,7 @@ def _integral(mean, delta, determinant, nu, t):
 
 
 @allocating
-def _block_integral(mean, matrix, start, size, nu, t, psi):
+def _block_integral(matrix, start, size, nu, t, psi):
     """Psi of a larger block by Gauss's rule."""
     norm = 0.0
     for r in range(start, start + size):
@@ -139,7 +139,7 @@ def _block_integral(mean, matrix, start, size, nu, t, psi):
         for g in range(16):
             s = (panel + GAUSS_NODES[g]) * width
             weight = GAUSS_WEIGHTS[g] * width
-            block = flow_block(mean, matrix, start, size, t - s)
+            block = flow_block(matrix, start, size, t - s)
             real = weight * math.cos(nu * s)
             imaginary = weight * math.sin(nu * s)
             for r in range(size):
@@ -161,7 +161,7 @@ def load_response(flight, nu, t, psi):
         j = pairs[k, 1]
         m = mean[k]
         if j < -1:
-            _block_integral(m, matrix, i, -j, nu, t, psi)
+            _block_integral(matrix, i, -j, nu, t, psi)
             continue
         square = 0.0
         determinant = m * m

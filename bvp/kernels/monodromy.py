@@ -170,7 +170,7 @@ def linearised_linear_flight(flight, t, entries, x, columns, square, line):
                 x[i, c] *= factor
         else:
             last = i - j
-            block_matrix(mean[k], matrix, i, -j, t, square)
+            block_matrix(matrix, i, -j, t, square)
             for c in range(columns):
                 for r in range(i, last):
                     line[r] = x[r, c]

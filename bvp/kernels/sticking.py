@@ -30,7 +30,7 @@ from bvp.kernels import contact_mode as entry
 from bvp.kernels.compiled import kernel
 from bvp.kernels.contact_mode import add, advance_clock, contacts_of, flight_of, sums_of
 from bvp.kernels.flight import copy_1, row_dot, set_1
-from bvp.kernels.flights import fastest, rounding_level
+from bvp.kernels.flights import NEAR_REACH, fastest, rounding_level
 from bvp.kernels.impact import NEAR, RELEASED, gauge
 
 LEVELS = 10
@@ -99,12 +99,15 @@ def chatter(modes, f, c, left, motion, table, values):
     _, slope, bend, tolerance = gauge(contacts_of(modes, f), c, z)
     width = 2 * modes.shape[0]
     parts = sums.shape[0]
-    small = slope * abs(slope) <= -2.0 * bend * FLAT * tolerance or slope <= rounding_level(flight_of(modes, f), modes.rate[f], c, z)
-    small = small and restitution < 1.0 and bend < 0.0
+    quickest = fastest(flight_of(modes, f))
+    small = slope * abs(slope) <= -2.0 * bend * FLAT * tolerance
+    # So is one whose speed is rounding, and one within the tolerance that outlasts the series of its distance: the dampers end it there.
+    small |= slope <= rounding_level(flight_of(modes, f), modes.rate[f], c, z)
+    small |= slope * quickest > -0.5 * bend * NEAR_REACH and -2.0 * slope * slope >= bend * tolerance
+    small &= restitution < 1.0 and bend < 0.0
     if restitution == 0.0 or restitution == 1.0 or bend >= 0.0:
         counts[entry.BOUNCES] = 0
         return small
-    quickest = fastest(flight_of(modes, f))
     # Time to the end of the bounces, were the press constant: a geometric series.
     span = -2.0 * slope / (bend * (1.0 - restitution))
     if span * quickest > CHATTER_REACH or counts[entry.BOUNCING] != c:

@@ -169,3 +169,44 @@ def test_damped_motion_from_two_published_orbits():
     motion = simulate(damped, [0.0, 0.0], v, 60.0)
     assert motion.clear_from is not None and motion.last_impact < 10.0
     assert motion.spent([motion.last_impact])[0, :-1].sum() / 0.8 == pytest.approx(0.90, abs=0.03)
+
+
+def overdamped(c, load, start):
+    """x(t) and x'(t) of x'' + c x' + x = f + A cos t, load = (f, A), from a start (x, x'), with 50 digits and its two rates apart."""
+    c, (f, amplitude), (x, v) = mpmath.mpf(c), map(mpmath.mpf, load), map(mpmath.mpf, start)
+    fast = -c / 2 - mpmath.sqrt(c * c / 4 - 1)
+    slow = 1 / fast
+    x, v = x - f, v - amplitude / c  # A cos t is A sin t/c here: the load is at resonance
+    far, near = (v - slow * x) / (fast - slow), (fast * x - v) / (fast - slow)
+
+    def motion(t):
+        both = far * mpmath.exp(fast * t), near * mpmath.exp(slow * t)
+        return f + amplitude / c * mpmath.sin(t) + sum(both), amplitude / c * mpmath.cos(t) + fast * both[0] + slow * both[1]
+
+    return motion
+
+
+@pytest.mark.parametrize("c", [4.0, 400.0, 4e4, 4e6, 4e8, 4e10, 4e13, 4e16])
+def test_an_overdamped_oscillator_moves_by_its_slow_rate(c):
+    """Oracle: `overdamped`. The speed, too, has all its digits, however small it is beside the first one."""
+    for load, start in (((0.0, 0.1), (1.0, 0.0)), ((0.0, 0.1), (0.5, 1.0)), ((0.3, 0.1), (-0.5, 1.0)), ((0.3, 0.1), (0.5, 0.0))):
+        system = ImpactSystem([[1.0]], [[c]], [[1.0]], (Stop((1.0,), upper=1.0, restitution=0.8),))
+        motion = simulate(system, [start[0]], [start[1]], 100.0, forces=[Constant([load[0]]), Harmonic(1.0, [load[1]])])
+        with mpmath.workdps(50):
+            exact = [float(part) for part in overdamped(c, load, start)(100)]
+        assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 0 and motion.balance_error <= 1e-13
+        np.testing.assert_allclose(motion.final, exact, rtol=1e-13)
+
+
+@pytest.mark.parametrize("c", [4.0, 400.0, 4e4, 4e6, 4e8, 4e10, 4e12, 4e14])
+@pytest.mark.parametrize("load", [2.0, 1.000001])
+def test_an_overdamped_oscillator_creeps_to_its_stop_and_stays(c, load):
+    """Oracle: the zero of `overdamped`, which is at a time in proportion to c. The load holds the mass on the stop."""
+    system = ImpactSystem([[1.0]], [[c]], [[1.0]], (Stop((1.0,), upper=1.0, restitution=0.8),))
+    motion = simulate(system, [0.5], [0.0], 60.0 * c, forces=Constant([load]))
+    with mpmath.workdps(50):
+        path = overdamped(c, (load, 0.0), (0.5, 0.0))
+        first = float(mpmath.findroot(lambda t: path(t)[0] - 1, c * math.log((load - 0.5) / (load - 1.0)), tol=1e-40))
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.kinds[-1] == EventKind.STICK.value
+    assert motion.stop_events.times[0] == pytest.approx(first, rel=1e-16 / (load - 1.0) + 1e-14)
+    np.testing.assert_allclose(motion.final, [1.0, 0.0], rtol=1e-15, atol=0.0)

@@ -416,3 +416,27 @@ def test_a_body_that_creeps_away_from_its_stop_does_not_hit_it(damping):
     motion = simulate(system, [1.0], [0.0], 1e-6, 20, forces=Harmonic(1.0, cosine=[0.1]))
     assert motion.status is MotionStatus.DURATION_REACHED and motion.impacts == 0
     assert motion.final[1] == pytest.approx(-0.9 / damping, rel=1e-6)
+
+
+def test_after_an_impact_without_rebound_there_is_no_second_one():
+    """A ball on a flexible floor, e = 0, whose gap and displacements vanish at the impacts: their rounding is no impact. Oracle: one
+    impact, of a real speed, for each time the ball sticks."""
+    mass, damping, stiffness = ([0.051, 3.549], [0.514, 3.933], [38.95, 158.7])
+    system = ImpactSystem(np.diag(mass), np.diag(damping), np.diag(stiffness), (Stop((1.0, -1.0), lower=0.0, restitution=0.0),))
+    for load in np.linspace(0.38, 0.4, 20):
+        motion = simulate(system, [0.42, -0.064], [-1.47, 0.23], 1200.0, forces=Harmonic(0.32, [0.0, load]))
+        late = motion.kinds[motion.times > 30.0]
+        assert motion.status is MotionStatus.DURATION_REACHED and motion.balance_error <= 1e-13
+        assert motion.speeds[motion.kinds == EventKind.IMPACT.value].min() > 1e-12
+        assert np.count_nonzero(late == EventKind.IMPACT.value) == np.count_nonzero(late == EventKind.STICK.value) > 10
+
+
+@pytest.mark.parametrize("duration", [2.0, 50.0, 400.0, 5000.0])
+def test_a_long_time_on_a_critically_damped_floor(duration):
+    """Critical damping puts the floor, its two rates and the weight into one block, of which parts have died out. Oracle: the ball lies on
+    the floor, which the weight of both presses down by (m + M) g/k. Each doubling of the energy's integral rounds."""
+    floor = Stop((1.0, -1.0), lower=0.0, restitution=0.0)
+    system = ImpactSystem(np.diag([0.04, 0.2]), np.diag([0.0, 20.0]), np.diag([0.0, 500.0]), (floor,))
+    motion = simulate(system, [0.01, 0.0], [0.0, 0.0], duration, forces=Constant([-0.4, -2.0]))
+    assert motion.status is MotionStatus.DURATION_REACHED and motion.balance_error <= 1e-12 + 1e-13 * duration
+    np.testing.assert_allclose(motion.final, [-2.4 / 500.0, -2.4 / 500.0, 0.0, 0.0], rtol=1e-12, atol=1e-15)

@@ -91,3 +91,15 @@ def test_of_equal_peaks_the_first_has_the_time():
     """Oracle: |sin t| is 1 at pi/2, 3 pi/2, ..."""
     found = extents(simulate(oscillator(0.0), [0.0], [1.0], 40.0))
     assert found.times[0] == pytest.approx(math.pi / 2, rel=1e-7)
+
+
+def test_a_wave_that_has_not_come_yet_is_rounding():
+    """A chain of 18 masses at rest, with a load and a stop at its end: the far ones hardly move at first. Oracle: dense samples."""
+    n = 18
+    stiffness = 1e4 * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    system = ImpactSystem(0.1 * np.eye(n), 1e-5 * stiffness, stiffness, (Stop(tuple(np.eye(n)[-1]), upper=1e-4, restitution=0.7),))
+    motion = simulate(system, np.zeros(n), np.zeros(n), 0.03, forces=Harmonic(50.0, 10.0 * np.eye(n)[-1]))
+    found = extents(motion)
+    u = np.abs(motion.sample(np.linspace(0.0, 0.03, 20001))[0]).max(axis=0)
+    assert motion.impacts > 5 and np.all(found.peaks >= (1.0 - 1e-12) * u)
+    np.testing.assert_allclose(found.peaks, u, rtol=1e-6)
