@@ -11,17 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bvp.kernels.compiled import chosen, inlined, kernel
-from bvp.kernels.flight import (
-    ROUNDING,
-    Flight,
-    amplitudes,
-    block_product,
-    fastest_rate,
-    flow_inside,
-    flow_matrix,
-    flow_state,
-    growth_rate,
-)
+from bvp.kernels.flight import ROUNDING, Flight, amplitudes, block_product, fastest_rate, flow_inside, flow_matrix, flow_state, growth_rate
 
 NEAR_TERMS = 14
 NEAR_REACH = 0.25

@@ -185,6 +185,12 @@ def test_measures_are_those_of_a_simulation(case, symmetric, one_impact):
         require_simulated(one_point(*simulated(chain(), ["k" if case == "springs" else "F"], periods=600)))
 
 
+def test_a_response_with_next_to_no_decay_in_a_period_is_refused():
+    """Oracle: the slow rate k/c of strong damping, 2 pi k/(c w) in a period; it is no undamped mode."""
+    with pytest.raises(Unbounded, match=r"at w = 1: free motion changes by a part 1\.6e-10 in its period, expected 1e-09 or more"):
+        linear_response(ParameterPath(oscillator(4e10, s=5.0, w=1.0), ["w"]))
+
+
 def test_an_undamped_resonance_is_unbounded():
     """Oracle: w = 1 is the frequency of the mode; near it the response grows without bound, at the pace 1/|1 - w^2|."""
     with pytest.raises(Unbounded, match="unbounded at w = 1: the load has the frequency of an undamped mode"):

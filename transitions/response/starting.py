@@ -67,7 +67,7 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     Raises
     ------
     Unbounded
-        At an undamped resonance, and where free motion can be added to the response.
+        At an undamped resonance, and where free motion can be added to the response or hardly decays in a period.
     """
     try:
         # Of an odd system under odd loads half a period is solved: it touches both stops of a pair at once.
@@ -81,9 +81,11 @@ def linear_response(path: ParameterPath) -> tuple[ForcedProblem, np.ndarray, str
     start = _linear_start(path, cuts[0])
     where = f"at {path.name} = {path.values[path.name]:.10g}"
     words = f"the response without impacts is unbounded {where}: the load has the frequency of an undamped mode"
-    if np.abs(cuts[0].multipliers(start) - 1.0).min() < _RESONANT:
+    change = np.abs(cuts[0].multipliers(start) - 1.0).min()
+    if change < _RESONANT:
         if not is_driven(problem, 2.0 * math.pi * problem.load_periods / problem.period(start)):
-            words = f"the response without impacts is not isolated {where}: free motion of an undamped mode repeats in its period"
+            words = f"the response without impacts is not isolated {where}: free motion changes by a part {change:.1e} in its period"
+            words += f", expected {_RESONANT:g} or more"
         raise Unbounded(words)
     for cut in cuts:
         with suppress(NotConverged):
