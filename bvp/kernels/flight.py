@@ -447,8 +447,8 @@ def amplitudes(flight, row, z, horizon):
                 # Two real rates: f = far exp(fast t) + near exp(slow t). A fast part that is rounding does not move f, but it is in the
                 # computed f''.
                 fast, slow = real_rates(m, delta[k], matrix[i, i] * matrix[j, j] - matrix[i, j] * matrix[j, i])
-                a, b = rows[c, i] * (matrix[i, i] - slow) * z[i], rows[c, i] * matrix[i, j] * z[j]
-                d, e = rows[c, j] * matrix[j, i] * z[i], rows[c, j] * (matrix[j, j] - slow) * z[j]
+                a, b = row[i] * (matrix[i, i] - slow) * z[i], row[i] * matrix[i, j] * z[j]
+                d, e = row[j] * matrix[j, i] * z[i], row[j] * (matrix[j, j] - slow) * z[j]
                 far = (a + b + d + e) / (fast - slow)
                 noise = ROUNDING * (abs(a) + abs(b) + abs(d) + abs(e)) / (slow - fast)
                 near = abs(alpha - far) * (math.exp(slow * horizon) if slow > 0.0 else 1.0)
