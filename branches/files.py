@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
-import select
 import stat
 import tempfile
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -30,9 +28,6 @@ FIGURE_FORMATS = ("png", "pdf", "svg")
 
 MOST_BYTES = 1 << 30
 """Size of the largest file that is read: longer ones are no input, but a pipe or a file by mistake."""
-
-PATIENCE = 5.0
-"""Seconds until a pipe that nobody has opened at its other end is refused."""
 
 _WORDS = {
     errno.ENOSPC: "no space is left on the device",
@@ -144,48 +139,18 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     Raises
     ------
     OSError
-        Also for a device, for a pipe that nobody writes into, and for what has no end.
+        Also for a device, and for what has no end.
     """
-
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+    with open(path, "rb") as file:
         mode = os.fstat(file.fileno()).st_mode
         if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
             raise OSError("it is a device, expected a file")
-        if stat.S_ISFIFO(mode):
-            _await_writer(file.fileno())
         content = bytearray()
         while len(content) <= MOST_BYTES and (part := file.read(1 << 20)):
             content += part
     if len(content) > MOST_BYTES:
         raise OSError(f"it is larger than {MOST_BYTES >> 20} MB")
     return bytes(content)
-
-
-def _await_writer(pipe: int) -> None:
-    """Wait for what is written into a pipe, at most for a while if nobody has opened it to write."""
-    poll = select.poll()
-    poll.register(pipe, select.POLLIN)
-    if not poll.poll(1000.0 * PATIENCE):
-        # One that is open to write, and empty, says so by an error.
-        with suppress(BlockingIOError):
-            if not os.read(pipe, 1):
-                raise OSError(f"it is a pipe, and nobody has written into it for {PATIENCE:g} seconds")
-    os.set_blocking(pipe, True)
-
-
-def _opened_pipe(path: Path) -> int | None:
-    """A pipe, open to write as soon as somebody reads from it, at most for a while; None for what is no pipe."""
-    end = time.monotonic() + PATIENCE
-    while path.is_fifo():
-        try:
-            return os.open(path, os.O_WRONLY | os.O_NONBLOCK)
-        except OSError as error:
-            if error.errno != errno.ENXIO:
-                raise
-            if time.monotonic() > end:
-                raise OSError(f"it is a pipe, and nobody has opened it to read for {PATIENCE:g} seconds") from error
-            time.sleep(0.02)
-    return None
 
 
 @contextmanager
@@ -196,7 +161,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     The temporary file has the suffix of `path`, the mode of the file it replaces (else the user's default mode), and is on
     disk before it is moved. A link is followed. What is not a regular file (a pipe, ``/dev/null``) cannot be replaced: the
-    block then gets `path` itself, and a pipe is waited for until somebody reads from it, at most for `PATIENCE` seconds.
+    block then gets `path` itself.
 
     Raises
     ------
@@ -215,12 +180,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     try:
         if is_special(path):
-            pipe = _opened_pipe(Path(path))
-            try:
-                yield Path(path)
-            finally:
-                if pipe is not None:
-                    os.close(pipe)
+            yield Path(path)
             return
         target = Path(os.path.realpath(path))
         if target.is_dir():

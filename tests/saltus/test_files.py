@@ -6,7 +6,6 @@ import os
 import sqlite3
 import stat
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -143,67 +142,14 @@ def test_a_device_is_no_input(what):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
-@pytest.mark.parametrize("what", READERS)
-def test_a_pipe_that_nobody_writes_into_is_no_input(monkeypatch, pipe, what):
-    """Oracle: a pipe without a writer, which a plain read waits for without an end."""
-    monkeypatch.setattr("branches.files.PATIENCE", 0.05)
-    with pytest.raises(ValueError, match="it is a pipe, (and nobody has written into it for 0.05 seconds|expected the file of a)"):
-        READERS[what](pipe)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
-@pytest.mark.parametrize("late", [False, True])
-def test_a_pipe_is_read_to_its_end(monkeypatch, pipe, late):
-    """Oracle: the text written; `late`: the writer opens it, and writes only when its reader has lost patience with a pipe without one."""
-    monkeypatch.setattr("branches.files.PATIENCE", 0.2 if late else 30.0)
-    text = 100_000 * b"abc"
-
-    def write():
-        with pipe.open("wb") as file:
-            time.sleep(0.6 if late else 0.0)
-            file.write(text)
-
-    writer = threading.Thread(target=write)
+def test_a_pipe_is_read_and_written_to_its_end(pipe):
+    """Oracle: the text."""
+    text = 100_000 * "abc"
+    writer = threading.Thread(target=write_data, args=(str(pipe), text))
     writer.start()
-    if late:
-        # A reader of our own lets the writer open the pipe first.
-        other = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-        time.sleep(0.1)
     found = read_input(pipe)
-    if late:
-        os.close(other)
     writer.join()
-    assert found == text
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
-@pytest.mark.parametrize("option", ["--json", "--csv", "--plot"])
-def test_a_pipe_that_nobody_reads_is_no_output(capsys, monkeypatch, tmp_path, option):
-    """Oracle: a pipe without a reader, which a plain write waits for without an end; the other file is written."""
-    monkeypatch.setattr("branches.files.PATIENCE", 0.05)
-    pipe, other = tmp_path / "pipe.png", tmp_path / "other.npz"
-    os.mkfifo(pipe)
-    code, out, err = run(capsys, "run", "--impulse", "0.5", "--duration", "8", option, pipe, "--npz", other)
-    assert (code, err) == (2, f"saltus: cannot write {pipe}: it is a pipe, and nobody has opened it to read for 0.05 seconds\n")
-    assert other.exists() and f"wrote  {other}" in out and pipe.is_fifo()
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes in the file system")
-@pytest.mark.parametrize("late", [False, True])
-def test_a_pipe_is_written_to_its_end(monkeypatch, pipe, late):
-    """Oracle: the text read; `late`: its reader comes when the writer waits for one already."""
-    monkeypatch.setattr("branches.files.PATIENCE", 30.0)
-    text, found = 100_000 * "abc", []
-
-    def read():
-        time.sleep(0.2 if late else 0.0)
-        found.append(pipe.read_text())
-
-    reader = threading.Thread(target=read)
-    reader.start()
-    write_data(str(pipe), text)
-    reader.join()
-    assert found == [text]
+    assert found == text.encode()
 
 
 def test_what_has_no_end_is_refused(monkeypatch, tmp_path):
