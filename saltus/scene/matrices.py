@@ -1,4 +1,4 @@
-"""Matrices of a scene that are in files beside it: Matrix Market, NPZ of numpy, MAT of Matlab (to version 7).
+"""Matrices of a scene that are in files beside it: Matrix Market, NPZ of numpy, MAT of Matlab (versions 5 to 7).
 
 A file says first how large its matrices are. That is checked before a matrix is read, so that a damaged file cannot take all memory.
 """
@@ -154,8 +154,7 @@ def _matrix_market(file: IO[bytes], names: tuple[str, ...]) -> np.ndarray:
         if wanted and not 0 <= min(i.min(), j.min()) <= max(i.max(), j.max()) < rows:
             raise _Unfit(f"has an entry outside of its {rows} rows and columns")
         np.add.at(matrix, (i, j), np.array(words[2::3], dtype=float))
-    else:
-        # Entries are by column.
+    else:  # by column
         matrix.T[places.T > 0.0] = np.array(words, dtype=float)
     return matrix + _SYMMETRIES[kinds[4]] * (matrix - np.diag(np.diag(matrix))).T
 
@@ -175,13 +174,13 @@ def _npz(file: IO[bytes], names: tuple[str, ...]) -> Any:
 
 
 def _matlab(file: IO[bytes], names: tuple[str, ...]) -> Any:
-    """Read a matrix of real numbers. scipy's reader of version 5 to 7 ends the process at some damaged files; that of version 4 does not.
+    """Read a matrix of real numbers. The reader of scipy ends the process at some damaged files.
 
     The format: "MAT-File Format", The MathWorks, chapter 1.
     """
     head = file.read(128)
     if 0 in head[:4]:
-        return _matlab_4(file, names)
+        raise _Unfit("is MAT 4; expected version 5 to 7: save it with -v7")
     order: Literal["<", ">"] = "<" if head[126:128] == b"IM" else ">"
     if struct.unpack(order + "H", head[124:126])[0] == 0x0200:
         raise _Unfit("is MAT 7.3 (HDF5); expected version 7 or lower: save it with -v7")
@@ -229,20 +228,6 @@ def _matlab_matrix(content: Callable[[int], bytes], order: Literal["<", ">"]) ->
         raise ValueError("no sparse matrix")
     np.add.at(matrix, (rows[: len(columns)], columns), numbers[: len(columns)])
     return matrix
-
-
-def _matlab_4(file: IO[bytes], names: tuple[str, ...]) -> Any:
-    from scipy.io import loadmat, whosmat
-
-    file.seek(0)
-    listed = whosmat(file)
-    name = _wanted(names, [entry[0] for entry in listed])
-    shape, kind = next(entry[1:] for entry in listed if entry[0] == name)
-    if kind == "char":
-        raise _Unfit("is no matrix of real numbers")
-    _check_shape(shape)
-    file.seek(0)
-    return loadmat(file, variable_names=[name])[name]
 
 
 _KINDS: dict[str, tuple[str, Callable[[IO[bytes], tuple[str, ...]], Any]]] = {
