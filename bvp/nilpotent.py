@@ -127,8 +127,9 @@ def derivative_tables(program: Program, values: np.ndarray, variables: int, orde
     out = np.zeros(len(program.outputs))
     run(program, values, np.zeros(scratch_size(program, len(values))), out)
     sizes = [variables**k for k in range(order + 1)]
-    parts = np.split(out, np.cumsum(sizes)[:-1] * (len(out) // sum(sizes)))
-    return [part.reshape((-1, *(variables,) * k)) for k, part in enumerate(parts)]
+    count = len(out) // sum(sizes)
+    parts = np.split(out, np.cumsum(sizes)[:-1] * count)
+    return [part.reshape((count, *(variables,) * k)) for k, part in enumerate(parts)]
 
 
 def composed(derivatives: Sequence[np.ndarray], x: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ from branches.catalogue.curves import curve_edges
 from branches.catalogue.database import CatalogueError, not_taken
 from branches.catalogue.store import CatalogueStore
 from branches.naming.matching import spelled
-from branches.tables import json_lines
 from bvp.texts import brief
 
 if TYPE_CHECKING:
@@ -274,10 +273,11 @@ def graph_text(graph: networkx.MultiDiGraph, format: str) -> str:
 
 
 def _node_link(graph: networkx.MultiDiGraph) -> str:
+    from branches.tables import json_lines
+
     nodes = [{"id": id, **data} for id, data in graph.nodes(data=True)]
     edges = [{"source": a, "target": b, "key": key, **data} for a, b, key, data in graph.edges(keys=True, data=True)]
-    about = {"schema": 2, **graph.graph}
-    return json_lines({"directed": True, "multigraph": True, "graph": about, "nodes": nodes, "edges": edges})
+    return json_lines({"directed": True, "multigraph": True, "graph": {"schema": 2, **graph.graph}, "nodes": nodes, "edges": edges})
 
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,6 @@ THINGS = {"families": "family", "points": "point", "events": "event", "edges": "
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Fill the parser of the command."""
-    parser.add_argument("catalogue", nargs="?", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     catalogues.add_arguments(parser)
     outputs.add_arguments(parser, "json")
 

