@@ -156,9 +156,10 @@ RESPONSES = {
     "impact_oscillator": ("s", -1.9, 0.1, "simulate", {"s": -0.5}),
     "impact_pair": ("A", 0.55, 0.8, "simulate", {"A": 0.6}),
     "oscillator_at_wall": ("A", 0.3, 1.0, "simulate", {}),
+    "rattling_gear_pair": ("epsilon", 0.5, 0.8, "simulate", {}),
     "ueda_oscillator": ("B", 0.1, 0.5, "rest", {"B": 0.2}),
 }
-"""A response of each shipped scene with a harmonic load, but for chatter: parameter, range, start and other values."""
+"""A response of each shipped scene with a harmonic load: parameter, range, start and other values."""
 
 FAMILIES = [
     ("lee2009", "S11-", 0.07, 0.5), ("lee2009", "S13O00+", 0.2, 2.0), ("lee2009", "U2111-", 0.5, 2.0), ("impact_damper", "S11-", 0.1, 0.5),

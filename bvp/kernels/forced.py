@@ -343,7 +343,9 @@ def scaled_loaded_residual(segment, residual, before, displacement, velocity, lo
             value /= displacement
         elif r < 2 * n:
             value /= unit
-        elif r == 2 * n + 1 and row >= closing and segment.contact[segment.shape[0], 0] >= 0:
+        elif r > 2 * n and row < closing:
+            value /= math.hypot(segment.scale[r], before[i, r])
+        elif r == 2 * n + 1 and segment.contact[segment.shape[0], 0] >= 0:
             value /= displacement
         if not value <= worst:
             worst = value

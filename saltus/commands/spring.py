@@ -13,8 +13,6 @@ from saltus.terminal import table_lines
 if TYPE_CHECKING:
     from branches.tables import Table
 
-POINTS = 401
-
 _values = ValueType(lambda text: [float(part) for part in text.split(",")], lambda found: len(found) > 0, "numbers A,B,..")
 
 
@@ -43,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     if len(springs) != 1:
         raise BadInput(f"the scene has {len(springs)} springs; expected a scene with one, under [[springs]]")
     low, high = arguments.range
-    at = np.linspace(low, high, POINTS)
+    at = np.linspace(low, high, 401)
     systems = {f"{value:g}": parametric.system({**parametric.values, name: value}) for value in arguments.values}
     forces = {value: force_along(system.springs[0], coordinates, at) for value, system in systems.items()}
     limit, _ = stiff_limit(parametric.in_reciprocal(name), f"1/{name}") if parametric.values[name] > 0.0 else (None, [])

@@ -198,7 +198,13 @@ def test_each_has_exact_derivatives_by_its_parameters(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "units"), [("oscillator_at_wall", CHANGES[0]), ("impact_oscillator", CHANGES[3]), ("forced_impact_damper", CHANGES[0])]
+    ("name", "units"),
+    [
+        ("oscillator_at_wall", CHANGES[0]),
+        ("impact_oscillator", CHANGES[3]),
+        ("forced_impact_damper", CHANGES[0]),
+        ("rattling_gear_pair", CHANGES[1]),
+    ],
 )
 def test_a_response_does_not_depend_on_units(tmp_path, name, units):
     """Oracle: the same response in the units of the scene."""
