@@ -165,7 +165,7 @@ FAMILIES = [
     ("lee2009", "S11-", 0.07, 0.5), ("lee2009", "S13O00+", 0.2, 2.0), ("lee2009", "U2111-", 0.5, 2.0), ("impact_damper", "S11-", 0.1, 0.5),
     ("impact_damper", "S13+", 0.1, 1.0), ("cubic_nes", "S11+", 1e-3, 1e-2), ("cubic_and_stops", "S11-", 0.1, 1.0),
     ("duffing_pair", "S11-", 0.1, 1.0), ("duffing_pair", "mode:2", 0.1, 1.0), ("smooth_wall", "S11-", 0.05, 0.5),
-    ("three_mass_chain", "mode:2", 0.3, 3.0), ("beam_on_cubic_spring", "mode:1", 1e-3, 1e-2),
+    ("three_mass_chain", "mode:2", 0.3, 3.0), ("beam_on_cubic_spring", "mode:1", 1e-3, 1e-2), ("gear_pair", "mode:3", 0.05, 5.0),
 ]  # fmt: skip
 """Families of all shipped scenes without loads: the scene, the start, and the lowest and the highest energy."""
 
