@@ -19,19 +19,18 @@ _TOGETHER = 1e-10
 
 
 def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float, float]:
-    """Flight, time and side of the touch of a grazing orbit. Where images of one place touch together, half periods of the loads apart, it
+    """Flight, time and side of the touch of a grazing orbit. Where images of one state touch together, half periods of the loads apart, it
     is the first one after the slowest impact: which of them is the nearest is rounding."""
-    nodes, times, stop = problem.nodes(solution.y), problem.flight_times(solution.y), problem.system.stops[int(solution["clearance_stop"])]
+    nodes, times, size = problem.nodes(solution.y), problem.flight_times(solution.y), 2 * problem.degrees_of_freedom
     begins, whole = np.append(0.0, np.cumsum(times)[:-1]), float(np.sum(times))
     flight, time, side = int(solution["clearance_flight"]), float(solution["clearance_time"]), float(solution["clearance_side"])
     first, slowest = begins[flight] + time, begins[(int(solution["speed_node"]) + 1) % len(times)]
-    found = [((first - slowest) % whole, flight, time, side)]
-    for turns in range(1, 2 * problem.load_periods if problem.sequence and problem.has_clock and not problem.half else 1):
-        instant, side = (first + 0.5 * turns / problem.load_periods * whole) % whole, -side
+    found, touch = [((first - slowest) % whole, flight, time, side)], problem.fly(nodes[flight], time, flight)[0]
+    for turns in range(1, 2 * problem.load_periods if problem.load_periods > 1 and problem.has_clock and not problem.half else 1):
+        instant, side, touch = (first + 0.5 * turns / problem.load_periods * whole) % whole, -side, -touch
         flight, since = int(np.searchsorted(begins, instant, "right")) - 1, (instant - slowest) % whole
-        place = np.asarray(stop.gap) @ problem.fly(nodes[flight], instant - begins[flight], flight)[0][: len(stop.gap)]
-        touches = abs(place - (stop.upper if side > 0.0 else stop.lower)) <= _TOGETHER * problem.segment.scale[0]
-        if touches and _INSTANT < since / whole < 1.0 - _INSTANT:  # one of them can be the slowest impact itself
+        apart = np.abs(problem.fly(nodes[flight], instant - begins[flight], flight)[0] - touch) / problem.segment.scale[:size]
+        if apart.max() <= _TOGETHER and _INSTANT < since / whole < 1.0 - _INSTANT:  # one of them can be the slowest impact itself
             found.append((since, flight, instant - begins[flight], side))
     return min(found)[1:]
 
