@@ -374,8 +374,8 @@ class EventFinder:
 
     def _is_small(self, index: int, location: Location, before: Point, after: Point) -> bool:
         """Whether an event is a zero: its residual is small against the values of its test function on both sides, or its level."""
-        if location.kind in ("pole", "jump"):
-            return False
+        if location.kind in ("pole", "jump") or (location.kind == "zero" and location.low is not location.high):
+            return location.kind == "zero"  # whose bracket has shown that it is no jump
         values = (abs(float(point.step.tests[index])) for point in (before, after))
         part = max(JUMP_RATIO, STEEP * self._settings.location_tolerance / (abs(after.arclength - before.arclength) or math.inf))
         return location.residual <= max(part * max(value for value in (*values, 0.0) if value == value), _LEFT * self.singular[index])
