@@ -26,11 +26,12 @@ def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float
     flight, time, side = int(solution["clearance_flight"]), float(solution["clearance_time"]), float(solution["clearance_side"])
     first, slowest = begins[flight] + time, begins[(int(solution["speed_node"]) + 1) % len(times)]
     found, touch = [((first - slowest) % whole, flight, time, side)], problem.fly(nodes[flight], time, flight)[0]
+    sides = problem.modes.contacts.side[problem.modes.contact_stop == int(solution["clearance_stop"])]
     for turns in range(1, 2 * problem.load_periods if problem.load_periods > 1 and problem.has_clock and not problem.half else 1):
         instant, side, touch = (first + 0.5 * turns / problem.load_periods * whole) % whole, -side, -touch
         flight, since = int(np.searchsorted(begins, instant, "right")) - 1, (instant - slowest) % whole
         apart = np.abs(problem.fly(nodes[flight], instant - begins[flight], flight)[0] - touch) / problem.segment.scale[:size]
-        if apart.max() <= _TOGETHER and _INSTANT < since / whole < 1.0 - _INSTANT:  # one of them can be the slowest impact itself
+        if side in sides and apart.max() <= _TOGETHER and _INSTANT < since / whole < 1.0 - _INSTANT:  # it is not that impact
             found.append((since, flight, instant - begins[flight], side))
     return min(found)[1:]
 

@@ -26,7 +26,7 @@ def test_a_small_build_is_browsed(tmp_path):
     assert report["complete"] and report["bounds"]["quarter_period"] == 1.9 and report["failed"] == []
     code, out, err = reported(f"list --catalogue {path}")
     assert code == 0 and "S13O00+" in out and "S11O00-" in out
-    assert reported(f"check {path}")[0] == 0
+    assert reported(f"check --catalogue {path}")[0] == 0
     code, out, err = reported(f"build {SMALL} --catalogue {path}")
     assert code == 0 and f"done   {report['families']} families" in out
     other = SMALL.replace("impacts 2", "impacts 3")
@@ -71,7 +71,7 @@ def test_another_system_builds_just_as_well(tmp_path):
     path = tmp_path / "other.sqlite"
     bounds = "--mu 0.37 --sigma 0.81 --energy 0.41:0.9 --max-quarter-period 1.5 --max-impacts 2"
     assert reported(f"build {bounds} --workers 1 --catalogue {path}")[0] == 0
-    assert reported(f"check {path}")[0] == 0
+    assert reported(f"check --catalogue {path}")[0] == 0
     families = json.loads(reported(f"list --catalogue {path} --json -")[1])["families"]
     fold = next(family["h"][0] for family in families if family["label"] == "S11O00-")
     expected = saltus.trace("S11O00-", saltus.vibro_impact_nes(mu=0.37, sigma=0.81), energy=(0.41, 0.9)).points["h"].min()
