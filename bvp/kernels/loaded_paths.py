@@ -81,10 +81,9 @@ def member(i, j, r):
 @inlined
 def joins(flight, k, h):
     """Whether harmonic h has to join block k: it acts near resonance, where its particular solution would be large, or on a block that is
-    larger than a pair."""
+    larger than a pair. A harmonic one is far from real rates."""
     free, loads = flight.free, flight.loads
-    i = free.pairs[k, 0]
-    j = free.pairs[k, 1]
+    i, j = free.pairs[k, 0], free.pairs[k, 1]
     acts = False
     for r in range(2 if j >= 0 else -j):
         of_row = member(i, j, r)
@@ -93,7 +92,8 @@ def joins(flight, k, h):
     square = free.delta[k] if j >= 0 else 0.0
     mean = free.mean[k]
     shift = complex(-mean, nu)
-    return acts and (j < -1 or NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square))
+    far = square > 0.0 and nu > 0.0
+    return acts and (j < -1 or (not far and NEAR_RESONANCE * abs(shift * shift - square) <= nu * nu + mean * mean + abs(square)))
 
 
 @chosen

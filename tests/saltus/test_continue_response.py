@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import saltus
-from tests.saltus.running import read_json, refused, run
+from tests.saltus.running import read_branch, read_json, refused, run
 from tests.saltus.test_bad_input import BEATING, DAMPED, FORCED, ONE_SIDED, PUSHED
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -100,6 +100,17 @@ def test_the_response_from_rest_ends_where_impacts_begin(capsys):
     refused(run(capsys, "continue", "--from", "rest.json", "--range", "5:6"), "the range 5:6 has no point of the branch")
     refused(run(capsys, "continue", "--from", "rest.json", "--scene", "bouncing_ball"), "rest.json has another system")
     refused(run(capsys, "continue", "--from", "none.json", "--in", "w", "--range", "1:2"), "no file none.json", "FILE[:EVENT]")
+
+
+@pytest.mark.parametrize("c", [400.0, 1e4])
+def test_an_overdamped_response_is_followed(capsys, c):
+    """Oracle: the amplitude A/sqrt((k - w^2)^2 + c^2 w^2) of the linear response, with k = 1 and w = 1."""
+    words = "--scene", "damped_impact_oscillator", "--set", f"c={c:g}", "--from", "rest", "--in", "A", "--range", "0.05:2"
+    assert run(capsys, "continue", *words, "--json", "a.json")[0] == 0
+    branch = read_branch("a.json")
+    assert [event["type"] for event in branch["events"]] == ["EP", "EP"]
+    for point in branch["points"]:
+        assert point["max.x"] == pytest.approx(point["A"] / c, rel=1e-9)
 
 
 def test_an_undamped_resonance_is_unbounded(capsys):
