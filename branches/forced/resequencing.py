@@ -15,7 +15,7 @@ _INSTANT = 1e-7
 """Part of the period over which an acceleration is a difference of velocities."""
 
 _TOGETHER = 1e-10
-"""Distance, beside the size of displacements, within which images of a place touch together at a grazing that is located to 1e-12."""
+"""Difference of states, in units of the system, within which images of one state touch together at a grazing that is located to 1e-12."""
 
 
 def _first_touch(problem: ForcedProblem, solution: Solution) -> tuple[int, float, float]:

@@ -345,7 +345,7 @@ def find_by_id(system: ImpactSystem, name: Name, limits: Limits, energy: tuple[f
     why = f"with these ends and this sequence of impacts there are {', '.join(list(there)[:5])}" if there else KEPT
     if closed:
         beside = f"this sequence, up to two impacts more or less, or {QUARTER} impacts in a quarter period at most"
-        why = f"it begins at no SB or GR of a family with a reversal that has {beside}; {KEPT}, or {FROM_EVENT}"
+        why = f"no SB or GR where it begins was found on families with a reversal that have {beside}; {KEPT}, or {FROM_EVENT}"
     raise NameNotFound(f"no orbit {name.family} found for h in {low:g}:{high:g}, quarter period up to {limits.quarter_period:g}; {why}")
 
 

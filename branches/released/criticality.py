@@ -21,8 +21,8 @@ from branches.events import FREE_NORMAL_FORMS
 from branches.orbit import Orbit
 from branches.presentation import canonical_orbit, is_solved_as_it_is
 from branches.released.presentation import embedded_orbit, released_orbit
-from bvp.checks import EPSILON
-from bvp.closures import cycle_of
+from bvp.checks import EPSILON, InvalidSystem
+from bvp.closures import EndsError, cycle_of
 from bvp.criticality import Criticality, shaken
 from bvp.kernels.multipoint import RESULT
 from bvp.multipliers import floquet_multipliers
@@ -108,7 +108,7 @@ def free_criticality(orbit: Orbit, code: str) -> Criticality | None:
         raise ValueError(f"a normal form of {', '.join(FREE_NORMAL_FORMS)} is known; received {code}")
     try:
         problem = _problem_of(orbit.problem)
-    except (ValueError, RuntimeError):
+    except (EndsError, InvalidSystem, RuntimeError):
         return None
     return free_criticality_of(problem, problem.of_orbit(orbit.problem, orbit.solution.y), code)
 
@@ -128,7 +128,7 @@ def free_criticality_of(problem: ReleasedProblem, y: np.ndarray, code: str) -> C
         raise ValueError(f"a normal form of {', '.join(FREE_NORMAL_FORMS)} is known; received {code}")
     try:
         return _criticality(problem, y, code)
-    except (ValueError, RuntimeError, np.linalg.LinAlgError):
+    except (EndsError, InvalidSystem, RuntimeError, np.linalg.LinAlgError):
         return None
 
 
@@ -217,7 +217,7 @@ class CriticalEquations:
 
     def __init__(self, problem: ReleasedProblem, y: np.ndarray):
         if problem.starts_rising:
-            raise ValueError("closed orbits without impacts start at another instant here than their family in the energy")
+            raise EndsError("closed orbits without impacts start at another instant here than their family in the energy")
         self.problem, self.y = problem, y
         jacobian, scale = problem.jacobian(y), problem.scales(y, evaluated=True)
         self.scale = np.where(scale > 0.0, scale, 1.0)

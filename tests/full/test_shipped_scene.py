@@ -119,7 +119,7 @@ def test_ids_without_a_reversal_are_names_without_the_catalogue(built):
             try:
                 orbit, branch = resolve(row.id, SCENE.system, reference_points={}, limits=limits, energy=row.h)
             except NameNotFound as error:
-                assert "it begins at no SB or GR of a family with a reversal that has" in str(error)
+                assert "no SB or GR where it begins was found on families with a reversal that have" in str(error)
                 lost.append(row.id)
                 continue
             alphas = [kept.alpha for kept in catalogue.branch(row.id).orbits_at(energy=orbit.h)]
