@@ -298,8 +298,7 @@ def full_family(branch: Branch, wider: Branch | None = None) -> FullFamily:
     if smooth and problem.energy(y) < low:
         above = risen(problem, y, _INSIDE * low)[0]
         y = y if above is None else above
-    orbit = float(branch.points["h"][branch.start]), float(branch.points["alpha"][branch.start])
-    uncut = (_known(one, orbit, window) for one in (branch, wider) if one is not None and problem is one.problem)
+    uncut = (_known(one, _states(branch)[branch.start], window) for one in (branch, wider) if one is not None and problem is one.problem)
     curve = next((one for one in uncut if one is not None), None)
     # If the family leaves the window, its other pieces are measured on what is followed inside, whichever branch of it is known.
     if curve is None or (not curve.closed and len(curve.grazing) < 2 and _others(curve, branch.energy)):
@@ -322,11 +321,21 @@ def risen(problem: MultipointProblem, y: np.ndarray, energy: float) -> tuple[np.
     return None, f"comes up to h = {highest:.6g} ({why})"
 
 
-def _known(branch: Branch, orbit: tuple[float, float], window: tuple[float, float]) -> _Curve | None:
-    """The family around an orbit (h, alpha) of a branch that was not cut inside the window. None where it was, and where only the bound of
-    the window marks it."""
+def _states(branch: Branch) -> np.ndarray:
+    """Where the orbits of a branch begin, and their quarter periods, (m, 2 n + 1)."""
+    return np.column_stack([branch.points["start_u"], branch.points["start_v"], branch.points["alpha"]])
+
+
+def _nearest(rows: np.ndarray, row: np.ndarray) -> int:
+    """The row that is nearest to another one, each column in units of its largest value."""
+    return int(np.argmin(np.sum(((rows - row) / np.maximum(np.max(np.abs(rows), axis=0), np.finfo(float).tiny)) ** 2, axis=1)))
+
+
+def _known(branch: Branch, state: np.ndarray, window: tuple[float, float]) -> _Curve | None:
+    """The family around an orbit of a branch, a row of `_states`, that was not cut inside the window. None where it was, and where only
+    the bound of the window marks it."""
     h, alpha, closed = branch.points["h"], branch.points["alpha"], branch.is_closed
-    start = int(np.argmin(np.hypot(np.log(h / orbit[0]), np.log(alpha / orbit[1]))))
+    start = _nearest(_states(branch), state)
     outside = np.flatnonzero((h < window[0]) | (h > window[1]))
     if start in outside or (closed and outside.size):
         return None
@@ -375,15 +384,14 @@ def _followed(problem: MultipointProblem, y: np.ndarray, window: tuple[float, fl
             certain = end.reason is EndReason.EVENT and point.event is not None and point.event.code == "GR"
             (grazing if certain else cuts).append(point.step.y)
     folds = [event.point.y for event in run.events if event.code == "SN"]
-    found = solutions_of(run.points).result
-    h, alpha = found[:, ENERGY], found[:, QUARTER_PERIOD]
+    found = solutions_of(run.points)
+    h, alpha = found.result[:, ENERGY], found.result[:, QUARTER_PERIOD]
     if closed and not folds:
         # It turns around in h at orbits of higher symmetry, and is its own image beyond them.
         met = [event.point.y for event in run.events] or [run.points[int(np.argmin(h))].step.y]
         cuts = [min(met, key=problem.energy)]
     # A run that got stuck was followed again from another orbit.
-    start = int(np.argmin(np.hypot(np.log(h / problem.energy(y)), np.log(alpha / problem.quarter_period(y)))))
-    return _Curve(h, alpha, grazing, folds, cuts, closed, start)
+    return _Curve(h, alpha, grazing, folds, cuts, closed, _nearest(found.y, y))
 
 
 def _marks(family: Family, curve: _Curve) -> tuple[FamilyMark, ...]:
@@ -468,10 +476,10 @@ def _others(curve: _Curve, energies: tuple[float, float]) -> tuple[Piece, ...]:
     if curve.closed and len(runs) > 1 and runs[0][0] == 0.0 and runs[-1][1] == places[-1]:
         runs = [(runs[-1][0], runs[0][1]), *runs[1:-1]]
 
-    others = []
-    for first, last in runs:
-        after, before = curve.start >= first - TIE, curve.start <= last + TIE
-        own = after and before if first <= last else after or before
-        if not own:
-            others.append(Piece(orbit(first), orbit(last)))
-    return tuple(others)
+    def away(run: tuple[float, float]) -> float:
+        """How far the start is from a piece, which may lie between two points of the curve."""
+        before, after = run[0] - curve.start, curve.start - run[1]
+        return max(before, after) if run[0] <= run[1] else min(before, after)
+
+    own = min(runs, key=away, default=None)
+    return tuple(Piece(orbit(first), orbit(last)) for first, last in runs if (first, last) != own)

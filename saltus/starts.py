@@ -19,8 +19,8 @@ __all__ = ["name_or_orbit"]
 _MODE = "mode:"
 
 NO_STATE = (
-    "--from simulate needs periodic loads or losses, without which no motion settles; expected --start U1,..,V1,.. with a state at rest, "
-    "and with --in also --keep energy=H"
+    "--from simulate needs periodic loads or losses, without which no motion settles; expected --start U1,..,V1,.. with a state of "
+    "zero speed, and with --in also --keep energy=H"
 )
 
 

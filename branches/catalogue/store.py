@@ -325,20 +325,6 @@ class CatalogueStore(CatalogueFile):
 
     # -- inside ---------------------------------------------------------------------------------------------------------------
 
-    def copy_to(self, other: CatalogueStore) -> None:
-        """Add everything to another catalogue of the same system."""
-        for row in self._families:
-            other.add(self.branch(row.id))
-        for node in self.nodes:
-            other.add_node(node)
-        for edge in self.edges():
-            other.connect(edge)
-        for curve in self.curve_rows():
-            other.insert_curve(curve)
-        for table in ("work", "progress"):
-            for values in self._rows(table):
-                other._insert(table, values)
-
     def _problem(self, row: FamilyRow) -> Any:
         if row.response is not None:
             from branches.forced.record import problem_from

@@ -17,7 +17,7 @@ from bvp.system import ImpactSystem
 
 __all__ = ["FROM_STATE", "orbit_near"]
 
-FROM_STATE = "--from simulate --start U1,..,V1,.. with a state at rest"
+FROM_STATE = "--from simulate --start U1,..,V1,.. with a state of zero speed"
 """Advice where no linear mode exists."""
 
 MOST_IMPACTS = 24

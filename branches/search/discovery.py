@@ -204,11 +204,10 @@ def _check_smooth(system: ImpactSystem, ends: Sequence[str] | None) -> None:
         raise ValueError(f"orbits are discovered for two degrees of freedom; this system has {n}: {FROM_LINEAR_MODES}")
     if not system.has_odd_symmetry:
         raise ValueError(
-            f"with smooth forces orbits are discovered from the origin, and this system has no odd symmetry ({system.why_not_odd()}): "
-            f"{FROM_LINEAR_MODES}"
+            f"its orbits are discovered from the origin, and it has no odd symmetry ({system.why_not_odd()}): {FROM_LINEAR_MODES}"
         )
     if "origin-stop" in (ends or ()) and not system.stops:
         raise ValueError("the ends origin-stop need a stop, which this system lacks; expected origin-origin or origin-rest")
     others = [name for name in ends or () if name in WITHOUT_ORIGIN]
     if others:
-        raise ValueError(f"with smooth forces orbits are discovered from the origin; received the ends {others[0]}, expected origin-origin")
+        raise ValueError(f"its orbits are discovered from the origin; received the ends {others[0]}, expected origin-origin")

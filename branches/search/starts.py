@@ -34,7 +34,7 @@ __all__ = [
 
 FROM_LINEAR_MODES = (
     "saltus continue --from mode:K and saltus build follow the families that begin at its linear modes, and "
-    "--from simulate --start U1,..,V1,.. the family near a state at rest"
+    "--from simulate --start U1,..,V1,.. the family near a start of zero speed"
 )
 """Advice if no scan can find them."""
 

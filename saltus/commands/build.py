@@ -185,7 +185,7 @@ def _nearest_outside(scene: Scene, bounds: Bounds) -> str:
     if not is_searched(scene.system):
         touched = [f"{mode.name} at h = {mode.energies[1]:.6g}, quarter period {mode.alpha:.6g}" for mode in linear_modes(scene.system)]
         if not touched:
-            return "no linear mode touches a stop; expected saltus continue --from simulate --start U1,..,V1,.., with a state at rest"
+            return "no linear mode touches a stop; expected saltus continue --from simulate --start U1,..,V1,.. of zero speed"
         return f"the linear modes touch the stops at other places, or begin no family: {', '.join(touched)}"
     system, quarter_period = scene.system, bounds.quarter_period
     least = least_energy(system)

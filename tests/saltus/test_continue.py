@@ -431,9 +431,18 @@ def require_absurd_systems_give_one_line_or_an_answer(words):
     assert done.returncode == 0 or len(done.stderr.splitlines()) == 1
 
 
-def test_pieces_of_a_cut_family_are_reported():
-    """Closed form: between its fold and its grazing S11O00- has two orbits at each energy, so a range there cuts it into two pieces."""
-    code, data, said = reported("continue", "S11O00-@h=0.075,alpha=0.975", "--energy", "0.072:0.08")
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("S11O00-@h=0.075,alpha=0.975", 0.072, 0.08),
+        ("S11O00-@h=0.075,alpha=0.975", 0.0749, 0.0751),
+        ("periodic:+-:d56c77fd", 0.1, 0.1001),
+    ],
+)
+def test_pieces_of_a_cut_family_are_reported(name, low, high):
+    """Closed form: between its fold and its grazing S11O00- has two orbits at each energy, so a range there cuts it into two pieces, a
+    range between two points of the family, too. d56c77fd falls and rises between two ends at one quarter period: again two."""
+    code, data, said = reported("continue", name, "--energy", f"{low}:{high}")
     (other,) = data["branch"]["others"]
-    assert code == 0 and sorted(other[side]["h"] for side in ("from", "to")) == pytest.approx([0.072, 0.08], rel=1e-12)
+    assert code == 0 and sorted(other[side]["h"] for side in ("from", "to")) == pytest.approx([low, high], rel=1e-12)
     assert f"cut    the range of energies cuts {data['branch']['id']} into 2 pieces" in said

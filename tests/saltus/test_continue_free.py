@@ -339,7 +339,7 @@ def test_what_hangs_nowhere_is_refused(capsys, tmp_path):
     system = scene_under_gravity(tmp_path / "s.toml", [[1.0]], [[0.0]], [([-1.0], 0.0)], ["-g"], {"g": 1.0})
     refused(run(capsys, "continue", "--scene", system, "--from", "mode:1"), "the system rests nowhere", "y1 against the constant load")
     words = ("--scene", ball(tmp_path), "--from", "simulate")
-    refused(run(capsys, "continue", *words), "--from simulate needs periodic loads or losses", "expected --start", "a state at rest")
+    refused(run(capsys, "continue", *words), "--from simulate needs periodic loads or losses", "expected --start", "a state of zero speed")
     refused(run(capsys, "continue", *words, "--start", "1,1"), "at rest, with all velocities 0, or on a stop")
 
 
