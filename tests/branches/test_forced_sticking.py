@@ -309,7 +309,7 @@ def test_a_chatter_under_a_constant_force_has_a_closed_form(restitution):
     sum_chatter(problem.segment, 1, before, after)
     chatter = problem.segment.sticking.chatter
     lasts = 2.0 * speed * restitution / (g * (1.0 - restitution))
-    assert after == pytest.approx([0.5, 0.0, 0.3 + lasts * w / TURN, restitution], abs=1e-15)
+    assert after == pytest.approx([0.5, 0.0, 0.3 + lasts * w / TURN, restitution], abs=1e-14)
     by_speed, by_restitution = lasts / speed * w / TURN, lasts / (restitution * (1.0 - restitution)) * w / TURN
     assert chatter.slope[1, 2] == pytest.approx([0.0, by_speed, 1.0, by_restitution], abs=1e-12)
     assert np.abs(chatter.slope[1, 0] - [1.0, 0.0, 0.0, 0.0]).max() < 1e-13 and chatter.error[1] < 1e-14

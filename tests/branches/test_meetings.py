@@ -1,5 +1,7 @@
 """Orbits by the meetings of their halves, and searches that are closed by them."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
