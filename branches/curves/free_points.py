@@ -14,15 +14,8 @@ from branches.curves.free_grazing import approach_speeds
 from branches.curves.grazing_monitor import enter_least, signed_smallest
 from branches.curves.plane import ParameterPlane
 from bvp.forced import ForcedProblem
-from bvp.kernels.multipoint import (
-    CLEARANCE,
-    CLEARANCE_TIME,
-    QUARTER_PERIOD,
-    REST,
-    RESULT,
-    SPEED,
-    SPEED_NODE,
-)
+from bvp.kernels.extrema import TIE
+from bvp.kernels.multipoint import CLEARANCE, CLEARANCE_TIME, QUARTER_PERIOD, REST, RESULT, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
 from bvp.released import ReleasedProblem
 from continuation.curves import Linearised
@@ -54,10 +47,12 @@ def _see_rests(problem: ReleasedProblem, y: np.ndarray, ends: np.ndarray, result
         if kind != REST or not len(watched.gaps):
             continue
         gaps = watched.gaps @ x
-        distances = np.array([gaps - bounds[0], bounds[1] - gaps])
-        side, stop = np.unravel_index(int(distances.argmin()), distances.shape)
-        if distances[side, stop] < result[CLEARANCE]:
-            result[CLEARANCE : CLEARANCE_TIME + 1] = distances[side, stop], flight, stop, 2.0 * side - 1.0, time
+        distances = np.stack([bounds[1] - gaps, gaps - bounds[0]], axis=1).ravel()
+        # At a tie the earlier instant counts, and the first stop.
+        least, tie = float(distances.min()), TIE * float(np.abs(gaps).max())
+        if least < result[CLEARANCE] + (tie if time == 0.0 else -tie):
+            stop, lower = divmod(int(np.argmax(distances <= least + tie)), 2)
+            result[CLEARANCE : CLEARANCE_TIME + 1] = min(least, result[CLEARANCE]), flight, stop, 1.0 - 2.0 * lower, time
 
 
 def event_of(problem: ReleasedProblem, symmetry: Symmetry) -> tuple[str, str]:

@@ -15,6 +15,7 @@ from branches.curves.monitor import CurvePoint, Window, has_pair, meeting_of, pa
 from branches.curves.plane import ParameterPlane, closing_block
 from bvp.forced import ForcedProblem
 from bvp.kernels.dense import determinant, eigenvalues, least_singular
+from bvp.kernels.extrema import TIE
 from bvp.kernels.multipoint import CLEARANCE, CLEARANCE_FLIGHT, CLEARANCE_TIME, FLIGHT, FLIGHT_INDEX, RESULT, SPEED, SPEED_NODE
 from bvp.multipoint import Solution
 from continuation.curves import Held, Linearised
@@ -163,9 +164,10 @@ def _seen(problem: ForcedProblem, y: np.ndarray, shown: np.ndarray, ends: np.nda
 
 
 def enter_least(result: np.ndarray, entries: list[int], values: np.ndarray, indices: Sequence[int] | np.ndarray) -> None:
-    """Write the least of values, and its index, into two entries of a result; infinity where there are none."""
-    least = int(values.argmin()) if len(values) else -1
-    result[entries] = (values[least], indices[least]) if least >= 0 else (math.inf, -1)
+    """Write the least of values, and the first index at which they are it to rounding, into two entries of a result; infinity where there
+    are none."""
+    tie = TIE * np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    result[entries] = (values.min(), indices[int(np.argmax(values <= values.min() + tie))]) if len(values) else (math.inf, -1)
 
 
 def second_grazing(problem: ForcedProblem, solution: Solution) -> str:

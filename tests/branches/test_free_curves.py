@@ -17,14 +17,16 @@ from benchmarks import backbone
 from benchmarks.backbone import OneImpact
 from branches.curves.free import BOTH, FOLD, SYMMETRIES, Breaking, Turned, free_condition, smallest_singular
 from branches.curves.free_monitor import FreeMonitor
-from branches.curves.free_points import event_of
+from branches.curves.free_points import event_of, observed_free
 from branches.curves.free_start import free_curve_start, released_of
+from branches.curves.grazing_monitor import enter_least
 from branches.curves.plane import plane_of
 from branches.curves.single_orbits import narrowed, widened
 from branches.curves.starting import curve_start
 from branches.curves.steps import CompiledCurve
 from branches.curves.tracing import follow_curve
 from branches.family import SETTINGS
+from branches.linear_modes import linear_modes
 from branches.presentation import canonical_orbit, closed_presentation, is_solved_as_it_is
 from branches.released.presentation import released_orbit
 from branches.released.segments import changed, segment_of
@@ -490,3 +492,19 @@ def test_closed_orbits_with_a_reversal_or_that_run_twice_are_known(branches, lab
         assert period == pytest.approx(made.period(whole), rel=1e-12)
         again = widened(narrow.problem, narrow.y, made, whole)
         assert made.scales(whole) @ np.abs(again - whole) < 1e-9
+
+
+@pytest.mark.parametrize("noise", [-1e-15, 0.0, 1e-15])
+def test_rounding_does_not_choose_what_is_nearest_to_grazing(noise):
+    """Oracles: half a period of a mode, which comes to rest as near to either bound of its stop; values that are one, and that are not."""
+    problem, mode = ReleasedProblem(NES, ("rest", "rest"), (), ["mu"], ["energy = 0.08"]), linear_modes(SYSTEM)[0]
+    shape = 0.9 * mode.amplitude * SYSTEM.modes.to_state[:2, mode.index]
+    y = problem.pack([[*shape, 0.0, 0.0]], [0.0], [0.1], [2.0 * mode.alpha])
+    problem.residual(y)
+    seen = observed_free(problem, y, problem._factor.before * (1.0 + noise))
+    assert (seen["clearance_time"], seen["clearance_side"]) == (0.0, math.copysign(1.0, shape[0] - shape[1]))
+    assert seen["clearance"] == pytest.approx(0.1, abs=1e-14)
+    for values, least, first in (([0.3, 0.1, 0.1 * (1.0 + noise), math.inf], 0.1, 5), ([0.1 + 1e-9, 0.1], 0.1, 5), ([], math.inf, -1)):
+        result = np.zeros(2)
+        enter_least(result, [0, 1], np.array(values), [4, 5, 6, 7])
+        assert result == pytest.approx([least, first], abs=1e-15)
