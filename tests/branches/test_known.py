@@ -35,7 +35,8 @@ def test_a_search_leaves_out_the_orbits_of_known_families_and_no_others(families
         for i, branch in enumerate(families):
             if i != without:
                 known.add(str(i), branch)
-        expected = [(orbit.ends, orbit.sequence, orbit.alpha) for orbit in every.orbits if place(known, orbit) is None]
+        rest = [orbit for orbit in every.orbits if place(known, orbit) is None]
+        expected = [(orbit.ends, orbit.sequence, pytest.approx(orbit.alpha, rel=1e-12)) for orbit in rest]
         found = discover_orbits(SYSTEM, energy, **BOUNDS, known=known.boxes_at(energy))
         assert [(orbit.ends, orbit.sequence, orbit.alpha) for orbit in found.orbits] == expected and found.complete
         if without < len(families):
