@@ -12,6 +12,7 @@ import pytest
 import saltus
 from benchmarks.saltation import monodromy as saltation_monodromy
 from branches.branch import Ended
+from branches.family import SETTINGS
 from branches.naming.labels import Label
 from branches.tracing import HIGHEST, cut_branch, follow_family
 from bvp.closures import cycle_of
@@ -113,14 +114,18 @@ def test_points_and_events_are_in_order_of_arclength(branch):
 
 
 def test_events_lie_in_their_brackets(branch):
-    """Oracle: the bracket, 1e-10 wide in arclength where the event is located; at a branch point the equations are singular."""
+    """Oracle: the bracket, 1e-10 wide in arclength where the event is located; at a branch point the equations are singular. Where rounding
+    refuses the steps inside, as at strongly unstable orbits, a bracket is wider, up to the width of one event."""
     assert branch.events
+    widths = []
     for event in branch.events:
         low, high = event.bracket
         assert low <= event.arclength <= high and branch.points["arclength"][event.point] == event.arclength
         assert branch.points["h"][event.point] == event.h and branch.points["alpha"][event.point] == event.alpha
         if event.type != "BP":
-            assert event.status == "located" and high - low < 1e-9, event
+            assert event.status == "located" and high - low < SETTINGS.coincidence_tolerance, event
+            widths.append(high - low)
+    assert np.median(widths) <= 1.01 * SETTINGS.location_tolerance
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "U8353-"])

@@ -6,6 +6,7 @@ import json
 from functools import cache
 
 import numpy as np
+import pytest
 
 from tests.branches.catalogue.families import real
 from tests.saltus.running import reported as reported_once
@@ -34,14 +35,15 @@ def test_json_has_the_fields():
 
 def test_families_of_a_catalogue(catalogue):
     """Oracle: the events IO of the catalogue's traced branches, one to one; what is found besides lies on no family of it."""
-    expected = {round(event.h, 9): branch.id for branch in real() for event in branch.events if event.type == "IO" and 0.5 < event.h < 2.0}
-    assert real()[3].id in expected.values()
+    events = [(branch.id, event.h) for branch in real() for event in branch.events if event.type == "IO" and 0.5 < event.h < 2.0]
+    assert real()[3].id in dict(events)
     words = f"impulsive --energy 0.5:2 --max-quarter-period 2 --density 2 --catalogue {catalogue}"
     code, out, err = reported(f"{words} --json -")
     assert code == 0
-    reported_of = {round(orbit["h"], 9): orbit["family"] for orbit in json.loads(out)["orbits"]}
-    assert {h: id for h, id in reported_of.items() if id is not None} == expected and None in reported_of.values()
-    assert all(id in err for id in expected.values())
+    orbits = [(orbit["family"], orbit["h"]) for orbit in json.loads(out)["orbits"]]
+    found = [orbit for orbit in orbits if orbit[0] is not None]
+    assert found == [(id, pytest.approx(h, rel=1e-9)) for id, h in events] and len(found) < len(orbits)
+    assert all(id in err for id in dict(events))
 
 
 def test_files(tmp_path):
