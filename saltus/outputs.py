@@ -16,17 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from branches.files import (
-    DATABASE,
-    FIGURE_FORMATS,
-    WriteFailure,
-    figure_format,
-    is_database,
-    is_special,
-    reason,
-    replacing,
-    write_text,
-)
+from branches.files import DATABASE, FIGURE_FORMATS, WriteFailure, figure_format, is_database, is_special, reason, replacing, write_text
 from bvp.interrupts import defer_interrupts
 from saltus.errors import BAD_INPUT, DONE, FAILED, BadInput, nearest, one_line, say
 
@@ -34,17 +24,9 @@ if TYPE_CHECKING:
     from branches.tables import Table
 
 __all__ = [
-    "GuardedStream",
-    "NotDrawn",
-    "Outputs",
-    "WriteFailure",
-    "add_arguments",
-    "check_writable",
-    "json_text",
-    "output_folder",
-    "outputs_of",
+    "GuardedStream", "NotDrawn", "Outputs", "WriteFailure", "add_arguments", "check_writable", "json_text", "output_folder", "outputs_of",
     "write_data",
-]
+]  # fmt: skip
 
 STANDARD_OUTPUT = "-"
 

@@ -12,12 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import groupby
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any
 
 from branches.catalogue.database import CatalogueDamaged, CatalogueError, add_table, not_taken
 from branches.catalogue.file import CatalogueFile
 from branches.catalogue.rows import Edge, FamilyRow, Node, dead_end_id, event_from_row
+from branches.order import in_tied_order
 from bvp.texts import shown
 
 if TYPE_CHECKING:
@@ -197,8 +198,9 @@ class CatalogueStore(CatalogueFile):
     def edges(self, id: str | None = None) -> list[Edge]:
         """All edges, or those at one node, in an order that does not depend on how they were found."""
         where, values = ("WHERE source = ? OR target = ?", (id, id)) if id is not None else ("", ())
-        order = "ORDER BY source, h, source_event, kind, target, target_event"
-        return [Edge.of(row) for row in self._rows("edges", f"{where} {order}", values)]
+        rows = groupby((Edge.of(row) for row in self._rows("edges", f"{where} ORDER BY source", values)), key=attrgetter("source"))
+        order = attrgetter("h"), lambda edge: (edge.source_event, edge.kind, edge.target or "", edge.target_event)
+        return [edge for _, edges in rows for edge in in_tied_order(edges, *order)]
 
     def add_node(self, node: Node) -> None:
         """Add a node that is no family, such as a linear mode. A node with the same id stays as it is."""
@@ -358,7 +360,8 @@ class CatalogueStore(CatalogueFile):
 
     @cached_property
     def _families(self) -> list[FamilyRow]:
-        return [FamilyRow(*row) for row in self._rows("families", "ORDER BY impacts, h_low, id")]
+        rows = groupby((FamilyRow(*row) for row in self._rows("families", "ORDER BY impacts, id")), key=attrgetter("impacts"))
+        return [row for _, alike in rows for row in in_tied_order(alike, attrgetter("h_low"), attrgetter("id"))]
 
     def _changed(self) -> None:
         self.__dict__.pop("_families", None)

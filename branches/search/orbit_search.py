@@ -12,6 +12,7 @@ import numpy as np
 
 from branches.naming.labels import Label
 from branches.orbit import Orbit, label_at
+from branches.order import in_tied_order
 from branches.presentation import cover_of, same_orbit
 from branches.search.intervals import SAME_START, Limits, Opening, segments
 from branches.search.known import Boxes, recognised
@@ -265,13 +266,7 @@ def in_order(orbits: Iterable[Found]) -> list[Found]:
         start = problem.start(orbit.solution.y)
         return -problem.kinds.count(STOP), problem.ends, problem.sequence, tuple(np.round(start, 9))
 
-    tied: list[list[Found]] = []
-    for orbit in sorted(orbits, key=lambda orbit: orbit.alpha):
-        if tied and orbit.alpha <= tied[-1][-1].alpha * (1.0 + TIED):
-            tied[-1].append(orbit)
-        else:
-            tied.append([orbit])
-    return [orbit for group in tied for orbit in sorted(group, key=key)]
+    return in_tied_order(orbits, lambda orbit: orbit.alpha, key, TIED)
 
 
 @brief

@@ -55,6 +55,7 @@ class _Tree:
 
     def __init__(self, catalogue: Catalogue, root: str, depth: int) -> None:
         from branches.naming.matching import spelled
+        from branches.order import in_tied_order
 
         self.root = root
         self.words: dict[str, str] = {}
@@ -72,8 +73,8 @@ class _Tree:
             self.ways.setdefault(edge.source, []).append(Way(edge.source_event or edge.type, target, edge))
             if target != edge.source:
                 self.ways.setdefault(target, []).append(Way(edge.target_event or edge.type, edge.source, edge))
-        for ways in self.ways.values():
-            ways.sort(key=lambda way: (way.edge.h, way.event, way.to))
+        for node, ways in self.ways.items():
+            self.ways[node] = in_tied_order(ways, lambda way: way.edge.h, lambda way: (way.event, way.to))
         self.parent: dict[str, Way | None] = {root: None}
         self.depth = {root: 0}
         queue = deque([root])

@@ -14,6 +14,7 @@ from branches.catalogue.members import switch_edge
 from branches.catalogue.rows import event_from_row, event_values
 from branches.events import BranchEvent
 from branches.normal_forms import with_normal_forms
+from saltus.commands.tree import _Tree
 from tests.branches.catalogue.families import real, renamed, rows, same_columns, scene
 
 FAMILY_TABLES = ("families", "points", "arrays", "events")
@@ -251,3 +252,19 @@ def test_reading_changes_nothing(path):
         with pytest.raises(CatalogueError, match="mode a"):
             catalogue.add(real()[0])
     assert path.read_bytes() == before and [entry.name for entry in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("noise", [-1e-13, 1e-13])
+def test_rounding_does_not_order_families_and_edges(tmp_path, noise):
+    """Oracle: the order of ids and events, where energies are the same but for rounding, also among the ways of a tree."""
+    one, other = real()[0], renamed(real()[0], 1)
+    other = dataclasses.replace(other, points=one.points | {"h": one.points["h"] * (1.0 + noise)})
+    other.__dict__["full_family"] = renamed(one, 1).full_family
+    with saltus.Catalogue(tmp_path / "tied.sqlite", "a", scene=scene()) as catalogue:
+        for branch in (other, one):
+            catalogue.add(branch)
+        for k, (event, h) in enumerate((("GR2", 1.0), ("GR1", 1.0 + noise), ("GR3", 0.5), ("GR4", 1.0 + 1e-8))):
+            catalogue.connect(Edge(one.id, event, "GR", "dead end", None, h, 1.6 + k))
+        assert [row.id for row in catalogue.families()] == sorted((one.id, other.id))
+        assert [edge.source_event for edge in catalogue.edges()] == ["GR3", "GR1", "GR2", "GR4"]
+        assert [way.event for way in _Tree(catalogue, one.id, 1).ways[one.id]] == ["GR3", "GR1", "GR2", "GR4"]
