@@ -5,6 +5,7 @@ A cut branch is replaced by a wider one: its events get new numbers, and the edg
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any
@@ -135,8 +136,8 @@ def _moved(edge: Edge, narrow: Any, wider: Any, names: dict[str, str]) -> Edge:
 def _name(id: str, narrow: Any, wider: Any, names: dict[str, str]) -> str:
     if id not in names:
         old = next((event for event in _events_of(narrow) if event.id == id), None)
-        new = None if old is None else _same_event(old, wider)
-        if new is None or new.id in names.values():
+        new = None if old is None else _same_event(old, wider, names.values())
+        if new is None:
             raise CannotWiden(f"the event {id}, where other families meet it, is not found on the new branch")
         names[id] = new.id
     return names[id]
@@ -152,8 +153,8 @@ def _events_of(branch: Branch | ForcedBranch) -> tuple[BranchEvent, ...]:
     return branch.events
 
 
-def _same_event(event: BranchEvent, branch: Branch | ForcedBranch) -> BranchEvent | None:
-    """The event of a branch that is the same as an event of another one."""
+def _same_event(event: BranchEvent, branch: Branch | ForcedBranch, taken: Collection[str]) -> BranchEvent | None:
+    """The event of a branch that is the same as an event of another one, and not taken: a family can pass twice through an orbit."""
 
     def apart(found: BranchEvent) -> float:
         pairs = (found.h, event.h), (found.alpha, event.alpha)
@@ -165,10 +166,11 @@ def _same_event(event: BranchEvent, branch: Branch | ForcedBranch) -> BranchEven
     def slack(found: BranchEvent) -> float:
         return max(SAME, *(located.bracket[1] - located.bracket[0] for located in (event, found)))
 
-    near = [found for found in _events_of(branch) if found.type == event.type and apart(found) <= slack(found)]
+    free = (found for found in _events_of(branch) if found.type == event.type and found.id not in taken)
+    near = [found for found in free if apart(found) <= slack(found)]
     # Several events can be at one orbit: grazings of several stops, several resonances.
     near = [found for found in near if details(found) == details(event)] or near
-    return min(near, key=apart, default=None)
+    return min(near, key=lambda found: max(apart(found), SAME), default=None)
 
 
 def _seen(orbit: EventOrbit | None, narrow: Any, wider: Any) -> EventOrbit | None:
