@@ -20,7 +20,7 @@ _INSTANT = 1e-6
 """Part of the period within which a touch is at an impact."""
 
 _NO_SPEED = 1e-6
-"""Speed of an impact, as the solution has it, that is zero where its flight touches the stop again at once."""
+"""Part of the typical speed of an orbit below which an impact has none, where its flight touches the stop again at once."""
 
 GRAZING = {
     "touches": TestFunction("GR", "guard", True, "a flight touches a stop"),
@@ -47,7 +47,7 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
         letter = next(x for c, x in enumerate(modes.contact_letters) if modes.contact_stop[c] == stop and modes.contacts.side[c] == side)
         beside = _impact_beside(problem, solution, letter)
         if beside is not None:
-            if solution["speed"] > _NO_SPEED:
+            if solution["speed"] > _NO_SPEED * problem.speed(solution):
                 return {"stop": letter, "note": f"the rebound at stop {letter} vanishes: its restitution reaches zero"}
             return _vanishing_impact(problem, beside)
         flight, time, flights = _whole_flight(problem, solution)

@@ -32,6 +32,9 @@ CHOICES = 20_000
 BALANCED = 1e-11
 """Largest force that is left at rest, in units of the forces there."""
 
+SETTLED = 1e-9
+"""Last change of the position, relative: Newton's method squares it, and rounding leaves more of it the softer a long chain is."""
+
 CLOSED = 1e-12
 """Largest gap of a closed stop, in units of the displacements."""
 
@@ -92,7 +95,8 @@ def rest_position(system: ImpactSystem, load: np.ndarray) -> Rest:
     contacts = [contact for contact in sides if math.isfinite(contact[2])]
     rows = np.array([side * np.array(system.stops[k].gap) for k, side, _ in contacts]).reshape(-1, n)
     bounds = np.array([side * bound for _, side, bound in contacts])
-    sets = (chosen for size in range(min(n, len(contacts)) + 1) for chosen in combinations(range(len(contacts)), size))
+    sizes = range(min(n, len(contacts)) + 1)
+    sets = (one for size in sizes for one in combinations(range(len(contacts)), size) if len({contacts[i][0] for i in one}) == size)
     for chosen in map(list, islice(sets, CHOICES)):
         place, pressing = _balanced(system, load, rows[chosen], bounds[chosen])
         slack = CLOSED * (np.abs(bounds) + np.abs(rows).sum(axis=1) * np.max(np.abs(place)))
@@ -110,19 +114,25 @@ def rest_position(system: ImpactSystem, load: np.ndarray) -> Rest:
 def _balanced(system: ImpactSystem, load: np.ndarray, rows: np.ndarray, bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where springs and loads balance while some stops are closed, rows . u = bounds, and the forces that press them; NaN if nowhere."""
     n, count, forces = system.degrees_of_freedom, len(bounds), system.smooth_forces
-    u, pressing = np.zeros(n), np.zeros(count)
+    u, pressing, slope, bend = np.zeros(n), np.zeros(count), np.zeros(n), np.zeros((n, n))
+    own = 1.0 / np.sqrt(np.diag(system.mass))
     for _ in range(ROUNDS):
-        slope, bend = (np.zeros(n), np.zeros((n, n))) if forces is None else forces.energy_slopes(u)
-        left = system.stiffness @ u + slope - load + rows.T @ pressing
+        if forces is not None:
+            slope, bend = forces.energy_slopes(u)
+        left, beyond, matrix = system.stiffness @ u + slope - load + rows.T @ pressing, rows @ u - bounds, system.stiffness + bend
         if not np.isfinite(left).all():
             break
         size = np.max(np.abs(load)) + np.max(np.abs(system.stiffness) @ np.abs(u)) + np.max(np.abs(slope))
-        closed = np.abs(rows @ u - bounds) <= CLOSED * (np.abs(bounds) + np.abs(rows).sum(axis=1) * np.max(np.abs(u)))
-        matrix = np.block([[system.stiffness + bend, rows.T], [rows, np.zeros((count, count))]])
-        change = np.linalg.lstsq(matrix, np.concatenate([left, rows @ u - bounds]), rcond=1e-13)[0]
-        if np.max(np.abs(change[:n])) <= 1e-15 * np.max(np.abs(u)) and np.all(np.abs(left) <= BALANCED * size) and np.all(closed):
-            return np.where(np.abs(u) <= 1e-14 * np.max(np.abs(u)), 0.0, u), pressing
+        closed = np.abs(beyond) <= CLOSED * (np.abs(bounds) + np.abs(rows).sum(axis=1) * np.max(np.abs(u)))
+        # Equations and unknowns in units of masses, stops as stiff as the stiffest mode: ranks do not depend on units.
+        stiff = float(np.max(np.abs(own[:, None] * matrix * own))) or 1.0
+        units = np.concatenate([own, stiff / np.linalg.norm(rows * own, axis=1)])
+        matrix = np.block([[matrix, rows.T], [rows, np.zeros((count, count))]])
+        change = units * np.linalg.lstsq(units[:, None] * matrix * units, units * np.concatenate([left, beyond]), rcond=1e-13)[0]
+        settled = np.max(np.abs(change[:n])) <= SETTLED * np.max(np.abs(u)) and np.all(np.abs(left) <= BALANCED * size) and np.all(closed)
         u, pressing = u - change[:n], pressing - change[n:]
+        if settled:
+            return np.where(np.abs(u) <= 1e-14 * np.max(np.abs(u)), 0.0, u), pressing
     return np.full(n, np.nan), np.full(count, np.nan)
 
 

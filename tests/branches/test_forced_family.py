@@ -255,3 +255,13 @@ def test_a_touch_at_an_impact_is_its_vanishing_speed(one_impact):
         for name, value in {"flight": 0.0, "time": time, "stop": 0.0, "side": 1.0}.items():
             touched.result[RESULT.index(f"clearance_{name}")] = value
         assert describe_grazing(problem, touched, "touches")["note"].endswith("(stop +) vanishes: its speed reaches zero")
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_an_impact_keeps_its_speed_where_its_rebound_vanishes(unit):
+    """Oracle: the same motion in other units of length. A touch at an impact with a speed is its rebound, however small the unit."""
+    problem, y = settled(oscillator(A=unit), ["s"], values={"s": -0.2 * unit}, start=([-unit], [0.0]))
+    solution = problem.solve(y)
+    for name, value in {"flight": 0.0, "time": 0.0, "stop": 0.0, "side": 1.0}.items():
+        solution.result[RESULT.index(f"clearance_{name}")] = value
+    assert describe_grazing(problem, solution, "touches")["note"] == "the rebound at stop + vanishes: its restitution reaches zero"
