@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from bvp.system import ImpactSystem
 
 __all__ = [
-    "PREDICTIONS", "QUERIED", "Columns", "Layout", "PackedFamily", "as_floats", "as_integers", "checksum_of_points", "decode", "encode",
+    "PREDICTIONS", "QUERIED", "Columns", "Layout", "PackedFamily", "as_integers", "checksum_of_points", "decode", "encode",
     "folded", "label_intervals", "pack_family", "queried", "queried_rows", "stability_intervals", "stable_fraction", "unfolded",
 ]  # fmt: skip
 
@@ -162,11 +162,6 @@ def _width(column: tuple[str, str, list[int]]) -> int:
 def as_integers(values: np.ndarray) -> np.ndarray:
     """Unsigned integers whose differences, modulo 2^64, count the floats between two values."""
     return _ordered(np.ascontiguousarray(values).view("<u8"))
-
-
-def as_floats(integers: np.ndarray) -> np.ndarray:
-    """The inverse of `as_integers`."""
-    return _ordered(integers).view("<f8")
 
 
 def _ordered(bits: np.ndarray) -> np.ndarray:

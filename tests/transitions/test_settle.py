@@ -11,10 +11,13 @@ import pytest
 
 from bvp.forcing import Constant, Harmonic
 from bvp.motion import MotionStatus
+from bvp.parameters import ParametricSystem
 from bvp.simulate import BeyondStop, simulate
 from bvp.system import ImpactSystem, Stop
 from saltus.scene import load_scene
 from tests.transitions.test_sweep import impact_oscillator, one_impact, oscillator, pressed_chain
+from transitions.response.path import ParameterPath
+from transitions.response.starting import NoOrbit, settled_orbit
 from transitions.sweep.settle import SettledKind, settle
 from transitions.sweep.sweep import SweepSettings, sweep
 
@@ -122,6 +125,9 @@ def test_gears_that_turn_return_relative_to_each_other():
     np.testing.assert_allclose(found.multipliers, [(ends[0] - ends[1])[0] / 2e-3, 0.0, 0.0], atol=1e-6)
     swept, _ = sweep(lambda load: (gears, [loads[0], Harmonic(50.0, [load, 0.0])]), [20.0], settings=SweepSettings(300, 20))
     assert swept.periods[0] == 1 and swept.exponents[0] == pytest.approx(found.growth / period, rel=1e-9)
+    for forces in (loads, loads[1:]):  # without a mean torque they turn nowhere, and every place of the train is one of its orbit
+        with pytest.raises(NoOrbit, match="orbits of what can drift are not followed"):
+            settled_orbit(ParameterPath(ParametricSystem.of(gears, forces), ("w",)), settle(gears, forces))
 
 
 def test_a_linear_oscillator_without_damping_is_quasiperiodic():
