@@ -32,7 +32,6 @@ GRAZING = {
 
 def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solution, verb: str) -> dict[str, Any]:
     """What is known of a kind of grazing: the stop's letter and a note."""
-    inner = problem.inner
     if verb == "touches":
         if solution["clearance_side"] == 0.0:
             letter = problem.modes.contact_letters[int(problem.contacts[int(solution["clearance_flight"])])]
@@ -62,20 +61,24 @@ def describe_grazing(problem: MultipointProblem | ForcedProblem, solution: Solut
     flight = int(solution["flight_index"]) // getattr(problem, "pieces", 1)
     if any(event.is_release for event in getattr(problem, "events", ())):
         return _merging_events(problem, flight)
-    here = f"impact {flight}" if flight else "the start"
-    there = f"impact {flight + 1}" if flight + 1 < (inner + 1) // getattr(problem, "pieces", 1) else "the far end"
+    here, there = (_impact_name(problem, number) for number in (flight, flight + 1))
     return {"note": f"{here} and {there} merge: the flight between them has no duration"}
+
+
+def _impact_name(problem: MultipointProblem | ForcedProblem, number: int) -> str:
+    """The impact at the begin of a flight with this number, and that behind the last one: of closed orbits the first one again."""
+    count = (problem.inner + 1) // getattr(problem, "pieces", 1)
+    if getattr(problem, "periodic", True):
+        return f"impact {number % count + 1} of {count}"
+    return f"impact {number} of {count - 1}" if 0 < number < count else "the far end" if number else "the start"
 
 
 def _vanishing_impact(problem: MultipointProblem | ForcedProblem, node: int) -> dict[str, Any]:
     """The stop's letter and the note of an impact whose speed reaches zero. node: the flight that it ends; inner + 1: that at the start."""
-    letter, pieces, inner = problem.modes.contact_letters[problem.contacts[node]], getattr(problem, "pieces", 1), problem.inner
-    number, count = (node + 1) // pieces, (inner + 1) // pieces
-    if getattr(problem, "periodic", True):
-        place = f"{number % count + 1} of {count}"
-    else:
-        place = "at the far end" if node == inner else "at the start" if node == inner + 1 else f"{number} of {count - 1}"
-    return {"stop": letter, "note": f"the impact {place} (stop {letter}) vanishes: its speed reaches zero"}
+    letter = problem.modes.contact_letters[problem.contacts[node]]
+    name = _impact_name(problem, 0 if node > problem.inner else (node + 1) // getattr(problem, "pieces", 1))
+    place = name if name.startswith("impact") else f"impact at {name}"
+    return {"stop": letter, "note": f"the {place} (stop {letter}) vanishes: its speed reaches zero"}
 
 
 def _impact_beside(problem: MultipointProblem | ForcedProblem, solution: Solution, letter: str) -> int | None:

@@ -265,3 +265,18 @@ def test_an_impact_keeps_its_speed_where_its_rebound_vanishes(unit):
     for name, value in {"flight": 0.0, "time": 0.0, "stop": 0.0, "side": 1.0}.items():
         solution.result[RESULT.index(f"clearance_{name}")] = value
     assert describe_grazing(problem, solution, "touches")["note"] == "the rebound at stop + vanishes: its restitution reaches zero"
+
+
+def test_impacts_of_a_closed_orbit_are_numbered_from_its_start():
+    """Oracle: a flight and its neighbour name the impact between them alike; impact 1 is that at the start."""
+    problem, y = settled(oscillator(0.1, A=1.2, w=0.35, r=0.5, s=1.0), ["r"])
+    solution, times = problem.solve(y), problem.flight_times(y)
+    assert len(times) == 2
+    solution.result[RESULT.index("speed")] = 0.0
+    for flight, time, number in ((0, 0.0, 1), (0, times[0], 2), (1, 0.0, 2), (1, times[1], 1)):
+        for name, value in {"flight": flight, "time": time, "stop": 0.0, "side": 1.0}.items():
+            solution.result[RESULT.index(f"clearance_{name}")] = value
+        assert describe_grazing(problem, solution, "touches")["note"].startswith(f"the impact {number} of 2 (stop +) vanishes")
+    for flight, names in ((0, "impact 1 of 2 and impact 2 of 2"), (1, "impact 2 of 2 and impact 1 of 2")):
+        solution.result[RESULT.index("flight_index")] = flight
+        assert describe_grazing(problem, solution, "merge")["note"].startswith(f"{names} merge")
