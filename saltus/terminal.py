@@ -257,7 +257,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         self._count: int | None = None
         self._more = more
         self._done = threading.Event()
-        self._terminal = sys.stderr.isatty()
+        self._terminal = sys.stderr is not None and sys.stderr.isatty()
         threading.Thread(target=self._report, daemon=True).start()
 
     def __exit__(self, *error: object) -> None:
@@ -283,7 +283,7 @@ class ProgressBar(AbstractContextManager["ProgressBar"]):
         """Print a line about the progress, again and again, until the work is done."""
         total = "" if self._total is None else f" of {self._total}"
         while not self._done.wait(min(PAUSE, threading.TIMEOUT_MAX)):
-            if self._bar is not None:
+            if self._bar is not None or sys.stderr is None:
                 continue
             done = "still at work" if self._count is None else f"{self._count}{total} {self._things}"
             minutes = f"{(time.monotonic() - self._start) / 60.0:.0f} min"

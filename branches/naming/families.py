@@ -97,9 +97,9 @@ def resolve(
         orbit, branch = find_by_id(system, name, limits, energy, followed)
         found = [(orbit, branch)] if name.h is not None else _inside([(orbit, branch)], energy, lambda other: True)
         if not found:
-            h = branch.points["h"]
-            there, asked = (f"h = {low:.10g} to {high:.10g}" for low, high in ((h.min(), h.max()), energy))
-            raise NameNotFound(f"{text} has {there}, outside the energy range {asked.removeprefix('h = ').replace(' to ', ':')}")
+            low, high = branch.points["h"].min(), branch.points["h"].max()
+            there, asked = f"h = {low:.10g} to {high:.10g}", f"{energy[0]:.10g}:{energy[1]:.10g}"
+            raise NameNotFound(f"{text} has {there}, outside the energy range {asked}")
     else:
         search = Search(system, name, limits, energy, followed)
         if name.label is not None and not has_labels:

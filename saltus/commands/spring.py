@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BadInput(f"the scene has {len(springs)} springs; expected a scene with one, under [[springs]]")
     low, high = arguments.range
     at = np.linspace(low, high, 401)
-    systems = {f"{value:g}": parametric.system({**parametric.values, name: value}) for value in arguments.values}
+    systems = {f"{value:.10g}": parametric.system({**parametric.values, name: value}) for value in arguments.values}
     forces = {value: force_along(system.springs[0], coordinates, at) for value, system in systems.items()}
     limit, _ = stiff_limit(parametric.in_reciprocal(name), f"1/{name}") if parametric.values[name] > 0.0 else (None, [])
     walls = [] if limit is None else [limit.stops[-1].lower, limit.stops[-1].upper]

@@ -330,6 +330,16 @@ def test_a_line_a_minute_where_no_bar_is_drawn(monkeypatch, capsys, on_terminal)
                 printed.clear()
 
 
+def test_the_bar_shows_nothing_without_standard_error(monkeypatch, capsys):
+    """A library can be used where there is none, and compile its kernels there. Nothing goes to standard output instead."""
+    monkeypatch.setattr("sys.stderr", None)
+    monkeypatch.setattr("saltus.terminal.PAUSE", 0.001)
+    with ProgressBar(3) as bar:
+        bar.update(1)
+        time.sleep(0.1)
+    assert capsys.readouterr().out == ""
+
+
 def test_the_bar_shows_on_a_terminal_only_and_late(monkeypatch):
     """Oracle: what standard error gets: nothing within a second, nothing where it is no terminal."""
     for stream, wait, expected in ((Terminal(), 0.0, False), (Terminal(), 2.0, True), (io.StringIO(), 2.0, False)):
