@@ -64,7 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     one_thread()
     plain_warnings()
-    output, errors = GuardedStream(sys.stdout or io.StringIO()), GuardedStream(sys.stderr or io.StringIO(), outlasts=True)
+    output = GuardedStream(sys.stdout or open(os.devnull))  # noqa: SIM115  # what is opened to read cannot be written
+    errors = GuardedStream(sys.stderr or io.StringIO(), outlasts=True)
     with contextlib.redirect_stdout(cast(Any, output)), contextlib.redirect_stderr(cast(Any, errors)):
         try:
             code = _command(list(sys.argv[1:] if argv is None else argv))

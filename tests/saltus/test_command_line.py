@@ -273,6 +273,16 @@ def test_a_reader_that_leaves_does_not_keep_the_files_from_being_written(tmp_pat
     assert json.loads((tmp_path / "a.json").read_text())["duration"] == 5.0
 
 
+@pytest.mark.skipif(os.name != "posix", reason="needs a shell that closes a stream")
+@pytest.mark.parametrize("place", ["-", "spring.json"])
+def test_data_for_a_closed_standard_output_are_not_lost_without_a_word(tmp_path, place):
+    """Oracle: the documented exit code 2, a line that says so, and the file where there is one."""
+    line = f"{sys.executable} -m saltus spring --scene smooth_wall --in n --values 5 --json {place} >&-"
+    done = subprocess.run(["sh", "-c", line], cwd=tmp_path, env=os.environ | {"PYTHONPATH": os.getcwd()}, capture_output=True, text=True)
+    assert done.returncode == 2 and "saltus: cannot write standard output" in done.stderr
+    assert place == "-" or len(json.loads((tmp_path / place).read_text())["points"]) == 401
+
+
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
 def test_the_interrupt_key_ends_the_process_with_130():
     """Oracle: the exit code, and one line. The signal comes while points are computed: the first report of progress sends it."""
